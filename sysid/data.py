@@ -59,7 +59,7 @@ class IOData:
         """The first `fraction` of the record for estimation and the rest for validation."""
         if not 0 < fraction < 1:
             raise InputError(f"split is {fraction}; give a fraction between 0 and 1, for example 0.5")
-        cut = int(round(self.N * fraction))
+        cut = round(self.N * fraction)
         if min(cut, self.N - cut) < 2:
             raise InputError(
                 f"a split at {fraction} leaves {cut} and {self.N - cut} of {self.N} samples; each part needs 2"

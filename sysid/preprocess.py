@@ -15,9 +15,7 @@ def detrend(data: IOData, kind: str = "mean") -> IOData:
     if kind == "none":
         return data
     u0, y0 = data.u.mean(axis=0), data.y.mean(axis=0)
-    return replace(
-        data, u=data.u - u0, y=data.y - y0, u_offset=data.u_offset + u0, y_offset=data.y_offset + y0
-    )
+    return replace(data, u=data.u - u0, y=data.y - y0, u_offset=data.u_offset + u0, y_offset=data.y_offset + y0)
 
 
 def retrend(data: IOData) -> IOData:
