@@ -1,0 +1,55 @@
+"""Identification of block-oriented nonlinear systems: Hammerstein-Wiener and its relatives, checked against truth.
+
+Names load on first use, so that `import sysid` stays light.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sysid import excitations, linearize, poles, preprocess, searches, structures, systems
+    from sysid.chain import Chain
+    from sysid.data import IOData
+    from sysid.errors import InputError
+    from sysid.fitting import Fit, fit
+    from sysid.iterate import Options
+    from sysid.residuals import residual_tests
+
+_NAMES = {
+    "Chain": "sysid.chain",
+    "Fit": "sysid.fitting",
+    "IOData": "sysid.data",
+    "InputError": "sysid.errors",
+    "Options": "sysid.iterate",
+    "fit": "sysid.fitting",
+    "residual_tests": "sysid.residuals",
+}
+_MODULES = ("excitations", "linearize", "poles", "preprocess", "searches", "structures", "systems")
+
+__all__ = [
+    "Chain",
+    "Fit",
+    "IOData",
+    "InputError",
+    "Options",
+    "excitations",
+    "fit",
+    "linearize",
+    "poles",
+    "preprocess",
+    "residual_tests",
+    "searches",
+    "structures",
+    "systems",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _NAMES:
+        value = getattr(import_module(_NAMES[name]), name)
+    elif name in _MODULES:
+        value = import_module(f"sysid.{name}")
+    else:
+        raise AttributeError(f"module 'sysid' has no attribute {name!r}")
+    globals()[name] = value
+    return value

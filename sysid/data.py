@@ -32,7 +32,7 @@ class IOData:
             raise InputError(f"u has {len(u)} samples and y has {len(y)}; give both the same length")
         if len(u) < 2:
             raise InputError(f"the record has {len(u)} sample(s); at least 2 are needed")
-        if not (np.isscalar(self.Ts) and np.isfinite(self.Ts) and self.Ts > 0):
+        if not (isinstance(self.Ts, (int, float, np.number)) and 0 < float(self.Ts) < np.inf):
             raise InputError(f"Ts is {self.Ts!r}; give the sampling time as a positive number of seconds")
         object.__setattr__(self, "u", u)
         object.__setattr__(self, "y", y)
@@ -71,8 +71,8 @@ def siso(data: IOData) -> tuple[np.ndarray, np.ndarray]:
     """u (N,) and y (N,) of a record with one input and one output; raises InputError for others."""
     if data.u.shape[1] != 1 or data.y.shape[1] != 1:
         raise InputError(
-            f"the record has {data.u.shape[1]} inputs and {data.y.shape[1]} outputs; these structures take one of each, "
-            "so choose one column of each"
+            f"the record has {data.u.shape[1]} inputs and {data.y.shape[1]} outputs; these structures take one of "
+            " choose one column of each"
         )
     return data.u[:, 0], data.y[:, 0]
 
@@ -93,7 +93,7 @@ def _channels(values: np.ndarray, name: str) -> np.ndarray:
     if len(bad):
         row = int(bad[0, 0])
         raise InputError(
-            f"{name} is {array[tuple(bad[0])]} at sample {row} (counted from 0) and {len(bad)} value(s) are not finite; "
+            f"{name} is {array[tuple(bad[0])]} at sample {row} (from 0) and {len(bad)} value(s) are not finite; "
             "remove or fill these samples first"
         )
     return array

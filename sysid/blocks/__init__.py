@@ -1,0 +1,47 @@
+"""The blocks of a chain: one file, one class, one line in `TABLE`; `STATIC` are the maps a user picks by name."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from sysid.block import Block, StaticBlock
+from sysid.blocks.dead_zone import DeadZone
+from sysid.blocks.piecewise_linear import PiecewiseLinear
+from sysid.blocks.polynomial import Polynomial
+from sysid.blocks.saturation import Saturation
+from sysid.blocks.sigmoid_network import SigmoidNetwork
+from sysid.blocks.transfer_function import TransferFunction
+from sysid.blocks.unit_gain import UnitGain
+from sysid.errors import unknown
+
+STATIC: dict[str, Callable[..., StaticBlock]] = {
+    "dead_zone": DeadZone,
+    "piecewise_linear": PiecewiseLinear,
+    "polynomial": Polynomial,
+    "saturation": Saturation,
+    "sigmoid_network": SigmoidNetwork,
+    "unit_gain": UnitGain,
+}
+TABLE: dict[str, Callable[..., Block]] = {**STATIC, "transfer_function": TransferFunction}
+
+
+def static(kind: "str | StaticBlock", role: str) -> StaticBlock:
+    """The static map called `kind`, or the map itself where one was made by hand, in its role in the chain."""
+    if isinstance(kind, StaticBlock):
+        return replace(kind, role=role)
+    if kind not in STATIC:
+        raise unknown(f"{role} map", kind, STATIC)
+    return STATIC[kind](role=role)
+
+
+__all__ = [
+    "STATIC",
+    "TABLE",
+    "DeadZone",
+    "PiecewiseLinear",
+    "Polynomial",
+    "Saturation",
+    "SigmoidNetwork",
+    "TransferFunction",
+    "UnitGain",
+    "static",
+]

@@ -1,0 +1,89 @@
+"""What a block of a chain is: an output, an exact tangent, and the symmetries that make parameters redundant."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One parameter of a block: name, unit, bounds; `initial` marks what belongs to a record and not to the model."""
+
+    name: str
+    unit: str = ""
+    lower: float = -np.inf
+    upper: float = np.inf
+    initial: bool = False
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """A change of the block's parameters that undoes, or causes, an affine change of its signals.
+
+    If the input moves by (in_scale * x + in_shift) * eps and theta by d_theta * eps, then the output moves by
+    (out_scale * y + out_shift) * eps, to first order.
+    """
+
+    d_theta: np.ndarray
+    in_scale: float = 0.0
+    in_shift: float = 0.0
+    out_scale: float = 0.0
+    out_shift: float = 0.0
+
+
+@dataclass(frozen=True)
+class Block(ABC):
+    """One link of a chain. Blocks hold structure only; parameter values theta (p,) are handed in."""
+
+    role: str = field(default="block", kw_only=True)
+
+    @abstractmethod
+    def slots(self) -> tuple[Slot, ...]:
+        """The parameters in the order of theta."""
+
+    @abstractmethod
+    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
+        """Output y (N,) for input x (N,).
+
+        J (N, P) holds the tangent of x in its first q columns and is overwritten by the tangent of y; the columns
+        q..q+p-1 are filled with dy/dtheta. With P = 0 only the output is wanted.
+        """
+
+    @abstractmethod
+    def start(self, x: np.ndarray) -> np.ndarray:
+        """theta (p,) that makes this block the identity on the range of x (N,), or as near as it can be."""
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        """The block's symmetries at theta."""
+        return []
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        """False where theta makes no usable block (an unstable filter, knots out of order)."""
+        return True
+
+    def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Another start near theta for the multi-start."""
+        return theta
+
+    @cached_property
+    def n_parameters(self) -> int:
+        """Number of parameters p."""
+        return len(self.slots())
+
+
+class StaticBlock(Block):
+    """A memoryless map: subclasses give value, slope and own Jacobian, the chain rule is here."""
+
+    @abstractmethod
+    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
+        """f(x) (N,) and f'(x) (N,); fills columns q..q+p-1 of J (N, P) with df/dtheta unless P = 0."""
+
+    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
+        y, slope = self.evaluate(theta, x, J, q)
+        if J.shape[1] and q:
+            from sysid.kernels import scale_columns
+
+            scale_columns(J, q, slope)
+        return y

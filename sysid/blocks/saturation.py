@@ -1,0 +1,44 @@
+"""Saturation with unit slope: y = clip(x, lower, upper)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.block import Slot, StaticBlock, Symmetry
+
+
+@dataclass(frozen=True)
+class Saturation(StaticBlock):
+    """y = min(max(x, lower), upper); two parameters, slope one between them.
+
+    The derivative at a corner is one-sided (that of the linear part). Where no sample passes a limit, the data say
+    nothing about it and its column of the Jacobian is zero.
+    """
+
+    def slots(self) -> tuple[Slot, ...]:
+        return Slot("lower"), Slot("upper")
+
+    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
+        below, above = x < theta[0], x > theta[1]
+        if J.shape[1]:
+            J[:, q], J[:, q + 1] = below, above
+        return np.clip(x, theta[0], theta[1]), np.where(below | above, 0.0, 1.0)
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        # Inside the range, or both columns of the Jacobian would be zero and the limits would never move.
+        lo, hi = float(x.min()), float(x.max())
+        margin = 0.05 * (hi - lo)
+        return np.array([lo + margin, hi - margin])
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        return [
+            Symmetry(theta.copy(), in_scale=1.0, out_scale=1.0),
+            Symmetry(np.ones(2), in_shift=1.0, out_shift=1.0),
+        ]
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        return bool(theta[0] < theta[1])
+
+    def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        middle, half = theta.mean(), 0.5 * (theta[1] - theta[0])
+        return middle + half * np.array([-1.0, 1.0]) * rng.uniform(0.4, 1.0, 2)

@@ -1,0 +1,60 @@
+"""Sigmoid network: a line and a sum of sigmoids."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.errors import InputError
+
+
+@dataclass(frozen=True)
+class SigmoidNetwork(StaticBlock):
+    """y = y0 + L x + sum_k s_k f(b_k x + c_k), f(z) = 1/(1 + e^-z), k = 1..units (10 by default).
+
+    The toolbox's offset r of x is left at 0: y0 and c_k hold it already.
+    """
+
+    units: int = 10
+
+    def __post_init__(self) -> None:
+        if self.units < 1:
+            raise InputError(f"a sigmoid network of {self.units} units is no network; give at least 1")
+
+    def slots(self) -> tuple[Slot, ...]:
+        n = range(1, self.units + 1)
+        return (Slot("y0"), Slot("L"), *(Slot(f"{letter}{k}") for letter in "sbc" for k in n))
+
+    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
+        from sysid.kernels import sigmoid_network
+
+        y, slope = np.empty_like(x), np.empty_like(x)
+        sigmoid_network(theta, x, y, slope, J, q, J.shape[1] > 0)
+        return y, slope
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        """The line y = x, with the sigmoids spread over the range of x at weight zero."""
+        lo, hi = float(x.min()), float(x.max())
+        width = (hi - lo) / self.units if hi > lo else 1.0
+        centre = lo + width * (np.arange(self.units) + 0.5)
+        b = np.full(self.units, 4.0 / width)
+        return np.concatenate([[0.0, 1.0], np.zeros(self.units), b, -b * centre])
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        n = self.units
+        y0, L, s, b = theta[0], theta[1], theta[2 : 2 + n], theta[2 + n : 2 + 2 * n]
+        zero = np.zeros(n)
+        return [
+            Symmetry(np.concatenate([[0.0, -L], zero, -b, zero]), in_scale=1.0),
+            Symmetry(np.concatenate([[-L, 0.0], zero, zero, -b]), in_shift=1.0),
+            Symmetry(np.concatenate([[y0, L], s, zero, zero]), out_scale=1.0),
+            Symmetry(np.concatenate([[1.0, 0.0], zero, zero, zero]), out_shift=1.0),
+        ]
+
+    def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        n = self.units
+        fresh = theta.copy()
+        stretch = np.exp(rng.uniform(-1.0, 1.0, n))
+        fresh[2 + n : 2 + 2 * n] *= stretch
+        fresh[2 + 2 * n :] *= stretch * rng.uniform(0.7, 1.3, n)
+        return fresh

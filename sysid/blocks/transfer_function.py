@@ -1,0 +1,141 @@
+"""Linear block B(q)/F(q) with delay and an estimated initial state."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.block import Block, Slot, Symmetry
+from sysid.errors import InputError
+
+STABILITY = ("stable", "free")
+
+
+@dataclass(frozen=True)
+class TransferFunction(Block):
+    """x_t + f1 x_{t-1} + ... + f_nf x_{t-nf} = b0 w_{t-nk} + ... + b_{nb-1} w_{t-nk-nb+1} + x0_t.
+
+    nb coefficients of B, nf of F, a delay of nk samples. The last term lasts for the first n = max(nf, nk + nb - 1)
+    samples and carries all that the record's past adds, so x0 (n,) is a full initial state. With stability 'stable'
+    no pole leaves the unit circle (an integrator on it is allowed), with 'free' it may.
+    """
+
+    nb: int = 2
+    nf: int = 3
+    nk: int = 1
+    initial_state: bool = True
+    stability: str = "stable"
+
+    def __post_init__(self) -> None:
+        orders = (self.nb, self.nf, self.nk)
+        if not all(isinstance(k, (int, np.integer)) for k in orders) or self.nb < 1 or self.nf < 0 or self.nk < 0:
+            raise InputError(f"orders nb, nf, nk are {orders}; give integers with nb >= 1, nf >= 0 and nk >= 0")
+        if self.stability not in STABILITY:
+            raise InputError(f"stability is {self.stability!r}; choose one of {', '.join(STABILITY)}")
+
+    @property
+    def n_state(self) -> int:
+        """Length of the initial state."""
+        return max(self.nf, self.nk + self.nb - 1)
+
+    def slots(self) -> tuple[Slot, ...]:
+        b = [Slot(f"b{i}") for i in range(self.nb)]
+        f = [Slot(f"f{j + 1}") for j in range(self.nf)]
+        x0 = [Slot(f"x0_{i}", initial=True) for i in range(self.n_state if self.initial_state else 0)]
+        return (*b, *f, *x0)
+
+    def split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """b (nb,), f (nf,) and the initial state (n_state,) out of theta."""
+        x0 = theta[self.nb + self.nf :] if self.initial_state else np.zeros(self.n_state)
+        return theta[: self.nb], theta[self.nb : self.nb + self.nf], x0
+
+    def padded(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """B (n_state + 1,) with the delay as leading zeros, and F (n_state + 1,) with its leading one."""
+        b, f, _ = self.split(theta)
+        B, F = np.zeros(self.n_state + 1), np.zeros(self.n_state + 1)
+        B[self.nk : self.nk + self.nb] = b
+        F[0], F[1 : self.nf + 1] = 1.0, f
+        return B, F
+
+    def poles(self, theta: np.ndarray) -> np.ndarray:
+        """Roots of F in z (nf,), complex."""
+        return np.roots(np.concatenate([[1.0], self.split(theta)[1]])).astype(complex)
+
+    def zeros(self, theta: np.ndarray) -> np.ndarray:
+        """Finite roots of B in z, complex; leading zero coefficients of B are dropped."""
+        return np.roots(self.split(theta)[0]).astype(complex)
+
+    def gain(self, theta: np.ndarray) -> float:
+        """B(1)/F(1); infinite with a pole at 1."""
+        b, f, _ = self.split(theta)
+        F1 = 1.0 + f.sum()
+        return float(b.sum() / F1) if F1 != 0 else np.inf
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        return self.stability == "free" or self.nf == 0 or bool(np.all(np.abs(self.poles(theta)) <= 1.0 + 1e-9))
+
+    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
+        from sysid.kernels import all_pole, filter_tangent, lagged
+
+        B, F = self.padded(theta)
+        _, f, x0 = self.split(theta)
+        y = np.empty_like(x)
+        filter_tangent(B, F[1:], x0, x, y, J, q if J.shape[1] else 0)
+        if J.shape[1]:
+            # d/db_i is w/F delayed, d/df_j is -y/F delayed, d/dx0_i is 1/F's impulse response delayed.
+            g = np.empty_like(x)
+            all_pole(f, x, g)
+            for i in range(self.nb):
+                lagged(g, self.nk + i, 1.0, J, q + i)
+            all_pole(f, y, g)
+            for j in range(self.nf):
+                lagged(g, j + 1, -1.0, J, q + self.nb + j)
+            impulse = np.zeros_like(x)
+            impulse[0] = 1.0
+            all_pole(f, impulse, g)
+            for i in range(len(x0) if self.initial_state else 0):
+                lagged(g, i, 1.0, J, q + self.nb + self.nf + i)
+        return y
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        theta = np.zeros(self.n_parameters)
+        theta[0] = 1.0
+        return theta
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        b, _, x0 = self.split(theta)
+        own = np.zeros_like(theta)
+        own[: self.nb] = b
+        scale_in, scale_out = -own, own.copy()
+        if self.initial_state:
+            scale_out[self.nb + self.nf :] = x0
+        found = [Symmetry(scale_in, in_scale=1.0), Symmetry(scale_out, out_scale=1.0)]
+        if self.initial_state or self.n_state == 0:
+            found.append(self._shift(theta))
+        return found
+
+    def _shift(self, theta: np.ndarray) -> Symmetry:
+        """A constant on the input shows as its gain on the output, once the initial state knows of it.
+
+        Both are scaled by F(1), so that a pole at 1 (infinite gain) needs no case of its own.
+        """
+        B, F = self.padded(theta)
+        F1, B1 = F.sum(), B.sum()
+        d_theta = np.zeros_like(theta)
+        if self.initial_state:
+            d_theta[self.nb + self.nf :] = (np.cumsum(F) * B1 - np.cumsum(B) * F1)[:-1]
+        return Symmetry(d_theta, in_shift=F1, out_shift=B1)
+
+    def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Poles drawn anew: time constants log-uniform from one to a thousand samples, some pairs complex."""
+        fresh = theta.copy()
+        poles: list[complex] = []
+        while len(poles) < self.nf:
+            radius = np.exp(-1.0 / 10 ** rng.uniform(0.0, 3.0))
+            if self.nf - len(poles) >= 2 and rng.uniform() < 0.3:
+                angle = rng.uniform(0.02, 1.5)
+                poles += [radius * np.exp(1j * angle), radius * np.exp(-1j * angle)]
+            else:
+                poles.append(radius)
+        fresh[self.nb : self.nb + self.nf] = np.real(np.poly(poles))[1:]
+        fresh[self.nb + self.nf :] = 0.0
+        return fresh

@@ -1,0 +1,25 @@
+"""No map at all: y = x."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.block import Slot, StaticBlock, Symmetry
+
+
+@dataclass(frozen=True)
+class UnitGain(StaticBlock):
+    """y = x. Drops the map from a Hammerstein-Wiener chain."""
+
+    def slots(self) -> tuple[Slot, ...]:
+        return ()
+
+    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
+        return x, np.ones_like(x)
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        return np.empty(0)
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        none = np.empty(0)
+        return [Symmetry(none, in_scale=1.0, out_scale=1.0), Symmetry(none, in_shift=1.0, out_shift=1.0)]

@@ -1,0 +1,110 @@
+"""Chain: blocks in series. Simulation, exact sensitivities and the bookkeeping of parameters."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from sysid.block import Block, Slot
+from sysid.blocks import TransferFunction
+from sysid.errors import InputError, unknown
+from sysid.gauge import gauge
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Blocks in series, u -> blocks[0] -> ... -> y. Holds structure; values are a vector theta (P,).
+
+    Parameters are named role.name ('linear.f1'). `fixed` maps names to the values that they keep, `bounds` to
+    (lower, upper).
+    """
+
+    blocks: tuple[Block, ...]
+    structure: str = "chain"
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        roles = [b.role for b in self.blocks]
+        if not self.blocks or len(set(roles)) != len(roles):
+            raise InputError(f"a chain needs at least one block and each role once, got roles {roles}")
+        for name in (*self.fixed, *self.bounds):
+            if name not in self.names:
+                raise unknown("parameter", name, self.names)
+
+    @cached_property
+    def _slices(self) -> dict[str, slice]:
+        ends = np.cumsum([b.n_parameters for b in self.blocks])
+        return {b.role: slice(int(e) - b.n_parameters, int(e)) for b, e in zip(self.blocks, ends, strict=True)}
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters, in the order of theta."""
+        return tuple(f"{b.role}.{s.name}" for b in self.blocks for s in b.slots())
+
+    @cached_property
+    def slots(self) -> tuple[Slot, ...]:
+        """Slots of all parameters, with the bounds this chain sets."""
+        slots = tuple(s for b in self.blocks for s in b.slots())
+        limits = [self.bounds.get(n, (s.lower, s.upper)) for n, s in zip(self.names, slots, strict=True)]
+        return tuple(replace(s, lower=lo, upper=up) for s, (lo, up) in zip(slots, limits, strict=True))
+
+    @cached_property
+    def free(self) -> np.ndarray:
+        """True (P,) where a parameter is searched for."""
+        return np.array([n not in self.fixed for n in self.names], dtype=bool)
+
+    @cached_property
+    def initial(self) -> np.ndarray:
+        """True (P,) where a parameter is an initial state: it belongs to a record, not to the model."""
+        return np.array([s.initial for s in self.slots], dtype=bool)
+
+    def index(self, block: Block) -> slice:
+        """Where a block's parameters stand in theta."""
+        return self._slices[block.role]
+
+    def part(self, theta: np.ndarray, block: Block) -> np.ndarray:
+        """A block's own parameters out of theta."""
+        return theta[self.index(block)]
+
+    @property
+    def linear(self) -> TransferFunction:
+        """The chain's one transfer function; raises InputError where there is none or several."""
+        found = [b for b in self.blocks if isinstance(b, TransferFunction)]
+        if len(found) != 1:
+            raise InputError(f"this chain has {len(found)} transfer functions; the call needs a chain with exactly one")
+        return found[0]
+
+    def block(self, role: str) -> Block | None:
+        """The block with this role, or None."""
+        return next((b for b in self.blocks if b.role == role), None)
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        """False where theta makes no usable chain (unstable, knots out of order, outside the bounds)."""
+        return bool(np.all(np.isfinite(theta))) and all(b.admissible(self.part(theta, b)) for b in self.blocks)
+
+    def simulate(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Free run: output (N,) for input u (N,)."""
+        return self._run(theta, u, np.empty((len(u), 0)))
+
+    def tangent(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Free run and its exact Jacobian: output (N,) and dy/dtheta (N, P)."""
+        J = np.empty((len(u), len(theta)))
+        return self._run(theta, u, J), J
+
+    def gauge(self, theta: np.ndarray) -> np.ndarray:
+        """Basis (P, g) of redundant directions among the free parameters, see `sysid.gauge`."""
+        return gauge(self.blocks, [self.part(theta, b) for b in self.blocks], self.free)
+
+    def count(self, theta: np.ndarray) -> int:
+        """d of the criteria: free parameters after the gauge, initial states counted."""
+        return int(self.free.sum()) - self.gauge(theta).shape[1]
+
+    def _run(self, theta: np.ndarray, u: np.ndarray, J: np.ndarray) -> np.ndarray:
+        x, q = np.ascontiguousarray(u, dtype=float), 0
+        with np.errstate(over="ignore", invalid="ignore"):  # an unstable trial overflows; its cost is then infinite
+            for b in self.blocks:
+                x = b.propagate(self.part(theta, b), x, J, q)
+                q += b.n_parameters
+        return x

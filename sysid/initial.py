@@ -1,0 +1,223 @@
+"""Where a search starts: a linear model by refined instrumental variables, maps laid around it, and variations."""
+
+import numpy as np
+
+from sysid.block import StaticBlock
+from sysid.blocks import TransferFunction
+from sysid.chain import Chain
+from sysid.errors import InputError
+from sysid.iterate import Options, iterate
+from sysid.problem import ChainProblem
+from sysid.searches import LevenbergMarquardt
+
+
+def starts(chain: Chain, u: np.ndarray, y: np.ndarray, count: int, seed: int) -> list[np.ndarray]:
+    """`count` starting points theta (P,): the linear start first, then variations of its poles and maps."""
+    first = linear_start(chain, u, y)
+    found = [first]
+    for k in range(1, count):
+        # One generator a start, so that start k is the same however many are asked for.
+        found.append(_variation(chain, first, u, y, np.random.default_rng([seed, k])))
+    return [_with_fixed(chain, theta) for theta in found]
+
+
+def linear_start(chain: Chain, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """theta (P,) of the linear model that fits u (N,) to y (N,) best, with every map as near the identity as may be."""
+    linear = chain.linear
+    theta = np.zeros(len(chain.names))
+    k = chain.blocks.index(linear)
+    w = _maps(chain, theta, chain.blocks[:k], u, u - u.mean())
+    theta[chain.index(linear)] = output_error_start(linear, w - w.mean(), y - y.mean())
+    _finish(chain, theta, w, y)
+    return theta
+
+
+def refined_iv(
+    linear: TransferFunction, w: np.ndarray, y: np.ndarray, iterations: int = 20
+) -> tuple[np.ndarray, np.ndarray]:
+    """b (nb,) and f (nf,) of y = B/F w by refined instrumental variables (Young 2011, Recursive Estimation, ch. 7).
+
+    Regressors are filtered by the last 1/F, instruments are the last model's own noise-free output; poles outside the
+    unit circle are mirrored inside before each pass. The pass that fits best in free run is returned.
+    """
+    from sysid.kernels import all_pole
+
+    f, x = np.zeros(linear.nf), y
+    best: tuple[float, np.ndarray, np.ndarray] | None = None
+    for _ in range(iterations):
+        filtered = []
+        for signal in (w, y, x):
+            g = np.empty_like(signal)
+            all_pole(f, signal, g)
+            filtered.append(g)
+        wf, yf, xf = filtered
+        inputs = [_delay(wf, linear.nk + i) for i in range(linear.nb)]
+        regressors = np.column_stack([-_delay(yf, j + 1) for j in range(linear.nf)] + inputs)
+        instruments = np.column_stack([-_delay(xf, j + 1) for j in range(linear.nf)] + inputs)
+        # Least squares through the instruments; lstsq, since a poor excitation leaves directions empty.
+        theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ yf, rcond=1e-12)[0]
+        f, b = _stable(theta[: linear.nf]), theta[linear.nf :]
+        x = _simulate(linear, b, f, w)
+        cost = float(np.sum((y - x) ** 2))
+        if np.isfinite(cost) and (best is None or cost < best[0]):
+            converged = best is not None and best[0] - cost < 1e-6 * cost
+            best = (cost, b, f)
+            if converged:
+                break
+        if not np.all(np.isfinite(x)):
+            break
+    return (best[1], best[2]) if best is not None else (np.zeros(linear.nb), np.zeros(linear.nf))
+
+
+def output_error_start(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Parameters of a linear block (p,): refined IV, then output error by Levenberg-Marquardt."""
+    chain = Chain((linear,))
+    theta = np.zeros(linear.n_parameters)
+    b, f = refined_iv(linear, w, y)
+    theta[: linear.nb], theta[linear.nb : linear.nb + linear.nf] = b, f
+    problem = ChainProblem(chain, theta, w, y, np.ones(len(theta), dtype=bool))
+    out = iterate(problem, theta, LevenbergMarquardt(), Options(max_iterations=50, tolerance=0.1))
+    return out.p if np.isfinite(out.cost) else theta
+
+
+def estimate_initial(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """theta (P,) with its initial states fitted to the record u, y (N,), everything else kept.
+
+    The search starts from rest and from the steady state that comes nearest to y; the better end counts.
+    """
+    initial = chain.initial
+    if not initial.any():
+        return theta
+    best, best_cost = theta, np.inf
+    for candidate in (_at_rest(chain, theta), _steady(chain, theta, u, y)):
+        problem = ChainProblem(chain, candidate, u, y, initial)
+        out = iterate(problem, problem.p, LevenbergMarquardt(), Options(max_iterations=50))
+        if out.cost < best_cost:
+            best, best_cost = problem.full(out.p), out.cost
+    return best
+
+
+def _at_rest(chain: Chain, theta: np.ndarray) -> np.ndarray:
+    return np.where(chain.initial, 0.0, theta)
+
+
+def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Initial states as if the linear block's output had stood at the level where the chain shows y's first value."""
+    linear = chain.linear
+    k = chain.blocks.index(linear)
+    rest = _at_rest(chain, theta)
+    x = chain.simulate(rest, u) if k == len(chain.blocks) - 1 else _tail_input(chain, rest, u)
+    span = np.ptp(x) + abs(float(np.mean(x))) + 1e-12
+    spans = [span]
+    last = chain.blocks[-1]
+    if isinstance(last, StaticBlock) and any(s.name.startswith("x") for s in last.slots()):
+        knots = chain.part(theta, last)[: last.n_parameters // 2]
+        spans.append(float(np.max(np.abs(knots))))
+    levels = np.linspace(-2.0, 2.0, 401) * max(spans)
+    shown = levels
+    for b in chain.blocks[k + 1 :]:
+        shown = b.propagate(chain.part(theta, b), shown, np.empty((len(shown), 0)), 0)
+    level = float(levels[np.argmin(np.abs(shown - float(np.mean(y[:3]))))])
+    # x_t stays at `level` without input if c_t = level * (1 + f1 + ... + ft).
+    _, F = linear.padded(chain.part(theta, linear))
+    part = rest[chain.index(linear)]
+    part[linear.nb + linear.nf :] = level * np.cumsum(F)[:-1]
+    rest[chain.index(linear)] = part
+    return rest
+
+
+def _tail_input(chain: Chain, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
+    k = chain.blocks.index(chain.linear)
+    return Chain(chain.blocks[: k + 1]).simulate(theta[: chain.index(chain.linear).stop], u)
+
+
+def _maps(chain: Chain, theta: np.ndarray, blocks: tuple, x: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Lay static maps from x towards target, write them into theta and return their output."""
+    for b in blocks:
+        if not isinstance(b, StaticBlock):
+            raise InputError(f"block {b.role!r} has no automatic start in this place; give fit() a start")
+        part = _shifted(b, b.start(x), x, target)
+        theta[chain.index(b)] = part
+        x = b.propagate(part, x, np.empty((len(x), 0)), 0)
+    return x
+
+
+def _shifted(block: StaticBlock, theta: np.ndarray, x: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """theta moved along the block's own output shift, if it has one, so that its mean meets the target's."""
+    for s in block.symmetries(theta):
+        if s.out_shift == 1.0 and s.in_shift == 0.0:
+            y = block.propagate(theta, x, np.empty((len(x), 0)), 0)
+            return theta + s.d_theta * float(np.mean(target - y))
+    return theta
+
+
+def _finish(chain: Chain, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> None:
+    """Fit the linear block's initial state and an offset (both enter linearly), then lay the maps behind it."""
+    linear = chain.linear
+    part = chain.part(theta, linear).copy()
+    n = linear.n_state if linear.initial_state else 0
+    part[linear.nb + linear.nf :] = 0.0
+    J = np.empty((len(w), linear.n_parameters))
+    x = linear.propagate(part, w, J, 0)
+    impulses = J[:, linear.nb + linear.nf :]
+    after = chain.blocks[chain.blocks.index(linear) + 1 :]
+    can_shift = any(b.n_parameters for b in after)
+    columns = np.column_stack([impulses, np.ones(len(w))]) if can_shift else impulses
+    offset = 0.0
+    if columns.shape[1] and np.all(np.isfinite(columns)) and np.all(np.isfinite(x)):
+        solution = np.linalg.lstsq(columns, y - x, rcond=1e-10)[0]
+        part[linear.nb + linear.nf :] = solution[:n]
+        offset = float(solution[n]) if can_shift else 0.0
+    theta[chain.index(linear)] = part
+    x = linear.propagate(part, w, np.empty((len(w), 0)), 0)
+    _maps(chain, theta, after, x, x + offset)
+
+
+def _variation(chain: Chain, first: np.ndarray, u: np.ndarray, y: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Maps before the linear block varied, other poles, B by least squares, and the rest laid around them again."""
+    linear = chain.linear
+    k = chain.blocks.index(linear)
+    theta, w = first.copy(), u
+    for b in chain.blocks[:k]:
+        part = b.vary(chain.part(theta, b), rng)
+        theta[chain.index(b)] = part
+        w = b.propagate(part, w, np.empty((len(w), 0)), 0)
+    part = chain.part(theta, linear).copy()
+    if rng.uniform() < 0.75 and linear.nf:  # else the linear start's own poles, with other maps
+        part = linear.vary(part, rng)
+    J = np.empty((len(w), linear.n_parameters))
+    linear.propagate(part, w, J, 0)
+    columns = np.column_stack([J[:, : linear.nb], np.ones(len(w))])
+    part[: linear.nb] = np.linalg.lstsq(columns, y, rcond=1e-10)[0][: linear.nb]
+    theta[chain.index(linear)] = part
+    _finish(chain, theta, w, y)
+    for b in chain.blocks[k + 1 :]:
+        theta[chain.index(b)] = b.vary(chain.part(theta, b), rng)
+    return theta
+
+
+def _with_fixed(chain: Chain, theta: np.ndarray) -> np.ndarray:
+    theta = theta.copy()
+    for i, (name, slot) in enumerate(zip(chain.names, chain.slots, strict=True)):
+        theta[i] = chain.fixed.get(name, float(np.clip(theta[i], slot.lower, slot.upper)))
+    return theta
+
+
+def _delay(x: np.ndarray, k: int) -> np.ndarray:
+    return np.concatenate([np.zeros(k), x[: len(x) - k]])
+
+
+def _stable(f: np.ndarray) -> np.ndarray:
+    if not len(f) or not np.all(np.isfinite(f)):
+        return np.zeros(len(f))
+    poles = np.roots(np.concatenate([[1.0], f])).astype(complex)
+    outside = np.abs(poles) > 1.0
+    poles[outside] = 1.0 / np.conj(poles[outside])
+    full = np.real(np.poly(poles))
+    return np.concatenate([full[1:], np.zeros(len(f) + 1 - len(full))])
+
+
+def _simulate(linear: TransferFunction, b: np.ndarray, f: np.ndarray, w: np.ndarray) -> np.ndarray:
+    theta = np.concatenate([b, f, np.zeros(linear.n_parameters - linear.nb - linear.nf)])
+    with np.errstate(over="ignore", invalid="ignore"):
+        return linear.propagate(theta, w, np.empty((len(w), 0)), 0)

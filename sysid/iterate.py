@@ -1,0 +1,231 @@
+"""The one loop of every search: linearise, ask for a step, stop with a reason."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+_EPS = np.finfo(float).eps
+
+
+class Problem(Protocol):
+    """A least-squares problem in the free parameters p (P,)."""
+
+    @property
+    def size(self) -> float:
+        """y'y: what a cost is compared with to call it zero."""
+        ...
+
+    def residual(self, p: np.ndarray) -> np.ndarray | None:
+        """e = y - yhat (N,), or None where p makes no usable model."""
+        ...
+
+    def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """e (N,) and dyhat/dp (N, P)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Options:
+    """When a search ends."""
+
+    max_iterations: int = 200
+    tolerance: float = 0.01  # [%] of the loss that a Gauss-Newton step still promises
+    max_halvings: int = 25
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Why a search ended."""
+
+    reason: str
+    converged: bool
+    iterations: int
+    evaluations: int
+
+
+@dataclass(frozen=True)
+class Step:
+    """A change of the parameters that lowered the cost."""
+
+    delta: np.ndarray
+    cost: float
+    method: str
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """The problem around one point: e and J in the compact form R (P, P), z (P,), from a QR of [J e]."""
+
+    R: np.ndarray
+    z: np.ndarray
+    cost: float  # e'e
+    N: int
+
+    @classmethod
+    def of(cls, e: np.ndarray, J: np.ndarray) -> "Linearisation":
+        """From e (N,) and J (N, P); QR rather than J'J, which would square the condition number."""
+        P = J.shape[1]
+        R = np.asarray(np.linalg.qr(np.column_stack([J, e]), mode="r"))
+        return cls(R[:P, :P], R[:P, P], float(e @ e), len(e))
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """Norm of each column of J (P,); one where a column is zero."""
+        norm = np.linalg.norm(self.R, axis=0)
+        return np.where(norm > 0, norm, 1.0)
+
+    @cached_property
+    def svd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """u'z, s, V of R: the Gauss-Newton step is V (u'z / s)."""
+        U, s, Vt = np.linalg.svd(self.R)
+        return U.T @ self.z, s, Vt.T
+
+    @cached_property
+    def scaled_svd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same of R with columns of unit norm."""
+        U, s, Vt = np.linalg.svd(self.R / self.scale)
+        return U.T @ self.z, s, Vt.T
+
+    @property
+    def noise_floor(self) -> float:
+        """Singular values below this are zero: 1e4 eps max(size J) ||J||."""
+        return 1e4 * _EPS * self.N * self.svd[1][0] if len(self.svd[1]) else 0.0
+
+    def gauss_newton(self, floor: float) -> np.ndarray:
+        """Step (P,) along the singular directions above `floor`."""
+        uz, s, V = self.svd
+        keep = s > floor
+        return V[:, keep] @ (uz[keep] / s[keep])
+
+    def damped(self, damping: float) -> np.ndarray:
+        """Levenberg-Marquardt step (P,) in columns of unit norm."""
+        uz, s, V = self.scaled_svd
+        return V @ (uz * s / (s * s + damping)) / self.scale
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """J'e (P,): the direction of steepest descent of e'e / 2."""
+        return self.R.T @ self.z
+
+    def predicted(self, delta: np.ndarray) -> float:
+        """Drop of e'e that the linear model promises for a step."""
+        Rd = self.R @ delta
+        return float(2.0 * (Rd @ self.z) - Rd @ Rd)
+
+    @property
+    def expected_improvement(self) -> float:
+        """Drop of e'e that a full Gauss-Newton step promises, in % of e'e."""
+        if self.cost <= 0.0:
+            return 0.0
+        uz, s, _ = self.svd
+        return 100.0 * float(np.sum(uz[s > self.noise_floor] ** 2)) / self.cost
+
+
+class Search(Protocol):
+    """One way to make a step; `memory` is its own between iterations."""
+
+    name: str
+
+    def step(
+        self, lin: Linearisation, cost_at: Callable[[np.ndarray], float], memory: dict[str, Any], options: Options
+    ) -> Step | None:
+        """A step that lowers the cost, or None where the method finds none."""
+        ...
+
+
+def halve(
+    lin: Linearisation,
+    direction: np.ndarray,
+    cost_at: Callable[[np.ndarray], float],
+    max_halvings: int,
+    method: str,
+) -> tuple[Step | None, int]:
+    """First of direction, direction/2, ... that lowers the cost by a fair share of the promise, and its halvings."""
+    for k in range(max_halvings + 1):
+        delta = direction * 0.5**k
+        cost = cost_at(delta)
+        if cost < lin.cost - 1e-4 * max(lin.predicted(delta), 0.0):
+            return Step(delta, cost, method), k
+    return None, max_halvings
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Where a search ended."""
+
+    p: np.ndarray
+    cost: float
+    stop: Stop
+    history: tuple[dict[str, Any], ...] = field(default=())
+
+
+def iterate(
+    problem: Problem,
+    p0: np.ndarray,
+    search: Search,
+    options: Options,
+    progress: Callable[[int, float], None] | None = None,
+) -> Outcome:
+    """Run `search` from p0 (P,) until a Gauss-Newton step promises less than the tolerance, or a limit is met."""
+    p, evaluations = np.array(p0), 0
+    memory: dict[str, Any] = {}
+    history: list[dict[str, Any]] = []
+    e = problem.residual(p)
+    if e is None or not np.all(np.isfinite(e)):
+        return Outcome(p, np.inf, Stop("the start makes no usable model", False, 0, 1))
+    cost, reason, converged, iteration = float(e @ e), "", False, 0
+
+    def cost_at(delta: np.ndarray) -> float:
+        nonlocal evaluations
+        evaluations += 1
+        e = problem.residual(p + delta)
+        if e is None:
+            return np.inf
+        trial = float(e @ e)
+        return trial if np.isfinite(trial) else np.inf
+
+    for iteration in range(options.max_iterations + 1):
+        if cost <= problem.size * (100.0 * _EPS) ** 2:
+            reason, converged = "the loss is zero to rounding", True
+            break
+        lin = Linearisation.of(*problem.linearise(p))
+        evaluations += 1
+        expected = lin.expected_improvement
+        if expected <= options.tolerance:
+            reason = (
+                f"a further step promises {expected:.2g} % of the loss, below the tolerance of {options.tolerance:g} %"
+            )
+            converged = True
+            break
+        if iteration == options.max_iterations:
+            reason = (
+                f"limit of {options.max_iterations} iterations reached; a further step still promises {expected:.2g} %"
+            )
+            break
+        step = search.step(lin, cost_at, memory, options)
+        if step is None:
+            reason = f"{search.name} found no descent although a full step promises {expected:.2g} % of the loss"
+            break
+        p, cost = p + step.delta, step.cost
+        history.append({"iteration": iteration + 1, "loss": cost / lin.N, "method": step.method, "expected": expected})
+        if progress is not None:
+            progress(iteration + 1, cost / lin.N)
+        if stalled(history):
+            # Kinks of a map can keep a promise from ever being met; a loss that stands still is an end all the same.
+            reason, converged = f"the loss fell by less than 1e-4 % in each of the last {_STALL} iterations", True
+            break
+    return Outcome(p, cost, Stop(reason, converged, iteration, evaluations), tuple(history))
+
+
+_STALL = 8
+
+
+def stalled(history: list[dict[str, Any]]) -> bool:
+    """True where the last few steps together changed next to nothing."""
+    if len(history) <= _STALL:
+        return False
+    losses = np.array([row["loss"] for row in history[-_STALL - 1 :]])
+    return bool(np.all(losses[:-1] - losses[1:] < 1e-6 * losses[:-1]))

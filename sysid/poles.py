@@ -1,0 +1,42 @@
+"""Compare poles: match an estimate with the truth, and the error in the s-plane."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+
+@dataclass(frozen=True)
+class PoleMatch:
+    """One estimated pole in z, the true one it belongs to, and |s_est - s_true| / |s_true| (s = ln z / Ts).
+
+    The relative error of a true integrator (s = 0) is taken against the slowest other true pole, or against 1/s where
+    there is none; it is infinite for a pole at z = 0 that should be none.
+    """
+
+    estimated: complex
+    true: complex
+    s_error: float
+
+
+def to_s(z: np.ndarray, Ts: float) -> np.ndarray:
+    """s = ln(z) / Ts for poles z (n,); -inf for z = 0."""
+    z = np.asarray(z, dtype=complex)
+    with np.errstate(divide="ignore"):
+        return np.log(z) / Ts
+
+
+def match(estimated: np.ndarray, true: np.ndarray, Ts: float) -> list[PoleMatch]:
+    """Pairs of poles with the least total distance in the z-plane; surplus poles on either side stay unmatched."""
+    estimated, true = np.asarray(estimated, dtype=complex), np.asarray(true, dtype=complex)
+    if not len(estimated) or not len(true):
+        return []
+    rows, columns = linear_sum_assignment(np.abs(estimated[:, None] - true[None, :]))
+    s_true = to_s(true, Ts)
+    moving = np.abs(s_true[np.isfinite(s_true) & (np.abs(s_true) > 1e-9)])
+    floor = float(moving.min()) if len(moving) else 1.0
+    out = []
+    for i, j in zip(rows, columns, strict=True):
+        error = abs(to_s(estimated[i], Ts) - s_true[j]) / (abs(s_true[j]) if abs(s_true[j]) > 1e-9 else floor)
+        out.append(PoleMatch(complex(estimated[i]), complex(true[j]), float(error)))
+    return out

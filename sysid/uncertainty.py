@@ -1,0 +1,73 @@
+"""Covariance of a fit, and which parameters the data say nothing about."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """cov (P, P) over all parameters (zero rows for fixed ones) and which are not identifiable from the data (P,).
+
+    The gauge is taken out: along redundant directions nothing is uncertain, so quantities that do not depend on it
+    (poles, zeros, curves between fixed ends) come out right and single gains refer to the gauge of least norm.
+    """
+
+    cov: np.ndarray
+    unidentifiable: np.ndarray
+    noise_variance: float
+
+    def std(self) -> np.ndarray:
+        """Standard deviation of each parameter (P,); nan where the data do not determine it."""
+        s = np.sqrt(np.maximum(np.diag(self.cov), 0.0))
+        return np.where(self.unidentifiable, np.nan, s)
+
+
+def covariance(J: np.ndarray, e: np.ndarray, gauge: np.ndarray, free: np.ndarray, d: int) -> Covariance:
+    """sigma^2 (J'J)^+ for J (N, P), residuals e (N,), gauge directions (P, g), free (P,) and d parameters counted.
+
+    Columns are brought to unit norm first, so that a unit does not decide what counts as zero (Ljung, System
+    Identification, section 9.4; the pseudo-inverse is the covariance in the gauge of least norm).
+    """
+    N, P = J.shape
+    sigma2 = float(e @ e) / max(N - d, 1)
+    cov, lost = np.zeros((P, P)), np.zeros(P, dtype=bool)
+    index = np.flatnonzero(free)
+    if not len(index):
+        return Covariance(cov, lost, sigma2)
+    scale = np.linalg.norm(J[:, index], axis=0)
+    empty = scale == 0.0
+    scale = np.where(empty, 1.0, scale)
+    _, s, Vt = np.linalg.svd(np.linalg.qr(J[:, index] / scale, mode="r"))
+    keep = s > 1e-7 * s[0] if s[0] > 0 else np.zeros(len(s), dtype=bool)
+    V = Vt.T[:, keep] / s[keep]
+    cov[np.ix_(index, index)] = sigma2 * (V @ V.T) / np.outer(scale, scale)
+    lost[index] = _lost(Vt.T[:, ~keep], gauge[index] * scale[:, None])
+    return Covariance(cov, lost, sigma2)
+
+
+def _lost(null: np.ndarray, gauge: np.ndarray) -> np.ndarray:
+    """Parameters (P,) with a share in directions that the data leave open beyond the gauge."""
+    if gauge.shape[1]:
+        Q = np.linalg.qr(gauge)[0]
+        null = null - Q @ (Q.T @ null)
+    return np.linalg.norm(null, axis=1) > 1e-2
+
+
+def pole_std(f: np.ndarray, cov_f: np.ndarray) -> np.ndarray:
+    """Standard deviation of the roots of F (nf,) from the covariance of f (nf, nf): sqrt(var Re + var Im).
+
+    From F(z) = 0: dz/df_j = -z^(n-j) / F'(z). Nan at a multiple pole, where the first derivative does not exist.
+    """
+    n = len(f)
+    F = np.concatenate([[1.0], f])
+    slope = np.polyder(F)
+    out = []
+    for z in np.roots(F).astype(complex):
+        d = np.polyval(slope, z)
+        if abs(d) < 1e-12:
+            out.append(np.nan)
+            continue
+        g = -np.array([z ** (n - j) for j in range(1, n + 1)]) / d
+        out.append(float(np.sqrt(max(np.real(np.conj(g) @ cov_f @ g), 0.0))))
+    return np.array(out)
