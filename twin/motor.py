@@ -1,0 +1,47 @@
+"""Motor constants from datasheet numbers: what the compiled `<dcmotor>` must hold."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.parameters import Parameters
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A DC motor with its gear. "Output" is the rod of a linear actuator [m, N], or the shoulder joint [rad, N m].
+
+    constant [V s/rad = N m/A] and resistance [Ohm] are the motor's own; gear is rotor angle per output; inertia is the
+    rotor's [kg m2].
+    """
+
+    constant: float
+    resistance: float
+    gear: float
+    inertia: float
+
+    @property
+    def reflected_inertia(self) -> float:
+        """Rotor inertia seen at the output, J gear^2 [kg or kg m2]."""
+        return self.inertia * self.gear**2
+
+    @property
+    def damping(self) -> float:
+        """Braking by back-EMF at the output, (K gear)^2 / R [N s/m or N m s/rad]."""
+        return (self.constant * self.gear) ** 2 / self.resistance
+
+    @property
+    def force_per_volt(self) -> float:
+        """Stall force or torque at the output per volt, K gear / R [N/V or N m/V]."""
+        return self.constant * self.gear / self.resistance
+
+
+def motor(parameters: Parameters, joint: str) -> Motor:
+    """The motor of `joint`: K = U / (v0 gear) and R = K U gear / F0 from no-load speed v0 and stall force F0 at U."""
+    p = {name.removeprefix(f"{joint}."): value for name, value in parameters.values.items()}
+    if joint == "shoulder":
+        gear, stall = p["gear_ratio"], p["stall_torque"]
+    else:
+        gear, stall = 2 * np.pi * p["gear_ratio"] / p["lead"], p["stall_force"]
+    constant = p["rated_voltage"] / (p["no_load_speed"] * gear)
+    return Motor(constant, constant * p["rated_voltage"] * gear / stall, gear, p["rotor_inertia"])

@@ -1,0 +1,201 @@
+"""The twin's physical parameters: one row each, with where the number comes from and how it enters the model."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from sysid.errors import InputError, unknown
+
+JOINTS = ("shoulder", "thigh", "shank")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A physical parameter. `lower` and `upper` bound what the twin accepts and what a calibration may search."""
+
+    name: str
+    nominal: float
+    lower: float
+    upper: float
+    unit: str
+    source: str
+    enters: str
+
+
+PAPER = "Guni and Irawan 2016, section III"
+# The paper names no actuator, link length or friction. What stands here is of the size of catalogue parts, and such
+# that a 12 V sweep crosses the stroke in about three quarters of its half period, as the paper's records look.
+GUESS = "assumption"
+
+
+def _rod_joint(joint: str, **nominal: float) -> list[Row]:
+    """Rows of a joint that a linear actuator moves; forces and speeds at the rod, angles in the leg's plane."""
+    rows = (
+        ("rated_voltage", 3, 48, "V", "dcmotor nominal: voltage of the two numbers that follow"),
+        ("no_load_speed", 0.002, 0.1, "m/s", "dcmotor nominal: rod speed at rated voltage without any friction"),
+        ("stall_force", 20, 5000, "N", "dcmotor nominal: rod force at rated voltage and standstill"),
+        ("lead", 0.0005, 0.02, "m", "dcmotor gear 2 pi gear_ratio / lead"),
+        ("gear_ratio", 1, 200, "1", "dcmotor gear 2 pi gear_ratio / lead"),
+        ("rotor_inertia", 1e-9, 1e-4, "kg m2", "dcmotor armature"),
+        ("retracted_length", 0.05, 0.5, "m", "tendon range: pin to pin when retracted"),
+        ("stroke", 0.01, 0.4, "m", "tendon range: extended minus retracted length"),
+        ("base_radius", 0.02, 0.4, "m", "site: joint axis to the pin of the actuator's body"),
+        (
+            "base_angle",
+            -np.pi,
+            np.pi,
+            "rad",
+            "site: direction of that pin from the leg's outward direction, up positive",
+        ),
+        ("rod_radius", 0.02, 0.4, "m", "site: joint axis to the pin of the rod"),
+        ("rod_angle", -np.pi, np.pi, "rad", "site: direction of that pin at joint angle 0, up positive"),
+        ("coulomb", 0, 500, "N", "tendon frictionloss: dry friction of screw and gear, at the rod"),
+        ("viscous", 0, 20000, "N s/m", "tendon damping: viscous friction of screw and gear, at the rod"),
+        ("bearing_coulomb", 0, 5, "N m", "angle tendon frictionloss: dry friction of the joint's bearing"),
+        ("bearing_viscous", 0, 5, "N m s/rad", "angle tendon damping: viscous friction of the joint's bearing"),
+        ("backlash", 0.0005, 0.1, "rad", "play hinge range: whole width, between actuator and link"),
+        ("switch_margin", 0, 0.005, "m", "limit switches: trip this far before the end of the stroke"),
+    )
+    return [_row(joint, nominal, *row) for row in rows]
+
+
+def _geared_joint(joint: str, **nominal: float) -> list[Row]:
+    """Rows of a joint that a geared motor turns directly. Torques and speeds at the joint."""
+    rows = (
+        ("rated_voltage", 3, 48, "V", "dcmotor nominal: voltage of the two numbers that follow"),
+        ("no_load_speed", 0.05, 20, "rad/s", "dcmotor nominal: joint speed at rated voltage without any friction"),
+        ("stall_torque", 0.2, 200, "N m", "dcmotor nominal: joint torque at rated voltage and standstill"),
+        ("gear_ratio", 1, 5000, "1", "dcmotor gear"),
+        ("rotor_inertia", 1e-9, 1e-4, "kg m2", "dcmotor armature"),
+        ("lower", -np.pi, 0, "rad", "joint range: hard stop"),
+        ("upper", 0, np.pi, "rad", "joint range: hard stop"),
+        ("coulomb", 0, 20, "N m", "joint frictionloss: dry friction of the gear, at the joint"),
+        ("viscous", 0, 20, "N m s/rad", "joint damping: viscous friction of the gear, at the joint"),
+        ("bearing_coulomb", 0, 5, "N m", "angle tendon frictionloss: dry friction of the joint's bearing"),
+        ("bearing_viscous", 0, 5, "N m s/rad", "angle tendon damping: viscous friction of the joint's bearing"),
+        ("backlash", 0.0005, 0.1, "rad", "play hinge range: whole width, between gear and link"),
+        ("switch_margin", 0, 0.1, "rad", "limit switches: trip this far before the hard stop"),
+    )
+    return [_row(joint, nominal, *row) for row in rows]
+
+
+def _row(
+    joint: str, nominal: Mapping[str, float], name: str, lower: float, upper: float, unit: str, enters: str
+) -> Row:
+    return Row(f"{joint}.{name}", nominal[name], float(lower), float(upper), unit, GUESS, enters)
+
+
+TABLE: tuple[Row, ...] = (
+    Row("supply_voltage", 12.0, 3, 48, "V", GUESS, "drive: motor voltage is cut off at plus and minus this"),
+    Row("switch_period", 0.01, 0.001, 0.1, "s", GUESS, "drive: the board reads the limit switches this often"),
+    Row("pot_noise", np.deg2rad(0.2), 0, 0.1, "rad", GUESS, "pot: standard deviation of white noise on a reading"),
+    Row("pot_range", np.deg2rad(270.0), 0.5, 6.3, "rad", GUESS, "pot: electrical angle that the ADC's codes divide"),
+    Row("adc_bits", 10, 4, 24, "1", "DESIGN: 10-bit ADC of the MCU board", "pot: 2^bits codes over pot_range"),
+    Row("gravity", 9.81, 0, 20, "m/s2", "standard", "option gravity"),
+    Row("torso_mass", 4.0, 0.5, 50, "kg", GUESS, "geom mass; the torso's size is the paper's, in the MJCF"),
+    Row("shoulder_mass", 0.30, 0.01, 10, "kg", GUESS, "geom mass of the bracket"),
+    Row("thigh_mass", 0.35, 0.01, 10, "kg", GUESS, "geom mass of the thigh's tube"),
+    Row("shank_mass", 0.25, 0.01, 10, "kg", GUESS, "geom mass of the shank's tube"),
+    Row("foot_mass", 0.05, 0.001, 10, "kg", GUESS, "geom mass of the rubber foot"),
+    Row("actuator_mass", 0.40, 0.01, 10, "kg", GUESS, "geom mass of a linear actuator, at its base pin"),
+    *_geared_joint(
+        "shoulder",
+        rated_voltage=12.0,
+        no_load_speed=1.06,
+        stall_torque=6.0,
+        gear_ratio=600,
+        rotor_inertia=5e-7,
+        lower=np.deg2rad(-35.0),
+        upper=np.deg2rad(35.0),
+        coulomb=0.9,
+        viscous=0.15,
+        bearing_coulomb=0.1,
+        bearing_viscous=0.02,
+        backlash=np.deg2rad(1.0),
+        switch_margin=np.deg2rad(0.1),
+    ),
+    *_rod_joint(
+        "thigh",
+        rated_voltage=12.0,
+        no_load_speed=0.0144,
+        stall_force=250.0,
+        lead=0.002,
+        gear_ratio=20,
+        rotor_inertia=2.3e-7,
+        retracted_length=0.202,
+        stroke=0.064,
+        base_radius=0.080,
+        base_angle=np.deg2rad(90.0),
+        rod_radius=0.200,
+        rod_angle=0.0,
+        coulomb=60.0,
+        viscous=400.0,
+        bearing_coulomb=0.1,
+        bearing_viscous=0.02,
+        backlash=np.deg2rad(0.5),
+        switch_margin=0.0001,
+    ),
+    *_rod_joint(
+        "shank",
+        rated_voltage=12.0,
+        no_load_speed=0.0156,
+        stall_force=220.0,
+        lead=0.002,
+        gear_ratio=20,
+        rotor_inertia=2.3e-7,
+        retracted_length=0.154,
+        stroke=0.072,
+        base_radius=0.190,
+        base_angle=np.deg2rad(174.0),
+        rod_radius=0.060,
+        rod_angle=np.deg2rad(76.5),
+        coulomb=50.0,
+        viscous=400.0,
+        bearing_coulomb=0.1,
+        bearing_viscous=0.02,
+        backlash=np.deg2rad(0.5),
+        switch_margin=0.0001,
+    ),
+)
+_ROWS = {row.name: row for row in TABLE}
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Values of the physical parameters in SI, nominal where not given.
+
+    `Parameters({"thigh.coulomb": 40.0})["thigh.stroke"]` is 0.064, with 40 N of dry friction in the thigh's actuator.
+    Raises InputError for a name that is not in `TABLE` and for a value that is no number or outside its bounds.
+    """
+
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, value in self.values.items():
+            if name not in _ROWS:
+                raise unknown("parameter", name, _ROWS)
+            row = _ROWS[name]
+            if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+                raise InputError(f"parameter {name} is {value!r}; give a number of {row.unit}")
+            if not row.lower <= value <= row.upper:
+                raise InputError(
+                    f"parameter {name} is {value} {row.unit}; give a value from {row.lower:g} to {row.upper:g}"
+                )
+        merged = {name: float(self.values.get(name, row.nominal)) for name, row in _ROWS.items()}
+        object.__setattr__(self, "values", MappingProxyType(merged))
+
+    def __getitem__(self, name: str) -> float:
+        return self.values[name]
+
+    def replace(self, changes: Mapping[str, float]) -> "Parameters":
+        """The same parameters with some values changed."""
+        return Parameters({**self.values, **changes})
+
+    def changed(self) -> dict[str, float]:
+        """The values that differ from nominal, for a log's header."""
+        return {name: value for name, value in self.values.items() if value != _ROWS[name].nominal}
+
+    def __reduce__(self) -> tuple:
+        return Parameters, (dict(self.values),)  # a mapping proxy cannot be pickled
