@@ -13,7 +13,9 @@ from twin.table import Table
 
 OWN = {"input": "voltage_V", "output": "angle_rad", "time": "time_s"}  # the columns that a log of ours has
 QUANTITY = {"voltage_V": ("voltage", "V"), "angle_rad": ("angle", "rad"), "angle_true_rad": ("true angle", "rad")}
-STEP_TOLERANCE = 0.01  # a time step may differ from the middle one by this part of it: printed digits, not a lost sample
+STEP_TOLERANCE = (
+    0.01  # a time step may differ from the middle one by this part of it: printed digits, not a lost sample
+)
 
 
 @dataclass(frozen=True)
@@ -84,10 +86,10 @@ def _columns(table: Table, input: str | None, output: str | None) -> tuple[str, 
             notes.append(f"read column {input!r} as the input and {output!r} as the output")
     missing = [option for option, given in (("--input", input), ("--output", output)) if given is None]
     if missing:
-        raise InputError(
-            f"{table.path}: found {len(names)} columns ({', '.join(names)}); name one with {' and one with '.join(missing)}"
-        )
-    assert input is not None and output is not None
+        wanted = " and one with ".join(missing)
+        raise InputError(f"{table.path}: found {len(names)} columns ({', '.join(names)}); name one with {wanted}")
+    assert input is not None
+    assert output is not None
     if input == output and input in names:
         raise InputError(f"{table.path}: column {input!r} is given as input and as output; name two columns")
     return input, output, notes

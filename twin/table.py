@@ -28,7 +28,7 @@ class Table:
     decimal: str = "."
 
     def numbers(self, name: str) -> np.ndarray:
-        """Column `name` (n,) as float64; raises InputError with the place of the first cell that is no finite number."""
+        """Column `name` (n,) as float64; raises InputError with the place of the first cell that is not finite."""
         if name not in self.names:
             error = unknown("column", name, self.names)
             raise InputError(f"{self.path}: {error}")

@@ -1,0 +1,54 @@
+"""`qpal`: one verb a file, no maths; bad input ends in one line and exit code 2."""
+
+import signal
+import sys
+from collections.abc import Sequence
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run `qpal` with `arguments` (the process's own when None) and return the exit code.
+
+    0: done. 1: a check that the verb ran did not hold. 2: bad input, said in one line on standard error. 130: stopped.
+    """
+    from typer.exceptions import TyperException
+
+    from sysid.errors import InputError
+    from twin.cli.app import build
+
+    previous = _stop_on_terminate()
+    try:
+        code = build()(list(sys.argv[1:] if arguments is None else arguments), prog_name="qpal", standalone_mode=False)
+        sys.stdout.flush()
+    except InputError as error:
+        return _fail(str(error))
+    except TyperException as error:
+        return _fail(f"{error.format_message()} See: qpal --help")
+    except BrokenPipeError:
+        # The reader of our output went away (`qpal ... | head`): nothing is wrong, and nobody is left to tell.
+        sys.stdout = None  # type: ignore[assignment]
+        return 0
+    except KeyboardInterrupt:
+        code = 130
+    finally:
+        if previous is not None:
+            signal.signal(signal.SIGTERM, previous)
+    if code == 130:
+        print("qpal: stopped; nothing was written", file=sys.stderr)
+    return code if isinstance(code, int) else 0
+
+
+def _fail(sentence: str) -> int:
+    print("qpal: " + " ".join(sentence.split()), file=sys.stderr)
+    return 2
+
+
+def _stop_on_terminate():
+    """Makes a polite kill clean up like Ctrl-C; returns the former handler, or None outside the main thread."""
+
+    def stop(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        return signal.signal(signal.SIGTERM, stop)
+    except ValueError:
+        return None

@@ -37,7 +37,9 @@ def read_table(path: str | os.PathLike[str]) -> Table:
             raise InputError(f"{path} is empty; give a file with at least one column of input and one of output")
         return TABLE[path.suffix.lower()]().read(path)
     except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror or error}); check that it is a readable file") from None
+        raise InputError(
+            f"{path} cannot be read ({error.strerror or error}); check that it is a readable file"
+        ) from None
 
 
 __all__ = ["TABLE", "Delimited", "Mat", "Parquet", "Reader", "read_table"]

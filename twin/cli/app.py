@@ -1,0 +1,23 @@
+"""The table of verbs."""
+
+import typer
+
+from twin.cli.identify import identify
+from twin.cli.reproduce import reproduce
+from twin.cli.simulate import simulate
+
+VERBS = (reproduce, simulate, identify)
+
+
+def build() -> typer.Typer:
+    """The command line with every verb."""
+    app = typer.Typer(
+        name="qpal",
+        help="Digital twin of a robot leg, and identification that is checked against it.",
+        add_completion=False,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+    )
+    for verb in VERBS:
+        app.command()(verb)
+    return app

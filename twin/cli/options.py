@@ -1,0 +1,42 @@
+"""Options that verbs share, and the ones whose text has to be taken apart."""
+
+from typing import Annotated
+
+import typer
+
+from sysid.errors import InputError
+
+Out = Annotated[
+    str | None, typer.Option("--out", metavar="DIR", help="where to write; runs/<stamp>-<verb> if not given")
+]
+Json = Annotated[bool, typer.Option("--json", help="print the summary alone, as JSON")]
+
+
+def orders(text: str) -> tuple[int, int, int]:
+    """nb, nf, nk out of '2,3,1'."""
+    parts = [part.strip() for part in text.split(",")]
+    allowed = "give three whole numbers nb,nf,nk, for example 2,3,1"
+    if len(parts) != 3:
+        raise InputError(f"--orders is {text!r} with {len(parts)} part(s); {allowed}")
+    try:
+        nb, nf, nk = (int(part) for part in parts)
+    except ValueError:
+        raise InputError(f"--orders is {text!r}, which are not all whole numbers; {allowed}") from None
+    for name, value, least in (("nb", nb, 1), ("nf", nf, 0), ("nk", nk, 0)):
+        if not least <= value <= 100:
+            raise InputError(f"--orders is {text!r} with {name} {value}; give {name} from {least} to 100")
+    return nb, nf, nk
+
+
+def seed(value: int) -> int:
+    """A seed that NumPy takes."""
+    if value < 0:
+        raise InputError(f"--seed is {value}; give a whole number from 0 on")
+    return value
+
+
+def seconds(option: str, value: float) -> float:
+    """A positive, finite number of seconds."""
+    if not 0 < value < float("inf"):
+        raise InputError(f"{option} is {value:g}; give a positive number of seconds")
+    return value

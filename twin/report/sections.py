@@ -1,0 +1,156 @@
+"""What more than one report shows: each piece draws from finished numbers and says in a sentence what to see."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from twin.evaluation import Evaluation
+from twin.report import figures, style
+from twin.report.page import Grid, Picture
+from twin.report.units import number, percent, pole, poles, shown
+
+
+def picture_of_step(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
+    """Step response of the tangent linear model, where there is one."""
+    e = evaluation
+    if e.step is None:
+        return None
+    u, y = shown(e.estimation.u_name, e.estimation.u_unit), shown(e.estimation.y_name, e.estimation.y_unit)
+    last = float(e.step.y[-1]) * y.factor
+    caption = (
+        f"{lead}Step response of the linear model that is tangent to the fit at the mean input: it ends at "
+        f"{number(last, 3)} {y.unit or 'units of y'} per {u.unit or 'unit of u'} after {e.step.x[-1]:.3g} s."
+    )
+    return Picture(name, style.png(figures.step_response(e.step, u, y)), caption)
+
+
+def picture_of_poles(
+    name: str, evaluation: Evaluation, lead: str = "", references: dict[str, np.ndarray] | None = None
+) -> Picture:
+    """Pole-zero map with a sentence on stability."""
+    p = evaluation.fit.poles
+    inside = "all poles lie inside the unit circle, the model is stable" if evaluation.stable else "UNSTABLE"
+    if not evaluation.stable:
+        inside = f"{int(np.sum(np.abs(p) >= 1))} pole(s) lie on or outside the unit circle, the model is not stable"
+    caption = f"{lead}Poles and zeros of the linear block: {inside} (poles {poles(p)})."
+    return Picture(name, style.png(figures.pole_zero(p, evaluation.fit.zeros, references)), caption)
+
+
+def picture_of_residuals(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
+    """Residual tests with the verdict in words, where the record was long enough for them."""
+    tests = evaluation.tests
+    if tests is None:
+        return None
+    caption = (
+        f"{lead}Tests of the validation residuals of the free run. {tests_in_words(evaluation)} A model that explains "
+        f"everything but noise stays inside the {tests.level:.0%} bounds."
+    )
+    return Picture(name, style.png(figures.residuals(tests)), caption)
+
+
+def tests_in_words(evaluation: Evaluation) -> str:
+    """Both verdicts with their counts."""
+    t = evaluation.tests
+    if t is None:
+        return "The validation part is too short for residual tests."
+    white = "white" if t.white else "not white"
+    independent = "independent of the input" if t.independent else "not independent of the input"
+    return (
+        f"The residuals are {white} ({t.whiteness_outside} of {len(t.lags) - 1} lags outside) and {independent} "
+        f"({t.independence_outside} of {len(t.cross_lags)} lags outside)."
+    )
+
+
+def picture_of_close_ups(name: str, evaluation: Evaluation, lead: str = "") -> Picture:
+    """First upper and lower peak of the validation output."""
+    caption = f"{lead}Close-up of the first upper and lower peak of the validation part: dots are samples."
+    return Picture(name, style.png(figures.close_ups(evaluation)), caption)
+
+
+def picture_of_maps(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
+    """Static curves, where the structure has any."""
+    if not evaluation.maps:
+        return None
+    caption = (
+        f"{lead}Static {' and '.join(evaluation.maps)} map over the range that the estimation data visited. Only the "
+        "shape counts: a gain can move between a map and the linear block without changing the model."
+    )
+    return Picture(name, style.png(figures.static_maps(evaluation.maps)), caption)
+
+
+def pole_grid(evaluation: Evaluation) -> Grid:
+    """Poles with standard deviation and time constant, then zeros."""
+    fit = evaluation.fit
+    rows = [
+        ("pole", pole_exact(z), number(std, 2), number(abs(z), 5), _time_constant(z, fit.Ts))
+        for z, std in zip(fit.poles.tolist(), fit.pole_std.tolist(), strict=True)
+    ]
+    rows += [("zero", pole_exact(z), "–", number(abs(z), 5), "–") for z in fit.zeros.tolist()]
+    return Grid(("", "z", "std", "|z|", "time constant [s]"), rows, "Poles and zeros of the linear block")
+
+
+def pole_exact(z: complex) -> str:
+    """One pole of a pair with the sign of its imaginary part."""
+    sign = "−" if z.imag < 0 else "+"
+    return pole(complex(z.real)) if abs(z.imag) < 5e-5 else f"{pole(complex(z.real))} {sign} {abs(z.imag):.4f}i"
+
+
+def parameter_grid(evaluation: Evaluation, caption: str = "All parameters") -> Grid:
+    """Name, value, standard deviation and unit of every parameter."""
+    rows = [
+        (p.name, number(p.value, 5), number(p.std, 2), p.unit or "–", "free" if p.free else "fixed")
+        for p in evaluation.fit.parameters
+    ]
+    return Grid(("parameter", "value", "std", "unit", ""), rows, caption)
+
+
+def criteria_grid(evaluation: Evaluation) -> Grid:
+    """Fit of both parts and the criteria of the estimation part."""
+    c = evaluation.fit.criteria
+    rows = [
+        ("fit, free run, validation part", percent(evaluation.validation_fit)),
+        ("fit, free run, estimation part", percent(evaluation.estimation_fit)),
+        ("loss V = mean squared error", number(c.loss)),
+        ("FPE", number(c.fpe)),
+        ("AIC", number(c.aic)),
+        ("AICc", number(c.aicc)),
+        ("nAIC", number(c.naic)),
+        ("BIC", number(c.bic)),
+        ("free parameters d / samples N", f"{c.d} / {c.N}"),
+    ]
+    return Grid(("criterion", "value"), rows)
+
+
+def search_sentence(evaluation: Evaluation) -> str:
+    """Why the search stopped, after how much work."""
+    stop, s = evaluation.fit.stop, evaluation.setting
+    plural = "" if s.starts == 1 else f" from the best of {s.starts} starts"
+    return (
+        f"Search {s.search}{plural}: {stop.reason} ({stop.iterations} iterations, {stop.evaluations} evaluations, "
+        f"{evaluation.fit.seconds:.2g} s)."
+    )
+
+
+def setting_in_words(evaluation: Evaluation) -> str:
+    """Structure, orders and maps in one phrase."""
+    s = evaluation.setting
+    maps = [f"{role} map {name.replace('_', ' ')}" for role, name in _map_names(evaluation)]
+    return ", ".join([f"{s.structure.replace('_', '-')} (nb {s.nb}, nf {s.nf}, nk {s.nk})", *maps])
+
+
+def only(pictures: Sequence[Picture | None]) -> list[Picture]:
+    """Those that exist."""
+    return [p for p in pictures if p is not None]
+
+
+def _map_names(evaluation: Evaluation) -> list[tuple[str, str]]:
+    s = evaluation.setting
+    given = {"input": s.input_map, "output": s.output_map}
+    return [(role, name) for role, name in given.items() if name is not None]
+
+
+def _time_constant(z: complex, Ts: float) -> str:
+    size = abs(z)
+    if size >= 1.0:
+        return "none"
+    return number(-Ts / np.log(size), 3) if size > 0 else "0"

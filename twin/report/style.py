@@ -1,0 +1,114 @@
+"""One look for every figure, and the one place where a figure becomes a PNG."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from functools import wraps
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+INK = "#1f2933"  # measured data, text
+MODEL = "#c2410c"  # the model's free run
+INPUT = "#2f6f8f"
+SECOND = "#7a8794"  # bounds, references, the part that is not looked at
+GOOD = "#2e7d4f"
+
+RC = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],  # travels with matplotlib: the same letters on every machine
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.titleweight": "bold",
+    "axes.titlecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": "#9aa5b1",
+    "axes.linewidth": 0.8,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#e4e7eb",
+    "grid.linewidth": 0.7,
+    "xtick.color": "#52606d",
+    "ytick.color": "#52606d",
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.3,
+    "lines.solid_capstyle": "round",
+    "figure.facecolor": "white",
+    "agg.path.chunksize": 20000,
+}
+WIDTH = 8.0  # [inch]
+DPI = 125
+POINTS = 4000  # a line gets at most about this many: more than the picture has pixels
+
+
+def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Runs a function that draws a figure in the house style, and leaves matplotlib's own settings as they were."""
+
+    @wraps(draw)
+    def drawn(*args, **kwargs):
+        from matplotlib import rc_context
+
+        with rc_context(RC):
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+def sheet(rows: int = 1, columns: int = 1, height: float = 2.6, sharex: bool = False) -> tuple[Figure, np.ndarray]:
+    """An empty figure and its axes (rows, columns); for use inside a `styled` function."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, sharex=sharex, squeeze=False)
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as PNG."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    buffer = io.BytesIO()
+    with rc_context(RC):
+        FigureCanvasAgg(figure)
+        figure.savefig(buffer, format="png", dpi=DPI)
+    return buffer.getvalue()
+
+
+def image_png(rgb: np.ndarray) -> bytes:
+    """An image (height, width, 3) of uint8 as PNG."""
+    from matplotlib.image import imsave
+
+    buffer = io.BytesIO()
+    imsave(buffer, rgb, format="png")
+    return buffer.getvalue()
+
+
+def line(axes: Axes, x: np.ndarray, y: np.ndarray, steps: bool = False, **kwargs) -> None:
+    """A line with no more points than can be seen: for long records the extremes of each bin, so no peak is lost."""
+    x, y = thin(np.asarray(x), np.asarray(y))
+    axes.plot(x, y, drawstyle="steps-post" if steps else "default", **kwargs)
+
+
+def thin(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """x and y (n,) reduced to the least and the largest y of each of POINTS / 2 bins, in order; short ones as they are."""
+    n = len(x)
+    if n <= POINTS:
+        return x, y
+    edges = np.linspace(0, n, POINTS // 2 + 1).astype(int)
+    keep = np.unique([a + f(y[a:b]) for a, b in pairwise(edges) for f in (np.argmin, np.argmax)])
+    return x[keep], y[keep]
+
+
+def legend(axes: Axes, **kwargs) -> None:
+    """A legend above the axes on the right, where it covers no data."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1, handlelength=1.6, **kwargs)

@@ -1,0 +1,63 @@
+"""What people read: degrees for radians, and numbers with as many digits as they mean."""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A name, the unit that is shown, and the factor from the stored unit to it."""
+
+    name: str
+    unit: str
+    factor: float = 1.0
+
+    @property
+    def label(self) -> str:
+        """For an axis: name [unit]."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+
+def shown(name: str, unit: str) -> Quantity:
+    """How a signal is shown: radians as degrees, everything else as it is."""
+    if unit == "rad":
+        return Quantity(name, "deg", 180.0 / math.pi)
+    return Quantity(name, unit)
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """`digits` significant digits, a power of ten only where it saves the reader zeros, a dash for nothing."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if value == 0:
+        return "0"
+    magnitude = math.floor(math.log10(abs(value)))
+    if -4 <= magnitude < 6:
+        text = f"{value:.{max(digits - 1 - magnitude, 0)}f}"
+    else:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        text = f"{mantissa}e{int(exponent)}"
+    return text.replace("-", "−")
+
+
+def percent(value: float) -> str:
+    """A fit with two decimals; below -1000 only that it is below."""
+    if not math.isfinite(value) or value < -1000:
+        return "< −1000 %"
+    return f"{value:.2f} %".replace("-", "−")
+
+
+def pole(value: complex) -> str:
+    """A pole with four decimals: 0.9743, or 0.81 ± 0.20i for the upper one of a pair."""
+    real = f"{value.real:.4f}".replace("-", "−")
+    if abs(value.imag) < 5e-5:
+        return real
+    return f"{real} ± {abs(value.imag):.4f}i"
+
+
+def poles(values) -> str:
+    """Poles in the order of falling size, each pair once."""
+    ordered = sorted((complex(p) for p in values), key=lambda p: (-round(abs(p), 6), p.real))
+    return ", ".join(pole(p) for p in ordered if p.imag > -5e-5) or "none"
