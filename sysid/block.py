@@ -63,9 +63,26 @@ class Block(ABC):
         """False where theta makes no usable block (an unstable filter, knots out of order)."""
         return True
 
+    def repair(self, theta: np.ndarray) -> np.ndarray:
+        """The admissible theta that a search tries instead of an inadmissible one; theta where it knows none."""
+        return theta
+
+    def at_low(self, theta: np.ndarray) -> np.ndarray:
+        """True (p,) for directions of `basis` that stand at a lower limit which the block's own nature sets."""
+        return np.zeros(self.n_parameters, dtype=bool)
+
+    def basis(self) -> np.ndarray:
+        """Columns (p, p): the directions in which a search sees this block's parameters."""
+        return np.eye(self.n_parameters)
+
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Another start near theta for the multi-start."""
         return theta
+
+    @cached_property
+    def has_basis(self) -> bool:
+        """True where `basis` is not the identity."""
+        return not np.array_equal(self.basis(), np.eye(self.n_parameters))
 
     @cached_property
     def n_parameters(self) -> int:

@@ -51,6 +51,11 @@ class Chain:
         return tuple(replace(s, lower=lo, upper=up) for s, (lo, up) in zip(slots, limits, strict=True))
 
     @cached_property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds (P,)."""
+        return np.array([s.lower for s in self.slots]), np.array([s.upper for s in self.slots])
+
+    @cached_property
     def free(self) -> np.ndarray:
         """True (P,) where a parameter is searched for."""
         return np.array([n not in self.fixed for n in self.names], dtype=bool)
@@ -83,6 +88,31 @@ class Chain:
     def admissible(self, theta: np.ndarray) -> bool:
         """False where theta makes no usable chain (unstable, knots out of order, outside the bounds)."""
         return bool(np.all(np.isfinite(theta))) and all(b.admissible(self.part(theta, b)) for b in self.blocks)
+
+    @cached_property
+    def basis(self) -> np.ndarray:
+        """Columns (P, P): directions that a search moves along; blocks with fixed parameters keep their own axes."""
+        M = np.eye(len(self.names))
+        for b in self.blocks:
+            if self.free[self.index(b)].all():
+                M[self.index(b), self.index(b)] = b.basis()
+        return M
+
+    def at_limit(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """True (P,) for directions of `basis` that cannot go lower, and for those that cannot go higher."""
+        low, high = self.limits
+        at_low, at_high = theta <= low, theta >= high
+        for b in self.blocks:
+            if self.free[self.index(b)].all():
+                at_low[self.index(b)] |= b.at_low(self.part(theta, b))
+        return at_low, at_high
+
+    def repair(self, theta: np.ndarray) -> np.ndarray:
+        """theta within the bounds and with every block's own repair."""
+        theta = np.clip(theta, *self.limits)
+        for b in self.blocks:
+            theta[self.index(b)] = b.repair(self.part(theta, b))
+        return theta
 
     def simulate(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Free run: output (N,) for input u (N,)."""

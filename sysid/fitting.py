@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -165,7 +165,7 @@ def fit(
     model: Chain,
     data: IOData,
     search: str = "auto",
-    starts: int = 1,
+    starts: int = 5,
     seed: int = 0,
     options: Options | None = None,
     start: np.ndarray | None = None,
@@ -193,7 +193,7 @@ def fit(
                 f"none of {len(points)} start(s) gives a usable model: {outcomes[best].stop.reason}; "
                 "detrend the data or lower the orders"
             )
-        theta = ChainProblem(model, points[best], u, y, model.free).full(outcomes[best].p)
+        theta = ChainProblem.whole(model, points[best], u, y).theta(outcomes[best].p)
         yhat, J = model.tangent(theta, u)
         d = model.count(theta)
         cov = covariance(J, y - yhat, model.gauge(theta), model.free, d)
@@ -238,18 +238,37 @@ def _search_all(
     options: Options,
     progress: Callable[[str], None] | None,
 ) -> list[Outcome]:
-    def run(theta: np.ndarray) -> Outcome:
-        problem = ChainProblem(model, theta, u, y, model.free)
-        outcome = iterate(problem, problem.p, make_search(search), options)
+    problems = [ChainProblem.whole(model, theta, u, y) for theta in points]
+
+    def run(job: tuple[ChainProblem, np.ndarray, Options]) -> Outcome:
+        problem, p, limits = job
+        outcome = iterate(problem, p, make_search(search), limits)
         if progress is not None:
             progress(f"{model.structure}: loss {outcome.cost / len(y):.4g} after {outcome.stop.iterations} iterations")
         return outcome
 
     if len(points) == 1:
-        return [run(points[0])]
+        return [run((problems[0], problems[0].start, options))]
     # Threads, not processes: the loops over samples release the interpreter's lock and nothing is copied.
     with ThreadPoolExecutor(min(len(points), available())) as pool:
-        return list(pool.map(run, points))
+        trial = replace(options, max_iterations=min(_TRIAL, options.max_iterations))
+        outcomes = list(pool.map(run, [(problem, problem.start, trial) for problem in problems]))
+        leaders = [int(k) for k in np.argsort([o.cost for o in outcomes], kind="stable")[:_LEADERS]]
+        ends = pool.map(run, [(problems[k], outcomes[k].p, options) for k in leaders])
+        for k, end in zip(leaders, ends, strict=True):
+            outcomes[k] = _joined(outcomes[k], end)
+    return outcomes
+
+
+# Every start gets a few iterations, then only the leaders go on: a start that is far behind by then seldom wins.
+_TRIAL, _LEADERS = 15, 2
+
+
+def _joined(first: Outcome, then: Outcome) -> Outcome:
+    iterations = first.stop.iterations + then.stop.iterations
+    stop = replace(then.stop, iterations=iterations, evaluations=first.stop.evaluations + then.stop.evaluations)
+    rows = tuple({**row, "iteration": row["iteration"] + first.stop.iterations} for row in then.history)
+    return Outcome(then.p, then.cost, stop, first.history + rows)
 
 
 def _check(model: Chain, u: np.ndarray, y: np.ndarray) -> None:

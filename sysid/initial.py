@@ -32,52 +32,80 @@ def linear_start(chain: Chain, u: np.ndarray, y: np.ndarray) -> np.ndarray:
     return theta
 
 
-def refined_iv(
-    linear: TransferFunction, w: np.ndarray, y: np.ndarray, iterations: int = 20
-) -> tuple[np.ndarray, np.ndarray]:
-    """b (nb,) and f (nf,) of y = B/F w by refined instrumental variables (Young 2011, Recursive Estimation, ch. 7).
+def output_error_start(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Parameters of a linear block (p,) for w, y (N,): the best of several linear starts after output error each.
+
+    A record sampled much faster than its dynamics hides them (all poles crowd at 1), so refined IV is also run on
+    thinned records, and those poles are brought back to the full rate.
+    """
+    options, best, best_cost = Options(max_iterations=30, tolerance=0.1), np.zeros(linear.n_parameters), np.inf
+    for f in _denominators(linear, w, y):
+        theta = np.zeros(linear.n_parameters)
+        theta[linear.nb : linear.nb + linear.nf] = f
+        _solve_linear(linear, theta, w, y)
+        problem = ChainProblem.whole(Chain((linear,)), theta, w, y)
+        out = iterate(problem, problem.start, LevenbergMarquardt(), options)
+        if out.cost < best_cost:
+            best, best_cost = problem.theta(out.p), out.cost
+    return best
+
+
+def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iterations: int = 20) -> np.ndarray:
+    """f (nf,) of y = B/F w by refined instrumental variables (Young 2011, Recursive Estimation, chapter 7).
 
     Regressors are filtered by the last 1/F, instruments are the last model's own noise-free output; poles outside the
     unit circle are mirrored inside before each pass. The pass that fits best in free run is returned.
     """
     from sysid.kernels import all_pole
 
-    f, x = np.zeros(linear.nf), y
-    best: tuple[float, np.ndarray, np.ndarray] | None = None
+    linear = TransferFunction(nb, nf, nk, initial_state=False)
+    f, x, best, best_cost = np.zeros(nf), y, np.zeros(nf), np.inf
     for _ in range(iterations):
-        filtered = []
-        for signal in (w, y, x):
-            g = np.empty_like(signal)
-            all_pole(f, signal, g)
-            filtered.append(g)
-        wf, yf, xf = filtered
-        inputs = [_delay(wf, linear.nk + i) for i in range(linear.nb)]
-        regressors = np.column_stack([-_delay(yf, j + 1) for j in range(linear.nf)] + inputs)
-        instruments = np.column_stack([-_delay(xf, j + 1) for j in range(linear.nf)] + inputs)
-        # Least squares through the instruments; lstsq, since a poor excitation leaves directions empty.
+        wf, yf, xf = np.empty_like(w), np.empty_like(w), np.empty_like(w)
+        for signal, filtered in ((w, wf), (y, yf), (x, xf)):
+            all_pole(f, signal, filtered)
+        inputs = [_delay(wf, nk + i) for i in range(nb)]
+        regressors = np.column_stack([-_delay(yf, j + 1) for j in range(nf)] + inputs)
+        instruments = np.column_stack([-_delay(xf, j + 1) for j in range(nf)] + inputs)
+        # lstsq, since a poor excitation leaves directions empty.
         theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ yf, rcond=1e-12)[0]
-        f, b = _stable(theta[: linear.nf]), theta[linear.nf :]
-        x = _simulate(linear, b, f, w)
-        cost = float(np.sum((y - x) ** 2))
-        if np.isfinite(cost) and (best is None or cost < best[0]):
-            converged = best is not None and best[0] - cost < 1e-6 * cost
-            best = (cost, b, f)
+        f = _mirrored(theta[:nf])
+        with np.errstate(over="ignore", invalid="ignore"):
+            x = linear.propagate(np.concatenate([theta[nf:], f]), w, np.empty((len(w), 0)), 0)
+            cost = float(np.sum((y - x) ** 2))
+        if not np.isfinite(cost):
+            break
+        if cost < best_cost:
+            converged = best_cost - cost < 1e-6 * cost
+            best, best_cost = f, cost
             if converged:
                 break
-        if not np.all(np.isfinite(x)):
+    return best
+
+
+def _denominators(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
+    """Candidates for f (nf,) from the record and from thinned ones."""
+    found = [refined_iv(linear.nb, linear.nf, linear.nk, w, y)]
+    for thin in (4, 16, 64, 256):
+        n = len(w) // thin
+        if linear.nf == 0 or n < 20 * (linear.nb + linear.nf):
             break
-    return (best[1], best[2]) if best is not None else (np.zeros(linear.nb), np.zeros(linear.nf))
+        means = w[: n * thin].reshape(n, thin).mean(axis=1)
+        slow = refined_iv(linear.nf, linear.nf, 1, means, y[: n * thin : thin])
+        poles = np.roots(np.concatenate([[1.0], slow])).astype(complex)
+        # A pole on the negative real axis is the alias of none; it becomes a fast one.
+        poles = np.where((poles.real <= 0) & (np.abs(poles.imag) < 1e-12), 1e-3, poles)
+        found.append(np.real(np.poly(poles ** (1.0 / thin)))[1:])
+    return found
 
 
-def output_error_start(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Parameters of a linear block (p,): refined IV, then output error by Levenberg-Marquardt."""
-    chain = Chain((linear,))
-    theta = np.zeros(linear.n_parameters)
-    b, f = refined_iv(linear, w, y)
-    theta[: linear.nb], theta[linear.nb : linear.nb + linear.nf] = b, f
-    problem = ChainProblem(chain, theta, w, y, np.ones(len(theta), dtype=bool))
-    out = iterate(problem, theta, LevenbergMarquardt(), Options(max_iterations=50, tolerance=0.1))
-    return out.p if np.isfinite(out.cost) else theta
+def _solve_linear(linear: TransferFunction, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> None:
+    """Fill B and the initial state in theta (p,) by least squares for the F that stands there."""
+    J = np.empty((len(w), linear.n_parameters))
+    linear.propagate(theta, w, J, 0)
+    enters = np.r_[0 : linear.nb, linear.nb + linear.nf : linear.n_parameters]  # these enter linearly
+    if np.all(np.isfinite(J[:, enters])):
+        theta[enters] = np.linalg.lstsq(J[:, enters], y, rcond=1e-12)[0]
 
 
 def estimate_initial(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -85,15 +113,14 @@ def estimate_initial(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarr
 
     The search starts from rest and from the steady state that comes nearest to y; the better end counts.
     """
-    initial = chain.initial
-    if not initial.any():
+    if not chain.initial.any():
         return theta
     best, best_cost = theta, np.inf
     for candidate in (_at_rest(chain, theta), _steady(chain, theta, u, y)):
-        problem = ChainProblem(chain, candidate, u, y, initial)
-        out = iterate(problem, problem.p, LevenbergMarquardt(), Options(max_iterations=50))
+        problem = ChainProblem.initial_state(chain, candidate, u, y)
+        out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=50))
         if out.cost < best_cost:
-            best, best_cost = problem.full(out.p), out.cost
+            best, best_cost = problem.theta(out.p), out.cost
     return best
 
 
@@ -207,17 +234,11 @@ def _delay(x: np.ndarray, k: int) -> np.ndarray:
     return np.concatenate([np.zeros(k), x[: len(x) - k]])
 
 
-def _stable(f: np.ndarray) -> np.ndarray:
+def _mirrored(f: np.ndarray) -> np.ndarray:
+    """f (n,) with the roots outside the unit circle mirrored inside."""
     if not len(f) or not np.all(np.isfinite(f)):
         return np.zeros(len(f))
     poles = np.roots(np.concatenate([[1.0], f])).astype(complex)
     outside = np.abs(poles) > 1.0
     poles[outside] = 1.0 / np.conj(poles[outside])
-    full = np.real(np.poly(poles))
-    return np.concatenate([full[1:], np.zeros(len(f) + 1 - len(full))])
-
-
-def _simulate(linear: TransferFunction, b: np.ndarray, f: np.ndarray, w: np.ndarray) -> np.ndarray:
-    theta = np.concatenate([b, f, np.zeros(linear.n_parameters - linear.nb - linear.nf)])
-    with np.errstate(over="ignore", invalid="ignore"):
-        return linear.propagate(theta, w, np.empty((len(w), 0)), 0)
+    return np.real(np.poly(poles))[1:]

@@ -22,6 +22,14 @@ class Problem(Protocol):
         """e = y - yhat (N,), or None where p makes no usable model."""
         ...
 
+    def repair(self, p: np.ndarray) -> np.ndarray:
+        """The usable point that a search tries in place of p; p itself where it is usable."""
+        ...
+
+    def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        """True (P,) where p stands at a limit and the descent direction points beyond it."""
+        ...
+
     def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """e (N,) and dyhat/dp (N, P)."""
         ...
@@ -124,14 +132,16 @@ class Linearisation:
         return 100.0 * float(np.sum(uz[s > self.noise_floor] ** 2)) / self.cost
 
 
+# What a search may do with a step: the cost after it and the step as taken (repaired where it led out of bounds).
+Attempt = Callable[[np.ndarray], tuple[float, np.ndarray]]
+
+
 class Search(Protocol):
     """One way to make a step; `memory` is its own between iterations."""
 
     name: str
 
-    def step(
-        self, lin: Linearisation, cost_at: Callable[[np.ndarray], float], memory: dict[str, Any], options: Options
-    ) -> Step | None:
+    def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         """A step that lowers the cost, or None where the method finds none."""
         ...
 
@@ -139,14 +149,13 @@ class Search(Protocol):
 def halve(
     lin: Linearisation,
     direction: np.ndarray,
-    cost_at: Callable[[np.ndarray], float],
+    attempt: Attempt,
     max_halvings: int,
     method: str,
 ) -> tuple[Step | None, int]:
     """First of direction, direction/2, ... that lowers the cost by a fair share of the promise, and its halvings."""
     for k in range(max_halvings + 1):
-        delta = direction * 0.5**k
-        cost = cost_at(delta)
+        cost, delta = attempt(direction * 0.5**k)
         if cost < lin.cost - 1e-4 * max(lin.predicted(delta), 0.0):
             return Step(delta, cost, method), k
     return None, max_halvings
@@ -170,7 +179,7 @@ def iterate(
     progress: Callable[[int, float], None] | None = None,
 ) -> Outcome:
     """Run `search` from p0 (P,) until a Gauss-Newton step promises less than the tolerance, or a limit is met."""
-    p, evaluations = np.array(p0), 0
+    p, evaluations, moving = np.array(p0), 0, np.ones(len(p0), dtype=bool)
     memory: dict[str, Any] = {}
     history: list[dict[str, Any]] = []
     e = problem.residual(p)
@@ -178,20 +187,23 @@ def iterate(
         return Outcome(p, np.inf, Stop("the start makes no usable model", False, 0, 1))
     cost, reason, converged, iteration = float(e @ e), "", False, 0
 
-    def cost_at(delta: np.ndarray) -> float:
+    def attempt(delta: np.ndarray) -> tuple[float, np.ndarray]:
         nonlocal evaluations
         evaluations += 1
-        e = problem.residual(p + delta)
-        if e is None:
-            return np.inf
-        trial = float(e @ e)
-        return trial if np.isfinite(trial) else np.inf
+        step = np.zeros_like(p)
+        step[moving] = delta
+        target = problem.repair(p + step)
+        e = problem.residual(target)
+        trial = float(e @ e) if e is not None else np.inf
+        return (trial if np.isfinite(trial) else np.inf), (target - p)[moving]
 
     for iteration in range(options.max_iterations + 1):
         if cost <= problem.size * (100.0 * _EPS) ** 2:
             reason, converged = "the loss is zero to rounding", True
             break
-        lin = Linearisation.of(*problem.linearise(p))
+        e, J = problem.linearise(p)
+        moving = ~problem.blocked(p, J.T @ e)
+        lin = Linearisation.of(e, J if moving.all() else J[:, moving])
         evaluations += 1
         expected = lin.expected_improvement
         if expected <= options.tolerance:
@@ -205,11 +217,12 @@ def iterate(
                 f"limit of {options.max_iterations} iterations reached; a further step still promises {expected:.2g} %"
             )
             break
-        step = search.step(lin, cost_at, memory, options)
+        step = search.step(lin, attempt, memory, options)
         if step is None:
             reason = f"{search.name} found no descent although a full step promises {expected:.2g} % of the loss"
             break
-        p, cost = p + step.delta, step.cost
+        p[moving] += step.delta
+        cost = step.cost
         history.append({"iteration": iteration + 1, "loss": cost / lin.N, "method": step.method, "expected": expected})
         if progress is not None:
             progress(iteration + 1, cost / lin.N)

@@ -1,7 +1,6 @@
-"""A chain and a record as a least-squares problem in the chain's free parameters."""
+"""A chain and a record as a least-squares problem."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -10,49 +9,68 @@ from sysid.chain import Chain
 
 @dataclass(frozen=True)
 class ChainProblem:
-    """min over p of sum (y - yhat)^2, with p the entries of theta where `free` is True and the others kept.
+    """min over p of sum (y - yhat)^2 with theta = theta0 + basis[:, moving] p.
 
-    theta (P,) gives the values that are kept; u and y are (N,).
+    theta0 (P,) is where p = 0; u and y are (N,); moving (P,) marks the directions of the chain's basis in p (n,).
     """
 
     chain: Chain
-    theta: np.ndarray
+    theta0: np.ndarray
     u: np.ndarray
     y: np.ndarray
-    free: np.ndarray
+    moving: np.ndarray
 
-    @cached_property
-    def _limits(self) -> tuple[np.ndarray, np.ndarray]:
-        slots = self.chain.slots
-        return np.array([s.lower for s in slots])[self.free], np.array([s.upper for s in slots])[self.free]
+    @classmethod
+    def whole(cls, chain: Chain, theta0: np.ndarray, u: np.ndarray, y: np.ndarray) -> "ChainProblem":
+        """All free parameters move, in the basis that their blocks ask for."""
+        return cls(chain, theta0, u, y, chain.free)
+
+    @classmethod
+    def initial_state(cls, chain: Chain, theta0: np.ndarray, u: np.ndarray, y: np.ndarray) -> "ChainProblem":
+        """Only the initial states move."""
+        return cls(chain, theta0, u, y, chain.initial)
 
     @property
-    def p(self) -> np.ndarray:
-        """The free parameters of `theta`."""
-        return self.theta[self.free]
+    def start(self) -> np.ndarray:
+        """p (n,) of theta0."""
+        return np.zeros(int(self.moving.sum()))
 
     @property
     def size(self) -> float:
         """y'y."""
         return float(self.y @ self.y)
 
-    def full(self, p: np.ndarray) -> np.ndarray:
-        """theta (P,) with the free entries replaced by p."""
-        theta = self.theta.copy()
-        theta[self.free] = p
-        return theta
+    def theta(self, p: np.ndarray) -> np.ndarray:
+        """All parameters (P,) at p (n,)."""
+        return self.theta0 + self.chain.basis[:, self.moving] @ p
+
+    def repair(self, p: np.ndarray) -> np.ndarray:
+        """p within the bounds, and where the chain is admissible if its blocks know how."""
+        theta = self.theta(p)
+        if not np.all(np.isfinite(theta)):
+            return p
+        repaired = self.chain.repair(theta)
+        if np.array_equal(repaired, theta):
+            return p
+        return p + np.linalg.solve(self.chain.basis, repaired - theta)[self.moving]
+
+    def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        """True (n,) where p stands at a limit and the descent direction `gradient` points beyond it."""
+        low, high = self.chain.at_limit(self.theta(p))
+        return (low[self.moving] & (gradient < 0)) | (high[self.moving] & (gradient > 0))
 
     def residual(self, p: np.ndarray) -> np.ndarray | None:
-        """e (N,), or None outside the bounds or where the chain is not admissible."""
-        lower, upper = self._limits
-        if np.any(p < lower) or np.any(p > upper):
-            return None
-        theta = self.full(p)
+        """e (N,), or None where the chain is not admissible."""
+        theta = self.theta(p)
         if not self.chain.admissible(theta):
             return None
         return self.y - self.chain.simulate(theta, self.u)
 
     def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """e (N,) and dyhat/dp (N, free parameters)."""
-        yhat, J = self.chain.tangent(self.full(p), self.u)
-        return self.y - yhat, J if self.free.all() else J[:, self.free]
+        """e (N,) and dyhat/dp (N, n)."""
+        yhat, J = self.chain.tangent(self.theta(p), self.u)
+        for b in self.chain.blocks:
+            part = self.chain.index(b)
+            if b.has_basis:
+                J[:, part] = J[:, part] @ self.chain.basis[part, part]
+        return self.y - yhat, J if self.moving.all() else J[:, self.moving]

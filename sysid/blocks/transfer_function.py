@@ -7,6 +7,7 @@ import numpy as np
 from sysid.block import Block, Slot, Symmetry
 from sysid.errors import InputError
 
+_MARGIN = 1e-9  # a double pole on the circle is only known to about this
 STABILITY = ("stable", "free")
 
 
@@ -71,7 +72,36 @@ class TransferFunction(Block):
         return float(b.sum() / F1) if F1 != 0 else np.inf
 
     def admissible(self, theta: np.ndarray) -> bool:
-        return self.stability == "free" or self.nf == 0 or bool(np.all(np.abs(self.poles(theta)) <= 1.0 + 1e-9))
+        return self.stability == "free" or self.nf == 0 or bool(np.all(np.abs(self.poles(theta)) <= 1.0 + _MARGIN))
+
+    def basis(self) -> np.ndarray:
+        """Coefficients in powers of (z - 1) in place of z (the delta operator, Middleton and Goodwin 1990).
+
+        Sampled fast, poles crowd at z = 1, and there the coefficients of F(z) all but cancel; in this basis the gain
+        at rest, F(1), is a coefficient of its own, and Levenberg-Marquardt's damping can tell slow from fast.
+        """
+        M = np.eye(self.n_parameters)
+        for start, n in ((0, self.nb), (self.nb, self.nf)):
+            # Row i of a coefficient vector stands for z^(n-1-i); column k for (z - 1)^(n-1-k).
+            for k in range(n):
+                M[start + k : start + n, start + k] = np.poly(np.ones(n - 1 - k))
+        return M
+
+    def at_low(self, theta: np.ndarray) -> np.ndarray:
+        """F(1) = 0, an integrator: below it a real pole leaves the unit circle."""
+        low = super().at_low(theta)
+        if self.stability == "stable" and self.nf:
+            low[self.nb + self.nf - 1] = 1.0 + self.split(theta)[1].sum() <= _MARGIN
+        return low
+
+    def repair(self, theta: np.ndarray) -> np.ndarray:
+        """A real pole beyond 1 is taken back to 1: F(1) < 0 becomes 0, the other coefficients in (z - 1) stay."""
+        excess = 1.0 + self.split(theta)[1].sum()
+        if self.stability != "stable" or not self.nf or excess >= 0.0:
+            return theta
+        repaired = theta.copy()
+        repaired[self.nb + self.nf - 1] -= excess
+        return repaired
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
         from sysid.kernels import all_pole, filter_tangent, lagged

@@ -1,11 +1,8 @@
 """Adaptive Gauss-Newton: the singular values to ignore are learnt from how often a step had to be halved."""
 
-from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
-from sysid.iterate import Linearisation, Options, Step, halve
+from sysid.iterate import Attempt, Linearisation, Options, Step, halve
 
 _GAMMA = 1e-4  # start; times 2 after five halvings, a quarter after a full step
 
@@ -15,14 +12,12 @@ class AdaptiveGaussNewton:
 
     name = "gna"
 
-    def step(
-        self, lin: Linearisation, cost_at: Callable[[np.ndarray], float], memory: dict[str, Any], options: Options
-    ) -> Step | None:
+    def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         gamma = memory.get("gamma", _GAMMA)
         largest = lin.svd[1][0] if len(lin.svd[1]) else 0.0
         found = None
         while found is None and gamma < 1.0:
-            found, halvings = halve(lin, lin.gauss_newton(gamma * largest), cost_at, 5, self.name)
+            found, halvings = halve(lin, lin.gauss_newton(gamma * largest), attempt, 5, self.name)
             if found is None:
                 gamma *= 2.0
             elif halvings == 0:

@@ -1,11 +1,8 @@
 """Automatic choice: the first of several methods that descends."""
 
-from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
-from sysid.iterate import Linearisation, Options, Search, Step
+from sysid.iterate import Attempt, Linearisation, Options, Search, Step
 from sysid.searches.adaptive_gauss_newton import AdaptiveGaussNewton
 from sysid.searches.gauss_newton import GaussNewton
 from sysid.searches.gradient import Gradient
@@ -20,11 +17,9 @@ class Auto:
     def __init__(self) -> None:
         self._methods: tuple[Search, ...] = (GaussNewton(), LevenbergMarquardt(), AdaptiveGaussNewton(), Gradient())
 
-    def step(
-        self, lin: Linearisation, cost_at: Callable[[np.ndarray], float], memory: dict[str, Any], options: Options
-    ) -> Step | None:
+    def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         for method in self._methods:
-            step = method.step(lin, cost_at, memory.setdefault(method.name, {}), options)
+            step = method.step(lin, attempt, memory.setdefault(method.name, {}), options)
             if step is not None:
                 return step
         return None

@@ -1,11 +1,8 @@
 """Gauss-Newton over the singular directions above the noise floor, halved until it descends."""
 
-from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
-from sysid.iterate import Linearisation, Options, Step, halve
+from sysid.iterate import Attempt, Linearisation, Options, Step, halve
 
 
 class GaussNewton:
@@ -13,7 +10,5 @@ class GaussNewton:
 
     name = "gn"
 
-    def step(
-        self, lin: Linearisation, cost_at: Callable[[np.ndarray], float], memory: dict[str, Any], options: Options
-    ) -> Step | None:
-        return halve(lin, lin.gauss_newton(lin.noise_floor), cost_at, options.max_halvings, self.name)[0]
+    def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
+        return halve(lin, lin.gauss_newton(lin.noise_floor), attempt, options.max_halvings, self.name)[0]

@@ -1,11 +1,8 @@
 """Steepest descent, scaled by the minimum of the linear model along it."""
 
-from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
-from sysid.iterate import Linearisation, Options, Step, halve
+from sysid.iterate import Attempt, Linearisation, Options, Step, halve
 
 
 class Gradient:
@@ -13,12 +10,10 @@ class Gradient:
 
     name = "gradient"
 
-    def step(
-        self, lin: Linearisation, cost_at: Callable[[np.ndarray], float], memory: dict[str, Any], options: Options
-    ) -> Step | None:
+    def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         g = lin.gradient / lin.scale**2
         Rg = lin.R @ g
         size = float(Rg @ Rg)
         if size <= 0.0:
             return None
-        return halve(lin, g * float(Rg @ lin.z) / size, cost_at, options.max_halvings, self.name)[0]
+        return halve(lin, g * float(Rg @ lin.z) / size, attempt, options.max_halvings, self.name)[0]

@@ -1,11 +1,8 @@
 """Levenberg-Marquardt in columns of unit norm."""
 
-from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
-from sysid.iterate import Linearisation, Options, Step
+from sysid.iterate import Attempt, Linearisation, Options, Step
 
 _DAMPING, _FACTOR, _FLOOR = 1e-3, 2.0, 1e-14
 
@@ -18,13 +15,11 @@ class LevenbergMarquardt:
 
     name = "lm"
 
-    def step(
-        self, lin: Linearisation, cost_at: Callable[[np.ndarray], float], memory: dict[str, Any], options: Options
-    ) -> Step | None:
+    def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         damping, growth = memory.get("damping", _DAMPING), _FACTOR
         for _ in range(2 * options.max_halvings):
-            delta = lin.damped(damping)
-            cost, promised = cost_at(delta), lin.predicted(delta)
+            cost, delta = attempt(lin.damped(damping))
+            promised = lin.predicted(delta)
             if cost < lin.cost - 1e-4 * max(promised, 0.0):
                 ratio = (lin.cost - cost) / promised if promised > 0 else 0.0
                 memory["damping"] = max(damping * max(0.1, 1.0 - (2.0 * ratio - 1.0) ** 3), _FLOOR)
