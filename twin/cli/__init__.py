@@ -25,7 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(f"{error.format_message()} See: qpal --help")
     except BrokenPipeError:
         # The reader of our output went away (`qpal ... | head`): nothing is wrong, and nobody is left to tell.
-        sys.stdout = None  # type: ignore[assignment]
+        sys.stdout = None
         return 0
     except KeyboardInterrupt:
         code = 130

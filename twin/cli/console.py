@@ -45,7 +45,7 @@ def show(grid: Grid) -> None:
 
     table = Table(box=box.SIMPLE_HEAD, title=grid.caption or None, title_justify="left", pad_edge=False)
     for j, heading in enumerate(grid.headings):
-        table.add_column(escape(heading), justify="left" if j < grid.text_columns else "right", no_wrap=True)
+        table.add_column(escape(heading), justify="left" if grid.is_text(j) else "right", overflow="fold")
     for i, row in enumerate(grid.rows):
         table.add_row(*map(escape, row), style="dim" if i in grid.quiet_rows else None)
     console = Console()

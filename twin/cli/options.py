@@ -28,15 +28,13 @@ def orders(text: str) -> tuple[int, int, int]:
     return nb, nf, nk
 
 
+def names(text: str) -> tuple[str, ...]:
+    """Names out of 'a,b'; none out of an empty text."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
 def seed(value: int) -> int:
     """A seed that NumPy takes."""
     if value < 0:
         raise InputError(f"--seed is {value}; give a whole number from 0 on")
-    return value
-
-
-def seconds(option: str, value: float) -> float:
-    """A positive, finite number of seconds."""
-    if not 0 < value < float("inf"):
-        raise InputError(f"{option} is {value:g}; give a positive number of seconds")
     return value

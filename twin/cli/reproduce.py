@@ -1,15 +1,39 @@
 """`qpal reproduce`: the paper's protocol on the three joints of the twin."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from twin.cli import options
+from twin.cli import console, options
+from twin.cli.output import default_folder, output_folder
 
 
 def reproduce(
     seed: Annotated[int, typer.Option(metavar="N", help="of the twin's noise")] = 0,
+    duration: Annotated[float, typer.Option(metavar="S", help="length of each record [s]")] = 250.0,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
     """Run the paper's protocol on the three joints and compare with the paper and with truth."""
+    from twin import protocol
+    from twin.report import reproduce as report
+    from twin.report.reproduce import Stills
+    from twin.report.page import write
+    from twin.stills import NoRenderer, leg_stills
+
+    folder = Path(out) if out is not None else default_folder("reproduce")
+    with output_folder(folder) as scratch, console.progress(protocol.STEPS + 2) as step:
+        result = protocol.run(options.seed(seed), duration, step)
+        step("3-D stills of the leg")
+        stills: Stills
+        try:
+            stills = leg_stills()
+        except NoRenderer as reason:
+            stills = str(reason)
+        step("drawing the report")
+        write(scratch, report.page(result, stills), result.as_dict())
+    tables = [report.table(result), report.truth_table(result)]
+    console.finish(folder, result.as_dict(), as_json, tables, report.verdict(result))
+    if not result.holds:
+        raise typer.Exit(1)

@@ -32,6 +32,15 @@ def raw_data(data: IOData, seconds: float | None = None) -> Figure:
 
 
 @styled
+def measurement_error(t: np.ndarray, measured: np.ndarray, true: np.ndarray) -> Figure:
+    """Measured less true angle [rad], shown in degrees."""
+    figure, axes = style.sheet(height=2.2)
+    style.line(axes[0, 0], t, np.degrees(measured - true), color=style.SECOND, linewidth=0.8)
+    axes[0, 0].set(xlabel="time [s]", ylabel="error [deg]", title="measured less true angle")
+    return figure
+
+
+@styled
 def preprocessed(estimation: IOData, validation: IOData) -> Figure:
     """Input and output after preprocessing, with the two parts told apart."""
     u, y = shown(estimation.u_name, estimation.u_unit), shown(estimation.y_name, estimation.y_unit)

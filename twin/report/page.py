@@ -34,6 +34,11 @@ class Grid:
     caption: str = ""
     text_columns: int = 1
     quiet_rows: frozenset[int] = frozenset()  # rows shown for reference, in grey
+    last_text: bool = False  # the last column is text too
+
+    def is_text(self, j: int) -> bool:
+        """Whether column j is aligned as text."""
+        return j < self.text_columns or (self.last_text and j == len(self.headings) - 1)
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ def picture_of_step(name: str, evaluation: Evaluation, lead: str = "") -> Pictur
     u, y = shown(e.estimation.u_name, e.estimation.u_unit), shown(e.estimation.y_name, e.estimation.y_unit)
     last = float(e.step.y[-1]) * y.factor
     caption = (
-        f"{lead}Step response of the linear model that is tangent to the fit at the mean input: it ends at "
-        f"{number(last, 3)} {y.unit or 'units of y'} per {u.unit or 'unit of u'} after {e.step.x[-1]:.3g} s."
+        f"{lead}Step response of the linear model that is tangent to the fit at the mean input: after "
+        f"{e.step.x[-1]:.3g} s it stands at {number(last, 3)} {y.unit or 'units of y'} per {u.unit or 'unit of u'}."
     )
     return Picture(name, style.png(figures.step_response(e.step, u, y)), caption)
 
@@ -136,6 +136,11 @@ def setting_in_words(evaluation: Evaluation) -> str:
     s = evaluation.setting
     maps = [f"{role} map {name.replace('_', ' ')}" for role, name in _map_names(evaluation)]
     return ", ".join([f"{s.structure.replace('_', '-')} (nb {s.nb}, nf {s.nf}, nk {s.nk})", *maps])
+
+
+def sentence(phrase: str) -> str:
+    """The phrase with a capital letter and a full stop."""
+    return f"{phrase[0].upper()}{phrase[1:]}."
 
 
 def only(pictures: Sequence[Picture | None]) -> list[Picture]:

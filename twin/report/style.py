@@ -6,7 +6,7 @@ import io
 from collections.abc import Callable
 from functools import wraps
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ INPUT = "#2f6f8f"
 SECOND = "#7a8794"  # bounds, references, the part that is not looked at
 GOOD = "#2e7d4f"
 
-RC = {
+RC: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],  # travels with matplotlib: the same letters on every machine
     "font.size": 9.0,
@@ -100,7 +100,7 @@ def line(axes: Axes, x: np.ndarray, y: np.ndarray, steps: bool = False, **kwargs
 
 
 def thin(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """x and y (n,) reduced to the least and the largest y of each of POINTS / 2 bins, in order; short ones as they are."""
+    """x and y (n,) reduced to the smallest and largest y of each of POINTS / 2 bins; a short line as it is."""
     n = len(x)
     if n <= POINTS:
         return x, y

@@ -1,0 +1,235 @@
+"""The report of `qpal reproduce`: the paper's protocol, joint by joint, in the order of its figures 17 to 40."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from twin.evaluation import Evaluation
+from twin.protocol import TS, JointResult, ProtocolResult
+from twin.report import figures, sections, style
+from twin.report.page import Grid, Page, Picture, Section
+from twin.report.units import number, percent, poles
+from twin.versions import versions
+
+# The paper's number of each figure, by joint. The twin's figure of the same number shows the same thing.
+NUMBERS = {
+    "raw": {"shoulder": 17, "thigh": 18, "shank": 19},
+    "preprocessed": {"shoulder": 20, "thigh": 21, "shank": 22},
+    "default": {"shoulder": 23, "thigh": 24, "shank": 25},
+    "output": {"shoulder": 26, "thigh": 30, "shank": 34},
+    "close-up": {"shoulder": 27, "thigh": 31, "shank": 35},
+    "step": {"shoulder": 28, "thigh": 32, "shank": 36},
+    "pole-zero": {"shoulder": 29, "thigh": 33, "shank": 37},
+    "residuals": {"shoulder": 38, "thigh": 39, "shank": 40},
+}
+SHOWN = {"shoulder": 10.0, "thigh": 30.0, "shank": 30.0}  # [s] of raw data and output: a few sweeps
+
+
+Stills = list[tuple[str, str, np.ndarray]] | str  # pictures, or the sentence that says why there are none
+
+
+def page(result: ProtocolResult, stills: Stills) -> Page:
+    """The report; `stills` are the pictures of the leg, or the sentence that says why there are none."""
+    return Page(
+        title="A robot leg identified again",
+        subtitle=(
+            f"The protocol of Guni and Irawan (2016) on the digital twin of the QPAL leg: {result.duration:g} s a "
+            f"joint, Ts {TS:g} s, first half fitted, second half predicted, seed {result.seed}"
+        ),
+        verdict=verdict(result),
+        sections=[
+            _leg(stills),
+            Section("Results", [_READING], tables=[table(result)], details=[]),
+            Section("Truth", [_TRUTH], tables=[truth_table(result), checks_table(result)]),
+            *(_joint(r) for r in result.joints),
+        ],
+        made_with=versions(),
+    )
+
+
+_READING = (
+    "Fit is 100 (1 − ‖y − ŷ‖ / ‖y − mean y‖) of a free run over the second half, of which only the input is used. The "
+    "ceiling is the fit of the twin's own noise-free output against what its potentiometer recorded: no model can be "
+    "expected to do better. Loss and FPE are in rad²; the paper does not print its unit, so those two columns compare "
+    "orders of magnitude at most. The paper's rows are grey. Its default NLARX model is left to the next release."
+)
+_TRUTH = (
+    "What the twin really is, at mid stroke and with dry friction, play, stops and gravity left out: an integrator "
+    "behind a lag. The poles of the compiled model, linearised as it is stepped, stand beside those that follow from "
+    "motor and load constants on paper. A Hammerstein-Wiener model holds neither end stops nor play, so its poles need "
+    "not come near these; where they do not, that is what the structure cannot say."
+)
+
+
+def verdict(result: ProtocolResult) -> list[str]:
+    """The outcome in plain words."""
+    fits = ", ".join(
+        f"{r.joint} {percent(r.final.validation_fit)} (paper {r.paper.validation_fit:.2f} %)" for r in result.joints
+    )
+    ceilings = ", ".join(f"{r.ceiling:.1f} %" for r in result.joints)
+    failed = [check for check in result.checks if not check.holds]
+    first = (
+        "Each joint of the simulated leg was swept between its ends, and the paper's own Hammerstein-Wiener models "
+        f"were fitted to the first half of the record. Run free over the second half they reach: {fits}. Noise alone would "
+        f"allow {ceilings}."
+    )
+    if not failed:
+        return [
+            first,
+            f"All {len(result.checks)} checks hold: the models are stable and the twin agrees with its closed form.",
+        ]
+    return [first, *(f"DOES NOT HOLD – {check.statement}: {check.found}." for check in failed)]
+
+
+def table(result: ProtocolResult) -> Grid:
+    """The big table: every model beside the paper's row."""
+    headings = (
+        "joint",
+        "model",
+        "search",
+        "fit",
+        "ceiling",
+        "FPE",
+        "loss",
+        "stable",
+        "white, indep.",
+        "poles",
+    )
+    rows, quiet = [], set()
+    for r in result.joints:
+        rows += [_row(r, "default HW", r.default), _row(r, "final HW", r.final), _paper_row(r)]
+        quiet.add(len(rows) - 1)
+    return Grid(headings, rows, text_columns=3, quiet_rows=frozenset(quiet), last_text=True)
+
+
+def _row(r: JointResult, name: str, e: Evaluation) -> tuple[str, ...]:
+    s, c, t = e.setting, e.fit.criteria, e.tests
+    verdicts = "–" if t is None else f"{_yes(t.white)}, {_yes(t.independent)}"
+    return (
+        r.joint,
+        f"{name} ({s.nb},{s.nf},{s.nk})",
+        s.search,
+        percent(e.validation_fit),
+        percent(r.ceiling),
+        number(c.fpe, 3),
+        number(c.loss, 3),
+        _yes(e.stable),
+        verdicts,
+        poles(e.fit.poles),
+    )
+
+
+def _paper_row(r: JointResult) -> tuple[str, ...]:
+    p, s = r.paper, r.paper.setting
+    name = f"paper's final ({s.nb},{s.nf},{s.nk})"
+    fit = f"{p.validation_fit:.2f} %"
+    return (r.joint, name, s.search, fit, "–", number(p.fpe, 3), number(p.loss, 3), "yes", "claimed", poles(p.poles))
+
+
+def truth_table(result: ProtocolResult) -> Grid:
+    """True poles beside the closed form, and what else is true of each joint, in the units people use."""
+    rows = []
+    for r in result.joints:
+        t = r.truth
+        lo, hi = (np.degrees(angle) for angle in t.end_angles)
+        down, up = t.breakaway_voltage
+        rows.append(
+            (
+                r.joint,
+                ", ".join(f"{z.real:.5f}" for z in t.poles),
+                ", ".join(f"{z.real:.5f}" for z in t.closed_form_poles),
+                number(float(np.degrees(t.gain)), 3),
+                f"{number(lo, 3)} to {number(hi, 3)}",
+                number(float(np.degrees(t.backlash)), 2),
+                f"{number(down, 3)} / {number(up, 3)}",
+            )
+        )
+    headings = (
+        "joint",
+        "poles, compiled twin",
+        "poles, closed form",
+        "gain [deg/s per V]",
+        "ends [deg]",
+        "backlash [deg]",
+        "breakaway [V]",
+    )
+    return Grid(headings, rows)
+
+
+def checks_table(result: ProtocolResult) -> Grid:
+    """Every check with what was found."""
+    rows = [(check.statement, check.found, "yes" if check.holds else "NO") for check in result.checks]
+    return Grid(("check", "found", "holds"), rows, text_columns=1)
+
+
+def _leg(stills: Stills) -> Section:
+    if isinstance(stills, str):
+        return Section("The leg", [f"The 3-D stills are missing: {stills}."])
+    pictures = [
+        Picture(f"leg-{joint}-{end}", style.image_png(rgb), f"{joint.capitalize()} at its {end}imum angle.")
+        for joint, end, rgb in stills
+    ]
+    lead = "Each joint at both ends of its travel, as figures 14 to 16 of the paper; only the excited leg moves."
+    return Section("The leg", [lead], pictures=pictures, small_pictures=True)
+
+
+def _joint(r: JointResult) -> Section:
+    lead = (
+        f"{sections.sentence(sections.setting_in_words(r.final))} {sections.tests_in_words(r.final)} "
+        f"{sections.search_sentence(r.final)}"
+    )
+    notes = [f"Note: {note}." for note in r.final.notes]
+    return Section(
+        r.paper.title,
+        [lead, *notes],
+        pictures=list(_pictures(r)),
+        details=[sections.parameter_grid(r.final, "All parameters of the final model")],
+    )
+
+
+def _pictures(r: JointResult) -> Iterator[Picture]:
+    io, final = r.log.io(), r.final
+    seconds = SHOWN[r.joint]
+    yield Picture(
+        _name("raw", r),
+        style.png(figures.raw_data(io, seconds)),
+        f"{_lead('raw', r)}The first {seconds:g} s as recorded: voltage sweeps, the angle follows and rests at its ends.",
+    )
+    yield Picture(
+        _name("preprocessed", r),
+        style.png(figures.preprocessed(final.estimation, final.validation)),
+        f"{_lead('preprocessed', r)}The record with its means off; the first half is fitted, the second predicted.",
+    )
+    yield Picture(
+        _name("default", r),
+        style.png(figures.comparison([r.default], seconds)),
+        f"{_lead('default', r)}Free run of the default Hammerstein-Wiener model over the first {seconds:g} s of the "
+        "validation half (the paper's panel (a), NLARX, is left to the next release).",
+    )
+    yield Picture(
+        _name("output", r),
+        style.png(figures.comparison([final], seconds)),
+        f"{_lead('output', r)}Free run of the final model over the same seconds; a perfect model would reach "
+        f"{r.ceiling:.1f} %.",
+    )
+    references = {"truth": r.truth.poles, "paper": np.array(r.paper.poles, dtype=complex)}
+    optional = (
+        sections.picture_of_close_ups(_name("close-up", r), final, _lead("close-up", r)),
+        sections.picture_of_step(_name("step", r), final, _lead("step", r)),
+        sections.picture_of_poles(_name("pole-zero", r), final, _lead("pole-zero", r), references),
+        sections.picture_of_residuals(_name("residuals", r), final, _lead("residuals", r)),
+        sections.picture_of_maps(f"{r.joint}-static-maps", final),
+    )
+    yield from sections.only(optional)
+
+
+def _name(kind: str, r: JointResult) -> str:
+    return f"{NUMBERS[kind][r.joint]}-{r.joint}-{kind}"
+
+
+def _lead(kind: str, r: JointResult) -> str:
+    return f"Figure {NUMBERS[kind][r.joint]}. "
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"
