@@ -11,7 +11,7 @@ import numpy as np
 from sysid import excitations
 from sysid.errors import InputError, unknown
 from twin.drive import Drive, drive
-from twin.geometry import end_angles, middle
+from twin.geometry import middle
 from twin.leg import BENCH_LEG, bench, check_joint, check_switches
 from twin.log import Log
 from twin.parameters import Parameters
@@ -34,9 +34,10 @@ class Experiment:
 
     `seed` draws the excitation and the noise, separately: the same seed gives the same log bit for bit, and switching
     the noise off leaves the voltage as it was. `without` names imperfections to leave out (`twin.IMPERFECTIONS`).
-    `options` overrides the excitation's own settings, for example {"amplitude": 6.0}. A sweep starts at the joint's
-    minimum, every other excitation at mid stroke. Without end stops nothing keeps the actuator inside its stroke:
-    give a small amplitude. Raises InputError for arguments that do not exist or do not fit.
+    `options` overrides the excitation's own settings, for example {"amplitude": 6.0}. Every record starts at mid
+    stroke: a sweep that started at an end would be periodic from its first sample, and an identified resonance would
+    fit that better than the joint does. Without end stops nothing keeps the actuator inside its stroke: give a small
+    amplitude. Raises InputError for arguments that do not exist or do not fit.
     """
 
     joint: str = "thigh"
@@ -97,8 +98,7 @@ class Experiment:
         draw, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(self.seed).spawn(2))
         u = self.signal().generate(self.N, self.Ts, draw)
         model = bench(self.joint, p, self.without)
-        start = end_angles(p, self.joint)[0] if self.excitation == "sweep" else middle(p, self.joint)
-        y_true = simulate(model, drive(p, self.joint, self.without), self.joint, u, self.Ts, start)
+        y_true = simulate(model, drive(p, self.joint, self.without), self.joint, u, self.Ts, middle(p, self.joint))
         y = potentiometer(p, self.without).read(y_true, noise)
         return Log(u, y, self.Ts, y_true, self.joint, self._meta())
 

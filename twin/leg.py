@@ -57,19 +57,25 @@ def bench(joint: str, parameters: Parameters | None = None, without: Collection[
     The held joints have no freedom at all (no play, no give): they stand at mid stroke. Element names keep the leg's
     suffix `BENCH_LEG`: thigh_00, thigh_play_00, thigh_angle_00.
     """
+    return bench_spec(joint, parameters, without).compile()
+
+
+def bench_spec(joint: str, parameters: Parameters | None = None, without: Collection[str] = ()) -> mujoco.MjSpec:
+    """The bench before it is compiled, for whoever adds to it."""
+    check_joint(joint)
     parameters = parameters or Parameters()
     without = check_switches(without)
     spec = _spec(parameters, without, (BENCH_LEG,))
     spec.body("torso").pos[2] = BENCH_HEIGHT
     spec.delete(spec.joint("float"))
     for other in JOINTS:
-        if other != check_joint(joint):
+        if other != joint:
             _hold(spec, other, middle(parameters, other))
     for suffix in LEGS.values():
         if suffix != BENCH_LEG:
             spec.delete(spec.body(f"shoulder_hub{suffix}"))
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    return spec.compile()
+    return spec
 
 
 def _spec(p: Parameters, without: tuple[str, ...], suffixes: tuple[str, ...]) -> mujoco.MjSpec:

@@ -11,6 +11,7 @@ import numpy as np
 
 from sysid.data import IOData
 from sysid.errors import InputError
+from twin.logs import read_table
 
 COLUMNS = ("time_s", "voltage_V", "angle_rad", "angle_true_rad")
 
@@ -66,43 +67,24 @@ class Log:
 
     @staticmethod
     def load(path: str | Path) -> "Log":
-        """Read what `save` wrote. Raises InputError for a file that is missing, damaged or not sampled uniformly."""
+        """Read what `save` wrote; joint and meta are empty from a CSV.
+
+        Raises InputError, which names the place, for a file that is missing, damaged or not sampled uniformly.
+        """
         path = Path(path)
-        read = _format(path)[1]
-        if not path.is_file():
-            raise InputError(f"{path}: there is no such file; check the name")
-        try:
-            columns, meta = read(path)
-        except InputError:
-            raise
-        except Exception as error:  # every reader has its own; the user needs the file's name
-            reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-            raise InputError(f"{path}: cannot be read as {path.suffix} ({reason}); write it again") from None
-        return _checked(path, columns, meta)
-
-
-def _checked(path: Path, columns: Mapping[str, np.ndarray], meta: dict[str, Any]) -> Log:
-    for name in COLUMNS[:3]:
-        if name not in columns:
-            raise InputError(f"{path}: there is no column {name}; it has {', '.join(columns) or 'none'}")
-    values = {name: np.asarray(columns[name]).ravel() for name in COLUMNS if name in columns}
-    for name, column in values.items():
-        if column.dtype.kind not in "iuf":
-            raise InputError(f"{path}: column {name} holds something other than numbers; write numbers only")
-        bad = np.flatnonzero(~np.isfinite(column))
-        if len(bad):
-            raise InputError(f"{path}: column {name} is {column[bad[0]]} in data row {bad[0] + 1}; fill or remove it")
-    if len({len(column) for column in values.values()}) > 1 or len(values["time_s"]) < 2:
-        raise InputError(f"{path}: the columns need one length of at least 2 rows; write the file again")
-    time = values["time_s"].astype(float)
-    step = (time[-1] - time[0]) / (len(time) - 1)
-    off = np.abs(np.diff(time) - step)
-    if not step > 0 or off.max() > 1e-3 * step:
-        row = int(off.argmax()) + 2
-        raise InputError(f"{path}: time_s is not uniform at data row {row}; resample the record to a fixed step")
-    u, y, *true = (values[name].astype(float) for name in COLUMNS[1:] if name in values)
-    Ts = float(meta.get("Ts", round(step, 9)))
-    return Log(u, y, Ts, true[0] if true else None, str(meta.get("joint", "")), meta)
+        read_meta = _format(path)[1]
+        table = read_table(path)
+        values = [table.numbers(name) for name in COLUMNS if name in table.names or name in COLUMNS[:3]]
+        if len({len(column) for column in values}) > 1 or len(values[0]) < 2:
+            raise InputError(f"{path}: the columns need one length of at least 2 rows; write the file again")
+        steps = np.diff(values[0])
+        off = np.abs(steps - np.median(steps))
+        if steps.min() <= 0 or off.max() > 1e-3 * np.median(steps):
+            j, k = table.names.index(COLUMNS[0]), int(off.argmax()) + 1
+            raise table.error(j, k, f"found a step of {steps[k - 1]:g} s; resample the record to one step")
+        meta = read_meta(path)
+        Ts = float(meta.get("Ts", f"{steps.mean():.9g}"))
+        return Log(values[1], values[2], Ts, values[3] if len(values) > 3 else None, str(meta.get("joint", "")), meta)
 
 
 def _columns(log: Log) -> dict[str, np.ndarray]:
@@ -120,10 +102,8 @@ def _write_csv(log: Log, path: Path) -> None:
     polars.DataFrame(_columns(log)).with_columns(polars.col("time_s").round(9)).write_csv(path)
 
 
-def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    import polars
-
-    return _numpy(polars.read_csv(path)), {}
+def _no_meta(path: Path) -> dict[str, Any]:
+    return {}
 
 
 def _write_parquet(log: Log, path: Path) -> None:
@@ -132,15 +112,10 @@ def _write_parquet(log: Log, path: Path) -> None:
     polars.DataFrame(_columns(log)).write_parquet(path, metadata={"qpal": _header(log)})
 
 
-def _read_parquet(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+def _parquet_meta(path: Path) -> dict[str, Any]:
     import polars
 
-    meta = polars.read_parquet_metadata(path).get("qpal", "{}")
-    return _numpy(polars.read_parquet(path)), json.loads(meta)
-
-
-def _numpy(frame: Any) -> dict[str, np.ndarray]:
-    return {name: frame[name].to_numpy() for name in frame.columns}
+    return json.loads(polars.read_parquet_metadata(path).get("qpal", "{}"))
 
 
 def _write_mat(log: Log, path: Path) -> None:
@@ -149,24 +124,23 @@ def _write_mat(log: Log, path: Path) -> None:
     scipy.io.savemat(path, {**_columns(log), "qpal": _header(log)}, oned_as="column")
 
 
-def _read_mat(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+def _mat_meta(path: Path) -> dict[str, Any]:
     import scipy.io
 
-    content = scipy.io.loadmat(path)
-    meta = content.get("qpal")
-    return {k: v for k, v in content.items() if k in COLUMNS}, {} if meta is None else json.loads(str(meta.ravel()[0]))
+    text = scipy.io.loadmat(path, variable_names=["qpal"]).get("qpal")
+    return {} if text is None else json.loads(str(text.ravel()[0]))
 
 
 _Writer = Callable[[Log, Path], None]
-_Reader = Callable[[Path], tuple[dict[str, np.ndarray], dict[str, Any]]]
-_FORMATS: dict[str, tuple[_Writer, _Reader]] = {
-    ".csv": (_write_csv, _read_csv),
-    ".parquet": (_write_parquet, _read_parquet),
-    ".mat": (_write_mat, _read_mat),
+_MetaReader = Callable[[Path], dict[str, Any]]
+_FORMATS: dict[str, tuple[_Writer, _MetaReader]] = {
+    ".csv": (_write_csv, _no_meta),
+    ".parquet": (_write_parquet, _parquet_meta),
+    ".mat": (_write_mat, _mat_meta),
 }
 
 
-def _format(path: Path) -> tuple[_Writer, _Reader]:
+def _format(path: Path) -> tuple[_Writer, _MetaReader]:
     if path.suffix not in _FORMATS:
         raise InputError(
             f"{path}: a log cannot be {path.suffix or 'without suffix'}; end its name in {', '.join(_FORMATS)}"

@@ -8,15 +8,17 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
 from twin.geometry import end_angles, middle
 from twin.leg import BENCH_LEG, LEGS, robot
 from twin.parameters import JOINTS, Parameters
 
-BACKENDS = ("egl", "osmesa")
+BACKENDS = {"darwin": ("cgl",), "win32": ("wgl",)}.get(sys.platform, ("egl", "osmesa"))
 TIMEOUT = 60.0  # [s] a backend gets to draw all of them; software rendering takes a few
 WIDTH, HEIGHT = 640, 480
 # Where the camera looks, how far away, azimuth and elevation [deg]: from the front, or from above for the shoulder.
@@ -30,20 +32,24 @@ GHOST = (0.75, 0.78, 0.82, 0.28)  # the three legs that the picture is not about
 STAND = (0.35, 0.38, 0.43, 1.0)
 
 
-class NoRenderer(RuntimeError):
+class NoRenderer(RuntimeError):  # noqa: N818 - reads as what it says
     """This machine cannot draw; the text says what was tried."""
 
 
 def leg_stills() -> list[tuple[str, str, np.ndarray]]:
-    """(joint, "min" or "max", picture (480, 640, 3) uint8) at the ends of travel; raises NoRenderer where none can be made."""
+    """(joint, "min" or "max", picture (480, 640, 3) uint8) at both ends of every joint's travel, play centred.
+
+    Raises NoRenderer where none can be made.
+    """
     reasons = []
+    path = os.pathsep.join(filter(None, (str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH"))))
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "stills.npz"
         for backend in BACKENDS:
             try:
                 done = subprocess.run(
                     [sys.executable, "-m", "twin.stills", str(out)],
-                    env={**os.environ, "MUJOCO_GL": backend},
+                    env={**os.environ, "MUJOCO_GL": backend, "PYTHONPATH": path},
                     capture_output=True,
                     text=True,
                     timeout=TIMEOUT,
@@ -62,8 +68,6 @@ def leg_stills() -> list[tuple[str, str, np.ndarray]]:
 
 def draw() -> dict[str, np.ndarray]:
     """Pictures by name `joint_end`, drawn in this process."""
-    import mujoco
-
     parameters = Parameters()
     model = robot(parameters)
     _fade_other_legs(model)
@@ -75,15 +79,13 @@ def draw() -> dict[str, np.ndarray]:
                 _pose(model, data, parameters, joint, angle)
                 renderer.update_scene(data, _camera(joint), _options())
                 _draw_cylinders(data, renderer.scene, model.material("motor").rgba)
-                _add(renderer.scene, 0.035, np.array([0, 0, 0.0]), np.array([0, 0, TORSO_HEIGHT - 0.06]), STAND)
-                _add(renderer.scene, 0.12, np.array([0, 0, 0.0]), np.array([0, 0, 0.012]), STAND)
+                _add(renderer.scene, 0.035, np.zeros(3), np.array([0, 0, TORSO_HEIGHT - 0.06]), STAND)
+                _add(renderer.scene, 0.12, np.zeros(3), np.array([0, 0, 0.012]), STAND)
                 pictures[f"{joint}_{end}"] = renderer.render().copy()
     return pictures
 
 
-def _pose(model, data, parameters: Parameters, joint: str, angle: float) -> None:
-    import mujoco
-
+def _pose(model: mujoco.MjModel, data: mujoco.MjData, parameters: Parameters, joint: str, angle: float) -> None:
     mujoco.mj_resetData(model, data)
     data.joint("float").qpos[2] = TORSO_HEIGHT
     for suffix in LEGS.values():
@@ -93,24 +95,20 @@ def _pose(model, data, parameters: Parameters, joint: str, angle: float) -> None
     mujoco.mj_forward(model, data)
 
 
-def _camera(joint: str):
-    import mujoco
-
+def _camera(joint: str) -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
     lookat, camera.distance, camera.azimuth, camera.elevation = VIEWS[joint]
     camera.lookat[:] = lookat
     return camera
 
 
-def _options():
-    import mujoco
-
+def _options() -> mujoco.MjvOption:
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_ACTUATOR] = False
     return option
 
 
-def _fade_other_legs(model) -> None:
+def _fade_other_legs(model: mujoco.MjModel) -> None:
     for suffix in LEGS.values():
         if suffix == BENCH_LEG:
             continue
@@ -122,8 +120,8 @@ def _fade_other_legs(model) -> None:
             rgba[other], material[other] = GHOST, -1
 
 
-def _draw_cylinders(data, scene, colour) -> None:
-    """The actuators' cylinders around the rods, which MuJoCo draws as tendons: fixed to the base pin, as long as retracted."""
+def _draw_cylinders(data: mujoco.MjData, scene: mujoco.MjvScene, colour: Sequence[float]) -> None:
+    """The actuators' cylinders from their base pins; MuJoCo itself draws the rods, as tendons."""
     nominal = Parameters()
     for suffix in LEGS.values():
         for joint in JOINTS[1:]:
@@ -135,10 +133,8 @@ def _draw_cylinders(data, scene, colour) -> None:
             _add(scene, 0.017, base, base + 0.35 * (tip - base), shade)
 
 
-def _add(scene, radius: float, start: np.ndarray, stop: np.ndarray, colour) -> None:
+def _add(scene: mujoco.MjvScene, radius: float, start: np.ndarray, stop: np.ndarray, colour: Sequence[float]) -> None:
     """A cylinder of `radius` [m] between two points [m]."""
-    import mujoco
-
     geom = scene.geoms[scene.ngeom]
     shape = mujoco.mjtGeom.mjGEOM_CYLINDER
     mujoco.mjv_initGeom(geom, shape, np.zeros(3), np.zeros(3), np.zeros(9), np.asarray(colour, dtype=np.float32))
@@ -148,4 +144,4 @@ def _add(scene, radius: float, start: np.ndarray, stop: np.ndarray, colour) -> N
 
 
 if __name__ == "__main__":
-    np.savez(sys.argv[1], **draw())
+    np.savez(sys.argv[1], allow_pickle=False, **draw())

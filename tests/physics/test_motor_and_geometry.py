@@ -1,0 +1,117 @@
+"""Datasheet numbers and pin positions, measured on the compiled model."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from twin import JOINTS, Parameters
+from twin.geometry import end_angles, linkage, middle, stroke
+from twin.leg import BENCH_LEG, IMPERFECTIONS, LEGS, bench, model_path, robot
+from twin.motor import motor
+
+P = Parameters()
+ROD_JOINTS = JOINTS[1:]
+
+
+def ideal(joint: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """The bench without imperfections, at mid stroke."""
+    model = bench(joint, without=IMPERFECTIONS)
+    data = mujoco.MjData(model)
+    data.qpos[0] = middle(P, joint)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def stall(joint: str) -> float:
+    return P[f"{joint}.stall_torque" if joint == "shoulder" else f"{joint}.stall_force"]
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_no_load_speed_is_the_datasheets(joint: str) -> None:
+    model, data = ideal(joint)
+    data.ctrl[0] = P[f"{joint}.rated_voltage"]
+    mujoco.mj_step(model, data, 500)  # about ten time constants
+    speed = data.qvel[0] if joint == "shoulder" else data.ten_velocity[model.tendon(joint + BENCH_LEG).id]
+    # 1 %: the link, thrown about by a changing moment arm, holds the motor back a little.
+    assert speed == pytest.approx(P[f"{joint}.no_load_speed"], rel=0.01)
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_stall_force_is_the_datasheets(joint: str, sign: int) -> None:
+    arm = 1.0 if joint == "shoulder" else linkage(P, joint).arm(middle(P, joint))
+    for share, moves in ((0.99, sign), (1.01, -sign)):  # 1 % under stall the motor wins, 1 % over it the load does
+        model, data = ideal(joint)
+        data.ctrl[0] = sign * P[f"{joint}.rated_voltage"]
+        data.qfrc_applied[0] = -sign * share * stall(joint) * arm
+        mujoco.mj_step(model, data, 300)
+        assert np.sign(data.qvel[0]) == moves
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_the_compiled_motor_holds_the_derived_constants(joint: str) -> None:
+    model, constants = bench(joint), motor(P, joint)
+    actuator = model.actuator(joint + BENCH_LEG)
+    assert actuator.gear[0] == pytest.approx(constants.gear)
+    assert actuator.gainprm[:2] == pytest.approx([constants.resistance, constants.constant])
+    assert model.actuator_armature[actuator.id] == pytest.approx(constants.inertia)
+
+
+def test_reflected_rotor_mass_outweighs_the_leg() -> None:
+    leg = sum(P[f"{part}_mass"] for part in ("thigh", "shank", "foot", "actuator"))
+    for joint in ROD_JOINTS:
+        assert motor(P, joint).reflected_inertia > 100 * leg  # hundreds of kg against one or two
+
+
+def test_the_files_numbers_are_the_nominal_parameters() -> None:
+    raw, written = mujoco.MjModel.from_xml_path(str(model_path())), robot()
+    for field in (
+        *("body_mass", "body_inertia", "actuator_gainprm", "actuator_gear", "actuator_armature", "site_pos"),
+        *("tendon_range", "tendon_frictionloss", "tendon_damping", "dof_frictionloss", "dof_damping", "jnt_range"),
+    ):
+        # 1e-5: the file is written with six digits or so.
+        np.testing.assert_allclose(getattr(raw, field), getattr(written, field), rtol=1e-5, atol=1e-6, err_msg=field)
+    np.testing.assert_array_equal(raw.opt.gravity, written.opt.gravity)
+
+
+@pytest.mark.parametrize("joint", ROD_JOINTS)
+def test_closed_form_geometry_is_the_compiled_tendon(joint: str) -> None:
+    model = bench(joint)
+    data, tendon = mujoco.MjData(model), model.tendon(joint + BENCH_LEG).id
+    for q in np.linspace(*end_angles(P, joint), 7):
+        data.qpos[0] = q
+        mujoco.mj_forward(model, data)
+        # Rounding only: one triangle, computed twice.
+        assert data.ten_length[tendon] == pytest.approx(linkage(P, joint).length(q), abs=1e-12)
+        data.qvel[0] = 1.0
+        mujoco.mj_forward(model, data)
+        assert data.ten_velocity[tendon] == pytest.approx(linkage(P, joint).arm(q), abs=1e-12)
+
+
+@pytest.mark.parametrize("joint", ROD_JOINTS)
+def test_angle_inverts_length(joint: str) -> None:
+    for length in np.linspace(*stroke(P, joint), 5):
+        assert linkage(P, joint).length(linkage(P, joint).angle(length)) == pytest.approx(length, abs=1e-12)
+
+
+def test_torso_has_the_papers_size() -> None:
+    model = robot()
+    np.testing.assert_allclose(2 * model.geom("torso").size, [0.44, 0.21, 0.12])
+
+
+def test_four_equal_legs() -> None:
+    model = robot()
+    assert model.nu == 12
+    per_leg = [
+        sum(model.body_mass[k] for k in range(model.nbody) if model.body(k).name.endswith(suffix))
+        for suffix in LEGS.values()
+    ]
+    assert per_leg == pytest.approx([per_leg[0]] * 4)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    feet = np.array([data.site(f"foot{suffix}").xpos for suffix in LEGS.values()])
+    names = list(LEGS)
+    front, left = [n.startswith("front") for n in names], [n.endswith("left") for n in names]
+    assert (feet[:, 0] > 0).tolist() == front
+    assert (feet[:, 1] > 0).tolist() == left
+    np.testing.assert_allclose(np.abs(feet), np.abs(feet[[0]]).repeat(4, 0), atol=1e-9)
