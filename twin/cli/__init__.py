@@ -16,17 +16,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from twin.cli.app import build
 
     previous = _stop_on_terminate()
+    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        code = build()(list(sys.argv[1:] if arguments is None else arguments), prog_name="qpal", standalone_mode=False)
+        code = build()(given or ["--help"], prog_name="qpal", standalone_mode=False)
         sys.stdout.flush()
     except InputError as error:
         return _fail(str(error))
     except TyperException as error:
-        return _fail(f"{error.format_message()} See: qpal --help")
+        command = getattr(getattr(error, "ctx", None), "command_path", "qpal")
+        return _fail(f"{error.format_message().rstrip('.')}; see {command} --help")
     except BrokenPipeError:
         # The reader of our output went away (`qpal ... | head`): nothing is wrong, and nobody is left to tell.
         sys.stdout = None
         return 0
+    except OSError as error:
+        return _fail(f"{error.filename or 'output'}: {error.strerror or error}; nothing was written")
     except KeyboardInterrupt:
         code = 130
     finally:

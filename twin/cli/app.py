@@ -15,7 +15,6 @@ def build() -> typer.Typer:
         name="qpal",
         help="Digital twin of a robot leg, and identification that is checked against it.",
         add_completion=False,
-        no_args_is_help=True,
         pretty_exceptions_enable=False,
     )
     for verb in VERBS:

@@ -5,25 +5,29 @@ from typing import Annotated
 
 import typer
 
+from sysid import searches, structures
+from sysid.blocks import STATIC
+from sysid.preprocess import DETREND
 from twin.cli import console, options
 from twin.cli.output import default_folder, output_folder
+from twin.logs import TABLE as READERS
 
 
 def identify(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="a table: .csv, .txt, .dat, .mat or .parquet")],
+    file: Annotated[str, typer.Argument(metavar="FILE", help=f"a table: {', '.join(READERS)}")],
     input: Annotated[str | None, typer.Option(metavar="COL", help="column of the input")] = None,
     output: Annotated[str | None, typer.Option(metavar="COL", help="column of the output")] = None,
-    ts: Annotated[float | None, typer.Option(metavar="S", help="sampling time [s]")] = None,
-    time: Annotated[str | None, typer.Option(metavar="COL", help="column of time [s], instead of --ts")] = None,
-    structure: Annotated[str, typer.Option(metavar="NAME", help="structure of the model")] = "hammerstein_wiener",
-    orders: Annotated[str, typer.Option(metavar="NB,NF,NK", help="zeros + 1, poles, delay [samples]")] = "2,3,1",
-    input_map: Annotated[str | None, typer.Option(metavar="NAME", help="static map before the linear block")] = None,
-    output_map: Annotated[str | None, typer.Option(metavar="NAME", help="static map behind it")] = None,
-    search: Annotated[str, typer.Option(metavar="NAME", help="search method")] = "auto",
-    split: Annotated[float, typer.Option(metavar="PART", help="part of the record to fit to, the first")] = 0.5,
-    detrend: Annotated[str, typer.Option(metavar="NAME", help="mean or none")] = "mean",
-    starts: Annotated[int, typer.Option(metavar="N", help="number of starting points")] = 1,
-    seed: Annotated[int, typer.Option(metavar="N", help="of the starting points after the first")] = 0,
+    ts: Annotated[float | None, options.number("S", "sampling time in seconds")] = None,
+    time: Annotated[str | None, typer.Option(metavar="COL", help="column of time in seconds, instead of --ts")] = None,
+    structure: Annotated[str, options.name("structure of the model", structures.TABLE)] = "hammerstein_wiener",
+    orders: Annotated[str, typer.Option(metavar="NB,NF,NK", help="zeros + 1, poles, delay in samples")] = "2,3,1",
+    input_map: Annotated[str | None, options.name("static map before the linear block", STATIC)] = None,
+    output_map: Annotated[str | None, options.name("static map behind it", STATIC)] = None,
+    search: Annotated[str, options.name("search method", searches.TABLE)] = "auto",
+    split: Annotated[float, options.number("PART", "first part of the record, which is fitted to")] = 0.5,
+    detrend: Annotated[str, options.name("what to remove", DETREND)] = "mean",
+    starts: Annotated[int, options.whole("N", "number of starting points")] = 1,
+    seed: Annotated[int, options.whole("N", "of the starting points after the first")] = 0,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:

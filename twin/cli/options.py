@@ -1,6 +1,7 @@
 """Options that verbs share, and the ones whose text has to be taken apart."""
 
-from typing import Annotated
+from collections.abc import Iterable
+from typing import Annotated, Any
 
 import typer
 
@@ -10,6 +11,35 @@ Out = Annotated[
     str | None, typer.Option("--out", metavar="DIR", help="where to write; runs/<stamp>-<verb> if not given")
 ]
 Json = Annotated[bool, typer.Option("--json", help="print the summary alone, as JSON")]
+
+
+def number(metavar: str, help: str) -> Any:
+    """An option that takes a number."""
+    return typer.Option(parser=_number, metavar=metavar, help=help)
+
+
+def whole(metavar: str, help: str) -> Any:
+    """An option that takes a whole number."""
+    return typer.Option(parser=_whole, metavar=metavar, help=help)
+
+
+def name(help: str, allowed: Iterable[str]) -> Any:
+    """An option that takes a name of a table; whether it is one is for the table's owner to say."""
+    return typer.Option(metavar="NAME", help=f"{help}: {', '.join(allowed)}")
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"found {text!r}, give a number") from None
+
+
+def _whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise typer.BadParameter(f"found {text!r}, give a whole number") from None
 
 
 def orders(text: str) -> tuple[int, int, int]:

@@ -10,16 +10,16 @@ from twin.cli.output import default_folder, output_folder
 
 
 def reproduce(
-    seed: Annotated[int, typer.Option(metavar="N", help="of the twin's noise")] = 0,
-    duration: Annotated[float, typer.Option(metavar="S", help="length of each record [s]")] = 250.0,
+    seed: Annotated[int, options.whole("N", "of the twin's noise")] = 0,
+    duration: Annotated[float, options.number("S", "length of each record in seconds")] = 250.0,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
     """Run the paper's protocol on the three joints and compare with the paper and with truth."""
     from twin import protocol
     from twin.report import reproduce as report
-    from twin.report.reproduce import Stills
     from twin.report.page import write
+    from twin.report.reproduce import Stills
     from twin.stills import NoRenderer, leg_stills
 
     folder = Path(out) if out is not None else default_folder("reproduce")

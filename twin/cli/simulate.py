@@ -5,23 +5,28 @@ from typing import Annotated
 
 import typer
 
+import twin
+from sysid import excitations
 from twin.cli import console, options
 from twin.cli.output import check_writable_file, default_folder, output_folder
 
 
 def simulate(
-    joint: Annotated[str, typer.Option(metavar="NAME", help="shoulder, thigh or shank")] = "thigh",
-    excitation: Annotated[str, typer.Option(metavar="NAME", help="voltage signal")] = "sweep",
-    duration: Annotated[float, typer.Option(metavar="S", help="length of the record [s]")] = 250.0,
-    ts: Annotated[float, typer.Option(metavar="S", help="sampling time [s]")] = 0.1,
-    seed: Annotated[int, typer.Option(metavar="N", help="of excitation and noise")] = 1,
-    without: Annotated[str, typer.Option(metavar="A,B", help="imperfections to leave out")] = "",
-    log: Annotated[str | None, typer.Option(metavar="FILE", help="the log: .csv, .parquet, .mat [DIR/log.csv]")] = None,
+    joint: Annotated[str, options.name("which", twin.JOINTS)] = "thigh",
+    excitation: Annotated[str, options.name("voltage signal", excitations.TABLE)] = "sweep",
+    duration: Annotated[float, options.number("S", "length of the record in seconds")] = 250.0,
+    ts: Annotated[float, options.number("S", "sampling time in seconds")] = 0.1,
+    seed: Annotated[int, options.whole("N", "of excitation and noise")] = 1,
+    without: Annotated[
+        str, typer.Option(metavar="A,B", help=f"imperfections to leave out, of {', '.join(twin.IMPERFECTIONS)}")
+    ] = "",
+    log: Annotated[
+        str | None, typer.Option(metavar="FILE", help="the log: .csv, .parquet or .mat; DIR/log.csv if not given")
+    ] = None,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
     """Run an excitation experiment on one joint of the twin and write its log."""
-    import twin
     from twin.report import simulate as report
     from twin.report.page import write
     from twin.simulation import simulate as run

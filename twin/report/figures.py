@@ -144,9 +144,11 @@ def residuals(tests: ResidualTests) -> Figure:
 @styled
 def pole_zero(poles: np.ndarray, zeros: np.ndarray, references: dict[str, np.ndarray] | None = None) -> Figure:
     """Poles and zeros of the linear block with the unit circle; `references` are other poles to compare with."""
+    from matplotlib.ticker import MaxNLocator
+
     figure, axes = style.sheet(1, 2, height=3.6)
     angle = np.linspace(0, 2 * np.pi, 361)
-    marks = iter(("+", "1", "2"))
+    marks = iter(("+", "^", "v"))
     named = [("pole", poles, "x", style.MODEL), ("zero", zeros, "o", style.INPUT)]
     named += [(name, values, next(marks), style.INK) for name, values in (references or {}).items()]
     for ax in axes[0]:
@@ -164,6 +166,7 @@ def pole_zero(poles: np.ndarray, zeros: np.ndarray, references: dict[str, np.nda
     left.set(xlim=(-reach, reach), ylim=(-reach, reach), ylabel="imaginary part", title="(a) unit circle")
     if far:
         left.text(0.02, 0.02, f"{len(far)} beyond the frame", transform=left.transAxes, fontsize=8, color=style.SECOND)
+    right.xaxis.set_major_locator(MaxNLocator(5))
     right.set(xlim=(0.88, 1.04), ylim=(-0.08, 0.08), title="(b) near z = 1, where slow poles lie")
     handles, labels = left.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)

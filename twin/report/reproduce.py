@@ -70,8 +70,8 @@ def verdict(result: ProtocolResult) -> list[str]:
     failed = [check for check in result.checks if not check.holds]
     first = (
         "Each joint of the simulated leg was swept between its ends, and the paper's own Hammerstein-Wiener models "
-        f"were fitted to the first half of the record. Run free over the second half they reach: {fits}. Noise alone would "
-        f"allow {ceilings}."
+        f"were fitted to the first half of the record. Run free over the second half they reach: {fits}. Noise alone "
+        f"would allow {ceilings}."
     )
     if not failed:
         return [
@@ -140,7 +140,7 @@ def truth_table(result: ProtocolResult) -> Grid:
                 ", ".join(f"{z.real:.5f}" for z in t.closed_form_poles),
                 number(float(np.degrees(t.gain)), 3),
                 f"{number(lo, 3)} to {number(hi, 3)}",
-                number(float(np.degrees(t.backlash)), 2),
+                f"{np.degrees(t.backlash):.2f}",
                 f"{number(down, 3)} / {number(up, 3)}",
             )
         )
@@ -167,7 +167,7 @@ def _leg(stills: Stills) -> Section:
         return Section("The leg", [f"The 3-D stills are missing: {stills}."])
     pictures = [
         Picture(f"leg-{joint}-{end}", style.image_png(rgb), f"{joint.capitalize()} at its {end}imum angle.")
-        for joint, end, rgb in stills
+        for joint, end, rgb in sorted(stills, key=lambda still: still[1], reverse=True)  # all minima, then all maxima
     ]
     lead = "Each joint at both ends of its travel, as figures 14 to 16 of the paper; only the excited leg moves."
     return Section("The leg", [lead], pictures=pictures, small_pictures=True)
@@ -193,7 +193,7 @@ def _pictures(r: JointResult) -> Iterator[Picture]:
     yield Picture(
         _name("raw", r),
         style.png(figures.raw_data(io, seconds)),
-        f"{_lead('raw', r)}The first {seconds:g} s as recorded: voltage sweeps, the angle follows and rests at its ends.",
+        f"{_lead('raw', r)}The first {seconds:g} s as recorded: the angle follows the voltage and rests at its ends.",
     )
     yield Picture(
         _name("preprocessed", r),

@@ -135,7 +135,7 @@ def setting_in_words(evaluation: Evaluation) -> str:
     """Structure, orders and maps in one phrase."""
     s = evaluation.setting
     maps = [f"{role} map {name.replace('_', ' ')}" for role, name in _map_names(evaluation)]
-    return ", ".join([f"{s.structure.replace('_', '-')} (nb {s.nb}, nf {s.nf}, nk {s.nk})", *maps])
+    return ", ".join([f"{s.structure.replace('_', '-').title()} (nb {s.nb}, nf {s.nf}, nk {s.nk})", *maps])
 
 
 def sentence(phrase: str) -> str:

@@ -1,0 +1,272 @@
+"""The three verbs on good input: what they write, print and return."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import polars
+import pytest
+import scipy.io
+import scipy.signal
+
+import twin
+from sysid.preprocess import quick_start
+from twin import protocol, stills
+from twin.cli import main
+from twin.evaluation import Setting, evaluate
+from twin.record import read_record
+from twin.report.page import Page
+
+TS = 0.05
+POLES = np.array([0.9, 0.6])
+
+
+def known_system(N: int = 400) -> tuple[np.ndarray, np.ndarray]:
+    """u and the noise-free y = (0.5 z^-1 + 0.2 z^-2) / ((1 - 0.9 z^-1)(1 - 0.6 z^-1)) u, all to 12 digits."""
+    rng = np.random.default_rng(4)
+    u = np.repeat(rng.choice([-1.0, 0.25, 1.0], N // 4), 4)
+    y = scipy.signal.lfilter([0.0, 0.5, 0.2], np.poly(POLES), u)
+    return u, np.round(y, 12)
+
+
+def rows(separator: str, header: str | None, decimal: str = ".", end: str = "\n", tail: str = "") -> str:
+    lines = [] if header is None else [header + tail]
+    lines += [
+        f"{a!r}{separator}{b!r}{tail}".replace(".", decimal)
+        for a, b in zip(*map(np.ndarray.tolist, known_system()), strict=True)
+    ]
+    return end.join(lines) + end
+
+
+TEXTS = {
+    "comma.csv": rows(",", '"u","y"'),
+    "trailing_comma.csv": rows(",", '"u","y"', tail=","),
+    "semicolon_decimal_comma.csv": rows(";", "u;y", decimal=","),
+    "crlf_and_bom.csv": "\ufeff" + rows(",", "u,y", end="\r\n"),
+    "tab.txt": rows("\t", "u\ty"),
+    "no_header.dat": rows("   ", None).replace("\n", "\n  "),
+    "comments.txt": "# recorded on a Monday\n\n% another remark\n" + rows(" ", "u y"),
+}
+
+
+@pytest.mark.parametrize("name", [*TEXTS, "table.parquet", "vectors.mat", "rows.mat", "matrix.mat"])
+def test_every_format_reads_the_same_numbers(name, tmp_path):
+    u, y = known_system()
+    path = tmp_path / name
+    if name in TEXTS:
+        path.write_text(TEXTS[name], encoding="utf-8", newline="")
+    elif name == "table.parquet":
+        polars.DataFrame({"label": ["a"] * len(u), "u": u, "y": y}).write_parquet(path)
+    else:
+        content = {"vectors.mat": {"u": u[:, None], "y": y[:, None], "gain": 3.0}, "rows.mat": {"u": u, "y": y}}
+        scipy.io.savemat(path, content.get(name, {"data": np.column_stack([u, y])}))
+    record = read_record(path, Ts=TS)
+    assert np.array_equal(record.data.u[:, 0], u)
+    assert np.array_equal(record.data.y[:, 0], y)
+    assert record.notes  # it says which column it took as the input
+
+
+def test_identify_recovers_known_poles_and_writes_the_summary(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "log.csv").write_text(TEXTS["comma.csv"])
+    arguments = ["log.csv", "--ts", str(TS), "--structure", "output_error", "--orders", "2,2,1", "--detrend", "none"]
+    assert main(["identify", *arguments, "--json", "--out", "result"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    summary = json.loads(out)
+    assert summary == json.loads((tmp_path / "result" / "summary.json").read_text(encoding="utf-8"))
+    found = sorted(pole["re"] for pole in summary["poles"])
+    np.testing.assert_allclose(found, sorted(POLES), atol=1e-6)
+    assert summary["fit_percent"]["validation"] > 99.99
+    assert set(summary["fit_percent"]) == {"estimation", "validation"}
+    assert set(summary["criteria"]) >= {"loss", "mse", "fpe", "aic", "aicc", "naic", "bic"}
+    assert set(summary["poles"][0]) >= {"re", "im", "std"}
+    assert set(summary["parameters"][0]) >= {"name", "value", "std", "unit", "free"}
+    assert set(summary["stop"]) >= {"reason", "iterations", "evaluations"}
+    assert {"zeros", "residuals", "seconds", "versions"} <= set(summary)
+    read = summary["read"]
+    assert (read["input"], read["output"], read["Ts"], read["samples"], read["split"]) == ("u", "y", TS, 400, 0.5)
+    assert summary["setting"]["orders"] == {"nb": 2, "nf": 2, "nk": 1}
+
+
+def test_identify_prints_a_table_and_a_report_that_needs_no_network(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "log.csv").write_text(TEXTS["comma.csv"])
+    assert main(["identify", "log.csv", "--ts", str(TS)]) == 0
+    out, _ = capsys.readouterr()
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert folder.name.endswith("-identify")
+    assert "FPE" in out
+    assert str(folder.relative_to(tmp_path) / "report.html") in out
+    html = (folder / "report.html").read_text(encoding="utf-8")
+    assert_stands_alone(html)
+    pictures = list((folder / "figures").glob("*.png"))
+    assert html.count("<figcaption>") == html.count("<img ") == len(pictures) >= 6
+
+
+def assert_stands_alone(html: str) -> None:
+    sources = re.findall(r"""(?:src|href)=["']([^"']*)""", html)
+    assert sources
+    assert all(source.startswith(("data:image/png;base64,", "#")) for source in sources)
+    assert "url(" not in html
+    assert "<script" not in html
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".parquet"])
+def test_a_simulated_log_is_identified_as_if_it_had_never_been_a_file(suffix, tmp_path, capsys):
+    log = tmp_path / f"thigh{suffix}"
+    arguments = ["--joint", "thigh", "--duration", "60", "--seed", "3", "--log", str(log), "--out", str(tmp_path / "s")]
+    assert main(["simulate", *arguments]) == 0
+    capsys.readouterr()
+    named = ["--input", "voltage_V", "--output", "angle_rad", "--time", "time_s"]
+    for columns in ([], named):
+        assert main(["identify", str(log), *columns, "--orders", "2,2,1", "--json", "--out", str(tmp_path / "i")]) == 0
+        summary = json.loads(capsys.readouterr().out)
+        experiment = twin.Experiment(joint="thigh", duration=60.0, seed=3).run()
+        direct = evaluate(Setting(nb=2, nf=2, nk=1), *quick_start(experiment.io()))
+        assert summary["read"]["Ts"] == 0.1
+        assert summary["fit_percent"]["validation"] == pytest.approx(direct.validation_fit, abs=1e-9)
+
+
+def test_simulate_writes_its_log_into_out_by_default(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["simulate", "--duration", "5", "--without", "noise, adc", "--out", "a/b", "--json"]) == 0
+    assert {path.name for path in (tmp_path / "a" / "b").iterdir()} == {
+        "log.csv",
+        "report.html",
+        "summary.json",
+        "figures",
+    }
+    log = twin.Log.load(tmp_path / "a" / "b" / "log.csv")
+    assert log.y_true is not None
+    np.testing.assert_allclose(log.y, log.y_true, atol=1e-9)  # nothing is left that could part them
+
+
+@pytest.mark.parametrize(
+    "failure", [OSError(28, "No space left on device"), RuntimeError("a bug"), KeyboardInterrupt()]
+)
+@pytest.mark.parametrize("existing", [False, True])
+def test_a_run_that_fails_while_writing_leaves_nothing(failure, existing, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "log.csv").write_text(TEXTS["comma.csv"])
+    if existing:
+        (tmp_path / "runs" / "mine").mkdir(parents=True)
+        (tmp_path / "runs" / "mine" / "summary.json").write_text("{}")
+    before = {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")}
+
+    def fail(page):
+        raise failure
+
+    monkeypatch.setattr(Page, "html", fail)  # the figures are written by then
+    arguments = ["identify", "log.csv", "--ts", "0.05", "--out", "runs/mine"]
+    if isinstance(failure, RuntimeError):
+        with pytest.raises(RuntimeError, match="a bug"):
+            main(arguments)
+    else:
+        assert main(arguments) == (130 if isinstance(failure, KeyboardInterrupt) else 2)
+        assert capsys.readouterr().err.count("\n") == 1
+    assert {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")} == before
+
+
+def test_a_second_run_replaces_the_files_of_the_first_and_keeps_others(tmp_path):
+    (tmp_path / "log.csv").write_text(TEXTS["comma.csv"])
+    for seed in ("1", "2"):
+        assert main(["simulate", "--duration", "5", "--seed", seed, "--out", str(tmp_path / "out")]) == 0
+        (tmp_path / "out" / "notes.txt").touch()
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["log"]["seed"] == 2
+    assert (tmp_path / "out" / "notes.txt").exists()
+    assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_stopped_run_cleans_up_and_says_so(number, tmp_path):
+    command = [sys.executable, "-m", "twin.cli", "reproduce", "--duration", "20000", "--out", "runs/long"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    while not list(tmp_path.glob("runs/.long-*")):  # until it works; the test's own time limit is the runner's
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(number)
+    out, err = process.communicate()
+    assert process.returncode == 130
+    assert (out, err) == ("", "qpal: stopped; nothing was written\n")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def reproduced(tmp_path_factory):
+    """One short run of the protocol: exit code, folder, summary."""
+    folder = tmp_path_factory.mktemp("reproduce") / "out"
+    code = main(["reproduce", "--duration", "60", "--out", str(folder)])
+    return code, folder, json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+
+
+def test_reproduce_has_every_joint_model_and_check(reproduced):
+    code, _, summary = reproduced
+    assert list(summary["joints"]) == list(twin.JOINTS)
+    for joint in summary["joints"].values():
+        for model in ("default", "final"):
+            assert 0 < joint[model]["fit_percent"]["validation"] <= joint["ceiling"] <= 100
+            inside = all(abs(complex(pole["re"], pole["im"])) < 1 for pole in joint[model]["poles"])
+            assert joint[model]["stable"] == inside
+        assert joint["truth_error"] < 1e-3
+    assert len(summary["checks"]) == 9
+    assert summary["holds"] == all(check["holds"] for check in summary["checks"])
+    assert code == (0 if summary["holds"] else 1)
+
+
+def test_reproduce_draws_the_papers_figures_17_to_40(reproduced):
+    _, folder, _ = reproduced
+    numbers = {int(path.name[:2]) for path in (folder / "figures").glob("[0-9]*.png")}
+    assert numbers == set(range(17, 41))
+    html = (folder / "report.html").read_text(encoding="utf-8")
+    assert_stands_alone(html)
+    for number in numbers:
+        assert f"<figcaption>Figure {number}. " in html
+
+
+def test_reproduce_gives_the_same_numbers_at_any_thread_count(reproduced, tmp_path):
+    _, _, summary = reproduced
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+    done = subprocess.run(
+        [sys.executable, "-m", "twin.cli", "reproduce", "--duration", "60", "--json", "--out", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        env={**os.environ, **threads},
+        check=False,
+    )
+    assert done.stderr == ""
+    assert without_seconds(json.loads(done.stdout)) == without_seconds(summary)
+
+
+def without_seconds(value):
+    if isinstance(value, dict):
+        return {k: without_seconds(v) for k, v in value.items() if k != "seconds"}
+    return [without_seconds(v) for v in value] if isinstance(value, list) else value
+
+
+@pytest.fixture
+def short_protocol(monkeypatch, reproduced):
+    """`qpal reproduce` on the shoulder alone."""
+    monkeypatch.setattr(protocol, "PAPER", {"shoulder": protocol.PAPER["shoulder"]})
+
+
+def test_reproduce_without_a_renderer_says_why_and_goes_on(short_protocol, monkeypatch, tmp_path):
+    def none():
+        raise stills.NoRenderer("no OpenGL on this machine")
+
+    monkeypatch.setattr(stills, "leg_stills", none)
+    main(["reproduce", "--duration", "60", "--out", str(tmp_path / "out")])
+    assert "no OpenGL on this machine" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_reproduce_ends_with_1_where_a_check_does_not_hold(short_protocol, monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(protocol, "TRUTH_TOLERANCE", -1.0)
+    assert main(["reproduce", "--duration", "60", "--out", str(tmp_path / "out")]) == 1
+    assert "DOES NOT HOLD" in capsys.readouterr().out
+    assert "DOES NOT HOLD" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

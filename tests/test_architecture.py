@@ -1,0 +1,80 @@
+"""What must not drift in the house: which way imports run, that tables are complete, that exported names exist."""
+
+import ast
+import importlib
+import inspect
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import sysid
+import twin
+
+PACKAGES = (sysid, twin)
+FOLDERS = ("sysid.blocks", "sysid.excitations", "sysid.searches", "sysid.structures", "sysid.systems", "twin.logs")
+NOT_FOR_SYSID = ("twin", "mujoco")
+LONGEST = 400
+
+
+def sources(package) -> list[Path]:
+    return sorted(Path(package.__file__).parent.rglob("*.py"))
+
+
+def modules() -> list[str]:
+    found = [package.__name__ for package in PACKAGES]
+    for package in PACKAGES:
+        found += [m.name for m in pkgutil.walk_packages(package.__path__, package.__name__ + ".")]
+    return [name for name in found if not name.endswith("__main__")]
+
+
+def imported(path: Path) -> set[str]:
+    """Top-level names that a file imports anywhere in it, inside functions too."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names.add(node.module.split(".")[0])
+        elif isinstance(node, ast.ImportFrom):
+            names.add(f"relative import in {path.name}, line {node.lineno}")  # absolute ones can be checked
+    return names
+
+
+@pytest.mark.parametrize("path", sources(sysid), ids=lambda p: p.name)
+def test_sysid_knows_no_robot(path):
+    wrong = {name for name in imported(path) if name in NOT_FOR_SYSID or name.startswith("relative")}
+    assert not wrong
+
+
+def test_importing_all_of_sysid_loads_no_robot():
+    names = [name for name in modules() if name.startswith("sysid")]
+    code = f"import importlib, sys\nfor n in {names!r}: importlib.import_module(n)\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = {name.split(".")[0] for name in done.stdout.split()}
+    assert "sysid" in loaded
+    assert not loaded & set(NOT_FOR_SYSID)
+    assert "matplotlib" not in loaded  # drawing libraries are imported by what draws
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_every_file_of_an_extension_folder_is_in_its_table(folder):
+    package = importlib.import_module(folder)
+    files = {f"{folder}.{m.name}" for m in pkgutil.iter_modules(package.__path__)}
+    # A structure is a chain-making function, everything else a class; the module that defines it is the file.
+    in_table = {inspect.unwrap(entry).__module__ for entry in package.TABLE.values()}
+    assert files == in_table
+
+
+@pytest.mark.parametrize("name", modules())
+def test_every_exported_name_exists(name):
+    module = importlib.import_module(name)
+    for exported in getattr(module, "__all__", ()):
+        assert getattr(module, exported, None) is not None, f"{name}.__all__ names {exported}"
+
+
+@pytest.mark.parametrize("path", [p for package in PACKAGES for p in sources(package)], ids=lambda p: p.name)
+def test_no_module_is_a_second_house(path):
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST
