@@ -72,7 +72,7 @@ def siso(data: IOData) -> tuple[np.ndarray, np.ndarray]:
     if data.u.shape[1] != 1 or data.y.shape[1] != 1:
         raise InputError(
             f"the record has {data.u.shape[1]} inputs and {data.y.shape[1]} outputs; these structures take one of "
-            " choose one column of each"
+            "each: choose one column for u and one for y"
         )
     return data.u[:, 0], data.y[:, 0]
 

@@ -20,7 +20,7 @@ from sysid.problem import ChainProblem
 from sysid.residuals import ResidualTests, residual_tests
 from sysid.searches import search as make_search
 from sysid.threads import available, one_blas_thread
-from sysid.uncertainty import Covariance, covariance, pole_std
+from sysid.uncertainty import Covariance, pole_std
 
 
 @dataclass(frozen=True)
@@ -193,15 +193,13 @@ def fit(
                 f"none of {len(points)} start(s) gives a usable model: {outcomes[best].stop.reason}; "
                 "detrend the data or lower the orders"
             )
-        theta = ChainProblem.whole(model, points[best], u, y).theta(outcomes[best].p)
-        yhat, J = model.tangent(theta, u)
-        d = model.count(theta)
-        cov = covariance(J, y - yhat, model.gauge(theta), model.free, d)
+        problem = ChainProblem.whole(model, points[best], u, y)
+        theta, cov = problem.theta(outcomes[best].p), problem.covariance(outcomes[best].p)
     return Fit(
         model=model,
         theta=theta,
         Ts=data.Ts,
-        criteria=criteria(costs[best] / len(y), len(y), d),
+        criteria=criteria(costs[best] / len(y), len(y), model.count(theta)),
         covariance=cov,
         stop=outcomes[best].stop,
         history=outcomes[best].history,
@@ -209,7 +207,7 @@ def fit(
         losses=tuple(c / len(y) for c in costs),
         seconds=time.perf_counter() - began,
         search=method.name,
-        n_init=min(max(20, 4 * model.linear.n_state), len(y) // 4),
+        n_init=min(max(50, 4 * model.linear.n_state), len(y) // 4),
         u_span=(float(u.min()), float(u.max())),
     )
 

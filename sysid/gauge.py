@@ -20,29 +20,23 @@ def gauge(blocks: tuple[Block, ...], thetas: list[np.ndarray], free: np.ndarray)
     n_interfaces = len(blocks) + 1
     for i, (block, theta) in enumerate(zip(blocks, thetas, strict=True)):
         for s in block.symmetries(theta):
+            size = max(abs(s.in_scale), abs(s.in_shift), abs(s.out_scale), abs(s.out_shift)) or 1.0
             column = np.zeros(offsets[-1])
-            column[offsets[i] : offsets[i + 1]] = s.d_theta
+            column[offsets[i] : offsets[i + 1]] = s.d_theta / size
             columns.append(column)
             # What block i asks of the signal before it minus what it does to the one after it.
             condition = np.zeros(2 * n_interfaces)
             condition[2 * i : 2 * i + 2] = s.in_scale, s.in_shift
             condition[2 * i + 2 : 2 * i + 4] = -s.out_scale, -s.out_shift
-            conditions.append(condition)
+            conditions.append(condition / size)
     if not columns:
         return np.zeros((offsets[-1], 0))
     D, C = np.array(columns).T, np.array(conditions).T
-    C = np.vstack([C, _scaled(D)[~free]])  # a fixed parameter must not move either
-    directions = D @ null_space(C, rcond=_RCOND)
-    return _independent(directions)
-
-
-def _scaled(D: np.ndarray) -> np.ndarray:
-    size = np.linalg.norm(D, axis=1, keepdims=True)
-    return D / np.where(size > 0, size, 1.0)
-
-
-def _independent(D: np.ndarray) -> np.ndarray:
-    if D.shape[1] == 0:
-        return D
-    U, s, _ = np.linalg.svd(D, full_matrices=False)
-    return U[:, s > _RCOND * max(s[0], 1e-300)] if s[0] > 0 else D[:, :0]
+    rows = np.linalg.norm(D, axis=1, keepdims=True)
+    rows = np.where(rows > 0, rows, 1.0)  # parameters differ in unit; what counts as zero must not
+    C = np.vstack([C, (D / rows)[~free]])  # a fixed parameter must not move either
+    directions = (D / rows) @ null_space(C, rcond=_RCOND)
+    if directions.shape[1] == 0:
+        return directions
+    U, sv, _ = np.linalg.svd(directions, full_matrices=False)
+    return rows * U[:, sv > _RCOND * max(sv[0], 1e-300)]

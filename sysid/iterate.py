@@ -87,13 +87,7 @@ class Linearisation:
 
     @cached_property
     def svd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """u'z, s, V of R: the Gauss-Newton step is V (u'z / s)."""
-        U, s, Vt = np.linalg.svd(self.R)
-        return U.T @ self.z, s, Vt.T
-
-    @cached_property
-    def scaled_svd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same of R with columns of unit norm."""
+        """u'z, s, V of R with columns of unit norm, so that units do not decide which directions count as empty."""
         U, s, Vt = np.linalg.svd(self.R / self.scale)
         return U.T @ self.z, s, Vt.T
 
@@ -106,11 +100,11 @@ class Linearisation:
         """Step (P,) along the singular directions above `floor`."""
         uz, s, V = self.svd
         keep = s > floor
-        return V[:, keep] @ (uz[keep] / s[keep])
+        return V[:, keep] @ (uz[keep] / s[keep]) / self.scale
 
     def damped(self, damping: float) -> np.ndarray:
         """Levenberg-Marquardt step (P,) in columns of unit norm."""
-        uz, s, V = self.scaled_svd
+        uz, s, V = self.svd
         return V @ (uz * s / (s * s + damping)) / self.scale
 
     @property

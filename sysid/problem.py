@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.chain import Chain
+from sysid.uncertainty import Covariance, covariance
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,15 @@ class ChainProblem:
         """True (n,) where p stands at a limit and the descent direction `gradient` points beyond it."""
         low, high = self.chain.at_limit(self.theta(p))
         return (low[self.moving] & (gradient < 0)) | (high[self.moving] & (gradient > 0))
+
+    def covariance(self, p: np.ndarray) -> Covariance:
+        """Covariance of theta at p; a direction that a limit holds counts as known."""
+        e, J = self.linearise(p)
+        theta = self.theta(p)
+        open_ = ~self.blocked(p, J.T @ e)
+        basis = self.chain.basis[:, self.moving]
+        redundant = np.linalg.solve(self.chain.basis, self.chain.gauge(theta))[self.moving]
+        return covariance(e, J[:, open_], redundant[open_], basis[:, open_], self.chain.count(theta))
 
     def residual(self, p: np.ndarray) -> np.ndarray | None:
         """e (N,), or None where the chain is not admissible."""

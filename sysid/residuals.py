@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import bdtr, ndtri
 
 from sysid.errors import InputError
 
@@ -37,13 +37,13 @@ class ResidualTests:
 
     @property
     def white(self) -> bool:
-        """True where no more lags leave the bound than chance explains (see `allowed`)."""
-        return self.whiteness_outside <= allowed(len(self.lags) - 1, self.level)
+        """True where chance explains every lag outside the bound (see `chance`)."""
+        return chance(self.autocorrelation[1:], self.whiteness_bound, self.level)
 
     @property
     def independent(self) -> bool:
-        """True where no more lags leave the bound than chance explains (see `allowed`)."""
-        return self.independence_outside <= allowed(len(self.cross_lags), self.level)
+        """True where chance explains every lag outside the bound (see `chance`)."""
+        return chance(self.cross_correlation, self.independence_bound, self.level)
 
     def as_dict(self) -> dict[str, Any]:
         """Numbers and verdicts, ready for JSON."""
@@ -52,11 +52,22 @@ class ResidualTests:
         return {**values, **{n: getattr(self, n) for n in names}}
 
 
-def allowed(n_lags: int, level: float) -> int:
-    """Lags that may leave a bound of this level before chance (one case in a hundred) stops explaining it."""
-    from scipy.stats import binom
+def chance(r: np.ndarray, bound: float, level: float) -> bool:
+    """Whether chance explains correlations r (n,) whose single-lag bound of this level is `bound`.
 
-    return int(binom.ppf(0.99, n_lags, 1.0 - level))
+    Not more lags outside than one record in a hundred would show, and none outside the bound widened so that all n
+    lags together keep the level (Bonferroni).
+    """
+    n = len(r)
+    widened = bound * float(ndtri(1.0 - (1.0 - level) / (2 * n)) / ndtri(0.5 + level / 2))
+    outside = int(np.sum(np.abs(r) > bound))
+    return bool(outside <= _allowed(n, level) and np.all(np.abs(r) <= widened))
+
+
+def _allowed(n: int, level: float) -> int:
+    """Smallest k with P(at most k of n lags outside) >= 0.99."""
+    counts = np.arange(n + 1)
+    return int(np.argmax(bdtr(counts, n, 1.0 - level) >= 0.99))
 
 
 def residual_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float = 0.99) -> ResidualTests:

@@ -23,27 +23,24 @@ class Covariance:
         return np.where(self.unidentifiable, np.nan, s)
 
 
-def covariance(J: np.ndarray, e: np.ndarray, gauge: np.ndarray, free: np.ndarray, d: int) -> Covariance:
-    """sigma^2 (J'J)^+ for J (N, P), residuals e (N,), gauge directions (P, g), free (P,) and d parameters counted.
+def covariance(e: np.ndarray, J: np.ndarray, gauge: np.ndarray, basis: np.ndarray, d: int) -> Covariance:
+    """sigma^2 (J'J)^+ for residuals e (N,) and J (N, n) = dyhat/dp, theta = theta0 + basis (P, n) p.
 
-    Columns are brought to unit norm first, so that a unit does not decide what counts as zero (Ljung, System
-    Identification, section 9.4; the pseudo-inverse is the covariance in the gauge of least norm).
+    gauge (n, g) holds the redundant directions of p and d the number of parameters counted. Columns of J are brought
+    to unit norm first, so that a unit does not decide what counts as zero (Ljung, System Identification, section 9.4;
+    the pseudo-inverse is the covariance in the gauge of least norm).
     """
-    N, P = J.shape
+    N, P = len(e), len(basis)
     sigma2 = float(e @ e) / max(N - d, 1)
-    cov, lost = np.zeros((P, P)), np.zeros(P, dtype=bool)
-    index = np.flatnonzero(free)
-    if not len(index):
-        return Covariance(cov, lost, sigma2)
-    scale = np.linalg.norm(J[:, index], axis=0)
-    empty = scale == 0.0
-    scale = np.where(empty, 1.0, scale)
-    _, s, Vt = np.linalg.svd(np.linalg.qr(J[:, index] / scale, mode="r"))
+    if not J.shape[1]:
+        return Covariance(np.zeros((P, P)), np.zeros(P, dtype=bool), sigma2)
+    scale = np.linalg.norm(J, axis=0)
+    scale = np.where(scale == 0.0, 1.0, scale)
+    _, s, Vt = np.linalg.svd(np.linalg.qr(J / scale, mode="r"))
     keep = s > 1e-7 * s[0] if s[0] > 0 else np.zeros(len(s), dtype=bool)
-    V = Vt.T[:, keep] / s[keep]
-    cov[np.ix_(index, index)] = sigma2 * (V @ V.T) / np.outer(scale, scale)
-    lost[index] = _lost(Vt.T[:, ~keep], gauge[index] * scale[:, None])
-    return Covariance(cov, lost, sigma2)
+    V = basis @ (Vt.T[:, keep] / s[keep] / scale[:, None])
+    lost = _lost(Vt.T[:, ~keep], gauge * scale[:, None])
+    return Covariance(sigma2 * (V @ V.T), np.abs(basis) @ lost > 0, sigma2)
 
 
 def _lost(null: np.ndarray, gauge: np.ndarray) -> np.ndarray:

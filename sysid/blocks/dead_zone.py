@@ -24,7 +24,7 @@ class DeadZone(StaticBlock):
         return x - np.clip(x, theta[0], theta[1]), np.where(below | above, 1.0, 0.0)
 
     def start(self, x: np.ndarray) -> np.ndarray:
-        return 0.5 * (x.min() + x.max()) + 0.05 * (x.max() - x.min()) * np.array([-1.0, 1.0])
+        return 0.05 * (x.max() - x.min()) * np.array([-1.0, 1.0])
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         return [Symmetry(theta.copy(), in_scale=1.0, out_scale=1.0), Symmetry(np.ones(2), in_shift=1.0)]

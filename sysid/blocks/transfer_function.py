@@ -7,7 +7,7 @@ import numpy as np
 from sysid.block import Block, Slot, Symmetry
 from sysid.errors import InputError
 
-_MARGIN = 1e-9  # a double pole on the circle is only known to about this
+_CLUSTER = 1e-6  # a double integrator's computed poles stand about this far from 1, inside or outside
 STABILITY = ("stable", "free")
 
 
@@ -72,7 +72,11 @@ class TransferFunction(Block):
         return float(b.sum() / F1) if F1 != 0 else np.inf
 
     def admissible(self, theta: np.ndarray) -> bool:
-        return self.stability == "free" or self.nf == 0 or bool(np.all(np.abs(self.poles(theta)) <= 1.0 + _MARGIN))
+        if self.stability == "free" or self.nf == 0:
+            return True
+        poles = self.poles(theta)
+        near_one = np.abs(poles - 1.0) < _CLUSTER
+        return bool(np.all((np.abs(poles) <= 1.0 + 1e-12) | near_one))
 
     def basis(self) -> np.ndarray:
         """Coefficients in powers of (z - 1) in place of z (the delta operator, Middleton and Goodwin 1990).
@@ -91,7 +95,7 @@ class TransferFunction(Block):
         """F(1) = 0, an integrator: below it a real pole leaves the unit circle."""
         low = super().at_low(theta)
         if self.stability == "stable" and self.nf:
-            low[self.nb + self.nf - 1] = 1.0 + self.split(theta)[1].sum() <= _MARGIN
+            low[self.nb + self.nf - 1] = 1.0 + self.split(theta)[1].sum() <= 1e-14  # exact but for rounding
         return low
 
     def repair(self, theta: np.ndarray) -> np.ndarray:

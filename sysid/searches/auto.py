@@ -1,5 +1,6 @@
 """Automatic choice: the first of several methods that descends."""
 
+from dataclasses import replace
 from typing import Any
 
 from sysid.iterate import Attempt, Linearisation, Options, Search, Step
@@ -7,6 +8,8 @@ from sysid.searches.adaptive_gauss_newton import AdaptiveGaussNewton
 from sysid.searches.gauss_newton import GaussNewton
 from sysid.searches.gradient import Gradient
 from sysid.searches.levenberg_marquardt import LevenbergMarquardt
+
+_HALVINGS = 2
 
 
 class Auto:
@@ -19,7 +22,9 @@ class Auto:
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         for method in self._methods:
-            step = method.step(lin, attempt, memory.setdefault(method.name, {}), options)
+            # A Gauss-Newton step that must be halved often leads where the data hardly show: lm knows better.
+            limits = replace(options, max_halvings=_HALVINGS) if method.name == "gn" else options
+            step = method.step(lin, attempt, memory.setdefault(method.name, {}), limits)
             if step is not None:
                 return step
         return None

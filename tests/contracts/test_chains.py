@@ -1,0 +1,80 @@
+"""Chains: exact Jacobians, and a gauge that explains every rank defect of them."""
+
+import itertools
+
+import numpy as np
+import pytest
+from cases import BLOCKS, STRUCTURES
+
+from sysid.blocks import STATIC, TransferFunction
+from sysid.chain import Chain
+from sysid.errors import InputError
+from sysid.initial import linear_start
+from sysid.structures import TABLE, build, hammerstein_wiener
+
+LINEAR = np.array([0.2, 0.12, -1.2, 0.5, 0.3, -0.4])  # nb 2, nf 2, nk 1: gain about 1, poles 0.6 +- 0.37i
+
+
+def generic(first, last, N=4000):
+    """A Hammerstein-Wiener chain of the cases' maps at an interior point, and an input that excites all of it."""
+    (input_map, a), (output_map, b) = BLOCKS[first], BLOCKS[last]
+    chain = hammerstein_wiener(2, 2, 1, input_map, output_map)
+    rng = np.random.default_rng(3)
+    theta = np.concatenate([a, LINEAR, b])
+    return chain, theta * (1.0 + 0.05 * rng.uniform(-1, 1, len(theta))), rng.uniform(-3, 3, N)
+
+
+@pytest.mark.parametrize(("first", "last"), list(itertools.product(sorted(STATIC), repeat=2)))
+def test_gauge_is_all_and_only_what_is_redundant(first, last):
+    """Rank of the Jacobian at a generic point = parameters - gauge, and the output does not move along the gauge."""
+    chain, theta, u = generic(first, last)
+    _, J = chain.tangent(theta, u)
+    norm = np.linalg.norm(J, axis=0)
+    s = np.linalg.svd(J / np.where(norm > 0, norm, 1.0), compute_uv=False)
+    G = chain.gauge(theta)
+    assert np.sum(s > 1e-9 * s[0]) == len(theta) - G.shape[1]
+    if G.shape[1]:
+        assert np.abs(J @ G).max() < 1e-9 * norm.max() * np.abs(G).max()
+
+
+def test_a_fixed_gain_takes_its_gauge_away():
+    chain, theta, _ = generic("polynomial", "polynomial")
+    held = Chain(chain.blocks, fixed={"linear.b0": theta[chain.names.index("linear.b0")]})
+    # One parameter less and one redundancy less: the number that counts stays.
+    assert held.gauge(theta).shape[1] == chain.gauge(theta).shape[1] - 1
+    assert held.count(theta) == chain.count(theta)
+
+
+@pytest.mark.parametrize("name", sorted(TABLE))
+def test_chain_jacobian_agrees_with_finite_differences(name):
+    """Each structure at its automatic start, moved off it at random."""
+    rng = np.random.default_rng(4)
+    chain, u = build(name, 2, 2, 1, **STRUCTURES[name]), rng.uniform(-2, 2, 300)
+    theta = linear_start(chain, u, np.convolve(u, [0, 0.5, 0.3, 0.1])[:300])
+    theta = theta + 0.05 * rng.normal(size=len(theta))
+    y, J = chain.tangent(theta, u)
+    np.testing.assert_array_equal(y, chain.simulate(theta, u))
+    h = 1e-6
+    for i in range(len(theta)):
+        e = np.zeros_like(theta)
+        e[i] = h
+        numeric = (chain.simulate(theta + e, u) - chain.simulate(theta - e, u)) / (2 * h)
+        # Median over samples: a sample within h of a kink has no two-sided derivative.
+        assert np.median(np.abs(J[:, i] - numeric)) < 1e-6 * max(1.0, np.abs(J[:, i]).max())
+
+
+def test_unknown_names_list_the_known_ones():
+    with pytest.raises(InputError, match="saturation"):
+        hammerstein_wiener(input="staircase")
+    with pytest.raises(InputError, match="wiener"):
+        build("hammer", 2, 2, 1)
+    with pytest.raises(InputError, match="no input map"):
+        build("wiener", 2, 2, 1, input="saturation")
+    with pytest.raises(InputError, match=r"linear\.f1"):
+        Chain(hammerstein_wiener().blocks, fixed={"linear.f9": 0.0})
+
+
+@pytest.mark.parametrize("orders", [(0, 2, 1), (2, -1, 1), (2, 2, -1), (2.0, 2, 1)])
+def test_impossible_orders_are_refused(orders):
+    with pytest.raises(InputError, match="nb >= 1"):
+        TransferFunction(*orders)

@@ -1,0 +1,88 @@
+"""Plants with known truth are recovered from automatic starts."""
+
+import numpy as np
+import pytest
+
+import sysid
+from sysid.criteria import fit_percent
+from sysid.poles import match
+from sysid.systems import TABLE, system
+
+
+def pole_error(fit, plant):
+    """Largest relative s-plane error over the true poles."""
+    return max(m.s_error for m in match(fit.poles, plant.poles, plant.Ts))
+
+
+@pytest.mark.parametrize("name", sorted(TABLE))
+@pytest.mark.parametrize("search", ["lm", "auto"])
+def test_noise_free_poles_to_1e_6(name, search):
+    plant = system(name)
+    data = plant.record(4000, 0.0, np.random.default_rng(11))
+    fit = sysid.fit(plant.chain, data, search=search)
+    assert pole_error(fit, plant) < 1e-6
+    assert fit.fit_percent(plant.record(2000, 0.0, np.random.default_rng(12))) > 99.99
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(TABLE))
+def test_fit_within_a_tenth_of_the_oracle(name, seeds):
+    """1 % noise, N 4000, five starts: validation within 0.1 point of the true model's on at least 99 % of seeds."""
+    plant = system(name)
+    gaps = []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        estimation, validation = plant.record(4000, 0.01, rng), plant.record(4000, 0.01, rng)
+        fit = sysid.fit(plant.chain, estimation, search="lm", seed=seed)
+        n = fit.n_init
+        oracle = fit_percent(validation.y[n:, 0], plant.truth(validation.u[:, 0])[n:])
+        gaps.append(oracle - fit.fit_percent(validation))
+    assert np.mean(np.array(gaps) < 0.1) >= 0.99, f"gaps {np.sort(gaps)[-3:]}"
+
+
+@pytest.mark.slow
+def test_pole_intervals_cover_the_truth(seeds):
+    """|error| / std of the textbook plant's poles, real and imaginary part pooled: mean square near one.
+
+    For n seeds of one complex pair the pooled square has mean 1 and standard error about 1/sqrt(n).
+    """
+    plant = system("textbook")
+    squares = []
+    for seed in seeds:
+        data = plant.record(2000, 0.05, np.random.default_rng(1000 + seed))
+        fit = sysid.fit(plant.chain, data, search="lm", starts=1)
+        k = int(np.argmax(fit.poles.imag))
+        true = plant.poles[np.argmax(plant.poles.imag)]
+        squares.append(abs(fit.poles[k] - true) ** 2 / fit.pole_std[k] ** 2)
+    assert abs(np.mean(squares) - 1.0) < 4.0 / np.sqrt(len(squares))
+
+
+@pytest.mark.parametrize("search", ["gn", "gna", "lm", "auto"])
+def test_every_search_reaches_the_same_optimum(search):
+    plant = system("textbook")
+    data = plant.record(3000, 0.01, np.random.default_rng(21))
+    best = sysid.fit(plant.chain, data, search="lm", options=sysid.Options(tolerance=1e-8))
+    fit = sysid.fit(plant.chain, data, search=search)
+    assert fit.stop.converged
+    assert fit.criteria.loss == pytest.approx(best.criteria.loss, rel=2e-4)  # the tolerance is 0.01 % of the loss
+
+
+def test_gradient_says_when_it_ran_out_of_iterations():
+    plant = system("paper_thigh")
+    fit = sysid.fit(
+        plant.chain, plant.record(500, 0.01, np.random.default_rng(1)), search="gradient", options=sysid.Options(3)
+    )
+    assert not fit.stop.converged
+    assert "limit of 3 iterations" in fit.stop.reason
+    assert any("did not converge" in w for w in fit.warnings)
+
+
+def test_equal_seeds_give_equal_numbers_at_any_thread_count(monkeypatch):
+    plant = system("paper_shoulder")
+    data = plant.record(1000, 0.02, np.random.default_rng(3))
+    chain = sysid.structures.hammerstein_wiener(3, 3, 1)
+    first = sysid.fit(chain, data, seed=4)
+    monkeypatch.setattr("sysid.fitting.available", lambda: 1)
+    second = sysid.fit(chain, data, seed=4)
+    np.testing.assert_array_equal(first.theta, second.theta)
+    assert sysid.fit(chain, data, seed=5).losses != first.losses
