@@ -1,0 +1,48 @@
+"""Renew what README shows: the table of results (seed 0) and docs/leg.png. Run it after a change that moves either.
+
+.venv/bin/python scripts/readme.py
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from twin import protocol
+from twin.report.page import Grid
+from twin.report.reproduce import table
+from twin.stills import leg_stills
+
+ROOT = Path(__file__).resolve().parent.parent
+MARKS = ("<!-- results: made by scripts/readme.py -->\n", "<!-- end of results -->\n")
+SHOWN = (("shoulder", "max"), ("thigh", "max"), ("shank", "min"))
+COLOURS = 128  # a palette keeps the picture small enough to live in the repository
+
+
+def markdown(grid: Grid) -> str:
+    """The grid as a Markdown table."""
+    rows = [grid.headings, [":--" if grid.is_text(j) else "--:" for j in range(len(grid.headings))], *grid.rows]
+    return "".join("| " + " | ".join(row) + " |\n" for row in rows)
+
+
+def renew_table() -> None:
+    """Replaces the table between the two marks in README."""
+    readme = ROOT / "README.md"
+    text = readme.read_text(encoding="utf-8")
+    new = MARKS[0] + markdown(table(protocol.run(seed=0))) + MARKS[1]
+    pattern = re.escape(MARKS[0]) + ".*?" + re.escape(MARKS[1])
+    readme.write_text(re.sub(pattern, lambda _: new, text, flags=re.DOTALL), encoding="utf-8")
+
+
+def renew_picture() -> None:
+    """Three stills side by side."""
+    stills = {(joint, end): rgb for joint, end, rgb in leg_stills()}
+    strip = Image.fromarray(np.hstack([stills[key] for key in SHOWN]))
+    small = strip.resize((960, 240), Image.Resampling.LANCZOS)
+    small.quantize(COLOURS, dither=Image.Dither.NONE).save(ROOT / "docs" / "leg.png", optimize=True)
+
+
+if __name__ == "__main__":
+    renew_table()
+    renew_picture()

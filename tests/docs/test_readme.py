@@ -1,0 +1,64 @@
+"""README keeps its word: its code runs, its files exist, its table is what the program prints."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from twin import protocol
+from twin.cli import main
+from twin.report.reproduce import table
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.DOTALL | re.MULTILINE)
+
+
+def test_first_command_by_line_15_and_few_words_before_the_tables():
+    lines = README.splitlines()
+    assert next(k for k, line in enumerate(lines, start=1) if line.startswith("sh scripts/")) <= 15
+    before, _, _ = README.partition("\n| ")
+    prose = re.sub(r"^```.*?^```", "", before, flags=re.DOTALL | re.MULTILINE)
+    assert len(prose.split()) <= 400
+
+
+@pytest.mark.parametrize("code", blocks("python"))
+def test_python_runs(code, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "README.md", "exec"), {})
+
+
+def test_shell_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    commands = [shlex.split(line, comments=True) for block in blocks("sh") for line in block.splitlines()]
+    assert commands
+    for program, *arguments in filter(None, commands):
+        if program == "qpal":
+            assert main(arguments) == 0
+        else:  # the starters make an environment: .ci/run is where they run
+            assert program == "sh"
+            assert (ROOT / arguments[0]).is_file()
+
+
+def test_links_and_pictures_exist():
+    targets = re.findall(r"\]\(([^)]+)\)", README)
+    assert targets
+    for target in targets:
+        path = ROOT / target
+        assert path.is_file()
+        assert path.suffix != ".png" or path.stat().st_size <= 150_000
+
+
+def test_results_table_is_what_reproduce_prints():
+    shown = [[cell.strip() for cell in line.strip("|").split("|")] for line in README.splitlines() if line[:2] == "| "]
+    grid = table(protocol.run(seed=0))
+    assert shown[0] == list(grid.headings)
+    fit = list(grid.headings).index("fit")
+    assert [row[:fit] for row in shown[2:]] == [list(row[:fit]) for row in grid.rows]
+    # Another processor may round differently on the way to an optimum: half a point, not the last digit.
+    found = [float(row[fit].rstrip(" %")) for row in grid.rows]
+    assert [float(row[fit].rstrip(" %")) for row in shown[2:]] == pytest.approx(found, abs=0.5)
