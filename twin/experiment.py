@@ -11,10 +11,10 @@ import numpy as np
 from sysid import excitations
 from sysid.errors import InputError, unknown
 from twin.drive import Drive, drive
-from twin.geometry import middle
+from twin.geometry import end_angles, middle
 from twin.leg import BENCH_LEG, bench, check_joint, check_switches
 from twin.log import Log
-from twin.parameters import Parameters
+from twin.parameters import JOINTS, Parameters
 from twin.pot import potentiometer
 
 # What an excitation gets where the caller gives nothing. A sweep's half period leaves about 22 % of it as rest at an
@@ -71,6 +71,8 @@ class Experiment:
                 f"number of at least {SHORTEST}"
             )
         self.signal()  # an unknown excitation or option is found here, before the run
+        for joint in JOINTS:
+            end_angles(self.parameters, joint)  # and so are pins that the actuator cannot span
 
     @property
     def N(self) -> int:

@@ -187,7 +187,7 @@ def test_bad_parameters_are_refused(values: dict, says: str) -> None:
 
 def test_a_stroke_that_the_pins_cannot_span_is_refused() -> None:
     with pytest.raises(InputError, match=r"the actuator cannot be 0\.3020 m long"):
-        Experiment(duration=2.0, parameters=Parameters({"thigh.stroke": 0.1})).run()
+        Experiment(parameters=Parameters({"thigh.stroke": 0.1}))
 
 
 @pytest.mark.parametrize(
