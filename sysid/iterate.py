@@ -63,6 +63,12 @@ class Step:
     method: str
 
 
+def column_scale(J: np.ndarray) -> np.ndarray:
+    """Norm of each column of J (N, P); infinite where a column is as good as zero, so that nothing moves along it."""
+    norm = np.linalg.norm(J, axis=0)
+    return np.where(norm > 1e-30 * norm.max(initial=0.0), norm, np.inf)
+
+
 @dataclass(frozen=True)
 class Linearisation:
     """The problem around one point: e and J in the compact form R (P, P), z (P,), from a QR of [J e]."""
@@ -81,9 +87,8 @@ class Linearisation:
 
     @cached_property
     def scale(self) -> np.ndarray:
-        """Norm of each column of J (P,); one where a column is zero."""
-        norm = np.linalg.norm(self.R, axis=0)
-        return np.where(norm > 0, norm, 1.0)
+        """Norm of each column of J (P,), see `column_scale`."""
+        return column_scale(self.R)
 
     @cached_property
     def svd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.iterate import column_scale
+
 
 @dataclass(frozen=True)
 class Covariance:
@@ -34,12 +36,11 @@ def covariance(e: np.ndarray, J: np.ndarray, gauge: np.ndarray, basis: np.ndarra
     sigma2 = float(e @ e) / max(N - d, 1)
     if not J.shape[1]:
         return Covariance(np.zeros((P, P)), np.zeros(P, dtype=bool), sigma2)
-    scale = np.linalg.norm(J, axis=0)
-    scale = np.where(scale == 0.0, 1.0, scale)
+    scale = column_scale(J)
     _, s, Vt = np.linalg.svd(np.linalg.qr(J / scale, mode="r"))
     keep = s > 1e-7 * s[0] if s[0] > 0 else np.zeros(len(s), dtype=bool)
     V = basis @ (Vt.T[:, keep] / s[keep] / scale[:, None])
-    lost = _lost(Vt.T[:, ~keep], gauge * scale[:, None])
+    lost = _lost(Vt.T[:, ~keep], gauge * np.where(np.isfinite(scale), scale, 1.0)[:, None])
     return Covariance(sigma2 * (V @ V.T), np.abs(basis) @ lost > 0, sigma2)
 
 
