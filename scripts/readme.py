@@ -38,8 +38,9 @@ def renew_table() -> None:
 def renew_picture() -> None:
     """Three stills side by side."""
     stills = {(joint, end): rgb for joint, end, rgb in leg_stills()}
-    strip = Image.fromarray(np.hstack([stills[key] for key in SHOWN]))
-    small = strip.resize((960, 240), Image.Resampling.LANCZOS)
+    gap = np.full((480, 16, 3), 255, dtype=np.uint8)
+    strip = Image.fromarray(np.hstack([stills[SHOWN[0]], gap, stills[SHOWN[1]], gap, stills[SHOWN[2]]]))
+    small = strip.resize((strip.width // 2, strip.height // 2), Image.Resampling.LANCZOS)
     small.quantize(COLOURS, dither=Image.Dither.NONE).save(ROOT / "docs" / "leg.png", optimize=True)
 
 

@@ -5,7 +5,7 @@ from twin.identification import Identification
 from twin.record import Record
 from twin.report import figures, sections, style
 from twin.report.page import Grid, Page, Picture, Section
-from twin.report.units import percent, poles
+from twin.report.units import Quantity, number, percent, poles
 from twin.versions import versions
 
 
@@ -51,19 +51,24 @@ def _verdict(e: Evaluation) -> list[str]:
 
 def _data(record: Record, e: Evaluation) -> Section:
     n = e.estimation.N
+    u, y = sections.signals(e)
     split = Picture(
         "data",
         style.png(figures.preprocessed(e.estimation, e.validation)),
         f"The record as it was used: the first {n} samples for estimation, the other {e.validation.N} for validation.",
     )
     removed = (
-        f"Removed before the fit: {e.estimation.u_offset[0]:.5g} from the input and {e.estimation.y_offset[0]:.5g} "
-        "from the output (means over the whole record). "
+        f"Removed before the fit: {_offset(u, e.estimation.u_offset[0])} from the input and "
+        f"{_offset(y, e.estimation.y_offset[0])} from the output (means over the whole record). "
         if e.estimation.u_offset[0] or e.estimation.y_offset[0]
         else "Nothing was removed from the data. "
     )
     notes = "".join(f"{note[0].upper()}{note[1:]}. " for note in record.notes)
     return Section("Data", [f"Read from {record.path}. {notes}{removed}"], pictures=[split])
+
+
+def _offset(quantity: Quantity, value: float) -> str:
+    return f"{number(value * quantity.factor)} {quantity.unit}".rstrip()
 
 
 def _output(e: Evaluation) -> Section:

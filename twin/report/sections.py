@@ -7,7 +7,7 @@ import numpy as np
 from twin.evaluation import Evaluation
 from twin.report import figures, style
 from twin.report.page import Grid, Picture
-from twin.report.units import number, percent, pole, poles, shown
+from twin.report.units import Quantity, number, percent, pole, poles, shown
 
 
 def picture_of_step(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
@@ -15,13 +15,19 @@ def picture_of_step(name: str, evaluation: Evaluation, lead: str = "") -> Pictur
     e = evaluation
     if e.step is None:
         return None
-    u, y = shown(e.estimation.u_name, e.estimation.u_unit), shown(e.estimation.y_name, e.estimation.y_unit)
+    u, y = signals(e)
     last = float(e.step.y[-1]) * y.factor
     caption = (
         f"{lead}Step response of the linear model that is tangent to the fit at the mean input: after "
         f"{e.step.x[-1]:.3g} s it stands at {number(last, 3)} {y.unit or 'units of y'} per {u.unit or 'unit of u'}."
     )
     return Picture(name, style.png(figures.step_response(e.step, u, y)), caption)
+
+
+def signals(evaluation: Evaluation) -> tuple[Quantity, Quantity]:
+    """How input and output are shown."""
+    data = evaluation.estimation
+    return shown(data.u_name, data.u_unit), shown(data.y_name, data.y_unit)
 
 
 def picture_of_poles(
@@ -107,11 +113,12 @@ def parameter_grid(evaluation: Evaluation, caption: str = "All parameters") -> G
 def criteria_grid(evaluation: Evaluation) -> Grid:
     """Fit of both parts and the criteria of the estimation part."""
     c = evaluation.fit.criteria
+    unit = f" [{evaluation.estimation.y_unit}²]" if evaluation.estimation.y_unit else ""
     rows = [
         ("fit, free run, validation part", percent(evaluation.validation_fit)),
         ("fit, free run, estimation part", percent(evaluation.estimation_fit)),
-        ("loss V = mean squared error", number(c.loss)),
-        ("FPE", number(c.fpe)),
+        (f"loss V, mean squared error{unit}", number(c.loss)),
+        (f"FPE{unit}", number(c.fpe)),
         ("AIC", number(c.aic)),
         ("AICc", number(c.aicc)),
         ("nAIC", number(c.naic)),

@@ -12,7 +12,7 @@ from twin.versions import versions
 def page(result: Simulation) -> Page:
     """The report on one experiment."""
     log = result.log
-    lo, hi = np.degrees(result.range)
+    lo, hi = np.degrees(result.range).tolist()
     switched_off = ", ".join(log.meta["without"]) or "nothing"
     data = Picture(
         "data",
@@ -28,8 +28,8 @@ def page(result: Simulation) -> Page:
         title=f"Experiment on the {log.joint}",
         subtitle=f"{log.meta['excitation']}, {log.N} samples, Ts {log.Ts:g} s, seed {log.meta['seed']}",
         verdict=[
-            f"The {log.joint} moved between {lo:.1f} and {hi:.1f} degrees and lay at an end for "
-            f"{result.resting:.0%} of the time."
+            f"The {log.joint} moved between {number(lo, 3)} and {number(hi, 3)} degrees and lay at an end for "
+            f"{100 * result.resting:.0f} % of the time."
         ],
         sections=[
             Section("Record", pictures=[data, error]),
