@@ -16,6 +16,8 @@ from twin.report.units import Quantity, percent, shown
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+ZOOM = 0.08  # half the height of the second pole-zero panel
+
 
 @styled
 def raw_data(data: IOData, seconds: float | None = None) -> Figure:
@@ -103,7 +105,8 @@ def close_ups(evaluation: Evaluation) -> Figure:
     for ax, title, sign in ((axes[0, 0], "(a) upper peak", 1.0), (axes[0, 1], "(b) lower peak", -1.0)):
         centre = _first_peak(sign * data.y[:, 0])
         a, b = max(0, centre - width), min(data.N, centre + width + 1)
-        ax.plot(data.t[a:b], data.y[a:b, 0] * y.factor, ".-", color=style.INK, markersize=3, label="measured")
+        dots = {"marker": ".", "markersize": 3} if b - a < 200 else {}  # more of them would only make the line fat
+        ax.plot(data.t[a:b], data.y[a:b, 0] * y.factor, color=style.INK, label="measured", **dots)
         ax.plot(data.t[a:b], yhat[a:b] * y.factor, color=style.MODEL, label="free run")
         ax.set(title=title, xlabel="time in the validation part [s]", ylabel=y.label)
     style.legend(axes[0, 1])
@@ -146,7 +149,9 @@ def pole_zero(poles: np.ndarray, zeros: np.ndarray, references: dict[str, np.nda
     """Poles and zeros of the linear block with the unit circle; `references` are other poles to compare with."""
     from matplotlib.ticker import MaxNLocator
 
-    figure, axes = style.sheet(1, 2, height=3.6)
+    every = np.concatenate([poles, zeros, *(references or {}).values()])
+    zoom = bool(np.any((np.abs(every.imag) < ZOOM) & (np.abs(every.real - (1 - 0.5 * ZOOM)) < ZOOM)))
+    figure, axes = style.sheet(1, 2 if zoom else 1, height=3.6)
     angle = np.linspace(0, 2 * np.pi, 361)
     marks = iter(("+", "^", "v"))
     named = [("pole", poles, "x", style.MODEL), ("zero", zeros, "o", style.INPUT)]
@@ -160,14 +165,16 @@ def pole_zero(poles: np.ndarray, zeros: np.ndarray, references: dict[str, np.nda
                     np.real(values), np.imag(values), mark, color=colour, markersize=7, mfc="none", mew=1.5, label=name
                 )
         ax.set(xlabel="real part", aspect="equal")
-    left, right = axes[0]
+    left = axes[0, 0]
     reach = 1.15
     far = [z for _, values, _, _ in named for z in np.atleast_1d(values) if max(abs(z.real), abs(z.imag)) > reach]
     left.set(xlim=(-reach, reach), ylim=(-reach, reach), ylabel="imaginary part", title="(a) unit circle")
     if far:
         left.text(0.02, 0.02, f"{len(far)} beyond the frame", transform=left.transAxes, fontsize=8, color=style.SECOND)
-    right.xaxis.set_major_locator(MaxNLocator(5))
-    right.set(xlim=(0.88, 1.04), ylim=(-0.08, 0.08), title="(b) near z = 1, where slow poles lie")
+    if zoom:
+        right = axes[0, 1]
+        right.xaxis.set_major_locator(MaxNLocator(5))
+        right.set(xlim=(1 - 1.5 * ZOOM, 1 + 0.5 * ZOOM), ylim=(-ZOOM, ZOOM), title="(b) near z = 1: slow poles")
     handles, labels = left.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
     return figure

@@ -69,7 +69,7 @@ def tests_in_words(evaluation: Evaluation) -> str:
 
 def picture_of_close_ups(name: str, evaluation: Evaluation, lead: str = "") -> Picture:
     """First upper and lower peak of the validation output."""
-    caption = f"{lead}Close-up of the first upper and lower peak of the validation part: dots are samples."
+    caption = f"{lead}Close-up of the first upper and lower peak of the validation part."
     return Picture(name, style.png(figures.close_ups(evaluation)), caption)
 
 
