@@ -168,7 +168,12 @@ def pole_zero(poles: np.ndarray, zeros: np.ndarray, references: dict[str, np.nda
     left = axes[0, 0]
     reach = 1.15
     far = [z for _, values, _, _ in named for z in np.atleast_1d(values) if max(abs(z.real), abs(z.imag)) > reach]
-    left.set(xlim=(-reach, reach), ylim=(-reach, reach), ylabel="imaginary part", title="(a) unit circle")
+    left.set(
+        xlim=(-reach, reach),
+        ylim=(-reach, reach),
+        ylabel="imaginary part",
+        title=f"{'(a) ' if zoom else ''}unit circle",
+    )
     if far:
         left.text(0.02, 0.02, f"{len(far)} beyond the frame", transform=left.transAxes, fontsize=8, color=style.SECOND)
     if zoom:
