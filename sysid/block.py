@@ -27,10 +27,10 @@ class Symmetry:
     """
 
     d_theta: np.ndarray
-    in_scale: float = 0.0
-    in_shift: float = 0.0
-    out_scale: float = 0.0
-    out_shift: float = 0.0
+    in_scale: float | np.ndarray = 0.0  # one value for each channel, a number for one
+    in_shift: float | np.ndarray = 0.0
+    out_scale: float | np.ndarray = 0.0
+    out_shift: float | np.ndarray = 0.0
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,21 @@ class Block(ABC):
         J (N, P) holds the tangent of x in its first q columns and is overwritten by the tangent of y; the columns
         q..q+p-1 are filled with dy/dtheta. With P = 0 only the output is wanted.
         """
+
+    def propagate_all(
+        self, theta: np.ndarray, xs: list[np.ndarray], Js: list[np.ndarray], q: int
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """The same for a list of channels, each with a J of its own; blocks of one channel need not know of it."""
+        return [self.propagate(theta, xs[0], Js[0], q)], Js
+
+    def parts(self) -> list[tuple[slice, "Block"]]:
+        """The blocks of one channel that this block is made of, and where their parameters stand in theta."""
+        return [(slice(0, self.n_parameters), self)]
+
+    @property
+    def channels(self) -> tuple[int, int]:
+        """Number of inputs and of outputs."""
+        return 1, 1
 
     @abstractmethod
     def start(self, x: np.ndarray) -> np.ndarray:

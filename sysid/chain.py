@@ -77,9 +77,27 @@ class Chain:
     def linear(self) -> TransferFunction:
         """The chain's one transfer function; raises InputError where there is none or several."""
         found = [b for b in self.blocks if isinstance(b, TransferFunction)]
-        if len(found) != 1:
-            raise InputError(f"this chain has {len(found)} transfer functions; the call needs a chain with exactly one")
+        if len(found) != 1 or len(self.dynamics) != 1:
+            raise InputError(
+                f"this chain has {len(self.dynamics)} transfer functions; the call needs a chain with exactly one"
+            )
         return found[0]
+
+    @cached_property
+    def dynamics(self) -> tuple[tuple[slice, TransferFunction], ...]:
+        """Every transfer function of the chain and where its parameters stand in theta, matrices entry by entry."""
+        found: list[tuple[slice, TransferFunction]] = []
+        for b in self.blocks:
+            start = self.index(b).start
+            for part, entry in b.parts():
+                if isinstance(entry, TransferFunction):
+                    found.append((slice(start + part.start, start + part.stop), entry))
+        return tuple(found)
+
+    @property
+    def channels(self) -> tuple[int, int]:
+        """Number of inputs and of outputs."""
+        return self.blocks[0].channels[0], self.blocks[-1].channels[1]
 
     def block(self, role: str) -> Block | None:
         """The block with this role, or None."""
@@ -115,13 +133,23 @@ class Chain:
         return theta
 
     def simulate(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Free run: output (N,) for input u (N,)."""
-        return self._run(theta, u, np.empty((len(u), 0)))
+        """Free run of one input and output: output (N,) for input u (N,)."""
+        return self.outputs(theta, u)[:, 0]
 
     def tangent(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Free run and its exact Jacobian: output (N,) and dy/dtheta (N, P)."""
-        J = np.empty((len(u), len(theta)))
-        return self._run(theta, u, J), J
+        """Free run of one input and output with its exact Jacobian: output (N,) and dy/dtheta (N, P)."""
+        y, J = self.sensitivities(theta, u)
+        return y[:, 0], J
+
+    def outputs(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Free run: outputs (N, ny) for inputs u (N, nu) or (N,)."""
+        xs, _ = self._run(theta, u, 0)
+        return np.column_stack(xs) if len(xs) > 1 else xs[0][:, None]
+
+    def sensitivities(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Outputs (N, ny) and their exact Jacobian (ny N, P), the first output's rows first."""
+        xs, Js = self._run(theta, u, len(theta))
+        return np.column_stack(xs), Js[0] if len(Js) == 1 else np.concatenate(Js)
 
     def gauge(self, theta: np.ndarray) -> np.ndarray:
         """Basis (P, g) of redundant directions among the free parameters, see `sysid.gauge`."""
@@ -131,10 +159,14 @@ class Chain:
         """d of the criteria: free parameters after the gauge, initial states counted."""
         return int(self.free.sum()) - self.gauge(theta).shape[1]
 
-    def _run(self, theta: np.ndarray, u: np.ndarray, J: np.ndarray) -> np.ndarray:
-        x, q = np.ascontiguousarray(u, dtype=float), 0
+    def _run(self, theta: np.ndarray, u: np.ndarray, P: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        u = np.asarray(u, dtype=float)
+        u = u[:, None] if u.ndim == 1 else u
+        xs, q = [np.ascontiguousarray(u[:, i]) for i in range(u.shape[1])], 0
+        # Of several channels, each leaves the columns of the others' parameters at zero.
+        Js = [np.empty((len(u), P)) if self.channels == (1, 1) else np.zeros((len(u), P)) for _ in xs]
         with np.errstate(over="ignore", invalid="ignore"):  # an unstable trial overflows; its cost is then infinite
             for b in self.blocks:
-                x = b.propagate(self.part(theta, b), x, J, q)
+                xs, Js = b.propagate_all(self.part(theta, b), xs, Js, q)
                 q += b.n_parameters
-        return x
+        return xs, Js

@@ -194,7 +194,7 @@ def fit(
                 "detrend the data or lower the orders"
             )
         problem = ChainProblem.whole(model, points[best], u, y)
-        theta, cov = problem.theta(outcomes[best].p), problem.covariance(outcomes[best].p)
+        theta, cov = problem.thetas(outcomes[best].p)[0], problem.covariance(outcomes[best].p)
     return Fit(
         model=model,
         theta=theta,

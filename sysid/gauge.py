@@ -17,17 +17,18 @@ def gauge(blocks: tuple[Block, ...], thetas: list[np.ndarray], free: np.ndarray)
     """Basis (P, g) of the redundant directions among the `free` (P,) parameters, for block parameters `thetas`."""
     columns, conditions = [], []
     offsets = np.concatenate([[0], np.cumsum([len(t) for t in thetas])])
-    n_interfaces = len(blocks) + 1
+    widths = [blocks[0].channels[0], *(b.channels[1] for b in blocks)]
+    at = np.concatenate([[0], np.cumsum(2 * np.array(widths))])  # where an interface's scales and shifts stand
     for i, (block, theta) in enumerate(zip(blocks, thetas, strict=True)):
         for s in block.symmetries(theta):
-            size = max(abs(s.in_scale), abs(s.in_shift), abs(s.out_scale), abs(s.out_shift)) or 1.0
+            # What block i asks of the signals before it minus what it does to those after it.
+            condition = np.zeros(at[-1])
+            condition[at[i] : at[i + 1]] = _affine(s.in_scale, s.in_shift, widths[i])
+            condition[at[i + 1] : at[i + 2]] = -_affine(s.out_scale, s.out_shift, widths[i + 1])
+            size = np.abs(condition).max() or 1.0
             column = np.zeros(offsets[-1])
             column[offsets[i] : offsets[i + 1]] = s.d_theta / size
             columns.append(column)
-            # What block i asks of the signal before it minus what it does to the one after it.
-            condition = np.zeros(2 * n_interfaces)
-            condition[2 * i : 2 * i + 2] = s.in_scale, s.in_shift
-            condition[2 * i + 2 : 2 * i + 4] = -s.out_scale, -s.out_shift
             conditions.append(condition / size)
     if not columns:
         return np.zeros((offsets[-1], 0))
@@ -40,3 +41,7 @@ def gauge(blocks: tuple[Block, ...], thetas: list[np.ndarray], free: np.ndarray)
         return directions
     U, sv, _ = np.linalg.svd(directions, full_matrices=False)
     return rows * U[:, sv > _RCOND * max(sv[0], 1e-300)]
+
+
+def _affine(scale: float | np.ndarray, shift: float | np.ndarray, n: int) -> np.ndarray:
+    return np.concatenate([np.broadcast_to(scale, (n,)), np.broadcast_to(shift, (n,))])

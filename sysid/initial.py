@@ -5,6 +5,7 @@ import numpy as np
 from sysid.block import StaticBlock
 from sysid.blocks import TransferFunction
 from sysid.chain import Chain
+from sysid.data import IOData
 from sysid.errors import InputError
 from sysid.iterate import Options, iterate
 from sysid.problem import ChainProblem
@@ -46,7 +47,7 @@ def output_error_start(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -
         problem = ChainProblem.whole(Chain((linear,)), theta, w, y)
         out = iterate(problem, problem.start, LevenbergMarquardt(), options)
         if out.cost < best_cost:
-            best, best_cost = problem.theta(out.p), out.cost
+            best, best_cost = problem.thetas(out.p)[0], out.cost
     return best
 
 
@@ -117,10 +118,10 @@ def estimate_initial(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarr
         return theta
     best, best_cost = theta, np.inf
     for candidate in (_at_rest(chain, theta), _steady(chain, theta, u, y)):
-        problem = ChainProblem.initial_state(chain, candidate, u, y)
+        problem = ChainProblem.initial_state(chain, candidate, IOData(u, y))
         out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=50))
         if out.cost < best_cost:
-            best, best_cost = problem.theta(out.p), out.cost
+            best, best_cost = problem.thetas(out.p)[0], out.cost
     return best
 
 

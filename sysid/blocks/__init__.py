@@ -4,12 +4,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from sysid.block import Block, StaticBlock
+from sysid.blocks.channels import Channels
 from sysid.blocks.dead_zone import DeadZone
 from sysid.blocks.piecewise_linear import PiecewiseLinear
 from sysid.blocks.polynomial import Polynomial
 from sysid.blocks.saturation import Saturation
 from sysid.blocks.sigmoid_network import SigmoidNetwork
 from sysid.blocks.transfer_function import TransferFunction
+from sysid.blocks.transfer_matrix import TransferMatrix
 from sysid.blocks.unit_gain import UnitGain
 from sysid.errors import unknown
 
@@ -21,7 +23,12 @@ STATIC: dict[str, Callable[..., StaticBlock]] = {
     "sigmoid_network": SigmoidNetwork,
     "unit_gain": UnitGain,
 }
-TABLE: dict[str, Callable[..., Block]] = {**STATIC, "transfer_function": TransferFunction}
+TABLE: dict[str, Callable[..., Block]] = {
+    **STATIC,
+    "channels": Channels,
+    "transfer_function": TransferFunction,
+    "transfer_matrix": TransferMatrix,
+}
 
 
 def static(kind: "str | StaticBlock", role: str) -> StaticBlock:
@@ -36,12 +43,14 @@ def static(kind: "str | StaticBlock", role: str) -> StaticBlock:
 __all__ = [
     "STATIC",
     "TABLE",
+    "Channels",
     "DeadZone",
     "PiecewiseLinear",
     "Polynomial",
     "Saturation",
     "SigmoidNetwork",
     "TransferFunction",
+    "TransferMatrix",
     "UnitGain",
     "static",
 ]

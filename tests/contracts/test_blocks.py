@@ -6,17 +6,30 @@ from cases import BLOCKS
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sysid.block import StaticBlock
-from sysid.blocks import STATIC, TABLE
-
-
-def away_from_kinks(block, theta, x):
-    """Samples whose map is smooth within the finite-difference step, which needs two-sided derivatives."""
-    return x[np.all(np.abs(x[:, None] - theta[None, :]) > 1e-3, axis=1)] if isinstance(block, StaticBlock) else x
+from sysid.blocks import STATIC, TABLE, TransferFunction, TransferMatrix
 
 
 def test_every_registered_block_has_a_case():
     assert sorted(BLOCKS) == sorted(TABLE)
+
+
+def run(block, theta, X, dX=None, own=False):
+    """Outputs (n_out, N) for inputs X (n_in, N); with dX (n_in, N, 2) or `own` also their tangents (n_out, N, P)."""
+    q = 0 if dX is None else dX.shape[2]
+    Js = [np.zeros((X.shape[1], q + block.n_parameters if own or q else 0)) for _ in X]
+    for i in range(len(X) if q else 0):
+        Js[i][:, :q] = dX[i]
+    ys, Js = block.propagate_all(theta, list(X), Js, q)
+    return (np.array(ys), np.array(Js)) if own or q else np.array(ys)
+
+
+def inputs(block, theta, seed, N=60):
+    """Channels (n_in, N) uniform in [-2, 2], away from kinks."""
+    x = np.random.default_rng(seed).uniform(-2, 2, (block.channels[0], 4 * N))
+    if isinstance(block, TransferFunction | TransferMatrix):
+        return x[:, :N]
+    near = np.abs(x[:, :, None] - theta[None, None, :]) < 1e-3  # differences need a smooth map around the sample
+    return x[:, ~near.any(axis=(0, 2))][:, :N]
 
 
 @pytest.mark.parametrize("name", sorted(TABLE))
@@ -25,38 +38,38 @@ def test_jacobian_and_tangent_agree_with_finite_differences(name, seed):
     block, theta = BLOCKS[name]
     rng = np.random.default_rng(seed)
     theta = theta * (1.0 + 0.03 * rng.uniform(-1, 1, len(theta)))
-    x = away_from_kinks(block, theta, rng.uniform(-2, 2, 60))
-    dx = rng.normal(size=(len(x), 2))
-    J = np.zeros((len(x), 2 + block.n_parameters))
-    J[:, :2] = dx
-    block.propagate(theta, x, J, 2)
-
-    def output(theta, x):
-        return block.propagate(theta, x, np.empty((len(x), 0)), 0)
-
+    X = inputs(block, theta, seed)
+    dX = rng.normal(size=(*X.shape, 2))
+    _, J = run(block, theta, X, dX)
     h = 1e-6
-    numeric = [(output(theta, x + h * d) - output(theta, x - h * d)) / (2 * h) for d in dx.T]
+    numeric = [
+        (run(block, theta, X + h * dX[:, :, k]) - run(block, theta, X - h * dX[:, :, k])) / (2 * h) for k in (0, 1)
+    ]
     for i in range(block.n_parameters):
         e = np.zeros_like(theta)
         e[i] = h
-        numeric.append((output(theta + e, x) - output(theta - e, x)) / (2 * h))
+        numeric.append((run(block, theta + e, X) - run(block, theta - e, X)) / (2 * h))
     # 1e-6 relative to the largest entry: central differences with h = 1e-6 are good to about 1e-9.
-    np.testing.assert_allclose(J, np.array(numeric).T, atol=1e-6 * max(1.0, np.abs(J).max()))
+    np.testing.assert_allclose(J, np.moveaxis(numeric, 0, 2), atol=1e-6 * max(1.0, np.abs(J).max()))
 
 
 @pytest.mark.parametrize("name", sorted(TABLE))
 def test_symmetries_do_what_they_claim(name):
     block, theta = BLOCKS[name]
-    x = away_from_kinks(block, theta, np.random.default_rng(1).uniform(-2, 2, 80))
+    X = inputs(block, theta, 1)
+
+    def column(value, n):
+        return np.broadcast_to(value, (n,))[:, None]
 
     def output(eps, s):
-        moved = x + eps * (s.in_scale * x + s.in_shift)
-        return block.propagate(theta + eps * s.d_theta, moved, np.empty((len(x), 0)), 0)
+        n = block.channels[0]
+        return run(block, theta + eps * s.d_theta, X + eps * (column(s.in_scale, n) * X + column(s.in_shift, n)))
 
-    y = block.propagate(theta, x, np.empty((len(x), 0)), 0)
+    Y = run(block, theta, X)
     for s in block.symmetries(theta):
         slope = (output(1e-6, s) - output(-1e-6, s)) / 2e-6
-        np.testing.assert_allclose(slope, s.out_scale * y + s.out_shift, atol=1e-6 * max(1.0, np.abs(y).max()))
+        claimed = column(s.out_scale, len(Y)) * Y + column(s.out_shift, len(Y))
+        np.testing.assert_allclose(slope, claimed, atol=1e-6 * max(1.0, np.abs(Y).max()))
 
 
 @pytest.mark.parametrize("name", sorted(STATIC))
