@@ -11,8 +11,10 @@ if TYPE_CHECKING:
     from sysid.chain import Chain
     from sysid.data import IOData
     from sysid.errors import InputError
-    from sysid.fitting import Fit, fit
+    from sysid.estimation import fit
+    from sysid.fitting import Fit
     from sysid.iterate import Options
+    from sysid.objective import Objective
     from sysid.residuals import residual_tests
 
 _NAMES = {
@@ -20,8 +22,9 @@ _NAMES = {
     "Fit": "sysid.fitting",
     "IOData": "sysid.data",
     "InputError": "sysid.errors",
+    "Objective": "sysid.objective",
     "Options": "sysid.iterate",
-    "fit": "sysid.fitting",
+    "fit": "sysid.estimation",
     "residual_tests": "sysid.residuals",
 }
 _MODULES = ("excitations", "linearize", "poles", "preprocess", "searches", "structures", "systems")
@@ -31,6 +34,7 @@ __all__ = [
     "Fit",
     "IOData",
     "InputError",
+    "Objective",
     "Options",
     "excitations",
     "fit",

@@ -1,25 +1,19 @@
-"""fit(structure, data) -> Fit: starts, searches, the best of them, and everything that an engineer asks of it."""
+"""Fit: what a search found, and everything that an engineer asks of it."""
 
-import time
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from sysid.chain import Chain
-from sysid.criteria import Criteria, criteria, fit_percent
+from sysid.criteria import Criteria, fit_percent
 from sysid.data import IOData, siso
 from sysid.errors import InputError
 from sysid.initial import estimate_initial
-from sysid.initial import starts as make_starts
-from sysid.iterate import Options, Outcome, Stop, iterate
-from sysid.problem import ChainProblem
+from sysid.iterate import Stop
 from sysid.residuals import ResidualTests, residual_tests
-from sysid.searches import search as make_search
-from sysid.threads import available, one_blas_thread
+from sysid.threads import one_blas_thread
 from sysid.uncertainty import Covariance, pole_std
 
 
@@ -55,51 +49,62 @@ class Fit:
     u_span: tuple[float, float] = field(default=(0.0, 0.0))  # range of the input that the fit has seen
 
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
-        """Free run (N,). For a record, its initial state is fitted to the first `n_init` outputs; for u alone, rest."""
+        """Free run: (N,) for one output, else (N, ny). For a record, the initial state of each experiment is fitted to
+        its first `n_init` outputs; for u alone (N,) or (N, nu) the run starts from rest.
+        """
         if isinstance(data, IOData):
-            u, y = siso(data)
-            self._same_rate(data)
-            n = min(self.n_init if n_init is None else n_init, len(u))
-            with one_blas_thread():
-                theta = estimate_initial(self.model, self.theta, u[:n], y[:n])
+            self._same_kind(data)
+            y = np.concatenate([self._free_run(e, n_init) for e in data.experiments])
         else:
-            u = np.asarray(data, dtype=float).ravel()
-            theta = np.where(self.model.initial, 0.0, self.theta)
-        return self.model.simulate(theta, u)
+            u = np.asarray(data, dtype=float)
+            y = self.model.outputs(np.where(self.model.initial, 0.0, self.theta), u)
+        return y[:, 0] if self.model.channels[1] == 1 else y
 
     def fit_percent(self, data: IOData, n_init: int | None = None) -> float:
-        """Free-run fit [%] on a record; the first n_init samples give the initial state and are not scored."""
-        n = self._scored(data, n_init)
-        return fit_percent(data.y[n:, 0], self.simulate(data, n)[n:])
+        """Free-run fit [%] on a record; the first n_init samples give the initial state and are not scored.
+
+        With several outputs the mean over them, see `fit_percents`.
+        """
+        return float(np.mean(self.fit_percents(data, n_init)))
+
+    def fit_percents(self, data: IOData, n_init: int | None = None) -> np.ndarray:
+        """Free-run fit [%] of each output (ny,)."""
+        y, yhat, scored = self._scored(data, n_init)
+        return np.array([fit_percent(a[k], b[k]) for a, b, k in zip(y.T, yhat.T, scored.T, strict=True)])
 
     def residuals(self, data: IOData) -> np.ndarray:
-        """e = y - free run on a record, without its first n_init samples (N - n_init,)."""
-        n = self._scored(data, None)
-        return data.y[n:, 0] - self.simulate(data, n)[n:]
+        """e = y - free run without each experiment's first n_init samples: (M,) for one output, else (M, ny).
+
+        A missing sample has the residual 0.
+        """
+        y, yhat, scored = self._scored(data, None)
+        e = np.where(scored, y - yhat, 0.0)
+        return e[:, 0] if e.shape[1] == 1 else e
 
     def residual_tests(self, data: IOData, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
-        """Whiteness of the free-run residuals on a record and their independence of its input."""
-        return residual_tests(
-            self.residuals(data), data.u[len(data.u) - len(self.residuals(data)) :, 0], max_lag, level
-        )
+        """Whiteness of the free-run residuals on a record of one input and output, and independence of the input."""
+        siso(data)
+        u = np.concatenate([e.u[self._skipped(e, None) :, 0] for e in data.experiments])
+        return residual_tests(self.residuals(data), u, max_lag, level)
 
     @property
     def poles(self) -> np.ndarray:
-        """Poles of the linear block in z (nf,), complex."""
-        return self.model.linear.poles(self._linear)
+        """Poles in z, complex: of the linear block (nf,), of several blocks one after the other."""
+        return np.concatenate([b.poles(self.theta[part]) for part, b in self.model.dynamics])
 
     @property
     def zeros(self) -> np.ndarray:
-        """Finite zeros of the linear block in z, complex."""
-        return self.model.linear.zeros(self._linear)
+        """Finite zeros in z, complex, in the order of `poles`."""
+        return np.concatenate([b.zeros(self.theta[part]) for part, b in self.model.dynamics])
 
     @cached_property
     def pole_std(self) -> np.ndarray:
-        """Standard deviation of each pole (nf,), nan where the data do not determine it."""
-        linear = self.model.linear
-        start = self.model.index(linear).start + linear.nb
-        f = slice(start, start + linear.nf)
-        return pole_std(self.theta[f], self.covariance.cov[f, f])
+        """Standard deviation of each pole, nan where the data do not determine it."""
+        found = []
+        for part, b in self.model.dynamics:
+            f = slice(part.start + b.nb, part.start + b.nb + b.nf)
+            found.append(pole_std(self.theta[f], self.covariance.cov[f, f]))
+        return np.concatenate(found)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -142,11 +147,26 @@ class Fit:
             }
         )
 
-    @property
-    def _linear(self) -> np.ndarray:
-        return self.model.part(self.theta, self.model.linear)
+    def _free_run(self, data: IOData, n_init: int | None) -> np.ndarray:
+        n = min(self.n_init if n_init is None else n_init, data.N)
+        theta = np.where(self.model.initial, 0.0, self.theta)
+        if n >= 2:
+            with one_blas_thread():
+                theta = estimate_initial(self.model, theta, data.select(0, n))
+        return self.model.outputs(theta, data.u)
 
-    def _scored(self, data: IOData, n_init: int | None) -> int:
+    def _scored(self, data: IOData, n_init: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """y, yhat and which samples count (M, ny), each experiment without its first n_init."""
+        self._same_kind(data)
+        y, yhat, counts = [], [], []
+        for e in data.experiments:
+            n = self._skipped(e, n_init)
+            y.append(e.y[n:])
+            yhat.append(self._free_run(e, n)[n:])
+            counts.append(e.observed[n:])
+        return np.concatenate(y), np.concatenate(yhat), np.concatenate(counts)
+
+    def _skipped(self, data: IOData, n_init: int | None) -> int:
         n = self.n_init if n_init is None else n_init
         if n + 2 > data.N:
             raise InputError(
@@ -154,62 +174,22 @@ class Fit:
             )
         return n
 
-    def _same_rate(self, data: IOData) -> None:
+    def _same_kind(self, data: IOData) -> None:
         if abs(data.Ts - self.Ts) > 1e-6 * self.Ts:
             raise InputError(
                 f"the record is sampled every {data.Ts} s and the model every {self.Ts} s; resample it first"
             )
+        check_channels(self.model, data)
 
 
-def fit(
-    model: Chain,
-    data: IOData,
-    search: str = "auto",
-    starts: int = 5,
-    seed: int = 0,
-    options: Options | None = None,
-    start: np.ndarray | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> Fit:
-    """Fit a chain to a record by least squares on its free-run output.
-
-    search: a name of `sysid.searches.TABLE`; starts: how many starting points, the first from a linear model, the
-    others varied with `seed`; start (P,): a starting point of your own. Equal seeds give equal numbers whatever the
-    number of threads. Raises InputError for a record that is too short or whose input or output is constant.
-    """
-    began = time.perf_counter()
-    u, y = siso(data)
-    method, options = make_search(search), options or Options()
-    _check(model, u, y)
-    if starts < 1:
-        raise InputError(f"starts is {starts}; give at least 1")
-    with one_blas_thread():
-        points = [np.asarray(start, dtype=float)] if start is not None else make_starts(model, u, y, starts, seed)
-        outcomes = _search_all(model, points, u, y, search, options, progress)
-        costs = [o.cost for o in outcomes]
-        best = int(np.argmin(costs))
-        if not np.isfinite(costs[best]):
-            raise InputError(
-                f"none of {len(points)} start(s) gives a usable model: {outcomes[best].stop.reason}; "
-                "detrend the data or lower the orders"
-            )
-        problem = ChainProblem.whole(model, points[best], u, y)
-        theta, cov = problem.thetas(outcomes[best].p)[0], problem.covariance(outcomes[best].p)
-    return Fit(
-        model=model,
-        theta=theta,
-        Ts=data.Ts,
-        criteria=criteria(costs[best] / len(y), len(y), model.count(theta)),
-        covariance=cov,
-        stop=outcomes[best].stop,
-        history=outcomes[best].history,
-        warnings=_warnings(model, theta, cov, outcomes[best].stop),
-        losses=tuple(c / len(y) for c in costs),
-        seconds=time.perf_counter() - began,
-        search=method.name,
-        n_init=min(max(50, 4 * model.linear.n_state), len(y) // 4),
-        u_span=(float(u.min()), float(u.max())),
-    )
+def check_channels(model: Chain, data: IOData) -> None:
+    """Raises InputError where a record has not the model's number of inputs and outputs."""
+    found, wanted = (data.u.shape[1], data.y.shape[1]), model.channels
+    if found != wanted:
+        raise InputError(
+            f"the record has {found[0]} input(s) and {found[1]} output(s), the model {wanted[0]} and {wanted[1]}; "
+            "choose one column of each or build the model with nu and ny"
+        )
 
 
 def plain(value: Any) -> Any:
@@ -225,73 +205,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, (float, np.floating)):
         return float(value) if np.isfinite(value) else None
     return int(value) if isinstance(value, np.integer) else value
-
-
-def _search_all(
-    model: Chain,
-    points: list[np.ndarray],
-    u: np.ndarray,
-    y: np.ndarray,
-    search: str,
-    options: Options,
-    progress: Callable[[str], None] | None,
-) -> list[Outcome]:
-    problems = [ChainProblem.whole(model, theta, u, y) for theta in points]
-
-    def run(job: tuple[ChainProblem, np.ndarray, Options]) -> Outcome:
-        problem, p, limits = job
-        outcome = iterate(problem, p, make_search(search), limits)
-        if progress is not None:
-            progress(f"{model.structure}: loss {outcome.cost / len(y):.4g} after {outcome.stop.iterations} iterations")
-        return outcome
-
-    if len(points) == 1:
-        return [run((problems[0], problems[0].start, options))]
-    # Threads, not processes: the loops over samples release the interpreter's lock and nothing is copied.
-    with ThreadPoolExecutor(min(len(points), available())) as pool:
-        trial = replace(options, max_iterations=min(_TRIAL, options.max_iterations))
-        outcomes = list(pool.map(run, [(problem, problem.start, trial) for problem in problems]))
-        leaders = [int(k) for k in np.argsort([o.cost for o in outcomes], kind="stable")[:_LEADERS]]
-        ends = pool.map(run, [(problems[k], outcomes[k].p, options) for k in leaders])
-        for k, end in zip(leaders, ends, strict=True):
-            outcomes[k] = _joined(outcomes[k], end)
-    return outcomes
-
-
-# Every start gets a few iterations, then only the leaders go on: a start that is far behind by then seldom wins.
-_TRIAL, _LEADERS = 15, 2
-
-
-def _joined(first: Outcome, then: Outcome) -> Outcome:
-    iterations = first.stop.iterations + then.stop.iterations
-    stop = replace(then.stop, iterations=iterations, evaluations=first.stop.evaluations + then.stop.evaluations)
-    rows = tuple({**row, "iteration": row["iteration"] + first.stop.iterations} for row in then.history)
-    return Outcome(then.p, then.cost, stop, first.history + rows)
-
-
-def _check(model: Chain, u: np.ndarray, y: np.ndarray) -> None:
-    for name, signal in (("input", u), ("output", y)):
-        if np.ptp(signal) == 0.0:
-            raise InputError(
-                f"the {name} is constant ({signal[0]:g}) over all {len(signal)} samples; record one that moves"
-            )
-    needed = int(model.free.sum()) + 1
-    if len(y) < needed:
-        raise InputError(
-            f"{len(y)} samples are too few for {needed - 1} free parameters ({model.structure}); "
-            f"give at least {needed} samples or lower the orders"
-        )
-
-
-def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, stop: Stop) -> tuple[str, ...]:
-    found = []
-    if not stop.converged:
-        found.append(f"the search did not converge: {stop.reason}")
-    lost = [n for n, bad in zip(model.names, cov.unidentifiable, strict=True) if bad]
-    if lost:
-        shown = ", ".join(lost[:6]) + (f" and {len(lost) - 6} more" if len(lost) > 6 else "")
-        found.append(f"the data do not determine {shown}; excite more levels or choose a smaller map")
-    poles = model.linear.poles(model.part(theta, model.linear))
-    if len(poles) and np.max(np.abs(poles)) >= 1.0 - 1e-9:
-        found.append("a pole lies on the unit circle: the model integrates, or the data drift")
-    return tuple(found)

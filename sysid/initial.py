@@ -12,14 +12,31 @@ from sysid.problem import ChainProblem
 from sysid.searches import LevenbergMarquardt
 
 
-def starts(chain: Chain, u: np.ndarray, y: np.ndarray, count: int, seed: int) -> list[np.ndarray]:
-    """`count` starting points theta (P,): the linear start first, then variations of its poles and maps."""
-    first = linear_start(chain, u, y)
-    found = [first]
-    for k in range(1, count):
-        # One generator a start, so that start k is the same however many are asked for.
-        found.append(_variation(chain, first, u, y, np.random.default_rng([seed, k])))
+def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
+    """`count` starting points theta (P,): the linear start first, then variations of its poles and maps.
+
+    Of several experiments the longest gives the start. Chains of several channels or of two transfer functions start in
+    `sysid.initial_multi`.
+    """
+    record = max(data.experiments, key=lambda e: e.N)
+    # One generator a start, so that start k is the same however many are asked for.
+    draws = [np.random.default_rng([seed, k]) for k in range(1, count)]
+    if chain.channels != (1, 1) or len(chain.dynamics) != 1:
+        from sysid.initial_multi import multi_starts
+
+        found = multi_starts(chain, record, draws)
+    else:
+        u, y = record.u[:, 0], record.y[:, 0]
+        first = linear_start(chain, u, y)
+        found = [first, *(_variation(chain, first, u, y, rng) for rng in draws)]
     return [_with_fixed(chain, theta) for theta in found]
+
+
+def with_initial_states(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
+    """theta (K, P) for K experiments: the same model, the initial state of each fitted where there are several."""
+    if len(data.lengths) == 1:
+        return theta[None, :].copy()
+    return np.array([estimate_initial(chain, theta, e) for e in data.experiments])
 
 
 def linear_start(chain: Chain, u: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -27,7 +44,7 @@ def linear_start(chain: Chain, u: np.ndarray, y: np.ndarray) -> np.ndarray:
     linear = chain.linear
     theta = np.zeros(len(chain.names))
     k = chain.blocks.index(linear)
-    w = _maps(chain, theta, chain.blocks[:k], u, u - u.mean())
+    w = lay_maps(chain, theta, chain.blocks[:k], u, u - u.mean())
     theta[chain.index(linear)] = output_error_start(linear, w - w.mean(), y - y.mean())
     _finish(chain, theta, w, y)
     return theta
@@ -43,7 +60,7 @@ def output_error_start(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -
     for f in _denominators(linear, w, y):
         theta = np.zeros(linear.n_parameters)
         theta[linear.nb : linear.nb + linear.nf] = f
-        _solve_linear(linear, theta, w, y)
+        solve_linear(linear, theta, w, y)
         problem = ChainProblem.whole(Chain((linear,)), theta, w, y)
         out = iterate(problem, problem.start, LevenbergMarquardt(), options)
         if out.cost < best_cost:
@@ -100,7 +117,7 @@ def _denominators(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> lis
     return found
 
 
-def _solve_linear(linear: TransferFunction, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> None:
+def solve_linear(linear: TransferFunction, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> None:
     """Fill B and the initial state in theta (p,) by least squares for the F that stands there."""
     J = np.empty((len(w), linear.n_parameters))
     linear.propagate(theta, w, J, 0)
@@ -109,16 +126,19 @@ def _solve_linear(linear: TransferFunction, theta: np.ndarray, w: np.ndarray, y:
         theta[enters] = np.linalg.lstsq(J[:, enters], y, rcond=1e-12)[0]
 
 
-def estimate_initial(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """theta (P,) with its initial states fitted to the record u, y (N,), everything else kept.
+def estimate_initial(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
+    """theta (P,) with its initial states fitted to a record, everything else kept.
 
     The search starts from rest and from the steady state that comes nearest to y; the better end counts.
     """
     if not chain.initial.any():
         return theta
+    candidates = [_at_rest(chain, theta)]
+    if chain.channels == (1, 1) and len(chain.dynamics) == 1:
+        candidates.append(_steady(chain, theta, data.u[:, 0], data.y[:, 0]))
     best, best_cost = theta, np.inf
-    for candidate in (_at_rest(chain, theta), _steady(chain, theta, u, y)):
-        problem = ChainProblem.initial_state(chain, candidate, IOData(u, y))
+    for candidate in candidates:
+        problem = ChainProblem.initial_state(chain, candidate, data)
         out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=50))
         if out.cost < best_cost:
             best, best_cost = problem.thetas(out.p)[0], out.cost
@@ -159,7 +179,7 @@ def _tail_input(chain: Chain, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
     return Chain(chain.blocks[: k + 1]).simulate(theta[: chain.index(chain.linear).stop], u)
 
 
-def _maps(chain: Chain, theta: np.ndarray, blocks: tuple, x: np.ndarray, target: np.ndarray) -> np.ndarray:
+def lay_maps(chain: Chain, theta: np.ndarray, blocks: tuple, x: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Lay static maps from x towards target, write them into theta and return their output."""
     for b in blocks:
         if not isinstance(b, StaticBlock):
@@ -198,7 +218,7 @@ def _finish(chain: Chain, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> No
         offset = float(solution[n]) if can_shift else 0.0
     theta[chain.index(linear)] = part
     x = linear.propagate(part, w, np.empty((len(w), 0)), 0)
-    _maps(chain, theta, after, x, x + offset)
+    lay_maps(chain, theta, after, x, x + offset)
 
 
 def _variation(chain: Chain, first: np.ndarray, u: np.ndarray, y: np.ndarray, rng: np.random.Generator) -> np.ndarray:

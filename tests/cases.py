@@ -4,7 +4,10 @@ import numpy as np
 
 from sysid.blocks import (
     Channels,
+    CubicSpline,
+    Custom,
     DeadZone,
+    DeadZoneSaturation,
     PiecewiseLinear,
     Polynomial,
     Saturation,
@@ -12,6 +15,7 @@ from sysid.blocks import (
     TransferFunction,
     TransferMatrix,
     UnitGain,
+    WaveletNetwork,
 )
 from sysid.excitations import Aprbs, Sweep
 
@@ -21,7 +25,24 @@ BLOCKS = {
         Channels(maps=(Saturation(), Polynomial(degree=2)), role="map"),
         np.array([-1.1, 1.3, 0.3, 1.1, 0.4]),
     ),
+    "cubic_spline": (
+        CubicSpline(knots=5, role="map"),
+        np.array([-1.6, 1.7, -1.2, -0.4, 0.3, 0.1, 1.5]),
+    ),
+    "custom": (  # tanh with a gain, a bend and an offset; no derivatives given, so that differences are tested
+        Custom(
+            f=lambda x, theta: theta[0] * np.tanh(theta[1] * x) + theta[2],
+            names=("gain", "bend", "offset"),
+            initial=(1.0, 0.5, 0.0),
+            role="map",
+        ),
+        np.array([1.3, 0.8, -0.2]),
+    ),
     "dead_zone": (DeadZone(role="map"), np.array([-0.4, 0.7])),
+    "dead_zone_saturation": (
+        DeadZoneSaturation(role="map"),
+        np.array([-1.5, -0.4, 0.5, 1.6, 1.2, 0.8]),
+    ),
     "piecewise_linear": (
         PiecewiseLinear(knots=5, role="map"),
         np.array([-1.7, -0.6, 0.1, 0.9, 1.6, -1.0, -0.9, 0.3, 0.4, 2.0]),
@@ -47,6 +68,29 @@ BLOCKS = {
         np.array([0.8, -0.6, 0.2, 0.5, 0.3, -0.8, 0.1, 0.9, -1.2, 0.5, 0.2, -0.3, 0.4, 0.55, 0.1, -0.2]),
     ),
     "unit_gain": (UnitGain(role="map"), np.empty(0)),
+    "wavelet_network": (
+        WaveletNetwork(wavelets=2, scaling=1, role="map"),
+        np.array([0.2, 0.9, 0.6, -0.8, 0.7, 1.3, 2.1, 0.9, -0.8, 0.6, 0.3]),
+    ),
+}
+# Further options of the same blocks; they meet the same contracts.
+VARIANTS = {
+    "cubic_spline_monotone": (
+        CubicSpline(knots=4, monotone=True, role="map"),
+        np.array([-1.6, 1.7, -1.2, 2.0, 0.3, 4.0, 1.5, 0.8]),
+    ),
+    "cubic_spline_monotone_span": (
+        CubicSpline(knots=4, monotone=True, span=(-1.5, 1.5), role="map"),
+        np.array([-1.2, 2.0, 0.3, 4.0, 1.5, 0.8]),
+    ),
+    "cubic_spline_span": (
+        CubicSpline(knots=5, span=(-1.5, 1.8), role="map"),
+        np.array([-1.2, -0.4, 0.3, 0.1, 1.5]),
+    ),
+    "piecewise_linear_fixed": (
+        PiecewiseLinear(knots=5, free_knots=False, at=(-1.7, -0.6, 0.1, 0.9, 1.6), role="map"),
+        np.array([-1.0, -0.9, 0.3, 0.4, 2.0]),
+    ),
 }
 EXCITATIONS = {"aprbs": Aprbs(amplitude=3.0), "sweep": Sweep(amplitude=3.0, half_period=2.0)}
 # Orders and maps for each structure.
@@ -55,4 +99,5 @@ STRUCTURES = {
     "hammerstein_wiener": {"input": "saturation", "output": "polynomial"},
     "output_error": {},
     "wiener": {"output": "polynomial"},
+    "wiener_hammerstein": {},
 }

@@ -9,12 +9,14 @@ from sysid.structures.hammerstein import hammerstein
 from sysid.structures.hammerstein_wiener import hammerstein_wiener
 from sysid.structures.output_error import output_error
 from sysid.structures.wiener import wiener
+from sysid.structures.wiener_hammerstein import wiener_hammerstein
 
 TABLE: dict[str, Callable[..., Chain]] = {
     "hammerstein": hammerstein,
     "hammerstein_wiener": hammerstein_wiener,
     "output_error": output_error,
     "wiener": wiener,
+    "wiener_hammerstein": wiener_hammerstein,
 }
 
 
@@ -30,4 +32,4 @@ def build(name: str, nb: int, nf: int, nk: int, input: str | None = None, output
     return TABLE[name](nb, nf, nk, **given)
 
 
-__all__ = ["TABLE", "build", "hammerstein", "hammerstein_wiener", "output_error", "wiener"]
+__all__ = ["TABLE", "build", "hammerstein", "hammerstein_wiener", "output_error", "wiener", "wiener_hammerstein"]

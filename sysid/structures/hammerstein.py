@@ -1,10 +1,18 @@
 """Hammerstein: static map, then B/F."""
 
-from sysid.block import StaticBlock
-from sysid.blocks import TransferFunction, static
+from collections.abc import Sequence
+
 from sysid.chain import Chain
+from sysid.recipes import Map, Order, filters, maps
 
 
-def hammerstein(nb: int = 2, nf: int = 3, nk: int = 1, input: str | StaticBlock = "piecewise_linear") -> Chain:
-    """y = B/F f(u): an actuator's map before linear dynamics."""
-    return Chain((static(input, "input"), TransferFunction(nb, nf, nk, role="linear")), structure="hammerstein")
+def hammerstein(
+    nb: Order = 2,
+    nf: Order = 3,
+    nk: Order = 1,
+    input: Map | Sequence[Map] = "piecewise_linear",
+    nu: int = 1,
+    ny: int = 1,
+) -> Chain:
+    """y = B/F f(u): an actuator's map before linear dynamics; one map for each input."""
+    return Chain((maps(input, "input", nu), filters(nb, nf, nk, nu, ny)), structure="hammerstein")

@@ -1,20 +1,23 @@
 """Hammerstein-Wiener: static map, B/F, static map."""
 
-from sysid.block import StaticBlock
-from sysid.blocks import TransferFunction, static
+from collections.abc import Sequence
+
 from sysid.chain import Chain
+from sysid.recipes import Map, Order, filters, maps
 
 
 def hammerstein_wiener(
-    nb: int = 2,
-    nf: int = 3,
-    nk: int = 1,
-    input: str | StaticBlock = "piecewise_linear",
-    output: str | StaticBlock = "piecewise_linear",
+    nb: Order = 2,
+    nf: Order = 3,
+    nk: Order = 1,
+    input: Map | Sequence[Map] = "piecewise_linear",
+    output: Map | Sequence[Map] = "piecewise_linear",
+    nu: int = 1,
+    ny: int = 1,
 ) -> Chain:
     """y = h(B/F f(u)), equations (3) to (5) of Guni and Irawan 2016; the defaults are the toolbox's.
 
     It cannot hold an end stop of an integrating plant: its memory is linear.
     """
-    blocks = (static(input, "input"), TransferFunction(nb, nf, nk, role="linear"), static(output, "output"))
+    blocks = (maps(input, "input", nu), filters(nb, nf, nk, nu, ny), maps(output, "output", ny))
     return Chain(blocks, structure="hammerstein_wiener")

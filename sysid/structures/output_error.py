@@ -1,9 +1,9 @@
 """Output error: B/F alone."""
 
-from sysid.blocks import TransferFunction
 from sysid.chain import Chain
+from sysid.recipes import Order, filters
 
 
-def output_error(nb: int = 2, nf: int = 3, nk: int = 1) -> Chain:
+def output_error(nb: Order = 2, nf: Order = 3, nk: Order = 1, nu: int = 1, ny: int = 1) -> Chain:
     """y = B/F u with white noise at the output. It has no offset: take the means off first."""
-    return Chain((TransferFunction(nb, nf, nk, role="linear"),), structure="output_error")
+    return Chain((filters(nb, nf, nk, nu, ny),), structure="output_error")

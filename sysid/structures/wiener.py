@@ -1,10 +1,18 @@
 """Wiener: B/F, then static map."""
 
-from sysid.block import StaticBlock
-from sysid.blocks import TransferFunction, static
+from collections.abc import Sequence
+
 from sysid.chain import Chain
+from sysid.recipes import Map, Order, filters, maps
 
 
-def wiener(nb: int = 2, nf: int = 3, nk: int = 1, output: str | StaticBlock = "piecewise_linear") -> Chain:
-    """y = h(B/F u): linear dynamics before a sensor's map."""
-    return Chain((TransferFunction(nb, nf, nk, role="linear"), static(output, "output")), structure="wiener")
+def wiener(
+    nb: Order = 2,
+    nf: Order = 3,
+    nk: Order = 1,
+    output: Map | Sequence[Map] = "piecewise_linear",
+    nu: int = 1,
+    ny: int = 1,
+) -> Chain:
+    """y = h(B/F u): linear dynamics before a sensor's map; one map for each output."""
+    return Chain((filters(nb, nf, nk, nu, ny), maps(output, "output", ny)), structure="wiener")

@@ -8,8 +8,9 @@ from cases import BLOCKS, STRUCTURES
 
 from sysid.blocks import STATIC, TransferFunction
 from sysid.chain import Chain
+from sysid.data import IOData
 from sysid.errors import InputError
-from sysid.initial import linear_start
+from sysid.initial import starts
 from sysid.structures import TABLE, build, hammerstein_wiener
 
 LINEAR = np.array([0.2, 0.12, -1.2, 0.5, 0.3, -0.4])  # nb 2, nf 2, nk 1: gain about 1, poles 0.6 +- 0.37i
@@ -50,7 +51,7 @@ def test_chain_jacobian_agrees_with_finite_differences(name):
     """Each structure at its automatic start, moved off it at random."""
     rng = np.random.default_rng(4)
     chain, u = build(name, 2, 2, 1, **STRUCTURES[name]), rng.uniform(-2, 2, 300)
-    theta = linear_start(chain, u, np.convolve(u, [0, 0.5, 0.3, 0.1])[:300])
+    theta = starts(chain, IOData(u, np.convolve(u, [0, 0.5, 0.3, 0.1])[:300]), 1, 0)[0]
     theta = theta + 0.05 * rng.normal(size=len(theta))
     y, J = chain.tangent(theta, u)
     np.testing.assert_array_equal(y, chain.simulate(theta, u))

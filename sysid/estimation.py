@@ -1,0 +1,209 @@
+"""fit(model, data) -> Fit: starts, searches, the best of them, its covariance and warnings."""
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sysid.chain import Chain
+from sysid.criteria import criteria
+from sysid.data import IOData
+from sysid.errors import InputError, unknown
+from sysid.fitting import Fit, check_channels
+from sysid.initial import starts as make_starts
+from sysid.initial import with_initial_states
+from sysid.iterate import Options, Outcome, iterate
+from sysid.objective import Objective, spread
+from sysid.problem import ChainProblem
+from sysid.searches import search as make_search
+from sysid.threads import available, one_blas_thread
+from sysid.uncertainty import Covariance
+
+# Every start gets a few iterations, then only the leaders go on: a start that is far behind by then seldom wins.
+_TRIAL, _LEADERS = 15, 2
+_ROBUST_PASSES = 3  # the spread of the residuals settles within this many
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What every start of one fit shares."""
+
+    model: Chain
+    data: IOData
+    objective: Objective
+    search: str
+    options: Options
+    progress: Callable[[str], None] | None
+    corner: float = np.inf
+
+    def problem(self, thetas: np.ndarray) -> ChainProblem:
+        """The problem around thetas (K, P)."""
+        pull, nominal = _ridge(self.model, self.objective)
+        return ChainProblem(
+            self.model,
+            thetas,
+            self.data.experiments,
+            self.model.free,
+            self.corner,
+            pull,
+            nominal,
+            np.array(self.objective.weights or (1.0,)),
+        )
+
+    def iterate(self, problem: ChainProblem, p: np.ndarray, options: Options) -> Outcome:
+        """One search."""
+        outcome = iterate(problem, p, make_search(self.search), options)
+        if self.progress is not None:
+            loss = outcome.cost / max(int(self.data.observed.sum()), 1)
+            self.progress(f"{self.model.structure}: loss {loss:.4g} after {outcome.stop.iterations} iterations")
+        return outcome
+
+
+def fit(
+    model: Chain,
+    data: IOData,
+    search: str = "auto",
+    starts: int = 5,
+    seed: int = 0,
+    options: Options | None = None,
+    start: np.ndarray | None = None,
+    objective: Objective | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Fit:
+    """Fit a chain to a record, of one or of several merged experiments, by least squares on its free-run output.
+
+    search: a name of `sysid.searches.TABLE`; starts: how many starting points, the first from a linear model, the
+    others varied with `seed`; start (P,): a starting point of your own; objective: robust loss, ridge, output weights.
+    Equal seeds give equal numbers whatever the number of threads. Raises InputError for a record that is too short,
+    of other channels than the model, or whose input or output is constant.
+    """
+    began = time.perf_counter()
+    run = _Run(model, data, objective or Objective(), make_search(search).name, options or Options(), progress)
+    _check(model, data, run.objective)
+    if starts < 1:
+        raise InputError(f"starts is {starts}; give at least 1")
+    with one_blas_thread():
+        points = [_own_start(model, start)] if start is not None else make_starts(model, data, starts, seed)
+        problems = [run.problem(with_initial_states(model, theta, data)) for theta in points]
+        outcomes = _race(run, problems)
+        costs = [o.cost for o in outcomes]
+        best = int(np.argmin(costs))
+        if not np.isfinite(costs[best]):
+            raise InputError(
+                f"none of {len(points)} start(s) gives a usable model: {outcomes[best].stop.reason}; "
+                "detrend the data or lower the orders"
+            )
+        problem, outcome = problems[best], outcomes[best]
+        if run.objective.robust is not None:
+            problem, outcome = _robust(run, problem, outcome)
+        theta, cov, d = problem.thetas(outcome.p)[0], problem.covariance(outcome.p), problem.count(outcome.p)
+    N = int(data.observed.sum())
+    loss = outcome.cost / N
+    if run.objective.ridge:
+        loss -= float(np.sum(problem.residual(outcome.p)[-len(theta) :] ** 2)) / N  # type: ignore[index]
+    return Fit(
+        model=model,
+        theta=theta,
+        Ts=data.Ts,
+        criteria=criteria(loss, N, d),
+        covariance=cov,
+        stop=outcome.stop,
+        history=outcome.history,
+        warnings=_warnings(model, theta, cov, outcome),
+        losses=tuple(c / N for c in costs),
+        seconds=time.perf_counter() - began,
+        search=run.search,
+        n_init=min(max(50, 4 * max(b.n_state for _, b in model.dynamics)), min(data.lengths) // 4),
+        u_span=(float(data.u.min()), float(data.u.max())),
+    )
+
+
+def _race(run: _Run, problems: list[ChainProblem]) -> list[Outcome]:
+    if len(problems) == 1:
+        return [run.iterate(problems[0], problems[0].start, run.options)]
+    trial = replace(run.options, max_iterations=min(_TRIAL, run.options.max_iterations))
+    # Threads, not processes: the loops over samples release the interpreter's lock and nothing is copied.
+    with ThreadPoolExecutor(min(len(problems), available())) as pool:
+        outcomes = list(pool.map(lambda problem: run.iterate(problem, problem.start, trial), problems))
+        leaders = [int(k) for k in np.argsort([o.cost for o in outcomes], kind="stable")[:_LEADERS]]
+        ends = list(pool.map(lambda k: run.iterate(problems[k], outcomes[k].p, run.options), leaders))
+    for k, end in zip(leaders, ends, strict=True):
+        outcomes[k] = _joined(outcomes[k], end)
+    return outcomes
+
+
+def _robust(run: _Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
+    """Huber's loss from the least-squares end on, its corner following the spread of the residuals."""
+    assert run.objective.robust is not None
+    for _ in range(_ROBUST_PASSES):
+        plain = replace(problem, corner=np.inf, pull=None)
+        e = plain.residual(outcome.p)
+        assert e is not None
+        problem = replace(problem, corner=run.objective.robust * max(spread(e), 1e-12 * np.sqrt(problem.size / len(e))))
+        outcome = _joined(outcome, run.iterate(problem, outcome.p, run.options))
+    return problem, outcome
+
+
+def _joined(first: Outcome, then: Outcome) -> Outcome:
+    iterations = first.stop.iterations + then.stop.iterations
+    stop = replace(then.stop, iterations=iterations, evaluations=first.stop.evaluations + then.stop.evaluations)
+    rows: tuple[dict[str, Any], ...] = tuple(
+        {**row, "iteration": row["iteration"] + first.stop.iterations} for row in then.history
+    )
+    return Outcome(then.p, then.cost, stop, first.history + rows)
+
+
+def _own_start(model: Chain, start: np.ndarray) -> np.ndarray:
+    theta = np.array(start, dtype=float)
+    if theta.shape != (len(model.names),) or not np.all(np.isfinite(theta)):
+        raise InputError(
+            f"start has shape {theta.shape}; give {len(model.names)} finite values, one for each parameter"
+        )
+    return theta
+
+
+def _ridge(model: Chain, objective: Objective) -> tuple[np.ndarray | None, np.ndarray | None]:
+    if not objective.ridge:
+        return None, None
+    for name in objective.nominal:
+        if name not in model.names:
+            raise unknown("parameter", name, model.names)
+    nominal = np.array([objective.nominal.get(name, 0.0) for name in model.names])
+    size = np.where(nominal != 0.0, np.abs(nominal), 1.0)
+    return np.where(model.free & ~model.initial, np.sqrt(objective.ridge) / size, 0.0), nominal
+
+
+def _check(model: Chain, data: IOData, objective: Objective) -> None:
+    check_channels(model, data)
+    if objective.weights and len(objective.weights) != data.y.shape[1]:
+        raise InputError(f"{len(objective.weights)} weights for {data.y.shape[1]} output(s); give one for each")
+    for kind, signals in (("input", data.u), ("output", data.y)):
+        for column in signals.T:
+            if np.ptp(column) == 0.0:
+                raise InputError(
+                    f"the {kind} is constant ({column[0]:g}) over all {len(column)} samples; record one that moves"
+                )
+    own = int((model.free & model.initial).sum())
+    needed = int(model.free.sum()) + (len(data.lengths) - 1) * own + 1
+    if data.observed.sum() < needed:
+        raise InputError(
+            f"{int(data.observed.sum())} samples are too few for {needed - 1} free parameters ({model.structure}); "
+            f"give at least {needed} samples or lower the orders"
+        )
+
+
+def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome) -> tuple[str, ...]:
+    found = []
+    if not outcome.stop.converged:
+        found.append(f"the search did not converge: {outcome.stop.reason}")
+    lost = [n for n, bad in zip(model.names, cov.unidentifiable, strict=True) if bad]
+    if lost:
+        shown = ", ".join(lost[:6]) + (f" and {len(lost) - 6} more" if len(lost) > 6 else "")
+        found.append(f"the data do not determine {shown}; excite more levels or choose a smaller map")
+    poles = np.concatenate([b.poles(theta[part]) for part, b in model.dynamics])
+    if len(poles) and np.max(np.abs(poles)) >= 1.0 - 1e-9:
+        found.append("a pole lies on the unit circle: the model integrates, or the data drift")
+    return tuple(found)

@@ -1,0 +1,170 @@
+"""Several experiments, several channels, missing samples, outliers, prior knowledge: each against a known truth."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import sysid
+from sysid.poles import match
+from sysid.problem import ChainProblem
+from sysid.systems import system
+
+Objective, IOData = sysid.Objective, sysid.IOData
+
+
+def lag(u, pole=0.9, gain=0.5, past=0.0):
+    """y_t = pole y_{t-1} + gain u_{t-1} from the output `past` on."""
+    return lfilter([0, gain], [1, -pole], u, zi=[past])[0]
+
+
+def first_order():
+    return sysid.structures.output_error(1, 1, 1)
+
+
+def test_experiments_with_states_of_their_own_give_the_exact_model():
+    """Three short runs that start from far apart: together exact, glued into one record not."""
+    rng = np.random.default_rng(0)
+    pieces = []
+    for past in (0.0, 5.0, -8.0):
+        u = rng.normal(size=80)
+        pieces.append(IOData(u, lag(u, past=past), 1.0))
+    fit = sysid.fit(first_order(), IOData.merge(*pieces))
+    np.testing.assert_allclose(fit.poles, [0.9], atol=1e-9)
+    assert fit.criteria.d == 1 + 1 + 3  # b, f and three initial states
+    np.testing.assert_allclose(
+        fit.simulate(IOData.merge(*pieces)), np.concatenate([p.y for p in pieces])[:, 0], atol=1e-6
+    )
+    glued = IOData(np.concatenate([p.u for p in pieces]), np.concatenate([p.y for p in pieces]), 1.0)
+    assert abs(sysid.fit(first_order(), glued).poles[0] - 0.9) > 1e-3
+
+
+def test_missing_samples_do_not_count_whatever_stands_there():
+    rng = np.random.default_rng(1)
+    u = rng.normal(size=500)
+    y = lag(u) + 0.01 * rng.normal(size=500)
+    lost = rng.uniform(size=500) < 0.2
+    spoiled = np.where(lost, np.nan, y)
+    fit = sysid.fit(first_order(), IOData(u, spoiled, 1.0, missing=lost))
+    other = sysid.fit(first_order(), IOData(u, np.where(lost, 1e3, y), 1.0, missing=lost))
+    np.testing.assert_array_equal(fit.theta, other.theta)
+    assert 500 - lost.sum() == fit.criteria.N
+    assert abs(fit.poles[0] - 0.9) < 4 * fit.pole_std[0]
+    with pytest.raises(sysid.InputError, match="mark outputs as missing"):
+        IOData(u, spoiled, 1.0)
+
+
+def test_huber_holds_against_outliers_that_squares_follow(seeds):
+    """5 % of samples off by 20 times the output: the robust pole stays within 1 %, least squares is off by more."""
+    robust, squares = [], []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        u = rng.normal(size=600)
+        y = lag(u)
+        y = y + 0.02 * y.std() * rng.normal(size=600)
+        hit = rng.uniform(size=600) < 0.05
+        y[hit] += 20 * y.std() * rng.choice([-1, 1], hit.sum())
+        data = IOData(u, y, 1.0)
+        robust.append(abs(sysid.fit(first_order(), data, starts=1, objective=Objective(robust=1.345)).poles[0] - 0.9))
+        squares.append(abs(sysid.fit(first_order(), data, starts=1).poles[0] - 0.9))
+    assert max(robust) < 0.009
+    assert np.median(squares) > 5 * np.median(robust)
+
+
+def test_ridge_ends_at_the_nominal_point_and_starts_at_least_squares():
+    rng = np.random.default_rng(2)
+    u = rng.normal(size=300)
+    data = IOData(u, lag(u) + 0.05 * rng.normal(size=300), 1.0)
+    nominal = {"linear.b0": 0.7, "linear.f1": -0.5}
+    free = sysid.fit(first_order(), data)
+    weak = sysid.fit(first_order(), data, objective=Objective(ridge=1e-9, nominal=nominal))
+    strong = sysid.fit(first_order(), data, objective=Objective(ridge=1e12, nominal=nominal))
+    np.testing.assert_allclose(weak.theta[:2], free.theta[:2], atol=1e-5)
+    np.testing.assert_allclose(strong.theta[:2], [0.7, -0.5], atol=1e-5)
+    with pytest.raises(sysid.InputError, match=r"linear\.b0"):
+        sysid.fit(first_order(), data, objective=Objective(ridge=1.0, nominal={"b0": 1.0}))
+
+
+@pytest.mark.parametrize(
+    "objective", [Objective(), Objective(robust=1.0), Objective(ridge=0.1), Objective(weights=(3.0,))]
+)
+def test_problem_jacobian_agrees_with_finite_differences(objective):
+    """All that can stand around the free run at once: two experiments, gaps, robust corner, ridge, weights."""
+    rng = np.random.default_rng(3)
+    plant = system("textbook")
+    a, b = plant.record(200, 0.1, rng), plant.record(150, 0.1, rng)
+    b = IOData(b.u, b.y, b.Ts, missing=rng.uniform(size=150) < 0.3)
+    chain, P = plant.chain, len(plant.theta)
+    problem = ChainProblem(
+        chain,
+        np.array([plant.theta, plant.theta]),
+        (a, b),
+        chain.free,
+        corner=0.1 if objective.robust else np.inf,
+        pull=np.full(P, 0.3) if objective.ridge else None,
+        weights=np.array(objective.weights or (1.0,)),
+    )
+    p = 0.01 * rng.normal(size=len(problem.start))
+    e, J = problem.linearise(p)
+    np.testing.assert_array_equal(e, problem.residual(p))
+    h = 1e-6
+    for i in range(len(p)):
+        step = np.zeros_like(p)
+        step[i] = h
+        numeric = (problem.residual(p - step) - problem.residual(p + step)) / (2 * h)
+        # Quantile over rows: a sample within h of a kink has no two-sided derivative.
+        assert np.quantile(np.abs(J[:, i] - numeric), 0.98) < 1e-6 * max(1.0, np.abs(J).max())
+
+
+def test_two_inputs_and_two_outputs():
+    """A 2 x 2 plant with a saturating second input and a bent first output; every pole from automatic starts."""
+    rng = np.random.default_rng(4)
+    N = 3000
+    u = np.repeat(rng.uniform(-2, 2, (N // 5, 2)), 5, axis=0)
+    w = np.column_stack([u[:, 0], np.clip(u[:, 1], -1.0, 1.2)])
+
+    def through(b, f, x):
+        return lfilter([0, b], [1, f], x)
+
+    x1 = through(0.5, -0.7, w[:, 0]) + through(0.3, -0.9, w[:, 1])
+    x2 = through(-0.2, -0.8, w[:, 0]) + through(0.6, -0.5, w[:, 1])
+    y = np.column_stack([np.where(x1 > 0, x1, 0.5 * x1), x2])
+    y = y + 0.005 * y.std(axis=0) * rng.normal(size=y.shape)
+    chain = sysid.structures.hammerstein_wiener(
+        1, 1, 1, input=["unit_gain", "saturation"], output=["piecewise_linear", "unit_gain"], nu=2, ny=2
+    )
+    data = IOData(u, y, 0.1)
+    fit = sysid.fit(chain, data.select(0, 2000))
+    assert np.all(fit.fit_percents(data.select(2000, N)) > 99.3)  # 99.5 is what the noise leaves
+    np.testing.assert_allclose(fit.poles, [0.7, 0.9, 0.8, 0.5], atol=0.01)
+    with pytest.raises(sysid.InputError, match=r"1 input\(s\)"):
+        fit.fit_percent(IOData(u[:, 0], y[:, 0], 0.1))
+
+
+def test_output_weights_choose_which_output_a_shared_map_serves():
+    """One input saturation cannot be at 1 for one output and at 1.5 for the other; the heavier output gets its way."""
+    rng = np.random.default_rng(5)
+    u = rng.uniform(-2, 2, 2000)
+    y = np.column_stack([lag(np.clip(u, -1, 1), 0.5), lag(np.clip(u, -1.5, 1.5), 0.5)])
+    chain = sysid.structures.hammerstein(1, 1, 1, input=["saturation"], nu=1, ny=2)
+    data = IOData(u, y, 1.0)
+    first, second = (sysid.fit(chain, data, objective=Objective(weights=w)) for w in ((30.0, 1.0), (1.0, 30.0)))
+    assert first.theta[1] == pytest.approx(1.0, abs=0.02)
+    assert second.theta[1] == pytest.approx(1.5, abs=0.02)
+    with pytest.raises(sysid.InputError, match="one for each"):
+        sysid.fit(chain, data, objective=Objective(weights=(1.0,)))
+
+
+def test_wiener_hammerstein_poles_are_dealt_to_the_right_filter():
+    """0.9 stands before the bend and 0.5 +- 0.4i after it; only one deal of the poles fits the data."""
+    rng = np.random.default_rng(6)
+    u = np.repeat(rng.uniform(-2, 2, 1000), 4)
+    x = lfilter([0, 0.1], [1, -0.9], u)
+    z = np.where(x > 0.2, 2.0 * x - 0.2, x)
+    y = lfilter([0.4, 0.2], np.real(np.poly([0.5 + 0.4j, 0.5 - 0.4j])), z)
+    data = IOData(u, y + 0.005 * y.std() * rng.normal(size=len(u)), 0.1)
+    chain = sysid.structures.wiener_hammerstein(1, 1, 1, nb2=2, nf2=2)
+    fit = sysid.fit(chain, data.select(0, 3000))
+    assert fit.fit_percent(data.select(3000, 4000)) > 99.2
+    found = match(fit.poles, np.array([0.9, 0.5 + 0.4j, 0.5 - 0.4j]), 0.1)
+    assert max(m.s_error for m in found) < 0.02
+    np.testing.assert_allclose(fit.poles[0], 0.9, atol=0.005)
