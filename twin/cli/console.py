@@ -61,8 +61,14 @@ def finish(
     if as_json:
         sys.stdout.write(to_json(summary))
         return
+    from rich.console import Console
+
     for grid in grids:
         show(grid)
+    console = Console()
     for sentence in sentences:
-        print(sentence)
+        if console.is_terminal:  # breaks lines between words
+            console.print(sentence, markup=False, highlight=False)
+        else:
+            print(sentence)
     print(f"Report: {folder / 'report.html'}")

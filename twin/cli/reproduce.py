@@ -33,7 +33,6 @@ def reproduce(
             stills = str(reason)
         step("drawing the report")
         write(scratch, report.page(result, stills), result.as_dict())
-    tables = [report.table(result), report.truth_table(result)]
-    console.finish(folder, result.as_dict(), as_json, tables, report.verdict(result))
+    console.finish(folder, result.as_dict(), as_json, report.terminal_tables(result), report.verdict(result))
     if not result.holds:
         raise typer.Exit(1)

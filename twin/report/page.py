@@ -3,7 +3,7 @@
 import base64
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -39,6 +39,17 @@ class Grid:
     def is_text(self, j: int) -> bool:
         """Whether column j is aligned as text."""
         return j < self.text_columns or (self.last_text and j == len(self.headings) - 1)
+
+    def only(self, *headings: str) -> "Grid":
+        """The columns with these headings, which start with the text columns."""
+        keep = [list(self.headings).index(heading) for heading in headings]
+        return replace(
+            self,
+            headings=headings,
+            rows=[[row[j] for j in keep] for row in self.rows],
+            text_columns=sum(j < self.text_columns for j in keep),
+            last_text=self.is_text(keep[-1]),
+        )
 
 
 @dataclass(frozen=True)

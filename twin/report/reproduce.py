@@ -50,8 +50,9 @@ def page(result: ProtocolResult, stills: Stills) -> Page:
 _READING = (
     "Fit is 100 (1 − ‖y − ŷ‖ / ‖y − mean y‖) of a free run over the second half, of which only the input is used. The "
     "ceiling is the fit of the twin's own noise-free output against what its potentiometer recorded: no model can be "
-    "expected to do better. Loss and FPE are in rad²; the paper does not print its unit, so those two columns compare "
-    "orders of magnitude at most. The paper's rows are grey. Its default NLARX model is left to the next release."
+    "expected to do better. Every model is Hammerstein-Wiener, with its orders nb, nf, nk. Loss and FPE are in rad²; the "
+    "paper does not print its unit, so those two columns compare orders of magnitude at most. The paper's rows are "
+    "grey. Its default NLARX model is left to the next release."
 )
 _TRUTH = (
     "What the twin really is, at mid stroke and with dry friction, play, stops and gravity left out: an integrator "
@@ -97,7 +98,7 @@ def table(result: ProtocolResult) -> Grid:
     )
     rows, quiet = [], set()
     for r in result.joints:
-        rows += [_row(r, "default HW", r.default), _row(r, "final HW", r.final), _paper_row(r)]
+        rows += [_row(r, "default", r.default), _row(r, "final", r.final), _paper_row(r)]
         quiet.add(len(rows) - 1)
     return Grid(headings, rows, text_columns=3, quiet_rows=frozenset(quiet), last_text=True)
 
@@ -121,7 +122,7 @@ def _row(r: JointResult, name: str, e: Evaluation) -> tuple[str, ...]:
 
 def _paper_row(r: JointResult) -> tuple[str, ...]:
     p, s = r.paper, r.paper.setting
-    name = f"paper's final ({s.nb},{s.nf},{s.nk})"
+    name = f"paper ({s.nb},{s.nf},{s.nk})"
     fit = f"{p.validation_fit:.2f} %"
     return (r.joint, name, s.search, fit, "–", number(p.fpe, 3), number(p.loss, 3), "yes", "claimed", poles(p.poles))
 
@@ -146,9 +147,9 @@ def truth_table(result: ProtocolResult) -> Grid:
         )
     headings = (
         "joint",
-        "poles, compiled twin",
-        "poles, closed form",
-        "gain [deg/s per V]",
+        "poles, twin",
+        "closed form",
+        "gain [deg/s/V]",
         "ends [deg]",
         "backlash [deg]",
         "breakaway [V]",
@@ -160,6 +161,16 @@ def checks_table(result: ProtocolResult) -> Grid:
     """Every check with what was found."""
     rows = [(check.statement, check.found, "yes" if check.holds else "NO") for check in result.checks]
     return Grid(("check", "found", "holds"), rows, text_columns=1)
+
+
+def terminal_tables(result: ProtocolResult) -> list[Grid]:
+    """The same numbers in tables that fit a terminal of 80 columns."""
+    results, truth = table(result), truth_table(result)
+    return [
+        results.only("joint", "model", "search", "fit", "ceiling", "FPE", "loss"),
+        results.only("joint", "model", "stable", "white, indep.", "poles"),
+        truth.only("joint", "poles, twin", "closed form", "ends [deg]", "backlash [deg]"),
+    ]
 
 
 def _leg(stills: Stills) -> Section:

@@ -1,6 +1,7 @@
 """What people read: degrees for radians, and numbers with as many digits as they mean."""
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 
 
@@ -58,6 +59,7 @@ def pole(value: complex) -> str:
 
 
 def poles(values) -> str:
-    """Poles in the order of falling size, each pair once."""
+    """Poles in the order of falling size, each pair once; equal ones are counted."""
     ordered = sorted((complex(p) for p in values), key=lambda p: (-round(abs(p), 6), p.real))
-    return ", ".join(pole(p) for p in ordered if p.imag > -5e-5) or "none"
+    count = Counter(pole(p) if p else "0" for p in ordered if p.imag > -5e-5)
+    return ", ".join(text if n == 1 else f"{text} ({n} times)" for text, n in count.items()) or "none"
