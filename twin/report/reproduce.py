@@ -50,8 +50,8 @@ def page(result: ProtocolResult, stills: Stills) -> Page:
 _READING = (
     "Fit is 100 (1 − ‖y − ŷ‖ / ‖y − mean y‖) of a free run over the second half, of which only the input is used. The "
     "ceiling is the fit of the twin's own noise-free output against what its potentiometer recorded: no model can be "
-    "expected to do better. Every model is Hammerstein-Wiener, with its orders nb, nf, nk. Loss and FPE are in rad²; the "
-    "paper does not print its unit, so those two columns compare orders of magnitude at most. The paper's rows are "
+    "expected to do better. Every model is Hammerstein-Wiener, with its orders nb, nf, nk. Loss and FPE are in rad²; "
+    "the paper does not print its unit, so those two columns compare orders of magnitude at most. The paper's rows are "
     "grey. Its default NLARX model is left to the next release."
 )
 _TRUTH = (

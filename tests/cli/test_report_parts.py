@@ -1,0 +1,73 @@
+"""What people read: numbers, poles, thinned lines, JSON that every reader accepts."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from twin.report import style
+from twin.report.page import Grid, to_json
+from twin.report.units import number, percent, poles, shown
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (1234.5678, "1235"),
+        (-0.0123456, "−0.01235"),
+        (0.99999, "1.0000"),
+        (4.312e-5, "4.312e−5"),
+        (-2.5e12, "−2.500e12"),
+        (math.nan, "–"),
+        (None, "–"),
+        (-math.inf, "−∞"),
+    ],
+)
+def test_number(value, text):
+    assert number(value) == text
+
+
+def test_a_fit_far_below_zero_is_not_spelled_out():
+    assert percent(71.056) == "71.06 %"
+    assert percent(-1e30) == percent(-math.inf) == "< −1000 %"
+
+
+def test_poles_name_a_pair_once_and_count_equal_ones():
+    assert poles([0.5, 0.9 - 0.2j, 0.9 + 0.2j]) == "0.9000 ± 0.2000i, 0.5000"
+    assert poles([0.9848, 0, 0, 0, 0]) == "0.9848, 0 (4 times)"
+    assert poles([]) == "none"
+
+
+def test_radians_are_shown_as_degrees_and_nothing_else_is_changed():
+    angle = shown("angle", "rad")
+    assert angle.label == "angle [deg]"
+    assert math.pi * angle.factor == pytest.approx(180.0)
+    assert shown("level", "V").label == "level [V]"
+    assert shown("u11", "").label == "u11"
+
+
+def test_a_thinned_line_keeps_every_extreme_and_its_order():
+    rng = np.random.default_rng(0)
+    y = rng.standard_normal(100_000)
+    y[54_321], y[54_322] = 50.0, -50.0  # a glitch of one sample may not vanish from a picture
+    x, thin = style.thin(np.arange(len(y)), y)
+    assert len(x) <= style.POINTS
+    assert np.all(np.diff(x) > 0)
+    assert np.array_equal(thin, y[x])
+    assert {50.0, -50.0} <= set(thin)
+
+
+def test_json_has_no_number_that_is_not_one():
+    text = to_json({"a": np.array([1.0, np.nan]), "b": -math.inf, "c": np.int64(3), "d": (True, None, "é")})
+    assert json.loads(text) == {"a": [1.0, None], "b": None, "c": 3, "d": [True, None, "é"]}
+    assert "NaN" not in text
+    assert "Infinity" not in text
+
+
+def test_a_grid_of_some_columns_keeps_what_is_text():
+    grid = Grid(("a", "b", "c", "d"), [("1", "2", "3", "4")], text_columns=1, last_text=True)
+    part = grid.only("a", "c", "d")
+    assert [list(row) for row in part.rows] == [["1", "3", "4"]]
+    assert [part.is_text(j) for j in range(3)] == [True, False, True]
