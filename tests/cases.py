@@ -41,7 +41,7 @@ BLOCKS = {
     "dead_zone": (DeadZone(role="map"), np.array([-0.4, 0.7])),
     "dead_zone_saturation": (
         DeadZoneSaturation(role="map"),
-        np.array([-1.5, -0.4, 0.5, 1.6, 1.2, 0.8]),
+        np.array([-0.9, -0.15, 0.2, 0.8, 3.0, 2.5]),
     ),
     "piecewise_linear": (
         PiecewiseLinear(knots=5, role="map"),

@@ -5,7 +5,10 @@ from dataclasses import replace
 
 from sysid.block import Block, StaticBlock
 from sysid.blocks.channels import Channels
+from sysid.blocks.cubic_spline import CubicSpline
+from sysid.blocks.custom import Custom
 from sysid.blocks.dead_zone import DeadZone
+from sysid.blocks.dead_zone_saturation import DeadZoneSaturation
 from sysid.blocks.piecewise_linear import PiecewiseLinear
 from sysid.blocks.polynomial import Polynomial
 from sysid.blocks.saturation import Saturation
@@ -13,19 +16,24 @@ from sysid.blocks.sigmoid_network import SigmoidNetwork
 from sysid.blocks.transfer_function import TransferFunction
 from sysid.blocks.transfer_matrix import TransferMatrix
 from sysid.blocks.unit_gain import UnitGain
+from sysid.blocks.wavelet_network import WaveletNetwork
 from sysid.errors import unknown
 
 STATIC: dict[str, Callable[..., StaticBlock]] = {
+    "cubic_spline": CubicSpline,
     "dead_zone": DeadZone,
+    "dead_zone_saturation": DeadZoneSaturation,
     "piecewise_linear": PiecewiseLinear,
     "polynomial": Polynomial,
     "saturation": Saturation,
     "sigmoid_network": SigmoidNetwork,
     "unit_gain": UnitGain,
+    "wavelet_network": WaveletNetwork,
 }
 TABLE: dict[str, Callable[..., Block]] = {
     **STATIC,
     "channels": Channels,
+    "custom": Custom,
     "transfer_function": TransferFunction,
     "transfer_matrix": TransferMatrix,
 }
@@ -44,7 +52,10 @@ __all__ = [
     "STATIC",
     "TABLE",
     "Channels",
+    "CubicSpline",
+    "Custom",
     "DeadZone",
+    "DeadZoneSaturation",
     "PiecewiseLinear",
     "Polynomial",
     "Saturation",
@@ -52,5 +63,6 @@ __all__ = [
     "TransferFunction",
     "TransferMatrix",
     "UnitGain",
+    "WaveletNetwork",
     "static",
 ]

@@ -13,33 +13,62 @@ class PiecewiseLinear(StaticBlock):
     """Straight lines between `knots` break points (x_i, y_i), both free; 10 by default, as in the toolbox.
 
     Outside the outer knots the end slopes go on. The derivative at a knot is one-sided (that of the segment below).
+    `at` gives the break points x_i where the search starts, else they are spread over the range of the data; with
+    free_knots=False they stay there and only the y_i are parameters (`PiecewiseLinear.laid` puts them over data).
     """
 
     knots: int = 10
+    free_knots: bool = True
+    at: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if self.knots < 2:
             raise InputError(f"a piecewise linear map of {self.knots} break point(s) is no map; give at least 2")
+        if not self.free_knots and not self.at:
+            raise InputError("fixed break points need values; give at=(x1, x2, ...) or use PiecewiseLinear.laid(x)")
+        if self.at and (len(self.at) != self.knots or not np.all(np.diff(self.at) > 0)):
+            raise InputError(f"at holds {len(self.at)} values for {self.knots} knots; give as many, in rising order")
+
+    @classmethod
+    def laid(cls, x: np.ndarray, knots: int = 10, role: str = "block") -> "PiecewiseLinear":
+        """Fixed knots, equally spaced over the range of x (N,)."""
+        x = np.asarray(x, dtype=float)
+        lo, hi = float(x.min()), float(x.max())
+        spread = np.linspace(lo, hi if hi > lo else lo + 1.0, knots)
+        return cls(knots, free_knots=False, at=tuple(spread.tolist()), role=role)
 
     def slots(self) -> tuple[Slot, ...]:
         n = range(1, self.knots + 1)
-        return (*(Slot(f"x{i}") for i in n), *(Slot(f"y{i}") for i in n))
+        places = tuple(Slot(f"x{i}") for i in n) if self.free_knots else ()
+        return (*places, *(Slot(f"y{i}") for i in n))
+
+    def _points(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """x_i and y_i (knots,)."""
+        return (theta[: self.knots], theta[self.knots :]) if self.free_knots else (np.array(self.at), theta)
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
         from sysid.kernels import piecewise_linear
 
-        y, slope = np.empty_like(x), np.empty_like(x)
-        piecewise_linear(theta[: self.knots], theta[self.knots :], x, y, slope, J, q, J.shape[1] > 0)
+        y, slope, own = np.empty_like(x), np.empty_like(x), J.shape[1] > 0
+        kx, ky = self._points(theta)
+        if own and not self.free_knots:
+            wide = np.empty((len(x), 2 * self.knots))
+            piecewise_linear(kx, ky, x, y, slope, wide, 0, own)
+            J[:, q : q + self.knots] = wide[:, self.knots :]
+        else:
+            piecewise_linear(kx, ky, x, y, slope, J, q, own)
         return y, slope
 
     def start(self, x: np.ndarray) -> np.ndarray:
         lo, hi = float(x.min()), float(x.max())
-        knots = np.linspace(lo, hi if hi > lo else lo + 1.0, self.knots)
-        return np.concatenate([knots, knots])
+        knots = np.array(self.at) if self.at else np.linspace(lo, hi if hi > lo else lo + 1.0, self.knots)
+        return np.concatenate([knots, knots]) if self.free_knots else knots
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         zero, one = np.zeros(self.knots), np.ones(self.knots)
-        x, y = theta[: self.knots], theta[self.knots :]
+        x, y = self._points(theta)
+        if not self.free_knots:
+            return [Symmetry(y.copy(), out_scale=1.0), Symmetry(one, out_shift=1.0)]
         return [
             Symmetry(np.concatenate([x, zero]), in_scale=1.0),
             Symmetry(np.concatenate([one, zero]), in_shift=1.0),
@@ -58,13 +87,15 @@ class PiecewiseLinear(StaticBlock):
         return d_theta
 
     def admissible(self, theta: np.ndarray) -> bool:
-        gaps = np.diff(theta[: self.knots])
+        x, _ = self._points(theta)
         # Knots that meet make a jump, and its slope a division by nothing.
-        return bool(np.all(gaps > 1e-7 * (theta[self.knots - 1] - theta[0])))
+        return bool(np.all(np.diff(x) > 1e-7 * (x[-1] - x[0])))
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Knots drawn anew over the same range, on the curve as it is."""
-        x, y = theta[: self.knots], theta[self.knots :]
+        """Knots drawn anew over the same range, on the curve as it is; fixed ones keep their place, the curve bends."""
+        x, y = self._points(theta)
+        if not self.free_knots:
+            return y + 0.1 * np.ptp(y) * rng.normal(size=self.knots)
         inner = np.sort(rng.uniform(x[0], x[-1], self.knots - 2))
         fresh = np.concatenate([[x[0]], inner, [x[-1]]])
         fresh = 0.5 * fresh + 0.5 * np.linspace(x[0], x[-1], self.knots)  # keeps knots apart

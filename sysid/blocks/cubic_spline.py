@@ -1,0 +1,110 @@
+"""Cubic spline on equally spaced knots, natural or monotone, that goes on as a straight line."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.errors import InputError
+
+
+@dataclass(frozen=True)
+class CubicSpline(StaticBlock):
+    """Twice differentiable curve over [lo, hi] with `knots` equally spaced knots, continued by its end tangents.
+
+    Natural: through the values y_i at the knots. Monotone: y0 + sum s_i I_i with s_i >= 0, where the I_i are
+    I-splines (Ramsay 1988, Statistical Science 3): integrals of quadratic B-splines, so that the slope over [lo, hi]
+    is a sum of bumps that cannot be negative; y increases, and a falling map is the next block's gain. lo and hi are
+    parameters, or kept where `span` gives them.
+    """
+
+    knots: int = 8
+    monotone: bool = False
+    span: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.knots < 3:
+            raise InputError(f"a cubic spline of {self.knots} knots is a line; give at least 3")
+        if self.span is not None and not self.span[0] < self.span[1]:
+            raise InputError(f"span is {self.span}; give (lowest, highest) knot, the first below the second")
+
+    def slots(self) -> tuple[Slot, ...]:
+        ends = (Slot("lo"), Slot("hi")) if self.span is None else ()
+        if not self.monotone:
+            return (*ends, *(Slot(f"y{i}") for i in range(1, self.knots + 1)))
+        return (*ends, Slot("y0"), *(Slot(f"s{i}", lower=0.0) for i in range(1, self.knots + 2)))
+
+    @cached_property
+    def pieces(self) -> np.ndarray:
+        """Coefficients (knots - 1, 4, n) of the curve's functions on [0, 1], as `kernels_maps.spline` takes them."""
+        from scipy.interpolate import BSpline, PPoly
+        from scipy.interpolate import CubicSpline as Interpolant
+
+        m, grid = self.knots - 1, np.linspace(0.0, 1.0, self.knots)
+        if self.monotone:
+            clamped = np.concatenate([[0.0, 0.0], grid, [1.0, 1.0]])
+            bumps = [BSpline(clamped, row, 2).antiderivative() for row in np.eye(self.knots + 1)]
+            # The clamped ends make intervals of no length: only those between the m + 1 knots count.
+            curves = [np.array([[0.0], [0.0], [0.0], [1.0]]) * np.ones(m)]
+            curves += [PPoly.from_spline(bump).c[:, 3 : 3 + m] for bump in bumps]
+        else:
+            curves = [Interpolant(grid, row, bc_type="natural").c for row in np.eye(self.knots)]
+        powers = float(m) ** -np.arange(4)
+        return np.ascontiguousarray(np.stack([c[::-1].T * powers for c in curves], axis=2))
+
+    def _ends(self, theta: np.ndarray) -> tuple[float, float, np.ndarray]:
+        """lo, hi and the other parameters."""
+        return (*self.span, theta) if self.span is not None else (theta[0], theta[1], theta[2:])
+
+    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
+        from sysid.kernels_maps import spline
+
+        y, slope = np.empty_like(x), np.empty_like(x)
+        lo, hi, v = self._ends(theta)
+        spline(self.pieces, lo, hi, v, x, y, slope, J, q, J.shape[1] > 0, self.span is None)
+        return y, slope
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        """The line y = x over the range of x, or over `span`."""
+        lo, hi = self.span if self.span is not None else (float(x.min()), float(x.max()))
+        hi = hi if hi > lo else lo + 1.0
+        ends = [] if self.span is not None else [lo, hi]
+        if self.monotone:
+            return np.concatenate([ends, [lo], np.full(self.knots + 1, hi - lo)])
+        return np.concatenate([ends, np.linspace(lo, hi, self.knots)])
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        lo, hi, v = self._ends(theta)
+        constant = np.eye(len(v))[0] if self.monotone else np.ones(len(v))
+        none, ends = np.zeros(len(theta) - len(v)), np.array([lo, hi])
+        found = [
+            Symmetry(np.concatenate([none, v]), out_scale=1.0),
+            Symmetry(np.concatenate([none, constant]), out_shift=1.0),
+        ]
+        if self.span is None:
+            found += [
+                Symmetry(np.concatenate([ends, 0.0 * v]), in_scale=1.0),
+                Symmetry(np.concatenate([np.ones(2), 0.0 * v]), in_shift=1.0),
+            ]
+        return found
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        lo, hi, v = self._ends(theta)
+        return bool(lo < hi and (not self.monotone or np.all(v[1:] >= 0.0)))
+
+    def repair(self, theta: np.ndarray) -> np.ndarray:
+        if not self.monotone:
+            return theta
+        fixed = theta.copy()
+        fixed[-self.knots - 1 :] = np.maximum(fixed[-self.knots - 1 :], 0.0)
+        return fixed
+
+    def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """The curve bent at random; a monotone one stays monotone."""
+        fresh, n = theta.copy(), self.knots + 1
+        if self.monotone:
+            fresh[-n:] *= np.exp(rng.uniform(-1.0, 1.0, n))
+        else:
+            fresh[-self.knots :] += 0.1 * np.ptp(theta[-self.knots :]) * rng.normal(size=self.knots)
+        return fresh

@@ -1,0 +1,78 @@
+"""Dead zone and saturation in one, with a slope of its own on either side."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.block import Slot, StaticBlock, Symmetry
+
+
+@dataclass(frozen=True)
+class DeadZoneSaturation(StaticBlock):
+    """Zero from `dead_lower` to `dead_upper`, slopes `gain_lower`, `gain_upper` outside, level beyond the saturation.
+
+    y = gain_lower (max(x, saturation_lower) - dead_lower) below the dead zone, gain_upper (min(x, saturation_upper) -
+    dead_upper) above it: an amplifier that starts late, runs out of supply, and differs by direction. Six parameters;
+    all four corners are values of x. The derivative at a corner is one-sided; where no sample passes a corner its
+    column is zero and the data say nothing about it.
+    """
+
+    def slots(self) -> tuple[Slot, ...]:
+        corners = ("saturation_lower", "dead_lower", "dead_upper", "saturation_upper")
+        return tuple(Slot(name) for name in (*corners, "gain_lower", "gain_upper"))
+
+    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
+        s_lo, d_lo, d_up, s_up, a_lo, a_up = theta
+        below, above = x < d_lo, x > d_up
+        held_lo, held_up = x < s_lo, x > s_up
+        reach_lo = np.where(below, np.maximum(x, s_lo) - d_lo, 0.0)
+        reach_up = np.where(above, np.minimum(x, s_up) - d_up, 0.0)
+        if J.shape[1]:
+            J[:, q], J[:, q + 3] = a_lo * held_lo, a_up * held_up
+            J[:, q + 1], J[:, q + 2] = -a_lo * below, -a_up * above
+            J[:, q + 4], J[:, q + 5] = reach_lo, reach_up
+        slope = a_lo * (below & ~held_lo) + a_up * (above & ~held_up)
+        return a_lo * reach_lo + a_up * reach_up, slope
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        """Unit slopes, every corner a little inside the range of x, so that none starts without effect."""
+        lo, hi = float(x.min()), float(x.max())
+        span = hi - lo if hi > lo else 1.0
+        middle = 0.0 if lo + 0.1 * span < 0.0 < hi - 0.1 * span else 0.5 * (lo + hi)
+        dead, margin = 0.02 * span, 0.05 * span
+        return np.array([lo + margin, middle - dead, middle + dead, lo + span - margin, 1.0, 1.0])
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        corners, gains = np.repeat([1.0, 0.0], [4, 2]), np.repeat([0.0, 1.0], [4, 2])
+        return [
+            Symmetry(theta * (corners - gains), in_scale=1.0),
+            Symmetry(corners, in_shift=1.0),
+            Symmetry(theta * gains, out_scale=1.0),
+        ]
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        return bool(theta[0] < theta[1] <= theta[2] < theta[3])
+
+    def repair(self, theta: np.ndarray) -> np.ndarray:
+        """A dead zone that would turn inside out closes instead: no dead zone at all is a model too."""
+        if theta[1] <= theta[2]:
+            return theta
+        closed = theta.copy()
+        closed[1:3] = 0.5 * (theta[1] + theta[2])
+        return closed
+
+    def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        s_lo, d_lo, d_up, s_up, a_lo, a_up = theta
+        middle = 0.5 * (d_lo + d_up)
+        fresh_lo, fresh_up = middle + rng.uniform(0.4, 1.0, 2) * (np.array([s_lo, s_up]) - middle)
+        dead = rng.uniform(0.02, 0.4, 2)
+        return np.array(
+            [
+                fresh_lo,
+                middle + dead[0] * (fresh_lo - middle),
+                middle + dead[1] * (fresh_up - middle),
+                fresh_up,
+                a_lo * np.exp(rng.uniform(-0.5, 0.5)),
+                a_up * np.exp(rng.uniform(-0.5, 0.5)),
+            ]
+        )
