@@ -11,6 +11,7 @@ from sysid.data import IOData
 from sysid.errors import InputError, unknown
 from sysid.residuals import ResidualTests
 
+OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
 Progress = Callable[[str], None] | None
 
 
@@ -93,7 +94,8 @@ class Evaluation:
         }
 
 
-def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress: Progress = None) -> Evaluation:
+def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress: OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
+Progress = None) -> Evaluation:
     """Fits `setting` to `estimation` and runs it free over both parts; only `estimation` is ever fitted to."""
     _check_can_be_scored(estimation, "estimation")
     _check_can_be_scored(validation, "validation")
@@ -114,6 +116,12 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     step = _step_response(fit, float(np.mean(estimation.u)))
     if step is None:
         notes.append("no step response: the tangent model has no finite one")
+    fits = float(fit.fit_percent(estimation)), float(fit.fit_percent(validation))
+    if fits[0] - fits[1] > OVERFITTED:
+        notes.append(
+            f"the fit is {fits[0]:.0f} % where it was fitted and {fits[1]:.0f} % where it was not: the model is too "
+            "large for this record, or its parts differ; lower the orders, choose smaller maps or look at the data"
+        )
     return Evaluation(
         setting=setting,
         fit=fit,
@@ -121,8 +129,8 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
         validation=validation,
         estimation_output=np.ravel(fit.simulate(estimation)),
         validation_output=np.ravel(fit.simulate(validation)),
-        estimation_fit=float(fit.fit_percent(estimation)),
-        validation_fit=float(fit.fit_percent(validation)),
+        estimation_fit=fits[0],
+        validation_fit=fits[1],
         tests=tests,
         step=step,
         maps=_maps(fit, estimation),
