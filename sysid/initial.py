@@ -13,7 +13,7 @@ from sysid.searches import LevenbergMarquardt
 
 
 def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
-    """`count` starting points theta (P,): the linear start first, then variations of its poles and maps.
+    """`count` starting points theta (P,): linear models first, then variations of their poles and maps.
 
     Of several experiments the longest gives the start. Chains of several channels or of two transfer functions start in
     `sysid.initial_multi`.
@@ -27,8 +27,8 @@ def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray
         found = multi_starts(chain, record, draws)
     else:
         u, y = record.u[:, 0], record.y[:, 0]
-        first = linear_start(chain, u, y)
-        found = [first, *(_variation(chain, first, u, y, rng) for rng in draws)]
+        found = linear_starts(chain, u, y)[: 1 + count // 2]
+        found += [_variation(chain, found[k % len(found)], u, y, rng) for k, rng in enumerate(draws[len(found) - 1 :])]
     return [_with_fixed(chain, theta) for theta in found]
 
 
@@ -39,25 +39,42 @@ def with_initial_states(chain: Chain, theta: np.ndarray, data: IOData) -> np.nda
     return np.array([estimate_initial(chain, theta, e) for e in data.experiments])
 
 
-def linear_start(chain: Chain, u: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """theta (P,) of the linear model that fits u (N,) to y (N,) best, with every map as near the identity as may be."""
+def linear_starts(chain: Chain, u: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
+    """theta (P,) of linear models of u (N,) to y (N,), the best first, with every map as near the identity as may be.
+
+    The best output-error model leads. Where the plant bends, its poles may serve the bend rather than the dynamics, so
+    the refined-IV models that it started from follow: they see the plant's best linear approximation.
+    """
     linear = chain.linear
     theta = np.zeros(len(chain.names))
-    k = chain.blocks.index(linear)
-    w = lay_maps(chain, theta, chain.blocks[:k], u, u - u.mean())
-    theta[chain.index(linear)] = output_error_start(linear, w - w.mean(), y - y.mean())
-    _finish(chain, theta, w, y)
-    return theta
+    before = chain.blocks[: chain.blocks.index(linear)]
+    w = lay_maps(chain, theta, before, u, u - u.mean())
+    level, aim = w - w.mean(), y - y.mean()
+    raw = _denominators(linear, level, aim)
+    parts = [_polished(linear, raw, level, aim)]
+    for f in raw:
+        part = np.zeros(linear.n_parameters)
+        part[linear.nb : linear.nb + linear.nf] = f
+        solve_linear(linear, part, level, aim)
+        if not any(_same_poles(linear, part, other) for other in parts):
+            parts.append(part)
+    found = []
+    for part in parts:
+        full = theta.copy()
+        full[chain.index(linear)] = part
+        _finish(chain, full, w, y)
+        found.append(full)
+    return found
 
 
 def output_error_start(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Parameters of a linear block (p,) for w, y (N,): the best of several linear starts after output error each.
+    """Parameters of a linear block (p,) for w, y (N,): the best of several linear starts after output error each."""
+    return _polished(linear, _denominators(linear, w, y), w, y)
 
-    A record sampled much faster than its dynamics hides them (all poles crowd at 1), so refined IV is also run on
-    thinned records, and those poles are brought back to the full rate.
-    """
+
+def _polished(linear: TransferFunction, raw: list[np.ndarray], w: np.ndarray, y: np.ndarray) -> np.ndarray:
     options, best, best_cost = Options(max_iterations=30, tolerance=0.1), np.zeros(linear.n_parameters), np.inf
-    for f in _denominators(linear, w, y):
+    for f in raw:
         theta = np.zeros(linear.n_parameters)
         theta[linear.nb : linear.nb + linear.nf] = f
         solve_linear(linear, theta, w, y)
@@ -66,6 +83,12 @@ def output_error_start(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -
         if out.cost < best_cost:
             best, best_cost = problem.thetas(out.p)[0], out.cost
     return best
+
+
+def _same_poles(linear: TransferFunction, a: np.ndarray, b: np.ndarray) -> bool:
+    """True where two linear blocks' poles differ by less than a tenth of their distance from the unit circle."""
+    p, q = np.sort_complex(linear.poles(a)), np.sort_complex(linear.poles(b))
+    return bool(np.all(np.abs(p - q) < 0.1 * np.maximum(1.0 - np.abs(p), 1e-6)))
 
 
 def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iterations: int = 20) -> np.ndarray:
@@ -102,7 +125,11 @@ def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iteratio
 
 
 def _denominators(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
-    """Candidates for f (nf,) from the record and from thinned ones."""
+    """Candidates for f (nf,) by refined IV, from the record and from thinned ones.
+
+    A record sampled much faster than its dynamics hides them (all poles crowd at 1); poles of a thinned record are
+    brought back to the full rate.
+    """
     found = [refined_iv(linear.nb, linear.nf, linear.nk, w, y)]
     for thin in (4, 16, 64, 256):
         n = len(w) // thin
