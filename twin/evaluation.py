@@ -94,8 +94,7 @@ class Evaluation:
         }
 
 
-def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress: OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
-Progress = None) -> Evaluation:
+def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress: Progress = None) -> Evaluation:
     """Fits `setting` to `estimation` and runs it free over both parts; only `estimation` is ever fitted to."""
     _check_can_be_scored(estimation, "estimation")
     _check_can_be_scored(validation, "validation")
