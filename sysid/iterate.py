@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
+from scipy.linalg.lapack import dgeqrf
 
 _EPS = np.finfo(float).eps
 
@@ -81,9 +82,11 @@ class Linearisation:
     @classmethod
     def of(cls, e: np.ndarray, J: np.ndarray) -> "Linearisation":
         """From e (N,) and J (N, P); QR rather than J'J, which would square the condition number."""
-        P = J.shape[1]
-        R = np.asarray(np.linalg.qr(np.column_stack([J, e]), mode="r"))
-        return cls(R[:P, :P], R[:P, P], float(e @ e), len(e))
+        N, P = J.shape
+        A = np.empty((max(N, P + 1), P + 1), order="F")  # as LAPACK wants it: NumPy's own QR copies more than once
+        A[:N, :P], A[:N, P], A[N:] = J, e, 0.0
+        R = np.triu(dgeqrf(A, lwork=64 * (P + 1), overwrite_a=True)[0][: P + 1])
+        return cls(R[:P, :P], R[:P, P], float(e @ e), N)
 
     @cached_property
     def scale(self) -> np.ndarray:
