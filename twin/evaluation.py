@@ -12,7 +12,6 @@ from sysid.errors import InputError, unknown
 from sysid.residuals import ResidualTests
 
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
-OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
 Progress = Callable[[str], None] | None
 
 
