@@ -72,7 +72,8 @@ def verdict(result: ProtocolResult) -> list[str]:
     first = (
         "Each joint of the simulated leg was swept between its ends, and the paper's own Hammerstein-Wiener models "
         f"were fitted to the first half of the record. Run free over the second half they reach: {fits}. Noise alone "
-        f"would allow {ceilings}."
+        f"would allow {ceilings}. The sweep repeats itself, so a high fit does not say that a model has found the leg: "
+        "compare its poles with the truth below."
     )
     if not failed:
         return [
