@@ -7,7 +7,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sysid import excitations, linearize, poles, preprocess, searches, structures, systems
+    from sysid import (
+        closed_form,
+        excitations,
+        export_c,
+        export_python,
+        linearize,
+        poles,
+        preprocess,
+        searches,
+        structures,
+        systems,
+    )
     from sysid.chain import Chain
     from sysid.data import IOData
     from sysid.errors import InputError
@@ -16,6 +27,7 @@ if TYPE_CHECKING:
     from sysid.iterate import Options
     from sysid.objective import Objective
     from sysid.residuals import residual_tests
+    from sysid.storage import load, save
 
 _NAMES = {
     "Chain": "sysid.chain",
@@ -25,9 +37,22 @@ _NAMES = {
     "Objective": "sysid.objective",
     "Options": "sysid.iterate",
     "fit": "sysid.estimation",
+    "load": "sysid.storage",
     "residual_tests": "sysid.residuals",
+    "save": "sysid.storage",
 }
-_MODULES = ("excitations", "linearize", "poles", "preprocess", "searches", "structures", "systems")
+_MODULES = (
+    "closed_form",
+    "excitations",
+    "export_c",
+    "export_python",
+    "linearize",
+    "poles",
+    "preprocess",
+    "searches",
+    "structures",
+    "systems",
+)
 
 __all__ = [
     "Chain",
@@ -36,12 +61,17 @@ __all__ = [
     "InputError",
     "Objective",
     "Options",
+    "closed_form",
     "excitations",
+    "export_c",
+    "export_python",
     "fit",
     "linearize",
+    "load",
     "poles",
     "preprocess",
     "residual_tests",
+    "save",
     "searches",
     "structures",
     "systems",

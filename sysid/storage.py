@@ -1,0 +1,85 @@
+"""A fit as JSON that a person can read: written whole, checked on load, and bit for bit the same model again.
+
+The layout follows the dataclasses of `Fit` (see `sysid.layout`): a field added there or in a block needs no line here,
+and a file from before takes the field's default. `VERSION` rises when older code would misread a newer file.
+"""
+
+import json
+import os
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from sysid.errors import InputError
+from sysid.files import write_text
+from sysid.fitting import Fit
+from sysid.layout import build, encode, lines
+
+FORMAT, VERSION = "sysid fit", 1
+
+
+def save(fit: Fit, path: str | os.PathLike) -> Path:
+    """Write a fit as JSON; raises InputError for a model that text cannot hold or a place that cannot be written."""
+    document = {"format": FORMAT, "version": VERSION, **encode(fit, "the fit")}
+    document["theta"] = dict(zip(fit.model.names, document["theta"], strict=True))
+    return write_text(path, lines(document) + "\n")
+
+
+def load(path: str | os.PathLike) -> Fit:
+    """Read a fit that `save` wrote; raises InputError, one sentence, for anything else."""
+    source = Path(path)
+    try:
+        document = json.loads(source.read_text(encoding="utf-8"), parse_constant=_refused)
+    except OSError as e:
+        raise InputError(f"cannot read {source}: {e.strerror}; give the path of a saved fit") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{source} is not text; give a file that save() wrote") from None
+    except json.JSONDecodeError as e:
+        raise InputError(
+            f"{source} breaks off or is damaged at line {e.lineno}, column {e.colno} ({e.msg}); save the fit again"
+        ) from None
+    except (RecursionError, ValueError) as e:
+        raise InputError(f"{source} is not a fit that save() wrote ({e}); give another file") from None
+    try:
+        return _fit(document)
+    except InputError as e:
+        raise InputError(f"{source}: {e}") from None
+
+
+def _refused(constant: str) -> NoReturn:
+    raise ValueError(f"it holds {constant}")
+
+
+def _fit(document: Any) -> Fit:
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise InputError(f"this is JSON but no saved fit (its format is not {FORMAT!r}); give a file that save() wrote")
+    version = document.get("version")
+    if type(version) is not int or version < 1:
+        raise InputError(f"version is {version!r}; give a file that save() wrote")
+    if version > VERSION:
+        raise InputError(
+            f"saved by a newer version of this library (file version {version}, this one reads up to {VERSION}); "
+            "update the library"
+        )
+    theta = document.get("theta")
+    if not isinstance(theta, dict):
+        raise InputError("theta is not a table of parameter names and values; save the fit again")
+    body = {k: v for k, v in document.items() if k not in ("format", "version")}
+    fit: Fit = build(Fit, {**body, "theta": list(theta.values())})
+    _check(fit, list(theta))
+    return fit
+
+
+def _check(fit: Fit, names: list[str]) -> None:
+    """What must hold between the fields of a fit."""
+    model, P = fit.model, len(fit.model.names)
+    if names != list(model.names):
+        wrong = sorted(set(model.names) ^ set(names))[:3] or ["their order"]
+        raise InputError(f"theta does not name the model's {P} parameters (see {', '.join(wrong)}); save the fit again")
+    if fit.theta.shape != (P,) or fit.theta.dtype != float or not model.admissible(fit.theta):
+        raise InputError("theta makes no usable model (not finite, or unstable, or knots out of order)")
+    if fit.covariance.cov.shape != (P, P) or fit.covariance.unidentifiable.shape != (P,):
+        raise InputError(f"the covariance has no row and column for each of {P} parameters; save the fit again")
+    if not 0 < fit.Ts < np.inf or fit.n_init < 0:
+        raise InputError(f"Ts is {fit.Ts} and n_init {fit.n_init}; Ts must be above 0 and n_init not below 0")
