@@ -8,26 +8,34 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from sysid import (
+        bands,
         closed_form,
+        curves,
         excitations,
         export_c,
         export_python,
+        intervals,
         linearize,
+        plots,
         poles,
         preprocess,
+        responses,
         searches,
         structures,
         systems,
     )
+    from sysid.certainty import information
     from sysid.chain import Chain
     from sysid.data import IOData
     from sysid.errors import InputError
     from sysid.estimation import fit
     from sysid.fitting import Fit
+    from sysid.higher_order import higher_order_tests
     from sysid.iterate import Options
     from sysid.objective import Objective
     from sysid.residuals import residual_tests
     from sysid.storage import load, save
+    from sysid.validation import compare, cross_validate
 
 _NAMES = {
     "Chain": "sysid.chain",
@@ -36,19 +44,28 @@ _NAMES = {
     "InputError": "sysid.errors",
     "Objective": "sysid.objective",
     "Options": "sysid.iterate",
+    "compare": "sysid.validation",
+    "cross_validate": "sysid.validation",
     "fit": "sysid.estimation",
+    "higher_order_tests": "sysid.higher_order",
+    "information": "sysid.certainty",
     "load": "sysid.storage",
     "residual_tests": "sysid.residuals",
     "save": "sysid.storage",
 }
 _MODULES = (
+    "bands",
     "closed_form",
+    "curves",
     "excitations",
     "export_c",
     "export_python",
+    "intervals",
     "linearize",
+    "plots",
     "poles",
     "preprocess",
+    "responses",
     "searches",
     "structures",
     "systems",
@@ -61,16 +78,25 @@ __all__ = [
     "InputError",
     "Objective",
     "Options",
+    "bands",
     "closed_form",
+    "compare",
+    "cross_validate",
+    "curves",
     "excitations",
     "export_c",
     "export_python",
     "fit",
+    "higher_order_tests",
+    "information",
+    "intervals",
     "linearize",
     "load",
+    "plots",
     "poles",
     "preprocess",
     "residual_tests",
+    "responses",
     "save",
     "searches",
     "structures",

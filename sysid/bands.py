@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.certainty import Information
 from sysid.data import IOData, siso
 from sysid.errors import InputError
-from sysid.information import Information
 from sysid.settle import settled, settling
 from sysid.threads import one_blas_thread
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.block import StaticBlock
+from sysid.certainty import GAUGE, Information
 from sysid.errors import InputError, unknown
-from sysid.information import GAUGE, Information
 from sysid.intervals import Band, band
 
 OWN, NORMALISED = "own", "normalised"

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.special import fdtri
 
 from sysid.blocks import TransferFunction
+from sysid.certainty import Information
 from sysid.errors import InputError
-from sysid.information import Information
 from sysid.tangents import steady_curve, tangent, transfer
 
 _ROUGH = "stands within three standard deviations of another root: the interval is rough"

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.certainty import Information
 from sysid.errors import InputError
-from sysid.information import Information
 from sysid.intervals import Band, band
 from sysid.tangents import Rational, tangent
 

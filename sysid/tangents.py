@@ -17,7 +17,7 @@ _STEP = 1e-6  # of the signal's size: the gradient of a slope is the slope of a 
 
 @dataclass(frozen=True)
 class Rational:
-    """B/F in powers of q^-1: B (n,) with delays as leading zeros, F (m,) from its leading 1; gradients (n, P), (m, P)."""
+    """B/F in powers of q^-1: B (n,) with delays as zeros, F (m,) from its leading 1; their gradients (n, P), (m, P)."""
 
     B: np.ndarray
     F: np.ndarray
