@@ -27,7 +27,7 @@ find_python() {
 make_venv() {
     say "Making $venv"
     if command -v uv >/dev/null 2>&1; then
-        uv venv --quiet --clear --python '>=3.11' "$venv"
+        uv venv --quiet --seed --clear --python '>=3.11' "$venv"
     else
         python=$(find_python) || exit 2
         "$python" -m venv --clear "$venv" ||

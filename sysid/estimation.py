@@ -199,10 +199,10 @@ def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome
     found = []
     if not outcome.stop.converged:
         found.append(f"the search did not converge: {outcome.stop.reason}")
-    lost = [n for n, bad in zip(model.names, cov.unidentifiable, strict=True) if bad]
-    if lost:
-        shown = ", ".join(lost[:6]) + (f" and {len(lost) - 6} more" if len(lost) > 6 else "")
-        found.append(f"the data do not determine {shown}; excite more levels or choose a smaller map")
+    lost = [(b, int(cov.unidentifiable[model.index(b)].sum())) for b in model.blocks]
+    shown = [f"{n} of {b.n_parameters} parameters of {b.role}" for b, n in lost if n]
+    if shown:
+        found.append(f"the data do not determine {', '.join(shown)}; excite more levels or choose a smaller map")
     poles = np.concatenate([b.poles(theta[part]) for part, b in model.dynamics])
     if len(poles) and np.max(np.abs(poles)) >= 1.0 - 1e-9:
         found.append("a pole lies on the unit circle: the model integrates, or the data drift")

@@ -29,7 +29,7 @@ class Setting:
     input_map: str | None = None
     output_map: str | None = None
     search: str = "auto"
-    starts: int = 1
+    starts: int = 5
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -83,7 +83,7 @@ class Evaluation:
         return bool(np.all(np.abs(self.fit.poles) < 1.0))
 
     def as_dict(self) -> dict[str, Any]:
-        """The summary of DESIGN's public surface, ready for JSON."""
+        """The summary, ready for JSON."""
         return {
             "fit_percent": {"estimation": self.estimation_fit, "validation": self.validation_fit},
             **self.fit.summary(),

@@ -29,6 +29,14 @@ def test_sweep_edges_stand_where_they_should():
     np.testing.assert_array_equal(runs(u), np.full(10, 3))
 
 
+def test_jitter_moves_every_edge_within_its_share():
+    u = Sweep(amplitude=2.0, half_period=1.0, jitter=0.3).generate(100_000, 0.01, np.random.default_rng(0))
+    lengths = runs(u)[1:-1]
+    assert lengths.min() >= 69  # 0.7 s less one sample of rounding
+    assert lengths.max() <= 131
+    assert lengths.mean() == pytest.approx(100, abs=4 * 30 / np.sqrt(3 * len(lengths)))
+
+
 def test_aprbs_holds_and_levels():
     u = Aprbs(amplitude=1.0, hold_min=0.5, hold_max=2.0).generate(20000, 0.1, np.random.default_rng(4))
     lengths = runs(u)[:-1]

@@ -11,7 +11,7 @@ from twin.motor import motor
 
 P = Parameters()
 WITHOUT = ("backlash",)
-# The loop's stiffness. DESIGN's solref with MuJoCo's default solimp gapes by 0.2 mm under load: 0.2 deg at the thigh.
+# The loop's stiffness. solref 0.004 1 with MuJoCo's default solimp gapes by 0.2 mm under load: 0.2 deg at the thigh.
 STIFF = {"solref": [0.004, 1], "solimp": [0.99, 0.999, 0.001, 0.5, 2]}
 STIFFER = {"solref": [0.002, 1], "solimp": [0.999, 0.9999, 0.0001, 0.5, 2]}
 
@@ -63,5 +63,5 @@ def test_the_tendon_leg_moves_as_the_closed_loop(joint: str) -> None:
         np.sqrt(np.mean((angle(closed_loop(joint, connection), joint) - tendon) ** 2))
         for connection in (STIFF, STIFFER)
     )
-    assert stiff < 0.05  # DESIGN section 4
+    assert stiff < 0.05
     assert stiffer < stiff / 2  # what is left is the loop's give, not another model

@@ -24,7 +24,7 @@ def record(joint: str, u: np.ndarray, without: tuple[str, ...] = (), start: floa
 @pytest.mark.parametrize("joint", JOINTS)
 def test_a_held_leg_does_not_creep(joint: str) -> None:
     angle = np.rad2deg(record(joint, np.zeros(610), start=0.0))
-    # DESIGN section 4: under 0.01 deg in a minute, power off; the first second lets the link settle in its play.
+    # Under 0.01 deg in a minute, power off; the first second lets the link settle in its play.
     assert np.ptp(angle[10:]) < 0.01
 
 
@@ -53,7 +53,7 @@ def test_play_is_as_wide_as_its_parameter(joint: str) -> None:
         data.qfrc_applied[1] = torque
         mujoco.mj_step(model, data, 1500)
         ends.append(data.qpos[1])
-    assert ends[0] - ends[1] == pytest.approx(truth(joint).backlash, rel=0.02)  # DESIGN section 4
+    assert ends[0] - ends[1] == pytest.approx(truth(joint).backlash, rel=0.02)
 
 
 def test_lost_motion_at_a_reversal_is_the_play() -> None:

@@ -26,8 +26,8 @@ def identify(
     search: Annotated[str, options.name("search method", searches.TABLE)] = "auto",
     split: Annotated[float, options.number("PART", "first part of the record, which is fitted to")] = 0.5,
     detrend: Annotated[str, options.name("what to remove", DETREND)] = "mean",
-    starts: Annotated[int, options.whole("N", "number of starting points")] = 1,
-    seed: Annotated[int, options.whole("N", "of the starting points after the first")] = 0,
+    starts: Annotated[int, options.whole("N", "number of starting points")] = 5,
+    seed: Annotated[int, options.whole("N", "of the starting points that are drawn at random")] = 0,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
