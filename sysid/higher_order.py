@@ -1,8 +1,8 @@
 """Higher-order residual tests: what linear correlations cannot see, a nonlinearity that the model missed.
 
 Billings and Voon (1986, International Journal of Control 44) show that residuals of a nonlinear system may be white and
-uncorrelated with the input although an even nonlinearity is missing; their correlations with u^2, of e^2 with u^2 and of
-e with e u find it.
+uncorrelated with the input although an even nonlinearity is missing; their correlations with u^2, of e^2 with u^2 and
+of e with e u find it.
 """
 
 from dataclasses import dataclass
@@ -64,8 +64,8 @@ class HigherOrderTests:
     def advice(self) -> tuple[str, ...]:
         """One sentence for each failed test, with the number behind it."""
         return tuple(
-            f"{t.name}: |r| reaches {np.abs(t.correlation).max():.3f} where {t.bound:.3f} is the {100 * t.level:g} % bound of a "
-            f"lag; {t.meaning}"
+            f"{t.name}: |r| reaches {np.abs(t.correlation).max():.3f}, the {100 * t.level:g} % bound of one lag is "
+            f"{t.bound:.3f}; {t.meaning}"
             for t in self.tests
             if not t.passed
         )

@@ -47,8 +47,8 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> Seq
         a.plot(b.x, b.value, color=MODEL, label="tangent")
         a.fill_between(b.x, b.lower, b.upper, where=shaded, color=MODEL, alpha=0.25, lw=0, label=_level(b.level))
         _remark(a, b.note)
-    axes[0].set(title="frequency response of the tangent", ylabel="magnitude", xscale="log", yscale="log")
-    axes[1].set(xlabel="frequency [rad/s]", ylabel="phase [deg]", xscale="log")
+    _label(axes[0], "frequency response of the tangent", ylabel="magnitude", xscale="log", yscale="log")
+    _label(axes[1], "", xlabel="frequency [rad/s]", ylabel="phase [deg]", xscale="log")
     # A band that is wide at the edge of what was excited must not squeeze the curve into a line.
     size = magnitude.value[magnitude.value > 0]
     axes[0].set_ylim(0.3 * size.min(), 3.0 * size.max())
@@ -58,11 +58,13 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> Seq
     return axes
 
 
-def pole_zero(poles: Sequence[Root], zeros: Sequence[Root] = (), axes: Axes | None = None, zoom: bool = False) -> Axes:
+def pole_zero(
+    poles: Sequence[Root], zeros: Sequence[Root] = (), axes: Axes | None = None, zoom: int | None = None
+) -> Axes:
     """Poles (crosses) and zeros (rings) in the z-plane with the regions that hold them with the level's probability.
 
-    Look at whether a region meets the unit circle (stability not certain) and whether a pole's and a zero's overlap (the
-    pair may cancel, an order less would do). `zoom` shows the neighbourhood of the poles in place of the whole circle.
+    Look at whether a region meets the unit circle (stability not certain) and whether a pole's and a zero's overlap
+    (the pair may cancel, an order less would do). `zoom`, a pole's number from 0, shows its neighbourhood alone.
     """
     from matplotlib.patches import Ellipse
 
@@ -71,7 +73,6 @@ def pole_zero(poles: Sequence[Root], zeros: Sequence[Root] = (), axes: Axes | No
     axes.plot(np.cos(angle), np.sin(angle), color=QUIET, lw=0.9, zorder=0)
     axes.axhline(0.0, color=QUIET, lw=0.5, zorder=0)
     axes.axvline(0.0, color=QUIET, lw=0.5, zorder=0)
-    sizes = []
     for roots, marker, colour, name in ((poles, "x", MODEL, "pole"), (zeros, "o", INPUT, "zero")):
         for k, r in enumerate(roots):
             label = name if k == 0 else None
@@ -79,7 +80,6 @@ def pole_zero(poles: Sequence[Root], zeros: Sequence[Root] = (), axes: Axes | No
             a, b, tilt = r.ellipse()
             if not np.isfinite(a):
                 continue
-            sizes.append(a)
             if b == 0.0:
                 axes.plot([r.value.real - a, r.value.real + a], [0.0, 0.0], color=colour, lw=4, alpha=0.35)
             else:
@@ -88,14 +88,14 @@ def pole_zero(poles: Sequence[Root], zeros: Sequence[Root] = (), axes: Axes | No
                 )
                 axes.add_patch(patch)
     level = poles[0].level if poles else 0.95
-    axes.set(title=f"poles and zeros, {100 * level:g} % regions", xlabel="real part", ylabel="imaginary part")
-    axes.set_aspect("equal", adjustable="box" if zoom else "datalim")
-    if zoom and poles:
-        z = np.array([r.value for r in poles])
-        reach = 1.3 * max(float(np.ptp(z.real)) / 2, float(np.ptp(z.imag)) / 2, 4.0 * max(sizes, default=0.0), 1e-3)
-        centre = complex((z.real.max() + z.real.min()) / 2, (z.imag.max() + z.imag.min()) / 2)
+    _label(axes, f"poles and zeros, {100 * level:g} % regions", xlabel="real part", ylabel="imaginary part")
+    axes.set_aspect("equal", adjustable="datalim" if zoom is None else "box")
+    if zoom is not None:
+        centre, size = poles[zoom].value, poles[zoom].ellipse()[0]
+        reach = 3.0 * size if 0.0 < size < 1.0 else 0.1
         axes.set_xlim(centre.real - reach, centre.real + reach)
         axes.set_ylim(centre.imag - reach, centre.imag + reach)
+        axes.tick_params(axis="x", rotation=30)
     axes.legend(frameon=False)
     return axes
 
@@ -114,8 +114,9 @@ def static_curve(curve: Curve, axes: Axes | None = None) -> Axes:
         axes.plot(ends, ends, "--", color=QUIET, lw=1, label="no nonlinearity")
     inner = "signal after the map" if curve.role != "output" else "y"
     outer = "u" if curve.role == "input" else "signal before the map"
-    axes.set(
-        title=f"{curve.role} map, {curve.scale} scale",
+    _label(
+        axes,
+        f"{curve.role} map, {curve.scale} scale",
         xlabel=_unit(outer, curve.x_unit),
         ylabel=_unit(inner, curve.y_unit),
     )
@@ -128,7 +129,7 @@ def steady_state(band: Band, axes: Axes | None = None, u_unit: str = "", y_unit:
     axes = _axes(axes, (4.6, 4.0))
     axes.plot(band.x, band.value, color=MODEL, label="steady state")
     _shade(axes, band)
-    axes.set(title="steady state", xlabel=_unit("u", u_unit), ylabel=_unit("y", y_unit))
+    _label(axes, "steady state", xlabel=_unit("u", u_unit), ylabel=_unit("y", y_unit))
     axes.legend(frameon=False)
     return axes
 
@@ -147,13 +148,13 @@ def simulated(band: OutputBand, data: IOData | None = None, axes: Axes | None = 
     )  # fmt: skip
     _remark(axes, band.note)
     name = data.y_name if data is not None else "y"
-    axes.set(title="simulated output", xlabel="time [s]", ylabel=_unit(name, band.unit), xlim=(band.t[0], band.t[-1]))
-    axes.legend(frameon=False, ncols=3, loc="upper right")
+    _label(axes, "simulated output", xlabel="time [s]", ylabel=_unit(name, band.unit), xlim=(band.t[0], band.t[-1]))
+    axes.legend(frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
     return axes
 
 
 def comparison(table: Comparison, axes: Axes | None = None) -> Axes:
-    """Free-run fit of each model, best on top, with d beside it. Look for a small model that is as good as a large one."""
+    """Free-run fit of each model, best on top, with d beside it. Look for a small model as good as a large one."""
     rows = table.rows[::-1]
     axes = _axes(axes, (7.0, 0.9 + 0.42 * len(rows)))
     shown = [max(r.fit, 0.0) if np.isfinite(r.fit) else 0.0 for r in rows]
@@ -162,30 +163,30 @@ def comparison(table: Comparison, axes: Axes | None = None) -> Axes:
         text = f"{r.fit:.2f} %, d {r.criteria.d}" if np.isfinite(r.fit) else "diverges"
         axes.text(shown[k] + 1.0, k, text + ("" if r.converged else ", not converged"), va="center", fontsize=8.5)
     axes.set_yticks(range(len(rows)), [r.label for r in rows])
-    axes.set(title=f"free run on {table.scored} samples", xlabel="fit [%]", xlim=(0.0, 130.0))
+    _label(axes, f"free run on {table.scored} samples", xlabel="fit [%]", xlim=(0.0, 130.0))
     axes.set_xticks(range(0, 101, 20))
     return axes
 
 
 def residual_tests(tests: ResidualTests, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-    """Whiteness and independence. Bars outside the shaded bound at small positive lags: dynamics or a delay is missing."""
+    """Whiteness and independence. Bars outside the bound at small positive lags: dynamics or a delay is missing."""
     if axes is None:
         axes = _figure(2, 4.6)
     _lags(axes[0], tests.lags[1:], tests.autocorrelation[1:], tests.whiteness_bound, tests.level)
     _lags(axes[1], tests.cross_lags, tests.cross_correlation, tests.independence_bound, tests.level)
     verdict = ("white" if tests.white else "not white", "independent" if tests.independent else "not independent")
-    axes[0].set(title=f"residuals with themselves: {verdict[0]}", ylabel="correlation")
-    axes[1].set(title=f"residuals with the input: {verdict[1]}", ylabel="correlation", xlabel="lag [samples]")
+    _label(axes[0], f"residuals with themselves: {verdict[0]}", ylabel="correlation")
+    _label(axes[1], f"residuals with the input: {verdict[1]}", ylabel="correlation", xlabel="lag [samples]")
     return axes
 
 
 def higher_order_tests(tests: HigherOrderTests, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-    """Three correlations that a complete model leaves at zero. Bars outside: a nonlinearity is missing, see `advice`."""
+    """Three correlations that a complete model leaves at zero. Bars outside: something is missing, see `advice`."""
     if axes is None:
         axes = _figure(len(tests.tests), 6.4, sharex=True)
     for a, t in zip(axes, tests.tests, strict=True):
         _lags(a, t.lags, t.correlation, t.bound, t.level)
-        a.set(title=f"{t.name}: {'as chance would have it' if t.passed else 'not chance'}", ylabel="correlation")
+        _label(a, f"{t.name}: {'passed' if t.passed else 'failed'}", ylabel="correlation")
     axes[-1].set(xlabel="lag [samples]")
     return axes
 
@@ -197,7 +198,7 @@ def _response(band: Band, title: str, axes: Axes | None, y_unit: str, u_unit: st
     _shade(axes, band, step="post")
     per = f"{y_unit or '1'} per {u_unit or '1'}" if y_unit or u_unit else ""
     axes.axhline(0.0, color=QUIET, lw=0.5, zorder=0)
-    axes.set(title=title, xlabel="time [s]", ylabel=_unit("output", per))
+    _label(axes, title, xlabel="time [s]", ylabel=_unit("output", per))
     axes.legend(frameon=False)
     return axes
 
@@ -221,7 +222,13 @@ def _lags(axes: Axes, lags: np.ndarray, r: np.ndarray, bound: float, level: floa
     axes.axhline(0.0, color=QUIET, lw=0.6)
     top = 1.25 * max(float(np.abs(r).max(initial=0.0)), limit, 1e-9)
     axes.set_ylim(-top, top)
-    axes.legend(frameon=False, loc="upper right")
+    axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+
+
+def _label(axes: Axes, title: str, **properties: Any) -> None:
+    axes.set_title(title, loc="left", fontsize=9.5, fontweight="bold", color=MEASURED)
+    axes.set(**properties)
+    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _finite(x: np.ndarray) -> np.ndarray:

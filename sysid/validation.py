@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -131,7 +132,7 @@ def cross_validate(
     if folds < 2 or data.N // folds < 4:
         raise InputError(f"{folds} folds of {data.N} samples; give 2 folds or more, of at least 4 samples each")
     edges = np.linspace(0, data.N, folds + 1).round().astype(int)
-    blocks = [(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    blocks = [(int(a), int(b)) for a, b in pairwise(edges)]
     found = []
     for a, b in blocks:
         rest = [data.select(i, j) for i, j in ((0, a), (b, data.N)) if j - i >= 2]
