@@ -1,0 +1,74 @@
+"""How fast: single start, multi-start, time and memory over N, and the bare simulate-and-Jacobian kernel.
+
+Times are the best of several runs, warm; what counts are ratios within one run, since machines differ.
+"""
+
+import resource
+import sys
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+
+from sysid import IOData, Options, fit
+from sysid.bench.scenarios import NOISE, N
+from sysid.fitting import Fit
+from sysid.structures import hammerstein_wiener
+from sysid.systems import system
+
+_ITERATIONS = 10
+T = TypeVar("T")
+
+
+def speed(long: int = 1_000_000, plant: str = "textbook") -> dict[str, float]:
+    """Seconds [s], ratios [-] and memory [GiB] on the default Hammerstein-Wiener of ten break points a map."""
+    true = system(plant)
+    linear = true.chain.linear
+    model = hammerstein_wiener(linear.nb, linear.nf, linear.nk)
+    data = true.record(N, NOISE, np.random.default_rng(0))
+    u = data.u[:, 0]
+    found = fit(model, data, starts=1)
+    single, count = _best(lambda: fit(model, data, starts=1), 5)
+    multi, _ = _best(lambda: fit(model, data, starts=5), 3)
+    kernel, _ = _best(lambda: model.tangent(found.theta, u), 50)
+    free_run, _ = _best(lambda: model.simulate(found.theta, u), 50)
+    # A few iterations are enough to time one, and keep the long record within minutes.
+    short_time = _per_sample(true, model, 10_000, found.theta)
+    long_time = _per_sample(true, model, long, found.theta)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**30 if sys.platform == "darwin" else 2**20)
+    return {
+        "single_start_s": single,
+        "iterations": float(count.stop.iterations),
+        "multi_start_5_s": multi,
+        "simulate_s": free_run,
+        "simulate_and_jacobian_s": kernel,
+        "parameters": float(len(found.theta)),
+        "single_start_over_kernel": single / kernel,
+        "us_per_sample_iteration_10000": 1e6 * short_time,
+        f"us_per_sample_iteration_{long}": 1e6 * long_time,
+        "ratio_per_sample": long_time / short_time,
+        "peak_memory_GiB": peak,
+    }
+
+
+def _per_sample(true, model, n: int, theta: np.ndarray) -> float:
+    """Seconds per sample and evaluation of a search of a fixed number of iterations, from a start near the optimum."""
+    data: IOData = true.record(n, NOISE, np.random.default_rng(1))
+    options = Options(max_iterations=_ITERATIONS, tolerance=-np.inf)
+
+    def job() -> Fit:
+        return fit(model, data, search="lm", starts=1, start=theta, options=options)
+
+    seconds, found = _best(job, 3 if n <= 10_000 else 1)
+    return seconds / n / max(found.stop.evaluations, 1)
+
+
+def _best(job: Callable[[], T], repeats: int) -> tuple[float, T]:
+    """Shortest time of several runs, and what the last one gave."""
+    shortest = np.inf
+    for _ in range(repeats):
+        began = time.perf_counter()
+        found = job()
+        shortest = min(shortest, time.perf_counter() - began)
+    return shortest, found
