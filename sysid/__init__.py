@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from sysid import (
         bands,
+        bla,
         closed_form,
         curves,
         excitations,
@@ -55,6 +56,7 @@ _NAMES = {
 }
 _MODULES = (
     "bands",
+    "bla",
     "closed_form",
     "curves",
     "excitations",
@@ -79,6 +81,7 @@ __all__ = [
     "Objective",
     "Options",
     "bands",
+    "bla",
     "closed_form",
     "compare",
     "cross_validate",
