@@ -1,21 +1,30 @@
-"""Preprocessing: means off, halves (the 'quick start' of the paper's section III.B)."""
+"""Preprocessing in one place: means off and halves (the 'quick start' of the paper's section III.B), and re-exports.
+
+Trends with bends are in `sysid.trends`, filters in `sysid.filters`, other rates in `sysid.resampling`, outliers in
+`sysid.outliers`, missing data in `sysid.gaps`. Each returns what it did in a sentence.
+"""
 
 from dataclasses import replace
 
 from sysid.data import IOData
 from sysid.errors import unknown
+from sysid.filters import butterworth
+from sysid.gaps import fill, record
+from sysid.outliers import hampel, outliers
+from sysid.resampling import resample
+from sysid.trends import Trend
 
 DETREND = ("mean", "none")
 
 
 def detrend(data: IOData, kind: str = "mean") -> IOData:
-    """The record without its means ('mean') or as it is ('none'); what went off is added to `u_offset`, `y_offset`."""
+    """The record without its means ('mean') or as it is ('none'); what went off is added to `u_offset`, `y_offset`.
+
+    Lines are in `Trend`: they are no offset, so a record cannot carry them along.
+    """
     if kind not in DETREND:
         raise unknown("detrend", kind, DETREND)
-    if kind == "none":
-        return data
-    u0, y0 = data.u.mean(axis=0), data.y.mean(axis=0)
-    return replace(data, u=data.u - u0, y=data.y - y0, u_offset=data.u_offset + u0, y_offset=data.y_offset + y0)
+    return Trend.of(data, "mean").remove(data) if kind == "mean" else data
 
 
 def retrend(data: IOData) -> IOData:
@@ -32,3 +41,17 @@ def retrend(data: IOData) -> IOData:
 def quick_start(data: IOData, split: float = 0.5, kind: str = "mean") -> tuple[IOData, IOData]:
     """Means of the whole record off, then the first part for estimation and the rest for validation."""
     return detrend(data, kind).split(split)
+
+
+__all__ = [
+    "Trend",
+    "butterworth",
+    "detrend",
+    "fill",
+    "hampel",
+    "outliers",
+    "quick_start",
+    "record",
+    "resample",
+    "retrend",
+]
