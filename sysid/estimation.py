@@ -116,7 +116,7 @@ def fit(
         losses=tuple(c / N for c in costs),
         seconds=time.perf_counter() - began,
         search=run.search,
-        n_init=min(max(50, 4 * max(b.n_state for _, b in model.dynamics)), min(data.lengths) // 4),
+        n_init=_n_init(model, data),
         u_span=(float(data.u.min()), float(data.u.max())),
     )
 
@@ -154,6 +154,13 @@ def _joined(first: Outcome, then: Outcome) -> Outcome:
         {**row, "iteration": row["iteration"] + first.stop.iterations} for row in then.history
     )
     return Outcome(then.p, then.cost, stop, first.history + rows)
+
+
+def _n_init(model: Chain, data: IOData) -> int:
+    """Samples that give the initial state of a free run: a twentieth of a record, since a slow state shows slowly."""
+    N = min(data.lengths)
+    least = max(50, 4 * max(b.n_state for _, b in model.dynamics))
+    return min(max(least, min(N // 20, 1000)), N // 4)
 
 
 def _own_start(model: Chain, start: np.ndarray) -> np.ndarray:

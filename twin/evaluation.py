@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import sysid
+from sysid.criteria import fit_percent
 from sysid.data import IOData
 from sysid.errors import InputError, unknown
 from sysid.residuals import ResidualTests
@@ -115,7 +116,9 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     step = _step_response(fit, float(np.mean(estimation.u)))
     if step is None:
         notes.append("no step response: the tangent model has no finite one")
-    fits = float(fit.fit_percent(estimation)), float(fit.fit_percent(validation))
+    # Where it was fitted, a model's initial state is part of the fit; where it was not, the first samples must do.
+    fitted = np.ravel(fit.simulate(estimation, estimation.N))
+    fits = fit_percent(estimation.y[:, 0], fitted), fit.fit_percent(validation)
     if fits[0] - fits[1] > OVERFITTED:
         notes.append(
             f"the fit is {fits[0]:.0f} % where it was fitted and {fits[1]:.0f} % where it was not: the model is too "
@@ -126,7 +129,7 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
         fit=fit,
         estimation=estimation,
         validation=validation,
-        estimation_output=np.ravel(fit.simulate(estimation)),
+        estimation_output=fitted,
         validation_output=np.ravel(fit.simulate(validation)),
         estimation_fit=fits[0],
         validation_fit=fits[1],
