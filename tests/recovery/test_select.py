@@ -1,0 +1,92 @@
+"""Structure search: finds the true structure, prefers the smaller of equals, survives a kill."""
+
+import numpy as np
+import pytest
+
+import sysid
+from sysid.errors import InputError
+from sysid.select import Candidate, Space, select
+from sysid.systems import system
+
+SMALL = Space(
+    nb=(1, 2), nf=(1, 2), nk=(1, 2), input=("unit_gain", "saturation"), output=("unit_gain", "dead_zone"), starts=1
+)
+
+
+def hammerstein_record(N=1200, seed=0):
+    """Saturation at +-1 and two poles: what `SMALL` holds as hammerstein (2,2,1) saturation."""
+    chain = sysid.structures.hammerstein(2, 2, 1, "saturation")
+    theta = np.array([-1.0, 1.0, 0.3, 0.15, -1.5, 0.7, 0.0, 0.0])
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.uniform(-2, 2, N // 5), 5)
+    y = chain.simulate(theta, u)
+    return sysid.IOData(u, y + 0.02 * y.std() * rng.normal(size=N), 0.1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_true_structure_wins(seed):
+    found = select(hammerstein_record(seed=seed), SMALL, jobs=1)
+    assert found.chosen.candidate == Candidate("hammerstein", 2, 2, 1, "saturation", None)
+    assert found.chosen.fit_percent > 97.5  # 98 is what the noise leaves
+    assert str(found.chosen.candidate) in found.sentence()
+    np.testing.assert_allclose(np.sort_complex(found.fit.poles), np.sort_complex(np.roots([1, -1.5, 0.7])), atol=0.01)
+
+
+def test_larger_equals_are_named_and_passed_over():
+    """Three poles run as well as two: the table says that they are equal, and two are chosen."""
+    space = Space(nb=(2,), nf=(2, 3), nk=(1,), input=("saturation",), output=("unit_gain",), starts=1)
+    found = select(hammerstein_record(), space, jobs=1)
+    equals = {(r.candidate.nf, r.candidate.structure) for r in found.rows if r.equal}
+    assert {(2, "hammerstein"), (3, "hammerstein")} <= equals
+    assert found.chosen.candidate.nf == 2
+    linear = next(r for r in found.rows if r.candidate.structure == "output_error")
+    assert not linear.equal
+
+
+@pytest.mark.slow
+def test_the_textbook_plant_among_all_default_maps():
+    plant = system("textbook")
+    found = select(plant.record(3000, 0.02, np.random.default_rng(1)))
+    assert found.chosen.candidate == Candidate("hammerstein_wiener", 2, 2, 1, "saturation", "piecewise_linear")
+
+
+def test_a_killed_search_goes_on_and_ends_as_if_it_had_not_been(tmp_path):
+    data, journal = hammerstein_record(), tmp_path / "search.jsonl"
+    whole = select(data, SMALL, jobs=1)
+    names: list[str] = []
+
+    def kill(done, total, name):
+        names.append(name)
+        if len(names) == 6:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        select(data, SMALL, jobs=1, journal=journal, progress=kill)
+    with journal.open("a") as file:
+        file.write('{"key": "cut sho')  # as a kill in the middle of a write leaves it
+    again: list[str] = []
+    resumed = select(data, SMALL, jobs=1, journal=journal, progress=lambda *a: again.append(a[2]))
+    assert not set(names) & set(again[: 8 - 6])  # the first round's six are not done twice
+    assert [r.candidate for r in resumed.rows] == [r.candidate for r in whole.rows]
+    assert [r.fit_percent for r in resumed.rows] == [r.fit_percent for r in whole.rows]
+    untouched: list[str] = []
+    select(data, SMALL, jobs=1, journal=journal, progress=lambda *a: untouched.append(a[2]))
+    assert untouched == []
+
+
+def test_numbers_do_not_depend_on_the_number_of_processes():
+    data = hammerstein_record(600)
+    one, two = select(data, SMALL, jobs=1), select(data, SMALL, jobs=2)
+    assert one.as_dict() == two.as_dict()
+
+
+def test_a_journal_of_something_else_is_refused(tmp_path):
+    journal = tmp_path / "search.jsonl"
+    select(hammerstein_record(600), SMALL, jobs=1, journal=journal)
+    with pytest.raises(InputError, match="another record"):
+        select(hammerstein_record(600, seed=1), SMALL, jobs=1, journal=journal)
+    journal.write_text("angle,voltage\n1,2\n")
+    with pytest.raises(InputError, match="no journal"):
+        select(hammerstein_record(600), SMALL, jobs=1, journal=journal)
+    with pytest.raises(InputError, match="another path"):
+        select(hammerstein_record(600), SMALL, jobs=1, journal=tmp_path / "none" / "search.jsonl")
