@@ -1,6 +1,7 @@
 """How fast: single start, multi-start, time and memory over N, and the bare simulate-and-Jacobian kernel.
 
-Times are the best of several runs, warm; what counts are ratios within one run, since machines differ.
+Times are processor seconds of one core, warm, the shortest of several runs, so that other processes count little and
+other cores not at all. Across machines compare the ratios.
 """
 
 import resource
@@ -68,7 +69,7 @@ def _best(job: Callable[[], T], repeats: int) -> tuple[float, T]:
     """Shortest time of several runs, and what the last one gave."""
     shortest = np.inf
     for _ in range(repeats):
-        began = time.perf_counter()
+        began = time.process_time()
         found = job()
-        shortest = min(shortest, time.perf_counter() - began)
+        shortest = min(shortest, time.process_time() - began)
     return shortest, found
