@@ -15,6 +15,7 @@ from sysid.errors import InputError
 from sysid.tangents import steady_curve, tangent, transfer
 
 _ROUGH = "stands within three standard deviations of another root: the interval is rough"
+_ON_CIRCLE = 1e-12  # an integrator's pole is exact but for rounding
 _MULTIPLE = "is a multiple root, which has no first derivative"
 
 
@@ -184,8 +185,8 @@ def _meaning(
         nothing = Interval(np.nan, np.nan, -np.inf, np.inf, "has no meaning for a root at 0")
         return interval(info, 0.0, np.abs(dz), level), nothing, nothing, nothing
     size = interval(info, modulus, np.real(np.conj(z) * dz) / r, level)
-    d_tau = Ts / (np.log(r) ** 2 * r) if r != 1.0 else np.inf
-    envelope = Interval(tau, size.std * d_tau, _envelope(size.lower, Ts), _envelope(size.upper, Ts), size.note)
+    spread = size.std * Ts / (np.log(r) ** 2 * r) if np.isfinite(tau) else np.nan
+    envelope = Interval(tau, spread, _envelope(size.lower, Ts), _envelope(size.upper, Ts), size.note)
     s, ds = np.log(z) / Ts, dz / (z * Ts)
     if s == 0:
         nothing = Interval(np.nan, np.nan, -np.inf, np.inf, "has no meaning for a root at 1")
@@ -208,7 +209,7 @@ def _envelope(r: float, Ts: float) -> float:
     """Time constant [s] of |z|^k: monotone in the modulus, 0 at 0, infinite from 1 on."""
     if r <= 0.0 or np.isnan(r):
         return 0.0
-    return float(-Ts / np.log(r)) if r < 1.0 else np.inf
+    return float(-Ts / np.log(r)) if r < 1.0 - _ON_CIRCLE else np.inf
 
 
 def _warned(root: Root, roots: np.ndarray) -> Root:

@@ -60,7 +60,10 @@ def tangent(chain: Chain, theta: np.ndarray, u: float = 0.0) -> Rational:
             own = transfer(chain, theta, b)
             total = total.times(own)
             gain = own.gain
-            x, J = gain * x, (gain * J + x * own.gain_gradient if np.isfinite(gain) else np.full_like(J, np.nan))
+            if np.isfinite(gain):
+                x, J = gain * x, gain * J + x * own.gain_gradient
+            else:  # no level to speak of any more; slopes of one need none
+                x, J = np.full_like(x, np.nan), np.full_like(J, np.nan)
         elif isinstance(b, StaticBlock):
             if not np.all(np.isfinite(x)) and b.n_parameters:
                 raise InputError("the chain integrates before a static map, so a constant input has no steady state")

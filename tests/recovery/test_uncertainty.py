@@ -288,6 +288,24 @@ def test_merged_experiments_count_together():
         assert a.std / b.std == pytest.approx(np.sqrt(2.0), rel=1e-3)
 
 
+def test_an_integrator_has_poles_and_responses_but_no_gain():
+    chain, theta = sysid.structures.output_error(1, 2, 1), np.array([0.1, -1.9, 0.9, 0.0, 0.0])
+    u = np.random.default_rng(0).normal(size=500)
+    info = information_at(chain, theta, sysid.IOData(u, chain.simulate(theta, u), 0.1), noise_variance=1e-4)
+    assert intervals.poles(info)[0].time_constant.upper == np.inf
+    gain = intervals.gain(info)
+    assert gain.value == np.inf
+    assert "integrates" in gain.note
+    assert np.all(np.isfinite(responses.step(info).std))
+    assert np.all(np.isfinite(responses.frequency(info).magnitude.upper))
+    with pytest.raises(sysid.InputError, match="no steady state"):
+        intervals.steady_state(info)
+    bent = sysid.structures.hammerstein_wiener(1, 2, 1, "unit_gain", "saturation")
+    held = information_at(bent, np.array([*theta, -3.0, 3.0]), info.data)
+    with pytest.raises(sysid.InputError, match="integrates before a static map"):
+        responses.step(held)
+
+
 def test_ellipses_hold_complex_poles(seeds):
     plant, inside = system("textbook"), []
     for seed in range(5 * len(seeds)):
