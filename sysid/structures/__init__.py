@@ -1,27 +1,30 @@
-"""Named recipes of chains: one file, one function, one line in `TABLE`."""
+"""Named recipes of models: one file, one function, one line in `TABLE`; `CHAINS` are those that make a chain."""
 
 import inspect
 from collections.abc import Callable
+from typing import Any
 
 from sysid.chain import Chain
 from sysid.errors import InputError, unknown
 from sysid.structures.hammerstein import hammerstein
 from sysid.structures.hammerstein_wiener import hammerstein_wiener
+from sysid.structures.nlarx import nlarx
 from sysid.structures.output_error import output_error
 from sysid.structures.wiener import wiener
 from sysid.structures.wiener_hammerstein import wiener_hammerstein
 
-TABLE: dict[str, Callable[..., Chain]] = {
+CHAINS: dict[str, Callable[..., Chain]] = {
     "hammerstein": hammerstein,
     "hammerstein_wiener": hammerstein_wiener,
     "output_error": output_error,
     "wiener": wiener,
     "wiener_hammerstein": wiener_hammerstein,
 }
+TABLE: dict[str, Callable[..., Any]] = {**CHAINS, "nlarx": nlarx}
 
 
-def build(name: str, nb: int, nf: int, nk: int, input: str | None = None, output: str | None = None) -> Chain:
-    """The structure called `name`; a map that the structure has no place for is an InputError."""
+def build(name: str, nb: int, nf: int, nk: int, input: str | None = None, output: str | None = None) -> Any:
+    """The structure called `name`: a Chain, or an Nlarx with na = nf. A map it has no place for is an InputError."""
     if name not in TABLE:
         raise unknown("structure", name, TABLE)
     accepted = inspect.signature(TABLE[name]).parameters
@@ -29,7 +32,19 @@ def build(name: str, nb: int, nf: int, nk: int, input: str | None = None, output
     for k, v in given.items():
         if k not in accepted:
             raise InputError(f"structure {name} has no {k} map, got {v!r}; leave it out or choose hammerstein_wiener")
+    if name not in CHAINS:
+        return TABLE[name](na=nf, nb=nb, nk=nk, **given)
     return TABLE[name](nb, nf, nk, **given)
 
 
-__all__ = ["TABLE", "build", "hammerstein", "hammerstein_wiener", "output_error", "wiener", "wiener_hammerstein"]
+__all__ = [
+    "CHAINS",
+    "TABLE",
+    "build",
+    "hammerstein",
+    "hammerstein_wiener",
+    "nlarx",
+    "output_error",
+    "wiener",
+    "wiener_hammerstein",
+]

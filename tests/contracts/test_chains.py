@@ -11,7 +11,7 @@ from sysid.chain import Chain
 from sysid.data import IOData
 from sysid.errors import InputError
 from sysid.initial import starts
-from sysid.structures import TABLE, build, hammerstein_wiener
+from sysid.structures import CHAINS, build, hammerstein_wiener
 
 LINEAR = np.array([0.2, 0.12, -1.2, 0.5, 0.3, -0.4])  # nb 2, nf 2, nk 1: gain about 1, poles 0.6 +- 0.37i
 
@@ -46,7 +46,7 @@ def test_a_fixed_gain_takes_its_gauge_away():
     assert held.count(theta) == chain.count(theta)
 
 
-@pytest.mark.parametrize("name", sorted(TABLE))
+@pytest.mark.parametrize("name", sorted(CHAINS))
 def test_chain_jacobian_agrees_with_finite_differences(name):
     """Each structure at its automatic start, moved off it at random."""
     rng = np.random.default_rng(4)
@@ -79,3 +79,27 @@ def test_unknown_names_list_the_known_ones():
 def test_impossible_orders_are_refused(orders):
     with pytest.raises(InputError, match="nb >= 1"):
         TransferFunction(*orders)
+
+
+def test_bends_are_exact_and_no_gauge_moves_them():
+    chain, theta, _ = generic("piecewise_linear", "piecewise_linear")
+    bend, d = chain.bends(theta)
+    assert len(bend) == 2 * 3  # five knots have three inner ones
+    h = 1e-6
+    for i in range(len(theta)):
+        e = np.zeros_like(theta)
+        e[i] = h
+        numeric = (chain.bends(theta + e)[0] - chain.bends(theta - e)[0]) / (2 * h)
+        np.testing.assert_allclose(d[:, i], numeric, atol=1e-6 * np.abs(d).max())
+    np.testing.assert_allclose(d @ chain.gauge(theta), 0.0, atol=1e-9 * np.abs(d).max())
+
+
+def test_repair_parts_knots_that_met_and_leaves_others_alone():
+    block, theta = BLOCKS["piecewise_linear"]
+    assert block.repair(theta) is theta
+    met = theta.copy()
+    met[2] = met[1] - 0.01  # the third knot has passed the second
+    assert not block.admissible(met)
+    repaired = block.repair(met)
+    assert block.admissible(repaired)
+    np.testing.assert_array_equal(np.delete(repaired, 2), np.delete(met, 2))
