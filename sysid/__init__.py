@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         structures,
         systems,
     )
+    from sysid.advice import Advice, advise
     from sysid.certainty import information
     from sysid.chain import Chain
     from sysid.data import IOData
@@ -33,21 +34,27 @@ if TYPE_CHECKING:
     from sysid.fitting import Fit
     from sysid.higher_order import higher_order_tests
     from sysid.iterate import Options
+    from sysid.nlarx_estimation import fit_nlarx
+    from sysid.nlarx_fit import NlarxFit
     from sysid.objective import Objective
     from sysid.residuals import residual_tests
     from sysid.storage import load, save
     from sysid.validation import compare, cross_validate
 
 _NAMES = {
+    "Advice": "sysid.advice",
     "Chain": "sysid.chain",
     "Fit": "sysid.fitting",
     "IOData": "sysid.data",
     "InputError": "sysid.errors",
+    "NlarxFit": "sysid.nlarx_fit",
     "Objective": "sysid.objective",
     "Options": "sysid.iterate",
+    "advise": "sysid.advice",
     "compare": "sysid.validation",
     "cross_validate": "sysid.validation",
     "fit": "sysid.estimation",
+    "fit_nlarx": "sysid.nlarx_estimation",
     "higher_order_tests": "sysid.higher_order",
     "information": "sysid.certainty",
     "load": "sysid.storage",
@@ -74,12 +81,15 @@ _MODULES = (
 )
 
 __all__ = [
+    "Advice",
     "Chain",
     "Fit",
     "IOData",
     "InputError",
+    "NlarxFit",
     "Objective",
     "Options",
+    "advise",
     "bands",
     "bla",
     "closed_form",
@@ -90,6 +100,7 @@ __all__ = [
     "export_c",
     "export_python",
     "fit",
+    "fit_nlarx",
     "higher_order_tests",
     "information",
     "intervals",

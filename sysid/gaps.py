@@ -1,6 +1,7 @@
 """Missing data: short gaps filled, long ones left for `IOData(missing=...)` or for a cut."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None
     return Filled(x, filled, lost & ~filled, _sentence(gaps, filled, lost, longest, hold))
 
 
-def record(u: np.ndarray, y: np.ndarray, Ts: float, longest: int = 3, **names: str) -> tuple[IOData, str]:
+def record(u: np.ndarray, y: np.ndarray, Ts: float, longest: int = 3, **names: Any) -> tuple[IOData, str]:
     """IOData from u (N,) and y (N,) with nan in them: short gaps filled, long ones of y marked as missing.
 
     Raises InputError for a long gap of u, which a free run cannot skip: cut the record there into experiments.

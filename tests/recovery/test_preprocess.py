@@ -188,7 +188,7 @@ def test_false_alarms_of_the_hampel_rule_in_white_noise():
 
 @pytest.mark.parametrize("size", [8.0, 20.0])
 def test_outliers_are_found_and_little_else(size):
-    """40 outliers of 8 and 20 noise spreads on a signal a hundred times the noise, over 20 seeds."""
+    """40 outliers of 2.4 and 6 times the spread of a lively signal with 1 % noise, over 20 seeds: 61 and 93 % found."""
     hit, false = [], []
     for seed in range(20):
         rng = np.random.default_rng(seed)
