@@ -90,6 +90,13 @@ class Block(ABC):
         """Columns (p, p): the directions in which a search sees this block's parameters."""
         return np.eye(self.n_parameters)
 
+    def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How sharply the map bends at each of its knots (k,), in its own mean slope, and the derivative (k, p).
+
+        No gauge may change it. A fit holds each bend with the weight of one sample, see `Objective.calm`.
+        """
+        return np.empty(0), np.empty((0, len(theta)))
+
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Another start near theta for the multi-start."""
         return theta

@@ -151,6 +151,19 @@ class Chain:
         xs, Js = self._run(theta, u, len(theta))
         return np.column_stack(xs), Js[0] if len(Js) == 1 else np.concatenate(Js)
 
+    def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Bends of all maps (k,) and their derivative (k, P), see `Block.bends`."""
+        values, rows = [np.empty(0)], [np.empty((0, len(theta)))]
+        for b in self.blocks:
+            for part, entry in b.parts():
+                own = slice(self.index(b).start + part.start, self.index(b).start + part.stop)
+                bend, d = entry.bends(theta[own])
+                wide = np.zeros((len(bend), len(theta)))
+                wide[:, own] = d
+                values.append(bend)
+                rows.append(wide)
+        return np.concatenate(values), np.concatenate(rows)
+
     def gauge(self, theta: np.ndarray) -> np.ndarray:
         """Basis (P, g) of redundant directions among the free parameters, see `sysid.gauge`."""
         return gauge(self.blocks, [self.part(theta, b) for b in self.blocks], self.free)

@@ -23,8 +23,9 @@ from sysid.threads import available, one_blas_thread
 from sysid.uncertainty import Covariance
 
 # Every start gets a few iterations, then only the leaders go on: a start that is far behind by then seldom wins.
-_TRIAL, _LEADERS = 15, 2
-_ROBUST_PASSES = 3  # the spread of the residuals settles within this many
+# The few are Levenberg-Marquardt's whatever comes after: far from an optimum it is the least easily misled.
+_TRIAL, _TRIAL_SEARCH, _LEADERS = 15, "lm", 2
+_PASSES = 4  # the spread of the residuals settles within this many
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,12 @@ class _Run:
             self.corner,
             pull,
             nominal,
-            np.array(self.objective.weights or (1.0,)),
+            weights=np.array(self.objective.weights or (1.0,)),
         )
 
-    def iterate(self, problem: ChainProblem, p: np.ndarray, options: Options) -> Outcome:
-        """One search."""
-        outcome = iterate(problem, p, make_search(self.search), options)
+    def iterate(self, problem: ChainProblem, p: np.ndarray, options: Options, search: str = "") -> Outcome:
+        """One search, by the method asked for if no other is named."""
+        outcome = iterate(problem, p, make_search(search or self.search), options)
         if self.progress is not None:
             loss = outcome.cost / max(int(self.data.observed.sum()), 1)
             self.progress(f"{self.model.structure}: loss {loss:.4g} after {outcome.stop.iterations} iterations")
@@ -97,18 +98,16 @@ def fit(
                 "detrend the data or lower the orders"
             )
         problem, outcome = problems[best], outcomes[best]
-        if run.objective.robust is not None:
-            problem, outcome = _robust(run, problem, outcome)
+        problem, outcome = _settle(run, problem, outcome)
         theta, cov, d = problem.thetas(outcome.p)[0], problem.covariance(outcome.p), problem.count(outcome.p)
     N = int(data.observed.sum())
-    loss = outcome.cost / N
-    if run.objective.ridge:
-        loss -= float(np.sum(problem.residual(outcome.p)[-len(theta) :] ** 2)) / N  # type: ignore[index]
+    e = problem.bare.residual(outcome.p)
+    assert e is not None
     return Fit(
         model=model,
         theta=theta,
         Ts=data.Ts,
-        criteria=criteria(loss, N, d),
+        criteria=criteria(float(e @ e) / N, N, d),
         covariance=cov,
         stop=outcome.stop,
         history=outcome.history,
@@ -127,7 +126,7 @@ def _race(run: _Run, problems: list[ChainProblem]) -> list[Outcome]:
     trial = replace(run.options, max_iterations=min(_TRIAL, run.options.max_iterations))
     # Threads, not processes: the loops over samples release the interpreter's lock and nothing is copied.
     with ThreadPoolExecutor(min(len(problems), available())) as pool:
-        outcomes = list(pool.map(lambda problem: run.iterate(problem, problem.start, trial), problems))
+        outcomes = list(pool.map(lambda problem: run.iterate(problem, problem.start, trial, _TRIAL_SEARCH), problems))
         leaders = [int(k) for k in np.argsort([o.cost for o in outcomes], kind="stable")[:_LEADERS]]
         ends = list(pool.map(lambda k: run.iterate(problems[k], outcomes[k].p, run.options), leaders))
     for k, end in zip(leaders, ends, strict=True):
@@ -135,14 +134,21 @@ def _race(run: _Run, problems: list[ChainProblem]) -> list[Outcome]:
     return outcomes
 
 
-def _robust(run: _Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
-    """Huber's loss from the least-squares end on, its corner following the spread of the residuals."""
-    assert run.objective.robust is not None
-    for _ in range(_ROBUST_PASSES):
-        plain = replace(problem, corner=np.inf, pull=None)
-        e = plain.residual(outcome.p)
+def _settle(run: _Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
+    """Go on with what needs to know the noise: Huber's corner and the calm of the maps follow the residuals' spread."""
+    robust, calm = run.objective.robust, run.objective.calm
+    calm = calm if len(run.model.bends(problem.thetas(outcome.p)[0])[0]) else 0.0
+    if robust is None and not calm:
+        return problem, outcome
+    before = 0.0
+    for _ in range(_PASSES):
+        e = replace(problem.bare, corner=np.inf).residual(outcome.p)
         assert e is not None
-        problem = replace(problem, corner=run.objective.robust * max(spread(e), 1e-12 * np.sqrt(problem.size / len(e))))
+        noise = max(float(np.std(e)) if robust is None else spread(e), 1e-12 * np.sqrt(problem.size / len(e)))
+        if abs(noise - before) < 0.05 * noise:
+            break
+        before = noise
+        problem = replace(problem, corner=np.inf if robust is None else robust * noise, calm=calm * noise)
         outcome = _joined(outcome, run.iterate(problem, outcome.p, run.options))
     return problem, outcome
 

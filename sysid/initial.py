@@ -258,7 +258,7 @@ def _variation(chain: Chain, first: np.ndarray, u: np.ndarray, y: np.ndarray, rn
         theta[chain.index(b)] = part
         w = b.propagate(part, w, np.empty((len(w), 0)), 0)
     part = chain.part(theta, linear).copy()
-    if rng.uniform() < 0.75 and linear.nf:  # else the linear start's own poles, with other maps
+    if linear.nf:
         part = linear.vary(part, rng)
     J = np.empty((len(w), linear.n_parameters))
     linear.propagate(part, w, J, 0)

@@ -1,6 +1,6 @@
 """A chain and its records as a least-squares problem."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,7 @@ class ChainProblem:
     theta0 (K, P) is where p = 0, one row for each experiment, equal but for the initial states; moving (P,) marks the
     directions of the chain's basis in p. The first experiment's directions come first (n,), then every other's initial
     states. Missing samples are left out. `corner` is Huber's, in the unit of y; `pull` (P,) are the weights of a ridge
-    towards `nominal` (P,).
+    towards `nominal` (P,); `calm` is the weight of the maps' bends, in the unit of y.
     """
 
     chain: Chain
@@ -28,6 +28,7 @@ class ChainProblem:
     corner: float = np.inf
     pull: np.ndarray | None = None
     nominal: np.ndarray | None = None
+    calm: float = 0.0
     weights: np.ndarray = field(default_factory=lambda: np.ones(1))
 
     @classmethod
@@ -93,6 +94,8 @@ class ChainProblem:
         ]
         if self.pull is not None:
             parts.append(self.pull * (self._nominal - thetas[0]))
+        if self.calm:
+            parts.append(-self.calm * self.chain.bends(thetas[0])[0])
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -120,11 +123,22 @@ class ChainProblem:
             wide = np.zeros((len(self.pull), rows[0].shape[1]))
             wide[:, :n] = self.pull[:, None] * self.chain.basis[:, self.moving]
             rows.append(wide)
+        if self.calm:
+            bend, d = self.chain.bends(thetas[0])
+            errors.append(-self.calm * bend)
+            wide = np.zeros((len(bend), rows[0].shape[1]))
+            wide[:, :n] = self.calm * (d @ self.chain.basis[:, self.moving])
+            rows.append(wide)
         return (errors[0], rows[0]) if len(rows) == 1 else (np.concatenate(errors), np.concatenate(rows))
+
+    @property
+    def bare(self) -> "ChainProblem":
+        """The same without what is put on top of the data."""
+        return replace(self, pull=None, calm=0.0)
 
     def covariance(self, p: np.ndarray) -> Covariance:
         """Covariance of theta (of the first experiment) at p; a direction that a limit holds counts as known."""
-        e, J = self.linearise(p)
+        e, J = self.bare.linearise(p)
         theta, n = self.thetas(p)[0], int(self.moving.sum())
         free = ~self.blocked(p, J.T @ e)
         basis = np.zeros((len(theta), J.shape[1]))

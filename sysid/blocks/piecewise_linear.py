@@ -7,6 +7,8 @@ import numpy as np
 from sysid.block import Slot, StaticBlock, Symmetry
 from sysid.errors import InputError
 
+_GAP = 0.01  # of the knots' span: nearer knots make a jump, and its slope says nothing beyond it
+
 
 @dataclass(frozen=True)
 class PiecewiseLinear(StaticBlock):
@@ -64,6 +66,22 @@ class PiecewiseLinear(StaticBlock):
         knots = np.array(self.at) if self.at else np.linspace(lo, hi if hi > lo else lo + 1.0, self.knots)
         return np.concatenate([knots, knots]) if self.free_knots else knots
 
+    def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(s_{i+1} - s_i) / S at the inner knots, s_i the slopes and S the mean of their sizes."""
+        x, y = self._points(theta)
+        n, width = self.knots, np.diff(x)
+        s = np.diff(y) / width
+        rows = np.arange(n - 1)
+        ds = np.zeros((n - 1, 2 * n))
+        ds[rows, rows], ds[rows, rows + 1] = s / width, -s / width
+        ds[rows, n + rows], ds[rows, n + rows + 1] = -1.0 / width, 1.0 / width
+        S = float(np.mean(np.abs(s)))
+        if n < 3 or S == 0.0:
+            return super().bends(theta)
+        bend, dS = np.diff(s) / S, np.sign(s) @ ds / (n - 1)
+        d = (np.diff(ds, axis=0) - np.outer(bend, dS)) / S
+        return bend, d if self.free_knots else d[:, n:]
+
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         zero, one = np.zeros(self.knots), np.ones(self.knots)
         x, y = self._points(theta)
@@ -88,8 +106,18 @@ class PiecewiseLinear(StaticBlock):
 
     def admissible(self, theta: np.ndarray) -> bool:
         x, _ = self._points(theta)
-        # Knots that meet make a jump, and its slope a division by nothing.
-        return bool(np.all(np.diff(x) > 1e-7 * (x[-1] - x[0])))
+        return not self.free_knots or bool(np.all(np.diff(x) > 0.5 * _GAP * (x[-1] - x[0])))
+
+    def repair(self, theta: np.ndarray) -> np.ndarray:
+        """Knots that came nearer than `_GAP` of their span, or passed each other, are set that far apart."""
+        x, _ = self._points(theta)
+        span = x[-1] - x[0]
+        if not self.free_knots or not span > 0 or np.all(np.diff(x) >= _GAP * span):
+            return theta
+        repaired = theta.copy()
+        for i in range(1, self.knots):
+            repaired[i] = max(repaired[i], repaired[i - 1] + _GAP * span)
+        return repaired
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Knots drawn anew over the same range, on the curve as it is; fixed ones keep their place, the curve bends."""

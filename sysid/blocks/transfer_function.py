@@ -160,16 +160,34 @@ class TransferFunction(Block):
         return Symmetry(d_theta, in_shift=F1, out_shift=B1)
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Poles drawn anew: time constants log-uniform from one to a thousand samples, some pairs complex."""
+        """Two times in three the same poles with other time constants, else poles drawn anew.
+
+        Time constants change by a factor of about 1.6; new ones are log-uniform from one to a thousand samples, some
+        in complex pairs, some real and negative.
+        """
         fresh = theta.copy()
-        poles: list[complex] = []
-        while len(poles) < self.nf:
-            radius = np.exp(-1.0 / 10 ** rng.uniform(0.0, 3.0))
-            if self.nf - len(poles) >= 2 and rng.uniform() < 0.3:
-                angle = rng.uniform(0.02, 1.5)
-                poles += [radius * np.exp(1j * angle), radius * np.exp(-1j * angle)]
-            else:
-                poles.append(radius)
+        poles = self._stretched(theta, rng) if rng.uniform() < 2 / 3 else _drawn(self.nf, rng)
         fresh[self.nb : self.nb + self.nf] = np.real(np.poly(poles))[1:]
         fresh[self.nb + self.nf :] = 0.0
         return fresh
+
+    def _stretched(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Poles with |z| raised to a power each, the same for both of a complex pair."""
+        poles = self.poles(theta)
+        powers = np.exp(0.5 * rng.normal(size=len(poles)))
+        for k in range(1, len(poles)):
+            if poles[k].imag and poles[k] == poles[k - 1].conjugate():
+                powers[k] = powers[k - 1]
+        return poles * np.abs(poles) ** (powers - 1.0)
+
+
+def _drawn(n: int, rng: np.random.Generator) -> np.ndarray:
+    poles: list[complex] = []
+    while len(poles) < n:
+        radius = float(np.exp(-1.0 / 10 ** rng.uniform(0.0, 3.0)))
+        if n - len(poles) >= 2 and rng.uniform() < 0.3:
+            angle = rng.uniform(0.02, 3.0)
+            poles += [radius * np.exp(1j * angle), radius * np.exp(-1j * angle)]
+        else:
+            poles.append(radius if rng.uniform() < 0.8 else -radius)
+    return np.array(poles)

@@ -101,6 +101,7 @@ def test_problem_jacobian_agrees_with_finite_differences(objective):
         chain.free,
         corner=0.1 if objective.robust else np.inf,
         pull=np.full(P, 0.3) if objective.ridge else None,
+        calm=objective.calm - 1.0,
         weights=np.array(objective.weights or (1.0,)),
     )
     p = 0.01 * rng.normal(size=len(problem.start))
