@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from sysid.fitting import Fit, check_channels
 from sysid.initial import starts as make_starts
 from sysid.initial import with_initial_states
 from sysid.iterate import Options, Outcome, iterate
+from sysid.nlarx import Nlarx
+from sysid.nlarx_fit import NlarxFit
 from sysid.objective import Objective, spread
 from sysid.problem import ChainProblem
 from sysid.searches import search as make_search
@@ -63,8 +65,16 @@ class _Run:
         return outcome
 
 
+@overload
+def fit(model: Nlarx, data: IOData, *args: Any, **kwargs: Any) -> NlarxFit: ...
+
+
+@overload
+def fit(model: Chain, data: IOData, *args: Any, **kwargs: Any) -> Fit: ...
+
+
 def fit(
-    model: Chain,
+    model: Chain | Nlarx,
     data: IOData,
     search: str = "auto",
     starts: int = 5,
@@ -73,14 +83,20 @@ def fit(
     start: np.ndarray | None = None,
     objective: Objective | None = None,
     progress: Callable[[str], None] | None = None,
-) -> Fit:
+) -> Fit | NlarxFit:
     """Fit a chain to a record, of one or of several merged experiments, by least squares on its free-run output.
 
     search: a name of `sysid.searches.TABLE`; starts: how many starting points, the first from a linear model, the
     others varied with `seed`; start (P,): a starting point of your own; objective: robust loss, ridge, output weights.
     Equal seeds give equal numbers whatever the number of threads. Raises InputError for a record that is too short,
-    of other channels than the model, or whose input or output is constant.
+    of other channels than the model, or whose input or output is constant. An Nlarx goes to `sysid.fit_nlarx`.
     """
+    if isinstance(model, Nlarx):
+        if start is not None or objective is not None:
+            raise InputError("a nonlinear ARX model takes no start and no objective; leave them out or see fit_nlarx")
+        from sysid.nlarx_estimation import fit_nlarx
+
+        return fit_nlarx(model, data, search=search, starts=starts, seed=seed, options=options, progress=progress)
     began = time.perf_counter()
     run = _Run(model, data, objective or Objective(), make_search(search).name, options or Options(), progress)
     _check(model, data, run.objective)

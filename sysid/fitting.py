@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -125,6 +127,12 @@ class Fit:
             return None
         x = np.ascontiguousarray(x, dtype=float)
         return block.propagate(self.model.part(self.theta, block), x, np.empty((len(x), 0)), 0)
+
+    def save(self, path: str | PathLike) -> Path:
+        """Write the fit as JSON that a person can read; `sysid.load` reads it again."""
+        from sysid.storage import save
+
+        return save(self, path)
 
     def summary(self) -> dict[str, Any]:
         """What the fit says, ready for JSON: values that are not finite become None."""

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg.lapack import dgeqrf
 
 _EPS = np.finfo(float).eps
+_ROWS = 4096  # of J in one QR, then stacked on the next: more than this does not stay in a processor's cache
 
 
 class Problem(Protocol):
@@ -43,6 +44,9 @@ class Options:
     max_iterations: int = 200
     tolerance: float = 0.01  # [%] of the loss that a Gauss-Newton step still promises
     max_halvings: int = 25
+
+
+SMALL = 1.0  # [%] of the loss; with N samples noise alone moves the loss by 100 sqrt(2 / N) %
 
 
 @dataclass(frozen=True)
@@ -83,9 +87,12 @@ class Linearisation:
     def of(cls, e: np.ndarray, J: np.ndarray) -> "Linearisation":
         """From e (N,) and J (N, P); QR rather than J'J, which would square the condition number."""
         N, P = J.shape
-        A = np.empty((max(N, P + 1), P + 1), order="F")  # as LAPACK wants it: NumPy's own QR copies more than once
-        A[:N, :P], A[:N, P], A[N:] = J, e, 0.0
-        R = np.triu(dgeqrf(A, lwork=64 * (P + 1), overwrite_a=True)[0][: P + 1])
+        R = np.zeros((P + 1, P + 1))
+        for start in range(0, max(N, 1), _ROWS):
+            rows = slice(start, min(start + _ROWS, N))
+            A = np.empty((P + 1 + rows.stop - start, P + 1), order="F")  # as LAPACK wants it, or it is copied again
+            A[: P + 1], A[P + 1 :, :P], A[P + 1 :, P] = R, J[rows], e[rows]
+            R = np.triu(dgeqrf(A, lwork=64 * (P + 1), overwrite_a=True)[0][: P + 1])
         return cls(R[:P, :P], R[:P, P], float(e @ e), N)
 
     @cached_property
@@ -114,6 +121,10 @@ class Linearisation:
         """Levenberg-Marquardt step (P,) in columns of unit norm."""
         uz, s, V = self.svd
         return V @ (uz * s / (s * s + damping)) / self.scale
+
+    def scaled(self, delta: np.ndarray) -> np.ndarray:
+        """A step (P,) measured in columns of unit norm; what no data see has no length."""
+        return np.where(np.isfinite(self.scale), delta * np.where(np.isfinite(self.scale), self.scale, 0.0), 0.0)
 
     @property
     def gradient(self) -> np.ndarray:
@@ -222,6 +233,7 @@ def iterate(
         step = search.step(lin, attempt, memory, options)
         if step is None:
             reason = f"{search.name} found no descent although a full step promises {expected:.2g} % of the loss"
+            converged = expected <= SMALL  # a kink or a limit stands in the way of a promise that matters little
             break
         p[moving] += step.delta
         cost = step.cost

@@ -7,6 +7,7 @@ from sysid.searches.auto import Auto
 from sysid.searches.gauss_newton import GaussNewton
 from sysid.searches.gradient import Gradient
 from sysid.searches.levenberg_marquardt import LevenbergMarquardt
+from sysid.searches.trust_region import TrustRegion
 
 TABLE: dict[str, type[Search]] = {
     "auto": Auto,
@@ -14,6 +15,7 @@ TABLE: dict[str, type[Search]] = {
     "gna": AdaptiveGaussNewton,
     "gradient": Gradient,
     "lm": LevenbergMarquardt,
+    "trust_region": TrustRegion,
 }
 
 
@@ -31,5 +33,6 @@ __all__ = [
     "GaussNewton",
     "Gradient",
     "LevenbergMarquardt",
+    "TrustRegion",
     "search",
 ]

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from sysid.iterate import Attempt, Linearisation, Options, Search, Step
+from sysid.iterate import SMALL, Attempt, Linearisation, Options, Search, Step
 from sysid.searches.adaptive_gauss_newton import AdaptiveGaussNewton
 from sysid.searches.gauss_newton import GaussNewton
 from sysid.searches.gradient import Gradient
@@ -27,4 +27,6 @@ class Auto:
             step = method.step(lin, attempt, memory.setdefault(method.name, {}), limits)
             if step is not None:
                 return step
+            if method.name == "lm" and lin.expected_improvement <= SMALL:
+                return None  # not worth the last resorts
         return None

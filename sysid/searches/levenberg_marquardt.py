@@ -4,7 +4,7 @@ from typing import Any
 
 from sysid.iterate import Attempt, Linearisation, Options, Step
 
-_DAMPING, _FACTOR, _FLOOR = 1e-3, 2.0, 1e-14
+_DAMPING, _FACTOR, _FLOOR, _CEILING = 1e-3, 2.0, 1e-14, 1e9
 
 
 class LevenbergMarquardt:
@@ -17,7 +17,7 @@ class LevenbergMarquardt:
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         damping, growth = memory.get("damping", _DAMPING), _FACTOR
-        for _ in range(2 * options.max_halvings):
+        while damping < _CEILING:
             cost, delta = attempt(lin.damped(damping))
             promised = lin.predicted(delta)
             if cost < lin.cost - 1e-4 * max(promised, 0.0):

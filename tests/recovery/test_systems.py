@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 import sysid
 from sysid.criteria import fit_percent
+from sysid.initial import starts
 from sysid.poles import match
+from sysid.problem import ChainProblem
 from sysid.systems import TABLE, system
 
 
@@ -57,7 +60,7 @@ def test_pole_intervals_cover_the_truth(seeds):
     assert abs(np.mean(squares) - 1.0) < 4.0 / np.sqrt(len(squares))
 
 
-@pytest.mark.parametrize("search", ["gn", "gna", "lm", "auto"])
+@pytest.mark.parametrize("search", ["gn", "gna", "lm", "trust_region", "auto"])
 def test_every_search_reaches_the_same_optimum(search):
     plant = system("textbook")
     data = plant.record(3000, 0.01, np.random.default_rng(21))
@@ -65,6 +68,27 @@ def test_every_search_reaches_the_same_optimum(search):
     fit = sysid.fit(plant.chain, data, search=search)
     assert fit.stop.converged
     assert fit.criteria.loss == pytest.approx(best.criteria.loss, rel=2e-4)  # the tolerance is 0.01 % of the loss
+
+
+@pytest.mark.parametrize("name", ["textbook", "paper_shank"])
+def test_scipy_finds_no_better_optimum(name):
+    """scipy.optimize.least_squares on the same residuals and Jacobian, from the same start and from our own end."""
+    plant = system(name)
+    data = plant.record(1500, 0.01, np.random.default_rng(22))
+    plain = sysid.Objective(calm=0.0)
+    fit = sysid.fit(plant.chain, data, search="trust_region", objective=plain, options=sysid.Options(tolerance=1e-8))
+    start = starts(plant.chain, data, 1, 0)[0]
+    problem = ChainProblem.whole(plant.chain, start, data.u[:, 0], data.y[:, 0])
+
+    def residual(p):
+        e = problem.residual(p)
+        return np.full(data.N, 1e3) if e is None else e
+
+    own = np.linalg.solve(plant.chain.basis, fit.theta - start)
+    for p0 in (problem.start, own):
+        found = least_squares(residual, p0, lambda p: -problem.linearise(p)[1], x_scale="jac", max_nfev=300)
+        assert 2 * found.cost / data.N > fit.criteria.loss * (1 - 1e-6)
+    assert 2 * found.cost / data.N == pytest.approx(fit.criteria.loss, rel=1e-6)
 
 
 def test_gradient_says_when_it_ran_out_of_iterations():
