@@ -17,12 +17,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m sysid.bench", description="Known-truth benchmark of sysid.")
     parser.add_argument("verb", choices=("run", "report", "speed"))
     parser.add_argument("--out", type=Path, default=Path("runs/bench.csv"), help="results file; a run resumes it")
-    parser.add_argument("--seeds", type=int, default=100)
+    parser.add_argument("--seeds", type=int, default=100, help="how many")
+    parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--long", type=int, default=1_000_000, help="samples of the long record of `speed`")
     given = parser.parse_args(arguments)
     try:
         if given.verb == "run":
-            count = run(cases(range(given.seeds)), given.out, _progress)
+            count = run(cases(range(given.first, given.first + given.seeds)), given.out, _progress)
             print(f"{count} cases run into {given.out}", file=sys.stderr)
         elif given.verb == "report":
             print(table(read(given.out)))
