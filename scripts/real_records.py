@@ -11,13 +11,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.io import loadmat
 
 import sysid
 from sysid import IOData
-from sysid.structures import hammerstein_wiener, output_error, wiener_hammerstein
+from sysid.structures import hammerstein_wiener, nlarx, output_error, wiener_hammerstein
 
 
 @dataclass(frozen=True)
@@ -95,13 +96,14 @@ RECORDS: dict[str, Callable[[Path], Benchmark]] = {
 }
 
 
-def models(orders: tuple[int, int, int]) -> dict[str, sysid.Chain]:
-    """OE, HW and WH of these orders (WH with a one-pole second filter) and the library's default maps."""
+def models(orders: tuple[int, int, int]) -> dict[str, Any]:
+    """OE, HW, WH (with a one-pole second filter) and NLARX of these orders, with the library's default maps."""
     nb, nf, nk = orders
     return {
         "OE": output_error(nb, nf, nk),
         "HW": hammerstein_wiener(nb, nf, nk),
         "WH": wiener_hammerstein(nb, nf, nk, nb2=2, nf2=1, nk2=0),
+        "NLARX": nlarx(na=nf, nb=nb, nk=nk, focus="simulation"),
     }
 
 

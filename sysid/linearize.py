@@ -11,6 +11,7 @@ import numpy as np
 
 from sysid.errors import InputError
 from sysid.fitting import Fit
+from sysid.nlarx_fit import NlarxFit
 
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
@@ -45,9 +46,17 @@ def findop(fit: Fit, u: float = 0.0, x: float | None = None) -> OperatingPoint:
     return OperatingPoint(float(u), w, float(x), y, input_slope, output_slope)
 
 
-def tangent(fit: Fit, u: float = 0.0, x: float | None = None) -> "TransferFunction":
-    """The fit's tangent at the operating point of constant input u, as a discrete control.TransferFunction."""
+def tangent(fit: Fit | NlarxFit, u: float = 0.0, x: float | None = None) -> "TransferFunction":
+    """The fit's tangent at the operating point of constant input u, as a discrete control.TransferFunction.
+
+    A nonlinear ARX fit has its tangent from `sysid.nlarx_linearize`, where steady states may be several.
+    """
     import control
+
+    if isinstance(fit, NlarxFit):
+        from sysid import nlarx_linearize
+
+        return nlarx_linearize.tangent(fit, u)
 
     op = findop(fit, u, x)
     B, F = fit.model.linear.padded(fit.model.part(fit.theta, fit.model.linear))

@@ -79,3 +79,43 @@ def test_a_fixed_parameter_keeps_its_value_and_a_bound_holds():
     assert [p.free for p in held.parameters if p.name == "linear.f1"] == [False]
     bounded = sysid.fit(sysid.Chain(blocks, bounds={"linear.b0": (-1.0, 0.4)}), sysid.IOData(u, y, 1.0))
     assert bounded.theta[0] == pytest.approx(0.4, abs=1e-9)  # the optimum 0.5 lies beyond it
+
+
+def awkward():
+    """Records that say little or nothing, by name: u, y (N,)."""
+    rng = np.random.default_rng(7)
+    u, y = record()
+    n = np.arange(400)
+    impulse = np.eye(1, 400, 5)[0]
+    return {
+        "one impulse": (impulse, np.convolve(impulse, 0.9**n)[:400]),
+        "one step": (1.0 * (n > 200), np.where(n > 200, 1 - 0.9 ** (n - 200.0), 0.0)),
+        "huge": (1e150 * u, 1e150 * y),
+        "tiny": (1e-150 * u, 1e-150 * y),
+        "no dynamics": (u, u),
+        "no relation": (u, rng.normal(size=400)),
+        "double drift": (u, np.cumsum(np.cumsum(rng.normal(size=400)))),
+        "exploding": (u, np.exp(0.5 * n)),
+        "integers": (rng.integers(-3, 4, 400), rng.integers(0, 5, 400)),
+        "strided": (np.repeat(u, 2)[::2], np.repeat(y, 3)[::3]),
+    }
+
+
+@pytest.mark.parametrize("name", awkward())
+@pytest.mark.parametrize("maps", [("piecewise_linear", "piecewise_linear"), ("saturation", "sigmoid_network")])
+def test_awkward_records_end_with_finite_numbers_and_a_reason(name, maps):
+    fit = sysid.fit(HW(2, 2, 1, *maps), sysid.IOData(*awkward()[name], 1.0), starts=2)
+    assert np.all(np.isfinite(fit.theta))
+    assert np.isfinite(fit.criteria.loss)
+    assert fit.stop.reason
+    if not fit.stop.converged:
+        assert any("did not converge" in w for w in fit.warnings)
+
+
+def test_an_unstable_start_and_one_of_the_wrong_length_are_refused():
+    u, y = record()
+    unstable = np.array([1.0, 0.5, -2.5, 1.6, 0.0, 0.0])
+    with pytest.raises(sysid.InputError, match="usable model"):
+        sysid.fit(sysid.structures.output_error(2, 2, 1), sysid.IOData(u, y, 1.0), start=unstable)
+    with pytest.raises(sysid.InputError, match="6 finite values"):
+        sysid.fit(sysid.structures.output_error(2, 2, 1), sysid.IOData(u, y, 1.0), start=unstable[:4])
