@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -16,22 +17,43 @@ from sysid.gauge import gauge
 class Chain:
     """Blocks in series, u -> blocks[0] -> ... -> y. Holds structure; values are a vector theta (P,).
 
-    Parameters are named role.name ('linear.f1'). `fixed` maps names to the values that they keep, `bounds` to
-    (lower, upper).
+    Parameters are named role.name ('linear.f1'). `fixed` maps names to the values that they keep, or a block's role to
+    all its values (its initial state stays free unless that is given too); `bounds` maps names to (lower, upper).
     """
 
     blocks: tuple[Block, ...]
     structure: str = "chain"
-    fixed: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, Any] = field(default_factory=dict)
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         roles = [b.role for b in self.blocks]
         if not self.blocks or len(set(roles)) != len(roles):
             raise InputError(f"a chain needs at least one block and each role once, got roles {roles}")
+        object.__setattr__(self, "fixed", self._by_name())
         for name in (*self.fixed, *self.bounds):
             if name not in self.names:
                 raise unknown("parameter", name, self.names)
+
+    def _by_name(self) -> dict[str, float]:
+        """`fixed` with a block's role resolved into its parameters."""
+        held: dict[str, float] = {}
+        for key, value in self.fixed.items():
+            block = self.block(key)
+            if block is None:
+                if np.ndim(value) != 0 or not np.isfinite(value):
+                    raise InputError(f"{key} is fixed at {value!r}; give one finite number")
+                held[key] = float(np.asarray(value))
+                continue
+            values = np.asarray(value, dtype=float)
+            count = sum(not s.initial for s in block.slots())
+            if values.shape not in ((count,), (block.n_parameters,)) or not np.all(np.isfinite(values)):
+                raise InputError(
+                    f"{key} has {count} parameters and is fixed at {values.size} value(s); give one for each"
+                )
+            names = [f"{key}.{s.name}" for s in block.slots() if len(values) > count or not s.initial]
+            held |= dict(zip(names, values.tolist(), strict=True))
+        return held
 
     @cached_property
     def _slices(self) -> dict[str, slice]:

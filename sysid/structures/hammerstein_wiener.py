@@ -1,6 +1,7 @@
 """Hammerstein-Wiener: static map, B/F, static map."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from sysid.chain import Chain
 from sysid.recipes import Map, Order, filters, maps
@@ -14,10 +15,13 @@ def hammerstein_wiener(
     output: Map | Sequence[Map] = "piecewise_linear",
     nu: int = 1,
     ny: int = 1,
+    **limits: Any,
 ) -> Chain:
     """y = h(B/F f(u)), equations (3) to (5) of Guni and Irawan 2016; the defaults are the toolbox's.
 
     It cannot hold an end stop of an integrating plant: its memory is linear.
+
+    `limits` are the chain's `fixed` and `bounds`, by parameter.
     """
     blocks = (maps(input, "input", nu), filters(nb, nf, nk, nu, ny), maps(output, "output", ny))
-    return Chain(blocks, structure="hammerstein_wiener")
+    return Chain(blocks, structure="hammerstein_wiener", **limits)

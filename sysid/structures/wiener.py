@@ -1,6 +1,7 @@
 """Wiener: B/F, then static map."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from sysid.chain import Chain
 from sysid.recipes import Map, Order, filters, maps
@@ -13,6 +14,10 @@ def wiener(
     output: Map | Sequence[Map] = "piecewise_linear",
     nu: int = 1,
     ny: int = 1,
+    **limits: Any,
 ) -> Chain:
-    """y = h(B/F u): linear dynamics before a sensor's map; one map for each output."""
-    return Chain((filters(nb, nf, nk, nu, ny), maps(output, "output", ny)), structure="wiener")
+    """y = h(B/F u): linear dynamics before a sensor's map; one map for each output.
+
+    `limits` are the chain's `fixed` and `bounds`, by parameter.
+    """
+    return Chain((filters(nb, nf, nk, nu, ny), maps(output, "output", ny)), structure="wiener", **limits)

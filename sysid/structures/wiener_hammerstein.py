@@ -1,5 +1,7 @@
 """Wiener-Hammerstein: B/F, static map, B/F."""
 
+from typing import Any
+
 from sysid.block import StaticBlock
 from sysid.blocks import TransferFunction, static
 from sysid.chain import Chain
@@ -13,8 +15,12 @@ def wiener_hammerstein(
     nf2: int | None = None,
     nk2: int = 0,
     middle: str | StaticBlock = "piecewise_linear",
+    **limits: Any,
 ) -> Chain:
-    """y = B2/F2 g(B1/F1 u); the second filter has the first one's orders and no delay where nothing else is said."""
+    """y = B2/F2 g(B1/F1 u); the second filter has the first one's orders and no delay where nothing else is said.
+
+    `limits` are the chain's `fixed` and `bounds`, by parameter.
+    """
     second = TransferFunction(nb if nb2 is None else nb2, nf if nf2 is None else nf2, nk2, role="linear2")
     blocks = (TransferFunction(nb, nf, nk, role="linear1"), static(middle, "middle"), second)
-    return Chain(blocks, structure="wiener_hammerstein")
+    return Chain(blocks, structure="wiener_hammerstein", **limits)

@@ -73,12 +73,19 @@ def test_a_fixed_parameter_keeps_its_value_and_a_bound_holds():
     y = np.zeros(2000)
     for t in range(1, 2000):
         y[t] = 0.9 * y[t - 1] + 0.5 * u[t - 1]
-    blocks = sysid.structures.output_error(1, 1, 1).blocks
-    held = sysid.fit(sysid.Chain(blocks, fixed={"linear.f1": -0.8}), sysid.IOData(u, y, 1.0))
+    recipe, data = sysid.structures.output_error, sysid.IOData(u, y, 1.0)
+    held = sysid.fit(recipe(1, 1, 1, fixed={"linear.f1": -0.8}), data)
     assert held.poles[0] == pytest.approx(0.8, abs=1e-12)
     assert [p.free for p in held.parameters if p.name == "linear.f1"] == [False]
-    bounded = sysid.fit(sysid.Chain(blocks, bounds={"linear.b0": (-1.0, 0.4)}), sysid.IOData(u, y, 1.0))
+    bounded = sysid.fit(recipe(1, 1, 1, bounds={"linear.b0": (-1.0, 0.4)}), data)
     assert bounded.theta[0] == pytest.approx(0.4, abs=1e-9)  # the optimum 0.5 lies beyond it
+    block = sysid.fit(recipe(1, 1, 1, fixed={"linear": [0.5, -0.9]}), data)
+    np.testing.assert_array_equal(block.theta[:2], [0.5, -0.9])
+    assert block.criteria.d == 1  # the initial state alone
+    with pytest.raises(sysid.InputError, match="2 parameters and is fixed at 1"):
+        recipe(1, 1, 1, fixed={"linear": [0.5]})
+    with pytest.raises(sysid.InputError, match="one finite number"):
+        recipe(1, 1, 1, fixed={"linear.f1": np.nan})
 
 
 def awkward():
