@@ -1,7 +1,7 @@
 """One model fitted to one record, with everything that a report or a table shows of it, as finished numbers."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,13 @@ import sysid
 from sysid.criteria import fit_percent
 from sysid.data import IOData
 from sysid.errors import InputError, unknown
+from sysid.higher_order import HigherOrderTests, higher_order_tests
+from sysid.intervals import Root
+from sysid.nlarx import FOCUS
 from sysid.residuals import ResidualTests
 
+NLARX = "nlarx"  # the structure whose orders are na, nb, nk, and which also runs one step ahead
+RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
 Progress = Callable[[str], None] | None
 
@@ -20,7 +25,8 @@ Progress = Callable[[str], None] | None
 class Setting:
     """What is fitted and how: a structure with its orders and maps, a search, starts and seed.
 
-    A map of None is the structure's own default. Raises InputError for names that do not exist, before any work.
+    A map of None is the structure's own default. Of a nonlinear ARX model nf holds na, and `focus` names the errors
+    that it is fitted by. Raises InputError for names that do not exist, before any work.
     """
 
     structure: str = "hammerstein_wiener"
@@ -32,20 +38,33 @@ class Setting:
     search: str = "auto"
     starts: int = 5
     seed: int = 0
+    focus: str = "prediction"
 
     def __post_init__(self) -> None:
         if self.search not in sysid.searches.TABLE:
             raise unknown("search", self.search, sysid.searches.TABLE)
+        if self.focus not in FOCUS:
+            raise unknown("focus", self.focus, FOCUS)
         self.model()
 
     def model(self) -> Any:
-        """The chain before it is fitted."""
-        return sysid.structures.build(self.structure, self.nb, self.nf, self.nk, self.input_map, self.output_map)
+        """The model before it is fitted."""
+        model = sysid.structures.build(self.structure, self.nb, self.nf, self.nk, self.input_map, self.output_map)
+        return replace(model, focus=self.focus) if self.structure == NLARX else model
+
+    @property
+    def orders(self) -> dict[str, int]:
+        """The orders by name, in the order in which people give them."""
+        if self.structure == NLARX:
+            return {"na": self.nf, "nb": self.nb, "nk": self.nk}
+        return {"nb": self.nb, "nf": self.nf, "nk": self.nk}
 
     def as_dict(self) -> dict[str, Any]:
         """The setting by option name."""
-        values = asdict(self)
-        return {"orders": {k: values.pop(k) for k in ("nb", "nf", "nk")}, **values}
+        values = {k: v for k, v in asdict(self).items() if k not in ("nb", "nf", "nk")}
+        if self.structure != NLARX:
+            del values["focus"]
+        return {"orders": self.orders, **values}
 
 
 @dataclass(frozen=True)
@@ -57,16 +76,36 @@ class Curve:
 
 
 @dataclass(frozen=True)
+class OneStep:
+    """What a nonlinear ARX model foretells of the next sample when it sees every measured output until now.
+
+    Outputs (N,) on the scale of their data, fits in %. Near 100 % for any smooth, finely sampled signal: never to be
+    set beside the fit of a free run.
+    """
+
+    estimation_output: np.ndarray
+    validation_output: np.ndarray
+    estimation_fit: float
+    validation_fit: float
+
+    def as_dict(self) -> dict[str, float]:
+        """The two fits [%]."""
+        return {"estimation": self.estimation_fit, "validation": self.validation_fit}
+
+
+@dataclass(frozen=True)
 class Evaluation:
     """A fit with its free runs over both parts of the record and the tests of its validation residuals.
 
     `estimation_output` and `validation_output` (N,) are on the scale of their data; `step` is the step response of the
     tangent linear model (None where there is no such model); `maps` holds the static curves that the structure has,
-    in the order of the signal; `tests` is None, with the reason in `notes`, where the validation part is too short.
+    in the order of the signal; `tests` and `higher` are None, with the reason in `notes`, where the validation part is
+    too short; `roots` are the poles with their intervals, None where the record gives none. A nonlinear ARX model has
+    `one_step` beside its free run, and neither poles nor maps.
     """
 
     setting: Setting
-    fit: sysid.Fit
+    fit: sysid.Fit | sysid.NlarxFit
     estimation: IOData
     validation: IOData
     estimation_output: np.ndarray
@@ -74,31 +113,61 @@ class Evaluation:
     estimation_fit: float
     validation_fit: float
     tests: ResidualTests | None
+    higher: HigherOrderTests | None
     step: Curve | None
     maps: dict[str, Curve]
+    roots: tuple[Root, ...] | None = None
+    one_step: OneStep | None = None
     notes: tuple[str, ...] = ()
 
     @property
+    def poles(self) -> np.ndarray:
+        """Poles in z of the linear block; none of a model that has no such block."""
+        return self.fit.poles if isinstance(self.fit, sysid.Fit) else np.empty(0, dtype=complex)
+
+    @property
+    def zeros(self) -> np.ndarray:
+        """Zeros in z of the linear block; none of a model that has no such block."""
+        return self.fit.zeros if isinstance(self.fit, sysid.Fit) else np.empty(0, dtype=complex)
+
+    @property
     def stable(self) -> bool:
-        """Whether every pole of the linear block lies inside the unit circle."""
-        return bool(np.all(np.abs(self.fit.poles) < 1.0))
+        """Whether every pole of the linear block lies inside the unit circle.
+
+        Without such a block: whether both free runs stay near the range of the output (within RUNAWAY of its widths).
+        """
+        if isinstance(self.fit, sysid.Fit):
+            return bool(np.all(np.abs(self.poles) < 1.0))
+        y = np.concatenate([self.estimation.y[:, 0], self.validation.y[:, 0]])
+        run = np.concatenate([self.estimation_output, self.validation_output])
+        return bool(np.max(np.abs(run - 0.5 * (y.max() + y.min()))) <= RUNAWAY * np.ptp(y))
 
     def as_dict(self) -> dict[str, Any]:
         """The summary, ready for JSON."""
-        return {
+        summary = {
             "fit_percent": {"estimation": self.estimation_fit, "validation": self.validation_fit},
             **self.fit.summary(),
             "stable": self.stable,
             "residuals": self.tests.as_dict() if self.tests else None,
+            "higher_order": self.higher.as_dict() if self.higher else None,
             "setting": self.setting.as_dict(),
             "notes": list(self.notes),
         }
+        if self.roots is not None:
+            for row, root in zip(summary["poles"], self.roots, strict=True):
+                row["intervals"] = {
+                    name: [getattr(root, name).lower, getattr(root, name).upper]
+                    for name in ("real", "imag", "modulus", "time_constant")
+                }
+                row["note"] = root.note
+        if self.one_step is not None:
+            summary["one_step_fit_percent"] = self.one_step.as_dict()
+        return summary
 
 
 def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress: Progress = None) -> Evaluation:
     """Fits `setting` to `estimation` and runs it free over both parts; only `estimation` is ever fitted to."""
-    _check_can_be_scored(estimation, "estimation")
-    _check_can_be_scored(validation, "validation")
+    check_parts(estimation, validation)
     fit = sysid.fit(
         setting.model(),
         estimation,
@@ -107,22 +176,39 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
         seed=setting.seed,
         progress=progress,
     )
+    return evaluate_fit(setting, fit, estimation, validation)
+
+
+def evaluate_fit(
+    setting: Setting, fit: sysid.Fit | sysid.NlarxFit, estimation: IOData, validation: IOData
+) -> Evaluation:
+    """Runs a model free that was fitted to `estimation` by `setting`, and tests what it leaves of `validation`."""
+    chain = fit if isinstance(fit, sysid.Fit) else None
+    network = fit if isinstance(fit, sysid.NlarxFit) else None
     notes = list(fit.warnings)
-    tests = None
+    tests = higher = None
     try:
         tests = fit.residual_tests(validation)
+        higher = _higher_order(fit, validation)
     except InputError as error:
         notes.append(f"no residual tests: {error}")
-    step = _step_response(fit, float(np.mean(estimation.u)))
-    if step is None:
-        notes.append("no step response: the tangent model has no finite one")
-    # Where it was fitted, a model's initial state is part of the fit; where it was not, the first samples must do.
-    fitted = np.ravel(fit.simulate(estimation, estimation.N))
-    fits = fit_percent(estimation.y[:, 0], fitted), fit.fit_percent(validation)
-    if fits[0] - fits[1] > OVERFITTED:
+    step = None
+    if chain is not None:
+        step = _step_response(chain, float(np.mean(estimation.u)))
+        if step is None:
+            notes.append("no step response: the tangent model has no finite one")
+    # Where it was fitted, a chain's initial state is part of the fit; where it was not, the first samples must do.
+    fitted = np.ravel(fit.simulate(estimation, estimation.N if chain else None))
+    run = np.ravel(fit.simulate(validation))
+    first = 0 if chain else fit.n_init
+    fits = fit_percent(estimation.y[first:, 0], fitted[first:]), fit.fit_percent(validation)
+    if network and not np.isfinite(fits[1]):
+        notes.append(f"on the validation part {network.divergence(validation)}")
+    if np.isfinite(fits).all() and fits[0] - fits[1] > OVERFITTED:
+        seen, unseen = (f"{f:.0f} %" if f > -1000 else "below -1000 %" for f in fits)
         notes.append(
-            f"the fit is {fits[0]:.0f} % where it was fitted and {fits[1]:.0f} % where it was not: the model is too "
-            "large for this record, or its parts differ; lower the orders, choose smaller maps or look at the data"
+            f"the fit is {seen} where it was fitted and {unseen} where it was not: the model is too large for this "
+            "record, or its parts differ; lower the orders, choose smaller maps or look at the data"
         )
     return Evaluation(
         setting=setting,
@@ -130,14 +216,45 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
         estimation=estimation,
         validation=validation,
         estimation_output=fitted,
-        validation_output=np.ravel(fit.simulate(validation)),
+        validation_output=run,
         estimation_fit=fits[0],
         validation_fit=fits[1],
         tests=tests,
+        higher=higher,
         step=step,
-        maps=_maps(fit, estimation),
+        maps=_maps(chain, estimation) if chain else {},
+        roots=_roots(chain, estimation, coloured=tests is not None and not tests.white) if chain else None,
+        one_step=_one_step(network, estimation, validation) if network else None,
         notes=tuple(notes),
     )
+
+
+def check_parts(estimation: IOData, validation: IOData) -> None:
+    """Raises InputError where one of the two parts does not move, so that nothing can be fitted or scored on it."""
+    _check_can_be_scored(estimation, "estimation")
+    _check_can_be_scored(validation, "validation")
+
+
+def _one_step(fit: sysid.NlarxFit, estimation: IOData, validation: IOData) -> OneStep:
+    return OneStep(
+        fit.predict(estimation),
+        fit.predict(validation),
+        fit.prediction_percent(estimation),
+        fit.prediction_percent(validation),
+    )
+
+
+def _higher_order(fit: sysid.Fit | sysid.NlarxFit, data: IOData) -> HigherOrderTests:
+    e = np.ravel(fit.residuals(data))
+    return higher_order_tests(e, data.u[data.N - len(e) :, 0])
+
+
+def _roots(fit: sysid.Fit, data: IOData, coloured: bool) -> tuple[Root, ...] | None:
+    """Poles with intervals, wider where residuals are coloured; None where the library cannot compute them."""
+    try:
+        return sysid.intervals.poles(sysid.information(fit, data, lags="auto" if coloured else None))
+    except InputError:
+        return None
 
 
 def _check_can_be_scored(data: IOData, part: str) -> None:

@@ -3,36 +3,62 @@
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from sysid.errors import InputError
+import sysid
+from sysid.advice import Advice
+from sysid.data import IOData
+from sysid.errors import InputError, unknown
 from sysid.preprocess import quick_start
-from twin.evaluation import Evaluation, Setting, evaluate
+from sysid.select import Selection, Space, select
+from twin.evaluation import Evaluation, Setting, check_parts, evaluate, evaluate_fit
 from twin.record import Record, read_record
 from twin.versions import versions
 
 
 @dataclass(frozen=True)
+class Auto:
+    """A search over structures instead of one setting: `journal` keeps finished candidates through a kill."""
+
+    search: str = "auto"
+    starts: int = 5
+    seed: int = 0
+    journal: Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.search not in sysid.searches.TABLE:
+            raise unknown("search", self.search, sysid.searches.TABLE)
+
+
+@dataclass(frozen=True)
 class Identification:
-    """The record, how it was prepared, and the model with its tests."""
+    """The record, what it says about itself, how it was prepared, and the model with its tests.
+
+    `selection` is the structure search that the model came from, None where the structure was given.
+    """
 
     record: Record
     split: float
     detrend: str
     evaluation: Evaluation
+    advice: tuple[Advice, ...] = ()
+    selection: Selection | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The summary of `qpal identify`, ready for JSON."""
         return {
             "read": {**self.record.as_dict(), "split": self.split, "detrend": self.detrend},
             **self.evaluation.as_dict(),
+            "selection": self.selection.as_dict() if self.selection else None,
+            "advice": [vars(a) for a in self.advice],
             "versions": versions(),
         }
 
 
 def identify_file(
     path: str | os.PathLike[str],
-    setting: Setting,
+    setting: Setting | Auto,
     input: str | None = None,
     output: str | None = None,
     Ts: float | None = None,
@@ -40,16 +66,34 @@ def identify_file(
     split: float = 0.5,
     detrend: str = "mean",
     fitting: Callable[[], None] = lambda: None,
+    candidate: Callable[[int, int, str], None] | None = None,
 ) -> Identification:
     """Reads the file, prepares both parts and fits `setting` to the first; `fitting` is called before the fit.
 
+    A structure search sees the first part alone, as every fit does; `candidate(done, total, name)` hears its progress.
     Every InputError names the file, also where the identifier itself finds that the record will not do.
     """
     record = read_record(path, input, output, Ts, time)
     try:
         estimation, validation = quick_start(record.data, split, detrend)
+        check_parts(estimation, validation)
+        advice = sysid.advise(record.data)
         fitting()
-        evaluation = evaluate(setting, estimation, validation)
+        if isinstance(setting, Auto):
+            selection, evaluation = _search(setting, estimation, validation, candidate)
+        else:
+            selection, evaluation = None, evaluate(setting, estimation, validation)
     except InputError as error:
         raise InputError(f"{record.path}: {error}") from None
-    return Identification(record, split, detrend, evaluation)
+    return Identification(record, split, detrend, evaluation, advice, selection)
+
+
+def _search(
+    auto: Auto, estimation: IOData, validation: IOData, candidate: Callable[[int, int, str], None] | None
+) -> tuple[Selection, Evaluation]:
+    """The search on `estimation`, and its chosen fit, as it is, evaluated on `validation`."""
+    space = Space(starts=auto.starts)
+    found = select(estimation, space, auto.search, auto.seed, journal=auto.journal, progress=candidate)
+    c = found.chosen.candidate
+    setting = Setting(c.structure, c.nb, c.nf, c.nk, c.input, c.output, auto.search, auto.starts, auto.seed)
+    return found, evaluate_fit(setting, found.fit, estimation, validation)

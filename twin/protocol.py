@@ -115,7 +115,7 @@ class ProtocolResult:
         found = []
         for r in self.joints:
             for name, e in (("default", r.default), ("final", r.final)):
-                largest = float(np.max(np.abs(e.fit.poles), initial=0.0))
+                largest = float(np.max(np.abs(e.poles), initial=0.0))
                 statement = f"{r.joint}: poles of the {name} model inside the unit circle"
                 found.append(Check(statement, f"largest |z| {largest:.6f}", e.stable))
             found.append(

@@ -112,6 +112,27 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "orders negative": (["good.csv", "--ts", "1", "--orders", "2,-1,1"], ["'2,-1,1'", "nf -1", "from 0"]),
     "orders nb zero": (["good.csv", "--ts", "1", "--orders", "0,3,1"], ["'0,3,1'", "nb 0", "from 1"]),
     "orders huge": (["good.csv", "--ts", "1", "--orders", "2,3000,1"], ["nf 3000", "to 100"]),
+    "orders of nlarx": (
+        ["good.csv", "--ts", "1", "--structure", "nlarx", "--orders", "2,0,1"],
+        ["'2,0,1'", "nb 0", "from 1"],
+    ),
+    "input map of nlarx": (
+        ["good.csv", "--ts", "1", "--structure", "nlarx", "--input-map", "saturation"],
+        ["nlarx", "no input map", "leave it out"],
+    ),
+    "focus": (["good.csv", "--ts", "1", "--structure", "nlarx", "--focus", "x"], ["focus 'x'", "simulation"]),
+    "focus of a chain": (["good.csv", "--ts", "1", "--focus", "simulation"], ["--focus", "nlarx"]),
+    "auto with orders": (["good.csv", "--ts", "1", "--structure", "auto", "--orders", "2,3,1"], ["--orders", "auto"]),
+    "auto with a map": (
+        ["good.csv", "--ts", "1", "--structure", "auto", "--output-map", "saturation"],
+        ["--output-map", "auto", "leave it out"],
+    ),
+    "auto with a search": (["good.csv", "--ts", "1", "--structure", "auto", "--search", "x"], ["search 'x'", "lm"]),
+    "resume without auto": (["good.csv", "--ts", "1", "--resume", "j"], ["--resume", "auto"]),
+    "resume from no journal": (
+        ["good.csv", "--ts", "1", "--structure", "auto", "--resume", "text.csv"],
+        ["text.csv", "no journal", "path"],
+    ),
     "split": (["good.csv", "--ts", "1", "--split", "1.5"], ["split is 1.5", "between 0 and 1"]),
     "split zero": (["good.csv", "--ts", "1", "--split", "0"], ["split is 0", "between 0 and 1"]),
     "starts": (["good.csv", "--ts", "1", "--starts", "0"], ["starts is 0", "at least 1"]),

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from typing import Any
 
 import numpy as np
 import polars
@@ -14,6 +15,7 @@ import pytest
 import scipy.io
 import scipy.signal
 
+import sysid
 import twin
 from sysid.preprocess import quick_start
 from twin import protocol, stills
@@ -107,6 +109,76 @@ def test_identify_prints_a_table_and_a_report_that_needs_no_network(tmp_path, mo
     assert_stands_alone(html)
     pictures = list((folder / "figures").glob("*.png"))
     assert html.count("<figcaption>") == html.count("<img ") == len(pictures) >= 6
+
+
+def test_the_model_files_say_what_the_summary_says_on_the_records_own_scale(tmp_path):
+    u, y = known_system()
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "u,y\n" + "".join(f"{a + 5.0!r},{b - 30.0!r}\n" for a, b in zip(u.tolist(), y.tolist(), strict=True))
+    )
+    arguments = ["--ts", str(TS), "--structure", "output_error", "--orders", "2,2,1", "--out", str(tmp_path / "out")]
+    assert main(["identify", str(path), *arguments]) == 0
+    fit = sysid.load(tmp_path / "out" / "model.json")
+    names: dict[str, Any] = {"__name__": "model"}
+    exec((tmp_path / "out" / "model.py").read_text(encoding="utf-8"), names)
+    found = np.array(names["simulate"]((u + 5.0).tolist()))
+    expected = fit.simulate(u - u.mean()) + (y - 30.0).mean()  # means were removed before the fit
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    assert "double model_step(" in (tmp_path / "out" / "model.c").read_text(encoding="utf-8")
+    html = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert all(f"model.{suffix}" in html for suffix in ("json", "c", "py"))
+    assert "The model in closed form" in html
+
+
+def test_identify_nlarx_keeps_free_run_and_one_step_apart(tmp_path, capsys):
+    (tmp_path / "log.csv").write_text(TEXTS["comma.csv"])
+    arguments = [str(tmp_path / "log.csv"), "--ts", str(TS), "--structure", "nlarx", "--starts", "2"]
+    assert main(["identify", *arguments, "--out", str(tmp_path / "out")]) == 0
+    out = capsys.readouterr().out
+    assert "fit, free run, validation part" in out
+    assert "fit, ONE STEP ahead, validation part" in out
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["setting"]["orders"] == {"na": 2, "nb": 2, "nk": 1}
+    assert summary["fit_percent"]["validation"] > 99.9  # the plant is an ARX model of these orders
+    assert summary["one_step_fit_percent"]["validation"] > 99.9
+    assert summary["criteria_of"] == "one step ahead"
+    assert summary["poles"] == []
+    names = {path.stem for path in (tmp_path / "out" / "figures").iterdir()}
+    assert {"free-run", "residuals"} <= names
+    assert not names & {"pole-zero", "step-response", "static-maps"}
+    assert not list((tmp_path / "out").glob("model.*"))
+
+
+def test_identify_auto_finds_a_linear_plant_and_goes_on_from_its_journal(tmp_path, capsys):
+    (tmp_path / "log.csv").write_text(TEXTS["comma.csv"])
+    journal = tmp_path / "journal.jsonl"
+    arguments = [
+        str(tmp_path / "log.csv"),
+        "--ts",
+        str(TS),
+        "--structure",
+        "auto",
+        "--starts",
+        "1",
+        "--detrend",
+        "none",
+    ]
+    arguments += ["--resume", str(journal), "--out", str(tmp_path / "out")]
+    summaries = []
+    for _ in range(2):
+        assert main(["identify", *arguments]) == 0
+        out = capsys.readouterr().out
+        assert "runs best on unseen data" in out
+        assert "chosen" in out
+        summaries.append(json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8")))
+        finished = journal.read_bytes()
+    assert journal.read_bytes() == finished  # nothing was judged twice
+    assert without_seconds(summaries[0]) == without_seconds(summaries[1])
+    selection = summaries[0]["selection"]
+    assert selection["chosen"]["structure"] == summaries[0]["setting"]["structure"]
+    assert summaries[0]["fit_percent"]["validation"] > 99.9
+    assert "Structure search" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
 def assert_stands_alone(html: str) -> None:

@@ -9,11 +9,41 @@ from typing import Any
 from twin.report.page import Grid, to_json
 
 
+class Steps:
+    """Takes the name of each step as it begins; `part` says how far the step is, from 0 to 1, and what it is at."""
+
+    def __init__(self, update: Callable[[float, str], None] = lambda done, name: None) -> None:
+        self._update = update
+        self._begun = 0
+
+    def __call__(self, name: str) -> None:
+        self._update(self._begun, name)
+        self._begun += 1
+
+    def part(self, done: float, name: str) -> None:
+        """Within the step that has begun."""
+        self._update(self._begun - 1 + done, name)
+
+
+class Rounds:
+    """Hears of `rounds` rounds of candidates, each counted from 1, and moves one step's part of the bar along."""
+
+    def __init__(self, steps: Steps, rounds: int) -> None:
+        self._steps, self._rounds, self._round, self._last = steps, rounds, 0, 0
+
+    def __call__(self, done: int, total: int, name: str) -> None:
+        if self._round == 0 or done <= self._last:
+            self._round += 1
+        self._last = done
+        share = min(self._round - 1 + done / total, self._rounds) / self._rounds
+        self._steps.part(share, f"round {self._round}: {done} of {total}, {name.replace('_', ' ')}")
+
+
 @contextmanager
-def progress(steps: int) -> Iterator[Callable[[str], None]]:
-    """A function that takes the name of the next of `steps` steps and shows it on a bar."""
+def progress(steps: int) -> Iterator[Steps]:
+    """What takes the names of `steps` steps and shows them on a bar where a person watches."""
     if not sys.stderr.isatty():
-        yield lambda name: None
+        yield Steps()
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -26,14 +56,7 @@ def progress(steps: int) -> Iterator[Callable[[str], None]]:
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=steps)
-        begun = False
-
-        def step(name: str) -> None:
-            nonlocal begun
-            bar.update(task, advance=1 if begun else 0, description=name)
-            begun = True
-
-        yield step
+        yield Steps(lambda done, name: bar.update(task, completed=done, description=name))
 
 
 def show(grid: Grid) -> None:

@@ -1,16 +1,25 @@
 """`qpal identify`: fit a model to a recorded file."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from sysid import searches, structures
 from sysid.blocks import STATIC
+from sysid.errors import InputError
+from sysid.nlarx import FOCUS
 from sysid.preprocess import DETREND
 from twin.cli import console, options
 from twin.cli.output import default_folder, output_folder
 from twin.logs import TABLE as READERS
+
+if TYPE_CHECKING:
+    from twin.evaluation import Setting
+    from twin.identification import Auto
+
+AUTO, NLARX = "auto", "nlarx"
+ROUNDS = 4  # of a structure search
 
 
 def identify(
@@ -19,15 +28,24 @@ def identify(
     output: Annotated[str | None, typer.Option(metavar="COL", help="column of the output")] = None,
     ts: Annotated[float | None, options.number("S", "sampling time in seconds")] = None,
     time: Annotated[str | None, typer.Option(metavar="COL", help="column of time in seconds, instead of --ts")] = None,
-    structure: Annotated[str, options.name("structure of the model", structures.TABLE)] = "hammerstein_wiener",
-    orders: Annotated[str, typer.Option(metavar="NB,NF,NK", help="zeros + 1, poles, delay in samples")] = "2,3,1",
+    structure: Annotated[
+        str, options.name("structure of the model, auto to search for one", [*structures.TABLE, AUTO])
+    ] = "hammerstein_wiener",
+    orders: Annotated[
+        str | None,
+        typer.Option(metavar="NB,NF,NK", help="zeros + 1, poles, delay in samples; of nlarx na,nb,nk [2,3,1; 2,2,1]"),
+    ] = None,
     input_map: Annotated[str | None, options.name("static map before the linear block", STATIC)] = None,
     output_map: Annotated[str | None, options.name("static map behind it", STATIC)] = None,
+    focus: Annotated[str | None, options.name("errors that nlarx is fitted by", FOCUS)] = None,
     search: Annotated[str, options.name("search method", searches.TABLE)] = "auto",
     split: Annotated[float, options.number("PART", "first part of the record, which is fitted to")] = 0.5,
     detrend: Annotated[str, options.name("what to remove", DETREND)] = "mean",
     starts: Annotated[int, options.whole("N", "number of starting points")] = 5,
     seed: Annotated[int, options.whole("N", "of the starting points that are drawn at random")] = 0,
+    resume: Annotated[
+        str | None, typer.Option(metavar="FILE", help="journal of --structure auto, which goes on from it after a kill")
+    ] = None,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
@@ -35,17 +53,54 @@ def identify(
 
     The columns are found by themselves in a log of `qpal simulate` and in a file of two columns.
     """
-    from twin.evaluation import Setting
+    setting = _setting(structure, orders, input_map, output_map, focus, search, starts, options.seed(seed), resume)
+    from twin.exports import export
     from twin.identification import identify_file
     from twin.report import identify as report
     from twin.report.page import write
 
-    nb, nf, nk = options.orders(orders)
-    setting = Setting(structure, nb, nf, nk, input_map, output_map, search, starts, options.seed(seed))
     folder = Path(out) if out is not None else default_folder("identify")
     with output_folder(folder) as scratch, console.progress(3) as step:
         step(f"reading {file}")
-        result = identify_file(file, setting, input, output, ts, time, split, detrend, lambda: step("fitting"))
+        rounds = console.Rounds(step, ROUNDS)
+        result = identify_file(
+            file, setting, input, output, ts, time, split, detrend, lambda: step("fitting"), candidate=rounds
+        )
         step("drawing")
-        write(scratch, report.page(result), result.as_dict())
+        exports = export(result.evaluation, scratch)
+        write(scratch, report.page(result, exports), result.as_dict())
     console.finish(folder, result.as_dict(), as_json, report.terminal_tables(result), report.terminal_sentences(result))
+
+
+def _setting(
+    structure: str,
+    orders: str | None,
+    input_map: str | None,
+    output_map: str | None,
+    focus: str | None,
+    search: str,
+    starts: int,
+    seed: int,
+    resume: str | None,
+) -> "Setting | Auto":
+    from twin.evaluation import Setting
+    from twin.identification import Auto
+
+    if focus is not None and structure != NLARX:
+        raise InputError(f"--focus is given with --structure {structure}; leave it out or give --structure {NLARX}")
+    if structure == AUTO:
+        for option, given in (("--orders", orders), ("--input-map", input_map), ("--output-map", output_map)):
+            if given is not None:
+                raise InputError(
+                    f"{option} is given with --structure {AUTO}, which searches it; leave it out or name a structure"
+                )
+        return Auto(search, starts, seed, None if resume is None else Path(resume))
+    if resume is not None:
+        raise InputError(f"--resume is given with --structure {structure}; only --structure {AUTO} keeps a journal")
+    if structure == NLARX:
+        n = options.orders(orders or "2,2,1", options.NLARX_ORDERS, "2,2,1")
+    else:
+        n = options.orders(orders or "2,3,1", options.CHAIN_ORDERS, "2,3,1")
+    poles = n["na" if structure == NLARX else "nf"]
+    maps = (input_map, output_map)
+    return Setting(structure, n["nb"], poles, n["nk"], *maps, search, starts, seed, focus or "prediction")

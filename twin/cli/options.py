@@ -42,20 +42,24 @@ def _whole(text: str) -> int:
         raise typer.BadParameter(f"found {text!r}, give a whole number") from None
 
 
-def orders(text: str) -> tuple[int, int, int]:
-    """nb, nf, nk out of '2,3,1'."""
+CHAIN_ORDERS = {"nb": 1, "nf": 0, "nk": 0}  # name and least value, in the order in which they are given
+NLARX_ORDERS = {"na": 0, "nb": 1, "nk": 0}
+
+
+def orders(text: str, names: dict[str, int], example: str) -> dict[str, int]:
+    """Orders by name out of '2,3,1'."""
     parts = [part.strip() for part in text.split(",")]
-    allowed = "give three whole numbers nb,nf,nk, for example 2,3,1"
+    allowed = f"give three whole numbers {','.join(names)}, for example {example}"
     if len(parts) != 3:
         raise InputError(f"--orders is {text!r} with {len(parts)} part(s); {allowed}")
     try:
-        nb, nf, nk = (int(part) for part in parts)
+        values = dict(zip(names, map(int, parts), strict=True))
     except ValueError:
         raise InputError(f"--orders is {text!r}, which are not all whole numbers; {allowed}") from None
-    for name, value, least in (("nb", nb, 1), ("nf", nf, 0), ("nk", nk, 0)):
-        if not least <= value <= 100:
-            raise InputError(f"--orders is {text!r} with {name} {value}; give {name} from {least} to 100")
-    return nb, nf, nk
+    for name, value in values.items():
+        if not names[name] <= value <= 100:
+            raise InputError(f"--orders is {text!r} with {name} {value}; give {name} from {names[name]} to 100")
+    return values
 
 
 def names(text: str) -> tuple[str, ...]:

@@ -61,35 +61,49 @@ def preprocessed(estimation: IOData, validation: IOData) -> Figure:
 
 @styled
 def free_run(evaluation: Evaluation) -> Figure:
-    """Measured output and the model's free run over both parts, and the error of the validation part."""
-    e = evaluation
+    """Measured output and the model's free run over both parts, and the error of the validation part.
+
+    A model that also runs one step ahead gets a panel of its own for that.
+    """
+    e, one = evaluation, evaluation.one_step
     y = shown(e.validation.y_name, e.validation.y_unit)
-    figure, axes = style.sheet(3, height=5.4)
-    parts = (
-        (axes[0, 0], "(a) estimation part", e.estimation, e.estimation_output, e.estimation_fit),
-        (axes[1, 0], "(b) validation part, never fitted to", e.validation, e.validation_output, e.validation_fit),
-    )
-    for ax, title, data, yhat, fit in parts:
-        _measured_and_model(ax, data, yhat, y, f"free run, fit {percent(fit)}")
-        ax.set(title=title, ylabel=y.label)
-        style.legend(ax)
+    parts = [
+        ("estimation part", e.estimation, e.estimation_output, f"free run, fit {percent(e.estimation_fit)}"),
+        (
+            "validation part, never fitted to",
+            e.validation,
+            e.validation_output,
+            f"free run, fit {percent(e.validation_fit)}",
+        ),
+    ]
+    figure, axes = style.sheet(3 if one is None else 4, height=5.4 if one is None else 7.2)
+    for k, (title, data, yhat, label) in enumerate(parts):
+        _measured_and_model(axes[k, 0], data, yhat, y, label)
+        axes[k, 0].set(title=f"({'ab'[k]}) {title}", ylabel=y.label)
+        style.legend(axes[k, 0])
     ax = axes[2, 0]
     error = (e.validation.y[:, 0] - e.validation_output) * y.factor
     style.line(ax, e.validation.t, error, color=style.SECOND, linewidth=0.9)
-    ax.set(title="(c) validation error, measured less free run", ylabel=y.label, xlabel="time [s]")
+    ax.set(title="(c) validation error, measured less free run", ylabel=y.label)
+    if one is not None:
+        ax, label = axes[3, 0], f"one step ahead, fit {percent(one.validation_fit)}"
+        _measured_and_model(ax, e.validation, one.validation_output, y, label, colour=style.INPUT)
+        ax.set(title="(d) one step ahead, NOT a free run", ylabel=y.label)
+        style.legend(ax)
+    axes[-1, 0].set(xlabel="time [s]")
     return figure
 
 
 @styled
-def comparison(evaluations: list[Evaluation], seconds: float | None = None) -> Figure:
-    """Measured validation output beside the free runs of several models, one panel each."""
-    first = evaluations[0].validation
+def comparison(evaluations: dict[str, Evaluation], seconds: float | None = None) -> Figure:
+    """Measured validation output beside the free runs of several models, one panel with its title each."""
+    first = next(iter(evaluations.values())).validation
     y = shown(first.y_name, first.y_unit)
     figure, axes = style.sheet(len(evaluations), height=0.5 + 1.9 * len(evaluations), sharex=True)
-    for ax, e in zip(axes[:, 0], evaluations, strict=True):
+    for ax, (title, e) in zip(axes[:, 0], evaluations.items(), strict=True):
         n = first.N if seconds is None else min(first.N, max(2, round(seconds / first.Ts)))
         _measured_and_model(ax, e.validation, e.validation_output, y, f"free run, fit {percent(e.validation_fit)}", n)
-        ax.set(ylabel=y.label)
+        ax.set(title=title, ylabel=y.label)
         style.legend(ax)
     axes[-1, 0].set(xlabel="time in the validation part [s]")
     return figure
@@ -208,9 +222,11 @@ def static_maps(maps: dict[str, Curve]) -> Figure:
     return figure
 
 
-def _measured_and_model(ax, data: IOData, yhat: np.ndarray, y: Quantity, label: str, n: int | None = None) -> None:
+def _measured_and_model(
+    ax, data: IOData, yhat: np.ndarray, y: Quantity, label: str, n: int | None = None, colour=style.MODEL
+) -> None:
     style.line(ax, data.t[:n], data.y[:n, 0] * y.factor, color=style.INK, label="measured")
-    style.line(ax, data.t[:n], yhat[:n] * y.factor, color=style.MODEL, label=label)
+    style.line(ax, data.t[:n], yhat[:n] * y.factor, color=colour, label=label)
     low, high = float(data.y.min()) * y.factor, float(data.y.max()) * y.factor
     pad = 0.35 * (high - low)  # a model that runs away leaves the frame instead of flattening the data
     ax.set_ylim(

@@ -1,52 +1,125 @@
 """The report of `qpal identify`: one record, one model."""
 
+from sysid import closed_form
+from sysid.fitting import Fit
 from twin.evaluation import Evaluation
+from twin.exports import Exports
 from twin.identification import Identification
 from twin.record import Record
 from twin.report import figures, sections, style
-from twin.report.page import Grid, Page, Picture, Section
+from twin.report.page import Grid, Listing, Page, Picture, Section
 from twin.report.units import Quantity, number, percent, poles
 from twin.versions import versions
 
+RANKED = 12  # rows of a structure search that are shown
+WARNINGS = 3  # of the advice, in the terminal
+_WEIGHT = {"warning": 0, "note": 1, "fine": 2}
 
-def page(result: Identification) -> Page:
-    """The report on a fit to a record."""
+
+def page(result: Identification, exports: Exports) -> Page:
+    """The report on a fit to a record; `exports` says which files hold the model."""
     record, e = result.record, result.evaluation
     return Page(
         title=f"Identification of {record.path.name}",
         subtitle=(
             f"{_column(record.input)} to {_column(record.output)}, {record.data.N} samples, Ts {record.data.Ts:g} s"
         ),
-        verdict=_verdict(e),
-        sections=[_data(record, e), _output(e), _model(e), _residuals(e)],
+        verdict=_verdict(result),
+        sections=[
+            _data(record, e),
+            _advice(result),
+            *_search(result),
+            _output(e),
+            _model(e),
+            _residuals(e),
+            _files(e, exports),
+        ],
         made_with=versions(),
     )
 
 
 def terminal_tables(result: Identification) -> list[Grid]:
-    """What the command prints: criteria and poles."""
-    return [sections.criteria_grid(result.evaluation), sections.pole_grid(result.evaluation)]
+    """What the command prints: the ranking of a search, criteria and poles."""
+    e = result.evaluation
+    ranking = [] if result.selection is None else [ranking_grid(result)]
+    return [*ranking, sections.criteria_grid(e), *sections.only([sections.pole_grid(e)])]
 
 
 def terminal_sentences(result: Identification) -> list[str]:
     """What the command says under its tables."""
     e = result.evaluation
+    chosen = [] if result.selection is None else [result.selection.sentence().replace("_", " ")]
+    advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
     notes = [f"Note: {note}." for note in (*result.record.notes, *e.notes)]
-    return [sections.tests_in_words(e), sections.search_sentence(e), *notes]
+    return [*chosen, sections.tests_in_words(e), sections.search_sentence(e), *advice, *notes]
+
+
+def ranking_grid(result: Identification) -> Grid:
+    """The best candidates of a structure search; the chosen one is marked, and all that equal the best."""
+    assert result.selection is not None
+    rows = []
+    for k, row in enumerate(result.selection.rows[:RANKED], start=1):
+        c = row.candidate
+        maps = " / ".join(m.replace("_", " ") for m in (c.input, c.output) if m) or "–"
+        chosen = c == result.selection.chosen.candidate
+        mark = "chosen" if chosen else ("equal" if row.equal else "")
+        name = f"{c.structure.replace('_', '-')} ({c.nb},{c.nf},{c.nk})"
+        rows.append((str(k), name, maps, percent(row.fit_percent), str(row.d), mark))
+    total = len(result.selection.rows)
+    caption = f"The best {len(rows)} of {total} candidates: fit on parts that they were not fitted to"
+    return Grid(("", "structure", "maps", "fit", "d", ""), rows, caption, text_columns=3, last_text=True)
+
+
+def _search(result: Identification) -> list[Section]:
+    if result.selection is None:
+        return []
+    how = (
+        "Every candidate was fitted to one half of the estimation part and run free over the other, and the other way "
+        "round; d counts its free parameters. Candidates marked equal cannot be told from the best by a paired t-test "
+        "at 95 %, and of these the smallest is chosen. The validation part was not looked at."
+    )
+    return [Section("Structure search", [result.selection.sentence().replace("_", " "), how], [ranking_grid(result)])]
+
+
+def _advice(result: Identification) -> Section:
+    ordered = sorted(result.advice, key=lambda a: _WEIGHT[a.severity])
+    rows = [(a.severity, a.topic, a.sentence.replace("^2", "²"), a.action or "–") for a in ordered]
+    return Section(
+        "Advice",
+        ["What the record says about itself before any model."],
+        [Grid(("", "topic", "finding", "what to do"), rows, text_columns=4)],
+    )
+
+
+def _files(e: Evaluation, exports: Exports) -> Section:
+    rows = [(name, what) for name, what in exports.files]
+    tables = [Grid(("file", "what it is"), rows, text_columns=2)] if rows else []
+    listings = []
+    if isinstance(e.fit, Fit) and not exports.notes:
+        listings = [Listing("The model in closed form", closed_form.text(e.fit))]
+    return Section("Model files", [sections.sentence(note) for note in exports.notes], tables, listings=listings)
 
 
 def _column(name: str) -> str:
     return f"column {name}" if name.isdigit() else name
 
 
-def _verdict(e: Evaluation) -> list[str]:
-    stable = "stable" if e.stable else "not stable"
+def _verdict(result: Identification) -> list[str]:
+    e = result.evaluation
     first = (
         f"A {sections.setting_in_words(e)} model runs free over the validation part with a fit of "
         f"{percent(e.validation_fit)} ({percent(e.estimation_fit)} on the part that it was fitted to). "
-        f"It is {stable}: poles {poles(e.fit.poles)}. {sections.tests_in_words(e)}"
+        f"{_stability(e)} {sections.tests_in_words(e)}"
     )
-    return [first, sections.search_sentence(e), *(f"Note: {note}." for note in e.notes)]
+    chosen = [] if result.selection is None else [result.selection.sentence().replace("_", " ")]
+    return [first, *chosen, sections.search_sentence(e), *(f"Note: {note}." for note in e.notes)]
+
+
+def _stability(e: Evaluation) -> str:
+    if e.one_step is None:
+        return f"It is {'stable' if e.stable else 'not stable'}: poles {poles(e.poles)}."
+    runs = "Its free run stays near the data." if e.stable else "Its free run RUNS AWAY from the data."
+    return f"{runs} One step ahead, where it sees all earlier outputs, it reaches {percent(e.one_step.validation_fit)}."
 
 
 def _data(record: Record, e: Evaluation) -> Section:
@@ -71,12 +144,15 @@ def _offset(quantity: Quantity, value: float) -> str:
     return f"{number(value * quantity.factor)} {quantity.unit}".rstrip()
 
 
+_ONE_STEP = " The last panel is no free run: each sample there is foretold from the measured ones before it."
+
+
 def _output(e: Evaluation) -> Section:
     run = Picture(
         "free-run",
         style.png(figures.free_run(e)),
         f"Measured output and the model's free run: only the input is used, and the first {e.fit.n_init} outputs of "
-        "each part for the initial state; these are not scored.",
+        f"each part for the initial state; these are not scored.{_ONE_STEP if e.one_step else ''}",
     )
     return Section("Model output", pictures=[run, sections.picture_of_close_ups("close-up", e)])
 
@@ -89,7 +165,8 @@ def _model(e: Evaluation) -> Section:
     ]
     return Section(
         "Model",
-        tables=[sections.criteria_grid(e), sections.pole_grid(e)],
+        [*filter(None, [sections.intervals_in_words(e)])],
+        tables=sections.only([sections.criteria_grid(e), sections.pole_grid(e)]),
         pictures=sections.only(pictures),
         details=[sections.parameter_grid(e)],
     )
@@ -97,4 +174,7 @@ def _model(e: Evaluation) -> Section:
 
 def _residuals(e: Evaluation) -> Section:
     picture = sections.picture_of_residuals("residuals", e)
-    return Section("Residual tests", [] if picture else [sections.tests_in_words(e)], pictures=sections.only([picture]))
+    words = [] if picture else [sections.tests_in_words(e)]
+    return Section(
+        "Residual tests", [*words, *filter(None, [sections.higher_in_words(e)])], pictures=sections.only([picture])
+    )

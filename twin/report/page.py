@@ -53,14 +53,23 @@ class Grid:
 
 
 @dataclass(frozen=True)
+class Listing:
+    """A text whose lines stay as they are, shown on request."""
+
+    caption: str
+    text: str
+
+
+@dataclass(frozen=True)
 class Section:
-    """A heading with what stands under it, in the order: paragraphs, tables, pictures, hidden tables."""
+    """A heading with what stands under it, in the order: paragraphs, tables, pictures, hidden tables and listings."""
 
     title: str
     paragraphs: Sequence[str] = ()
     tables: Sequence[Grid] = ()
     pictures: Sequence[Picture] = ()
     details: Sequence[Grid] = ()
+    listings: Sequence[Listing] = ()
     small_pictures: bool = False
 
     @property

@@ -117,7 +117,7 @@ def _row(r: JointResult, name: str, e: Evaluation) -> tuple[str, ...]:
         number(c.loss, 3),
         _yes(e.stable),
         verdicts,
-        poles(e.fit.poles),
+        poles(e.poles),
     )
 
 
@@ -214,13 +214,13 @@ def _pictures(r: JointResult) -> Iterator[Picture]:
     )
     yield Picture(
         _name("default", r),
-        style.png(figures.comparison([r.default], seconds)),
+        style.png(figures.comparison({"": r.default}, seconds)),
         f"{_lead('default', r)}Free run of the default Hammerstein-Wiener model over the first {seconds:g} s of the "
         "validation half (the paper's panel (a), NLARX, is left to the next release).",
     )
     yield Picture(
         _name("output", r),
-        style.png(figures.comparison([final], seconds)),
+        style.png(figures.comparison({"": final}, seconds)),
         f"{_lead('output', r)}Free run of the final model over the same seconds; a perfect model would reach "
         f"{r.ceiling:.1f} %.",
     )

@@ -1,13 +1,18 @@
 """What more than one report shows: each piece draws from finished numbers and says in a sentence what to see."""
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 
+from sysid.intervals import Interval, Root
+from sysid.nlarx_fit import ONE_STEP, NlarxFit
 from twin.evaluation import Evaluation
 from twin.report import figures, style
 from twin.report.page import Grid, Picture
 from twin.report.units import Quantity, number, percent, pole, poles, shown
+
+T = TypeVar("T")
 
 
 def picture_of_step(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
@@ -32,14 +37,16 @@ def signals(evaluation: Evaluation) -> tuple[Quantity, Quantity]:
 
 def picture_of_poles(
     name: str, evaluation: Evaluation, lead: str = "", references: dict[str, np.ndarray] | None = None
-) -> Picture:
-    """Pole-zero map with a sentence on stability."""
-    p = evaluation.fit.poles
+) -> Picture | None:
+    """Pole-zero map with a sentence on stability, where there is a linear block."""
+    if evaluation.one_step is not None:
+        return None
+    p = evaluation.poles
     inside = "all poles lie inside the unit circle, the model is stable" if evaluation.stable else "UNSTABLE"
     if not evaluation.stable:
         inside = f"{int(np.sum(np.abs(p) >= 1))} pole(s) lie on or outside the unit circle, the model is not stable"
     caption = f"{lead}Poles and zeros of the linear block: {inside} (poles {poles(p)})."
-    return Picture(name, style.png(figures.pole_zero(p, evaluation.fit.zeros, references)), caption)
+    return Picture(name, style.png(figures.pole_zero(p, evaluation.zeros, references)), caption)
 
 
 def picture_of_residuals(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
@@ -48,10 +55,29 @@ def picture_of_residuals(name: str, evaluation: Evaluation, lead: str = "") -> P
     if tests is None:
         return None
     caption = (
-        f"{lead}Tests of the validation residuals of the free run. {tests_in_words(evaluation)} A model that explains "
-        f"everything but noise stays inside the {tests.level:.0%} bounds."
+        f"{lead}Tests of the validation residuals {_residuals_of(evaluation)}. {tests_in_words(evaluation)} "
+        f"A model that explains everything but noise stays inside the {tests.level:.0%} bounds."
     )
     return Picture(name, style.png(figures.residuals(tests)), caption)
+
+
+def _one_step(evaluation: Evaluation) -> bool:
+    """Whether the criteria and residuals of a fit are about one step ahead instead of its free run."""
+    return isinstance(evaluation.fit, NlarxFit) and evaluation.fit.criteria_of == ONE_STEP
+
+
+def _residuals_of(evaluation: Evaluation) -> str:
+    return "one step ahead" if _one_step(evaluation) else "of the free run"
+
+
+def higher_in_words(evaluation: Evaluation) -> str:
+    """The tests that see a missing nonlinearity, in a sentence each."""
+    h = evaluation.higher
+    if h is None:
+        return ""
+    if h.passed:
+        return "Correlations of higher order (e with u², e² with u², e with e u) show no nonlinearity that was missed."
+    return " ".join(f"{a[0].upper()}{a[1:]}.".replace("^2", "²") for a in h.advice)
 
 
 def tests_in_words(evaluation: Evaluation) -> str:
@@ -61,8 +87,9 @@ def tests_in_words(evaluation: Evaluation) -> str:
         return "The validation part is too short for residual tests."
     white = "white" if t.white else "not white"
     independent = "independent of the input" if t.independent else "not independent of the input"
+    subject = "The residuals one step ahead" if _one_step(evaluation) else "The residuals"
     return (
-        f"The residuals are {white} ({t.whiteness_outside} of {len(t.lags) - 1} lags outside) and {independent} "
+        f"{subject} are {white} ({t.whiteness_outside} of {len(t.lags) - 1} lags outside) and {independent} "
         f"({t.independence_outside} of {len(t.cross_lags)} lags outside)."
     )
 
@@ -84,15 +111,49 @@ def picture_of_maps(name: str, evaluation: Evaluation, lead: str = "") -> Pictur
     return Picture(name, style.png(figures.static_maps(evaluation.maps)), caption)
 
 
-def pole_grid(evaluation: Evaluation) -> Grid:
-    """Poles with standard deviation and time constant, then zeros."""
-    fit = evaluation.fit
+def pole_grid(evaluation: Evaluation) -> Grid | None:
+    """Poles with the 95 % intervals of modulus and time constant, then zeros; None where there is no linear block."""
+    if evaluation.one_step is not None:
+        return None
+    Ts = evaluation.fit.Ts
+    roots: Sequence[Root | None] = evaluation.roots or [None] * len(evaluation.poles)
     rows = [
-        ("pole", pole_exact(z), number(std, 2), number(abs(z), 5), _time_constant(z, fit.Ts))
-        for z, std in zip(fit.poles.tolist(), fit.pole_std.tolist(), strict=True)
+        (
+            "pole",
+            pole_exact(z),
+            number(abs(z), 5),
+            _between(r.modulus if r else None),
+            _time_constant(z, Ts),
+            _lasting(r),
+        )
+        for z, r in zip(evaluation.poles.tolist(), roots, strict=True)
     ]
-    rows += [("zero", pole_exact(z), "–", number(abs(z), 5), "–") for z in fit.zeros.tolist()]
-    return Grid(("", "z", "std", "|z|", "time constant [s]"), rows, "Poles and zeros of the linear block")
+    rows += [("zero", pole_exact(z), number(abs(z), 5), "–", "–", "–") for z in evaluation.zeros.tolist()]
+    headings = ("", "z", "|z|", "95 % interval", "time constant [s]", "95 % interval")
+    return Grid(headings, rows, "Poles and zeros of the linear block")
+
+
+def intervals_in_words(evaluation: Evaluation) -> str:
+    """How the intervals of the poles are meant, and what keeps one from being trusted."""
+    if not evaluation.roots:
+        return ""
+    notes = dict.fromkeys(r.note or r.modulus.note for r in evaluation.roots)
+    notes.pop("", None)
+    coloured = evaluation.tests is not None and not evaluation.tests.white
+    how = "allow for the colour of the residuals" if coloured else "take the residuals as white"
+    words = f"Intervals are those of this structure on this record and {how}; they say nothing of what it leaves out."
+    return " ".join([words, *(f"Of a pole: {note}." for note in notes)])
+
+
+def _between(interval: Interval | None, digits: int = 4) -> str:
+    """The interval of a quantity that is never negative."""
+    if interval is None or not np.isfinite(interval.std):
+        return "not known"
+    return f"{number(max(interval.lower, 0.0), digits)} to {number(interval.upper, digits)}"
+
+
+def _lasting(root: Root | None) -> str:
+    return "not known" if root is None else _between(root.time_constant, 3)
 
 
 def pole_exact(z: complex) -> str:
@@ -117,6 +178,7 @@ def criteria_grid(evaluation: Evaluation) -> Grid:
     rows = [
         ("fit, free run, validation part", percent(evaluation.validation_fit)),
         ("fit, free run, estimation part", percent(evaluation.estimation_fit)),
+        *_one_step_rows(evaluation),
         (f"loss V, mean squared error{unit}", number(c.loss)),
         (f"FPE{unit}", number(c.fpe)),
         ("AIC", number(c.aic)),
@@ -125,7 +187,18 @@ def criteria_grid(evaluation: Evaluation) -> Grid:
         ("BIC", number(c.bic)),
         ("free parameters d / samples N", f"{c.d} / {c.N}"),
     ]
-    return Grid(("criterion", "value"), rows)
+    caption = "FPE, AIC and BIC are about errors one step ahead" if _one_step(evaluation) else ""
+    return Grid(("criterion", "value"), rows, caption)
+
+
+def _one_step_rows(evaluation: Evaluation) -> list[tuple[str, str]]:
+    one = evaluation.one_step
+    if one is None:
+        return []
+    return [
+        ("fit, ONE STEP ahead, validation part", percent(one.validation_fit)),
+        ("fit, ONE STEP ahead, estimation part", percent(one.estimation_fit)),
+    ]
 
 
 def search_sentence(evaluation: Evaluation) -> str:
@@ -142,7 +215,11 @@ def setting_in_words(evaluation: Evaluation) -> str:
     """Structure, orders and maps in one phrase."""
     s = evaluation.setting
     maps = [f"{role} map {name.replace('_', ' ')}" for role, name in _map_names(evaluation)]
-    return ", ".join([f"{s.structure.replace('_', '-').title()} (nb {s.nb}, nf {s.nf}, nk {s.nk})", *maps])
+    orders = ", ".join(f"{name} {value}" for name, value in s.orders.items())
+    if isinstance(evaluation.fit, NlarxFit):
+        network = evaluation.fit.network
+        return f"NLARX ({orders}) with a wavelet network of {network.units} units"
+    return ", ".join([f"{s.structure.replace('_', '-').title()} ({orders})", *maps])
 
 
 def sentence(phrase: str) -> str:
@@ -150,9 +227,9 @@ def sentence(phrase: str) -> str:
     return f"{phrase[0].upper()}{phrase[1:]}."
 
 
-def only(pictures: Sequence[Picture | None]) -> list[Picture]:
+def only(things: Sequence[T | None]) -> list[T]:
     """Those that exist."""
-    return [p for p in pictures if p is not None]
+    return [thing for thing in things if thing is not None]
 
 
 def _map_names(evaluation: Evaluation) -> list[tuple[str, str]]:
