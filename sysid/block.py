@@ -90,6 +90,14 @@ class Block(ABC):
         """Columns (p, p): the directions in which a search sees this block's parameters."""
         return np.eye(self.n_parameters)
 
+    def coarser(self) -> "Block | None":
+        """A smaller block that is easier to find a way with, or None; `refine` leads back."""
+        return None
+
+    def refine(self, theta: np.ndarray) -> np.ndarray:
+        """theta (p,) of this block that draws the very curve of its coarser block at theta."""
+        return theta
+
     def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How sharply the map bends at each of its knots (k,), in its own mean slope, and the derivative (k, p).
 

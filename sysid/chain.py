@@ -125,6 +125,18 @@ class Chain:
         """The block with this role, or None."""
         return next((b for b in self.blocks if b.role == role), None)
 
+    def coarser(self) -> "Chain | None":
+        """The chain with its maps' coarser variants, None where there are none or parameters are held by name."""
+        blocks = tuple(b.coarser() or b for b in self.blocks)
+        if blocks == self.blocks or self.fixed or self.bounds:
+            return None
+        return replace(self, blocks=blocks)
+
+    def refine(self, coarse: "Chain", theta: np.ndarray) -> np.ndarray:
+        """theta (P,) with the output of the coarser chain at theta."""
+        pairs = zip(self.blocks, coarse.blocks, strict=True)
+        return np.concatenate([b.refine(coarse.part(theta, c)) if b != c else coarse.part(theta, c) for b, c in pairs])
+
     def admissible(self, theta: np.ndarray) -> bool:
         """False where theta makes no usable chain (unstable, knots out of order, outside the bounds)."""
         return bool(np.all(np.isfinite(theta))) and all(b.admissible(self.part(theta, b)) for b in self.blocks)

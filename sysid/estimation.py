@@ -104,7 +104,7 @@ def fit(
         raise InputError(f"starts is {starts}; give at least 1")
     with one_blas_thread():
         points = [_own_start(model, start)] if start is not None else make_starts(model, data, starts, seed)
-        problems = [run.problem(with_initial_states(model, theta, data)) for theta in points]
+        problems = _calmed(run, [run.problem(with_initial_states(model, theta, data)) for theta in points])
         outcomes = _race(run, problems)
         costs = [o.cost for o in outcomes]
         best = int(np.argmin(costs))
@@ -153,20 +153,35 @@ def _race(run: _Run, problems: list[ChainProblem]) -> list[Outcome]:
 def _settle(run: _Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
     """Go on with what needs to know the noise: Huber's corner and the calm of the maps follow the residuals' spread."""
     robust, calm = run.objective.robust, run.objective.calm
-    calm = calm if len(run.model.bends(problem.thetas(outcome.p)[0])[0]) else 0.0
-    if robust is None and not calm:
-        return problem, outcome
-    before = 0.0
     for _ in range(_PASSES):
-        e = replace(problem.bare, corner=np.inf).residual(outcome.p)
-        assert e is not None
-        noise = max(float(np.std(e)) if robust is None else spread(e), 1e-12 * np.sqrt(problem.size / len(e)))
-        if abs(noise - before) < 0.05 * noise:
+        noise = _noise(problem, outcome.p, robust is not None)
+        # How heavy a bend is need not be known closely, where the corner stands a little more.
+        settled = robust is None or abs(problem.corner / robust - noise) < 0.05 * noise
+        if settled and (problem.calm == 0.0 or calm * noise < problem.calm * 1.25 < 2.0 * calm * noise):
             break
-        before = noise
-        problem = replace(problem, corner=np.inf if robust is None else robust * noise, calm=calm * noise)
+        weight = calm * noise if problem.calm else 0.0
+        problem = replace(problem, corner=np.inf if robust is None else robust * noise, calm=weight)
         outcome = _joined(outcome, run.iterate(problem, outcome.p, run.options))
     return problem, outcome
+
+
+def _calmed(run: _Run, problems: list[ChainProblem]) -> list[ChainProblem]:
+    """The problems with one weight on their maps' bends, from the least noise that any start leaves."""
+    bends = len(run.model.bends(problems[0].theta0[0])[0])
+    if not run.objective.calm or not bends:
+        return problems
+    noise = min(_noise(problem, problem.start, False) for problem in problems)
+    return (
+        [replace(problem, calm=run.objective.calm * noise) for problem in problems] if np.isfinite(noise) else problems
+    )
+
+
+def _noise(problem: ChainProblem, p: np.ndarray, robust: bool) -> float:
+    """Standard deviation of the residuals at p, infinite where there is no model, never quite zero."""
+    e = replace(problem.bare, corner=np.inf).residual(p)
+    if e is None or not np.all(np.isfinite(e)):
+        return np.inf
+    return max(spread(e) if robust else float(np.std(e)), 1e-12 * np.sqrt(problem.size / len(e)))
 
 
 def _joined(first: Outcome, then: Outcome) -> Outcome:

@@ -11,12 +11,14 @@ from sysid.iterate import Options, iterate
 from sysid.problem import ChainProblem
 from sysid.searches import LevenbergMarquardt
 
+_COARSE = 12  # steps with coarse maps
+
 
 def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
     """`count` starting points theta (P,): linear models first, then variations of their poles and maps.
 
     Of several experiments the longest gives the start. Chains of several channels or of two transfer functions start in
-    `sysid.initial_multi`.
+    `sysid.initial_multi`. Maps of many knots begin with few: the best of these is a better place to start from.
     """
     record = max(data.experiments, key=lambda e: e.N)
     # One generator a start, so that start k is the same however many are asked for.
@@ -24,12 +26,22 @@ def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray
     if chain.channels != (1, 1) or len(chain.dynamics) != 1:
         from sysid.initial_multi import multi_starts
 
-        found = multi_starts(chain, record, draws)
-    else:
-        u, y = record.u[:, 0], record.y[:, 0]
-        found = linear_starts(chain, u, y)[: 1 + count // 2]
-        found += [_variation(chain, found[k % len(found)], u, y, rng) for k, rng in enumerate(draws[len(found) - 1 :])]
+        return [_with_fixed(chain, theta) for theta in multi_starts(chain, record, draws)]
+    u, y = record.u[:, 0], record.y[:, 0]
+    coarse = chain.coarser()
+    simple = coarse or chain
+    found = linear_starts(simple, u, y)[: 1 + count // 2]
+    found += [_variation(simple, found[k % len(found)], u, y, rng) for k, rng in enumerate(draws[len(found) - 1 :])]
+    if coarse is not None:
+        found = [chain.refine(coarse, _few_steps(coarse, theta, u, y)) for theta in found]
     return [_with_fixed(chain, theta) for theta in found]
+
+
+def _few_steps(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """theta (P,) after a few Levenberg-Marquardt steps."""
+    problem = ChainProblem.whole(chain, theta, u, y)
+    out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=_COARSE, tolerance=0.1))
+    return problem.thetas(out.p)[0] if np.isfinite(out.cost) else theta
 
 
 def with_initial_states(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:

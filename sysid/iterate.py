@@ -242,17 +242,17 @@ def iterate(
             progress(iteration + 1, cost / lin.N)
         if stalled(history):
             # Kinks of a map can keep a promise from ever being met; a loss that stands still is an end all the same.
-            reason, converged = f"the loss fell by less than 1e-4 % in each of the last {_STALL} iterations", True
+            reason = f"the loss fell by less than {100 * _STILL:g} % over the last {_STALL} iterations"
+            converged = expected <= SMALL
             break
     return Outcome(p, cost, Stop(reason, converged, iteration, evaluations), tuple(history))
 
 
-_STALL = 8
+_STALL, _STILL = 4, 1e-5
 
 
 def stalled(history: list[dict[str, Any]]) -> bool:
     """True where the last few steps together changed next to nothing."""
     if len(history) <= _STALL:
         return False
-    losses = np.array([row["loss"] for row in history[-_STALL - 1 :]])
-    return bool(np.all(losses[:-1] - losses[1:] < 1e-6 * losses[:-1]))
+    return history[-_STALL - 1]["loss"] - history[-1]["loss"] < _STILL * history[-1]["loss"]

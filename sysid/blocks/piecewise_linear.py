@@ -1,6 +1,6 @@
 """Piecewise linear map through free break points, end slopes extended."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,6 +81,19 @@ class PiecewiseLinear(StaticBlock):
         bend, dS = np.diff(s) / S, np.sign(s) @ ds / (n - 1)
         d = (np.diff(ds, axis=0) - np.outer(bend, dS)) / S
         return bend, d if self.free_knots else d[:, n:]
+
+    def coarser(self) -> "PiecewiseLinear | None":
+        """Half the knots: fewer places for a search to lose its way."""
+        return replace(self, knots=self.knots // 2) if self.free_knots and not self.at and self.knots >= 8 else None
+
+    def refine(self, theta: np.ndarray) -> np.ndarray:
+        """New knots on the coarse curve, each in the middle of the widest gap that is left."""
+        x, y = theta[: len(theta) // 2], theta[len(theta) // 2 :]
+        fine = x
+        while len(fine) < self.knots:
+            widest = int(np.argmax(np.diff(fine)))
+            fine = np.insert(fine, widest + 1, 0.5 * (fine[widest] + fine[widest + 1]))
+        return np.concatenate([fine, np.interp(fine, x, y)])
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         zero, one = np.zeros(self.knots), np.ones(self.knots)

@@ -74,6 +74,8 @@ class TransferFunction(Block):
     def admissible(self, theta: np.ndarray) -> bool:
         if self.stability == "free" or self.nf == 0:
             return True
+        if _inside(self.split(theta)[1].tolist()):
+            return True
         poles = self.poles(theta)
         near_one = np.abs(poles - 1.0) < _CLUSTER
         return bool(np.all((np.abs(poles) <= 1.0 + 1e-12) | near_one))
@@ -179,6 +181,17 @@ class TransferFunction(Block):
             if poles[k].imag and poles[k] == poles[k - 1].conjugate():
                 powers[k] = powers[k - 1]
         return poles * np.abs(poles) ** (powers - 1.0)
+
+
+def _inside(f: list[float]) -> bool:
+    """True where all roots of z^n + f1 z^(n-1) + ... lie inside the unit circle (Schur-Cohn; faster than roots)."""
+    a = [1.0, *f]
+    for m in range(len(f), 0, -1):
+        k = a[m]
+        if not abs(k) < 1.0:
+            return False
+        a = [(a[i] - k * a[m - i]) / (1.0 - k * k) for i in range(m)]
+    return True
 
 
 def _drawn(n: int, rng: np.random.Generator) -> np.ndarray:

@@ -94,6 +94,17 @@ def test_bends_are_exact_and_no_gauge_moves_them():
     np.testing.assert_allclose(d @ chain.gauge(theta), 0.0, atol=1e-9 * np.abs(d).max())
 
 
+@pytest.mark.parametrize("seed", range(200))
+def test_admissible_is_what_the_roots_say(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 6))
+    pairs = rng.uniform(0.2, 1.1, n // 2) * np.exp(1j * rng.uniform(0, np.pi, n // 2))
+    roots = np.concatenate([pairs, pairs.conj(), rng.uniform(-1.1, 1.1, n % 2)])
+    block = TransferFunction(1, n, 1, initial_state=False)
+    theta = np.concatenate([[1.0], np.real(np.poly(roots))[1:]])
+    assert block.admissible(theta) == bool(np.all(np.abs(roots) <= 1.0))
+
+
 def test_repair_parts_knots_that_met_and_leaves_others_alone():
     block, theta = BLOCKS["piecewise_linear"]
     assert block.repair(theta) is theta
