@@ -14,7 +14,7 @@ from sysid.data import IOData
 from sysid.errors import InputError, unknown
 from sysid.fitting import Fit, check_channels
 from sysid.initial import starts as make_starts
-from sysid.initial import with_initial_states
+from sysid.initial_state import with_initial_states
 from sysid.iterate import Options, Outcome, iterate
 from sysid.nlarx import Nlarx
 from sysid.nlarx_fit import NlarxFit

@@ -12,7 +12,7 @@ from sysid.chain import Chain
 from sysid.criteria import Criteria, fit_percent
 from sysid.data import IOData, siso
 from sysid.errors import InputError
-from sysid.initial import estimate_initial
+from sysid.initial_state import estimate_initial
 from sysid.iterate import Stop
 from sysid.residuals import ResidualTests, residual_tests
 from sysid.threads import one_blas_thread

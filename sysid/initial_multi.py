@@ -9,7 +9,8 @@ from sysid.blocks import Channels, TransferFunction, TransferMatrix
 from sysid.chain import Chain
 from sysid.data import IOData
 from sysid.errors import InputError
-from sysid.initial import lay_maps, output_error_start, solve_linear
+from sysid.laying import lay_maps
+from sysid.linear_start import output_error_start, solve_linear
 
 
 def multi_starts(chain: Chain, data: IOData, draws: list[np.random.Generator]) -> list[np.ndarray]:

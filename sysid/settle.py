@@ -8,7 +8,7 @@ from sysid.data import IOData
 
 def settled(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
     """theta (P,) with the initial states that fit one experiment best."""
-    from sysid.initial import estimate_initial
+    from sysid.initial_state import estimate_initial
 
     return estimate_initial(chain, theta, data)
 

@@ -6,7 +6,7 @@ import pytest
 from scipy.signal import dlsim, lfilter
 
 import sysid
-from sysid.initial import refined_iv
+from sysid.linear_start import refined_iv
 from sysid.linearize import findop, linapp, tangent, tangent_ss
 from sysid.poles import match
 from sysid.systems import system

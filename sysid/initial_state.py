@@ -1,0 +1,70 @@
+"""The initial state of a free run, fitted to the first outputs of a record."""
+
+import numpy as np
+
+from sysid.block import StaticBlock
+from sysid.chain import Chain
+from sysid.data import IOData
+from sysid.iterate import Options, iterate
+from sysid.problem import ChainProblem
+from sysid.searches import LevenbergMarquardt
+
+
+def estimate_initial(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
+    """theta (P,) with its initial states fitted to a record, everything else kept.
+
+    The search starts from rest and from the steady state that comes nearest to y; the better end counts.
+    """
+    if not chain.initial.any():
+        return theta
+    candidates = [_at_rest(chain, theta)]
+    if chain.channels == (1, 1) and len(chain.dynamics) == 1:
+        candidates.append(_steady(chain, theta, data.u[:, 0], data.y[:, 0]))
+    best, best_cost = theta, np.inf
+    for candidate in candidates:
+        problem = ChainProblem.initial_state(chain, candidate, data)
+        out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=50))
+        if out.cost < best_cost:
+            best, best_cost = problem.thetas(out.p)[0], out.cost
+    return best
+
+
+def with_initial_states(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
+    """theta (K, P) for K experiments: the same model, the initial state of each fitted where there are several."""
+    if len(data.lengths) == 1:
+        return theta[None, :].copy()
+    return np.array([estimate_initial(chain, theta, e) for e in data.experiments])
+
+
+def _at_rest(chain: Chain, theta: np.ndarray) -> np.ndarray:
+    return np.where(chain.initial, 0.0, theta)
+
+
+def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Initial states as if the linear block's output had stood at the level where the chain shows y's first value."""
+    linear = chain.linear
+    k = chain.blocks.index(linear)
+    rest = _at_rest(chain, theta)
+    x = chain.simulate(rest, u) if k == len(chain.blocks) - 1 else _tail_input(chain, rest, u)
+    span = np.ptp(x) + abs(float(np.mean(x))) + 1e-12
+    spans = [span]
+    last = chain.blocks[-1]
+    if isinstance(last, StaticBlock) and any(s.name.startswith("x") for s in last.slots()):
+        knots = chain.part(theta, last)[: last.n_parameters // 2]
+        spans.append(float(np.max(np.abs(knots))))
+    levels = np.linspace(-2.0, 2.0, 401) * max(spans)
+    shown = levels
+    for b in chain.blocks[k + 1 :]:
+        shown = b.propagate(chain.part(theta, b), shown, np.empty((len(shown), 0)), 0)
+    level = float(levels[np.argmin(np.abs(shown - float(np.mean(y[:3]))))])
+    # x_t stays at `level` without input if c_t = level * (1 + f1 + ... + ft).
+    _, F = linear.padded(chain.part(theta, linear))
+    part = rest[chain.index(linear)]
+    part[linear.nb + linear.nf :] = level * np.cumsum(F)[:-1]
+    rest[chain.index(linear)] = part
+    return rest
+
+
+def _tail_input(chain: Chain, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
+    k = chain.blocks.index(chain.linear)
+    return Chain(chain.blocks[: k + 1]).simulate(theta[: chain.index(chain.linear).stop], u)
