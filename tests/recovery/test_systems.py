@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 import sysid
 from sysid.criteria import fit_percent
 from sysid.initial import starts
 from sysid.poles import match
 from sysid.problem import ChainProblem
+from sysid.searches import TABLE as SEARCHES
 from sysid.systems import TABLE, system
 
 
@@ -66,6 +68,19 @@ def test_every_search_reaches_the_same_optimum(search):
     data = plant.record(3000, 0.01, np.random.default_rng(21))
     best = sysid.fit(plant.chain, data, search="lm", options=sysid.Options(tolerance=1e-8))
     fit = sysid.fit(plant.chain, data, search=search)
+    assert fit.stop.converged
+    assert fit.criteria.loss == pytest.approx(best.criteria.loss, rel=2e-4)  # the tolerance is 0.01 % of the loss
+
+
+@pytest.mark.parametrize("search", sorted(SEARCHES))
+def test_every_search_reaches_the_optimum_of_a_well_conditioned_problem(search):
+    """One pole, white input, from a start that is far off; steepest descent too."""
+    rng = np.random.default_rng(23)
+    u = rng.normal(size=1000)
+    y = lfilter([0, 0.5], [1, -0.6], u) + 0.1 * rng.normal(size=1000)
+    model, data = sysid.structures.output_error(1, 1, 1), sysid.IOData(u, y, 1.0)
+    best = sysid.fit(model, data, search="lm", options=sysid.Options(tolerance=1e-10))
+    fit = sysid.fit(model, data, search=search, start=np.array([3.0, 0.5, 0.0]))
     assert fit.stop.converged
     assert fit.criteria.loss == pytest.approx(best.criteria.loss, rel=2e-4)  # the tolerance is 0.01 % of the loss
 
