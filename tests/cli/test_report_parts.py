@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from twin.cli.console import Rounds, Steps
 from twin.report import style
 from twin.report.page import Grid, to_json
 from twin.report.units import number, percent, poles, shown
@@ -71,3 +72,15 @@ def test_a_grid_of_some_columns_keeps_what_is_text():
     part = grid.only("a", "c", "d")
     assert [list(row) for row in part.rows] == [["1", "3", "4"]]
     assert [part.is_text(j) for j in range(3)] == [True, False, True]
+
+
+def test_a_search_of_several_rounds_moves_one_step_of_the_bar_and_names_its_candidate():
+    seen = []
+    steps = Steps(lambda done, name: seen.append((done, name)))
+    steps("reading")
+    steps("fitting")
+    rounds = Rounds(steps, 2)
+    for done, total, name in ((1, 2, "a"), (2, 2, "b"), (1, 1, "wiener (1,1,1) dead_zone"), (1, 1, "a third round")):
+        rounds(done, total, name)
+    assert [round(done, 3) for done, _ in seen] == [0, 1, 1.25, 1.5, 2, 2]
+    assert seen[4][1] == "round 2: 1 of 1, wiener (1,1,1) dead zone"

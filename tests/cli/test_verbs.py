@@ -270,6 +270,23 @@ def test_a_stopped_run_cleans_up_and_says_so(number, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_stopped_search_keeps_its_journal_and_says_how_to_go_on(tmp_path):
+    (tmp_path / "log.csv").write_text(TEXTS["comma.csv"])
+    command = [sys.executable, "-m", "twin.cli", "identify", "log.csv", "--ts", "0.05", "--structure", "auto"]
+    command += ["--resume", "kept.jsonl", "--out", "out"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    journal = tmp_path / "kept.jsonl"
+    while not (journal.exists() and journal.read_bytes().count(b"\n") > 3):
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(signal.SIGTERM)
+    out, err = process.communicate()
+    assert process.returncode == 130
+    assert out == ""
+    assert err.splitlines()[-1] == "qpal: stopped; run it again with --resume kept.jsonl to go on from there"
+    assert {path.name for path in tmp_path.iterdir()} == {"log.csv", "kept.jsonl"}
+
+
 @pytest.fixture(scope="module")
 def reproduced(tmp_path_factory):
     """One short run of the protocol: exit code, folder, summary."""
@@ -286,6 +303,10 @@ def test_reproduce_has_every_joint_model_and_check(reproduced):
             assert 0 < joint[model]["fit_percent"]["validation"] <= joint["ceiling"] <= 100
             inside = all(abs(complex(pole["re"], pole["im"])) < 1 for pole in joint[model]["poles"])
             assert joint[model]["stable"] == inside
+        nlarx = joint["nlarx"]
+        assert set(nlarx["fit_percent"]) == set(nlarx["one_step_fit_percent"]) == {"estimation", "validation"}
+        assert nlarx["fit_percent"]["validation"] <= joint["ceiling"]
+        assert nlarx["setting"]["orders"] == {"na": 2, "nb": 2, "nk": 1}
         assert joint["truth_error"] < 1e-3
     assert len(summary["checks"]) == 9
     assert summary["holds"] == all(check["holds"] for check in summary["checks"])

@@ -14,7 +14,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     from sysid.errors import InputError
     from twin.cli.app import build
+    from twin.cli.console import Stopped
 
+    kept = "nothing was written"
     previous = _stop_on_terminate()
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
@@ -33,11 +35,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(f"{error.filename or 'output'}: {error.strerror or error}; nothing was written")
     except KeyboardInterrupt:
         code = 130
+    except Stopped as stopped:
+        code, kept = 130, str(stopped)
     finally:
         if previous is not None:
             signal.signal(signal.SIGTERM, previous)
     if code == 130:
-        print("qpal: stopped; nothing was written", file=sys.stderr)
+        print(f"qpal: stopped; {kept}", file=sys.stderr)
     return code if isinstance(code, int) else 0
 
 

@@ -9,6 +9,10 @@ from typing import Any
 from twin.report.page import Grid, to_json
 
 
+class Stopped(Exception):  # noqa: N818 - a person stopped it: no error
+    """A person ended the run; the text says what was kept and how to go on."""
+
+
 class Steps:
     """Takes the name of each step as it begins; `part` says how far the step is, from 0 to 1, and what it is at."""
 

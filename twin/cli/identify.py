@@ -63,9 +63,14 @@ def identify(
     with output_folder(folder) as scratch, console.progress(3) as step:
         step(f"reading {file}")
         rounds = console.Rounds(step, ROUNDS)
-        result = identify_file(
-            file, setting, input, output, ts, time, split, detrend, lambda: step("fitting"), candidate=rounds
-        )
+        try:
+            result = identify_file(
+                file, setting, input, output, ts, time, split, detrend, lambda: step("fitting"), candidate=rounds
+            )
+        except KeyboardInterrupt:
+            if resume is None:
+                raise
+            raise console.Stopped(f"run it again with --resume {resume} to go on from there") from None
         step("drawing")
         exports = export(result.evaluation, scratch)
         write(scratch, report.page(result, exports), result.as_dict())
