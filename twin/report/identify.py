@@ -2,6 +2,8 @@
 
 from sysid import closed_form
 from sysid.fitting import Fit
+from sysid.select import Selection
+from sysid.structures import TABLE
 from twin.evaluation import Evaluation
 from twin.exports import Exports
 from twin.identification import Identification
@@ -48,7 +50,7 @@ def terminal_tables(result: Identification) -> list[Grid]:
 def terminal_sentences(result: Identification) -> list[str]:
     """What the command says under its tables."""
     e = result.evaluation
-    chosen = [] if result.selection is None else [result.selection.sentence().replace("_", " ")]
+    chosen = [] if result.selection is None else [_found(result.selection)]
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
     notes = [f"Note: {note}." for note in (*result.record.notes, *e.notes)]
     return [*chosen, sections.tests_in_words(e), sections.search_sentence(e), *advice, *notes]
@@ -58,16 +60,26 @@ def ranking_grid(result: Identification) -> Grid:
     """The best candidates of a structure search; the chosen one is marked, and all that equal the best."""
     assert result.selection is not None
     rows = []
-    for k, row in enumerate(result.selection.rows[:RANKED], start=1):
+    for k, row in enumerate(result.selection.rows, start=1):
         c = row.candidate
+        if k > RANKED and c != result.selection.chosen.candidate:
+            continue
         maps = " / ".join(m.replace("_", " ") for m in (c.input, c.output) if m) or "–"
         chosen = c == result.selection.chosen.candidate
         mark = "chosen" if chosen else ("equal" if row.equal else "")
         name = f"{c.structure.replace('_', '-')} ({c.nb},{c.nf},{c.nk})"
         rows.append((str(k), name, maps, percent(row.fit_percent), str(row.d), mark))
     total = len(result.selection.rows)
-    caption = f"The best {len(rows)} of {total} candidates: fit on parts that they were not fitted to"
+    caption = f"The best {min(RANKED, total)} of {total} candidates and the chosen one: fit on parts not fitted to"
     return Grid(("", "structure", "maps", "fit", "d", ""), rows, caption, text_columns=3, last_text=True)
+
+
+def _found(selection: Selection) -> str:
+    """What the search found, with the names of structures and maps as people write them."""
+    text = selection.sentence()
+    for name in TABLE:
+        text = text.replace(name, name.replace("_", "-"))
+    return sections.capital(text.replace("_", " "))
 
 
 def _search(result: Identification) -> list[Section]:
@@ -78,7 +90,7 @@ def _search(result: Identification) -> list[Section]:
         "round; d counts its free parameters. Candidates marked equal cannot be told from the best by a paired t-test "
         "at 95 %, and of these the smallest is chosen. The validation part was not looked at."
     )
-    return [Section("Structure search", [result.selection.sentence().replace("_", " "), how], [ranking_grid(result)])]
+    return [Section("Structure search", [_found(result.selection), how], [ranking_grid(result)])]
 
 
 def _advice(result: Identification) -> Section:
@@ -111,7 +123,7 @@ def _verdict(result: Identification) -> list[str]:
         f"{percent(e.validation_fit)} ({percent(e.estimation_fit)} on the part that it was fitted to). "
         f"{_stability(e)} {sections.tests_in_words(e)}"
     )
-    chosen = [] if result.selection is None else [result.selection.sentence().replace("_", " ")]
+    chosen = [] if result.selection is None else [_found(result.selection)]
     return [first, *chosen, sections.search_sentence(e), *(f"Note: {note}." for note in e.notes)]
 
 

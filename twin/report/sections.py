@@ -76,8 +76,13 @@ def higher_in_words(evaluation: Evaluation) -> str:
     if h is None:
         return ""
     if h.passed:
-        return "Correlations of higher order (e with u², e² with u², e with e u) show no nonlinearity that was missed."
-    return " ".join(f"{a[0].upper()}{a[1:]}.".replace("^2", "²") for a in h.advice)
+        coloured = evaluation.tests is not None and not evaluation.tests.white
+        doubt = ", which says little as long as the residuals are not white" if coloured else ""
+        return (
+            "Correlations of higher order (e with u², e² with u², e with e u) show no nonlinearity that was missed"
+            f"{doubt}."
+        )
+    return " ".join(sentence(a).replace("^2", "²") for a in h.advice)
 
 
 def tests_in_words(evaluation: Evaluation) -> str:
@@ -224,7 +229,12 @@ def setting_in_words(evaluation: Evaluation) -> str:
 
 def sentence(phrase: str) -> str:
     """The phrase with a capital letter and a full stop."""
-    return f"{phrase[0].upper()}{phrase[1:]}."
+    return f"{capital(phrase)}."
+
+
+def capital(text: str) -> str:
+    """The text with a capital letter first."""
+    return text[:1].upper() + text[1:]
 
 
 def only(things: Sequence[T | None]) -> list[T]:
