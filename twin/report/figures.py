@@ -123,6 +123,7 @@ def close_ups(evaluation: Evaluation) -> Figure:
         ax.plot(data.t[a:b], data.y[a:b, 0] * y.factor, color=style.INK, label="measured", **dots)
         ax.plot(data.t[a:b], yhat[a:b] * y.factor, color=style.MODEL, label="free run")
         ax.set(title=title, xlabel="time in the validation part [s]", ylabel=y.label)
+        ax.set_ylim(_frame(data.y[a:b, 0] * y.factor, yhat[a:b] * y.factor))
     style.legend(axes[0, 1])
     return figure
 
@@ -227,13 +228,17 @@ def _measured_and_model(
 ) -> None:
     style.line(ax, data.t[:n], data.y[:n, 0] * y.factor, color=style.INK, label="measured")
     style.line(ax, data.t[:n], yhat[:n] * y.factor, color=colour, label=label)
-    low, high = float(data.y.min()) * y.factor, float(data.y.max()) * y.factor
-    pad = 0.35 * (high - low)  # a model that runs away leaves the frame instead of flattening the data
-    ax.set_ylim(
-        max(low - pad, min(low, float(np.nanmin(yhat)) * y.factor) - 0.05 * pad - 0.1 * (high - low)),
-        min(high + pad, max(high, float(np.nanmax(yhat)) * y.factor) + 0.05 * pad + 0.1 * (high - low)),
-    )
+    ax.set_ylim(_frame(data.y[:, 0] * y.factor, yhat * y.factor))
     ax.margins(x=0.005)
+
+
+def _frame(measured: np.ndarray, model: np.ndarray) -> tuple[float, float]:
+    """Ends of a vertical axis: a model that runs away leaves the frame instead of flattening the data."""
+    low, high = float(measured.min()), float(measured.max())
+    width = high - low or 1.0
+    pad, air = 0.35 * width, 0.1175 * width
+    bottom, top = min(low, float(np.nanmin(model))), max(high, float(np.nanmax(model)))
+    return max(low - pad, bottom - air), min(high + pad, top + air)
 
 
 def _first_peak(y: np.ndarray) -> int:
