@@ -180,9 +180,14 @@ class Chain:
         xs, _ = self._run(theta, u, 0)
         return np.column_stack(xs) if len(xs) > 1 else xs[0][:, None]
 
-    def sensitivities(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Outputs (N, ny) and their exact Jacobian (ny N, P), the first output's rows first."""
-        xs, Js = self._run(theta, u, len(theta))
+    def sensitivities(
+        self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Outputs (N, ny) and their exact Jacobian (ny N, P), the first output's rows first.
+
+        `out` (N, P) may take the Jacobian of one input and output: fresh memory costs a long record as much as its use.
+        """
+        xs, Js = self._run(theta, u, len(theta), out)
         return np.column_stack(xs), Js[0] if len(Js) == 1 else np.concatenate(Js)
 
     def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -206,12 +211,17 @@ class Chain:
         """d of the criteria: free parameters after the gauge, initial states counted."""
         return int(self.free.sum()) - self.gauge(theta).shape[1]
 
-    def _run(self, theta: np.ndarray, u: np.ndarray, P: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    def _run(
+        self, theta: np.ndarray, u: np.ndarray, P: int, out: np.ndarray | None = None
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         u = np.asarray(u, dtype=float)
         u = u[:, None] if u.ndim == 1 else u
         xs, q = [np.ascontiguousarray(u[:, i]) for i in range(u.shape[1])], 0
         # Of several channels, each leaves the columns of the others' parameters at zero.
-        Js = [np.empty((len(u), P)) if self.channels == (1, 1) else np.zeros((len(u), P)) for _ in xs]
+        if self.channels == (1, 1):
+            Js = [np.empty((len(u), P)) if out is None or out.shape != (len(u), P) else out]
+        else:
+            Js = [np.zeros((len(u), P)) for _ in xs]
         with np.errstate(over="ignore", invalid="ignore"):  # an unstable trial overflows; its cost is then infinite
             for b in self.blocks:
                 xs, Js = b.propagate_all(self.part(theta, b), xs, Js, q)

@@ -59,6 +59,7 @@ class _Run:
     def iterate(self, problem: ChainProblem, p: np.ndarray, options: Options, search: str = "") -> Outcome:
         """One search, by the method asked for if no other is named."""
         outcome = iterate(problem, p, make_search(search or self.search), options)
+        problem.scratch.clear()  # several starts of a long record would else hold a Jacobian each
         if self.progress is not None:
             loss = outcome.cost / max(int(self.data.observed.sum()), 1)
             self.progress(f"{self.model.structure}: loss {loss:.4g} after {outcome.stop.iterations} iterations")

@@ -27,12 +27,23 @@ def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray
         return [_with_fixed(chain, theta) for theta in multi_starts(chain, record, draws)]
     u, y = record.u[:, 0], record.y[:, 0]
     coarse = chain.coarser()
-    simple = coarse or chain
-    found = linear_starts(simple, u, y)[: 1 + count // 2]
-    found += [_variation(simple, found[k % len(found)], u, y, rng) for k, rng in enumerate(draws[len(found) - 1 :])]
-    if coarse is not None:
-        found = [chain.refine(coarse, _few_steps(coarse, theta, u, y)) for theta in found]
+    if coarse is None:
+        return [_with_fixed(chain, theta) for theta in _around(chain, u, y, draws)]
+    # Most starts go by way of the coarse maps; the last ones do not, for where that way leads astray.
+    direct = count // 3
+    found = [chain.refine(coarse, _few_steps(coarse, theta, u, y)) for theta in _around(coarse, u, y, draws[direct:])]
+    if direct:
+        found += _around(chain, u, y, draws[: direct - 1])
     return [_with_fixed(chain, theta) for theta in found]
+
+
+def _around(chain: Chain, u: np.ndarray, y: np.ndarray, draws: list[np.random.Generator]) -> list[np.ndarray]:
+    """One start more than there are draws: linear models for the first half, then variations of them."""
+    count = len(draws) + 1
+    found = linear_starts(chain, u, y)[: 1 + count // 2]
+    return found + [
+        _variation(chain, found[k % len(found)], u, y, rng) for k, rng in enumerate(draws[len(found) - 1 :])
+    ]
 
 
 def _few_steps(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -195,6 +195,7 @@ def iterate(
     p, evaluations, moving = np.array(p0), 0, np.ones(len(p0), dtype=bool)
     memory: dict[str, Any] = {}
     history: list[dict[str, Any]] = []
+    tried: list[tuple[np.ndarray, np.ndarray]] = []
     e = problem.residual(p)
     if e is None or not np.all(np.isfinite(e)):
         return Outcome(p, np.inf, Stop("the start makes no usable model", False, 0, 1))
@@ -208,7 +209,8 @@ def iterate(
         target = problem.repair(p + step)
         e = problem.residual(target)
         trial = float(e @ e) if e is not None else np.inf
-        return (trial if np.isfinite(trial) else np.inf), (target - p)[moving]
+        tried.append(((target - p)[moving], target))
+        return (trial if np.isfinite(trial) else np.inf), tried[-1][0]
 
     for iteration in range(options.max_iterations + 1):
         if cost <= problem.size * (100.0 * _EPS) ** 2:
@@ -230,13 +232,14 @@ def iterate(
                 f"limit of {options.max_iterations} iterations reached; a further step still promises {expected:.2g} %"
             )
             break
+        tried.clear()
         step = search.step(lin, attempt, memory, options)
         if step is None:
             reason = f"{search.name} found no descent although a full step promises {expected:.2g} % of the loss"
             converged = expected <= SMALL  # a kink or a limit stands in the way of a promise that matters little
             break
-        p[moving] += step.delta
-        cost = step.cost
+        # The very point that was tried: p + delta may round to one that a limit refuses.
+        p, cost = next(target for delta, target in tried if delta is step.delta), step.cost
         history.append({"iteration": iteration + 1, "loss": cost / lin.N, "method": step.method, "expected": expected})
         if progress is not None:
             progress(iteration + 1, cost / lin.N)

@@ -30,6 +30,7 @@ class ChainProblem:
     nominal: np.ndarray | None = None
     calm: float = 0.0
     weights: np.ndarray = field(default_factory=lambda: np.ones(1))
+    scratch: dict[int, np.ndarray] = field(default_factory=dict, compare=False, repr=False)  # J of each experiment
 
     @classmethod
     def whole(cls, chain: Chain, theta0: np.ndarray, u: np.ndarray, y: np.ndarray) -> "ChainProblem":
@@ -99,11 +100,12 @@ class ChainProblem:
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """e (N,) and dyhat/dp (N, n)."""
+        """e (N,) and dyhat/dp (N, n), which the next call overwrites."""
         thetas, n, m = self.thetas(p), int(self.moving.sum()), int(self.own.sum())
         errors, rows = [], []
         for k, (theta, record) in enumerate(zip(thetas, self.records, strict=True)):
-            yhat, J = self.chain.sensitivities(theta, record.u)
+            yhat, J = self.chain.sensitivities(theta, record.u, self.scratch.get(k))
+            self.scratch[k] = J
             e, keep, slope = self._errors(record, yhat)
             J = self._in_basis(J, keep)
             errors.append(e)

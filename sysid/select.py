@@ -27,6 +27,7 @@ from sysid.structures import TABLE, build
 from sysid.threads import available
 
 _SHRINKING = 6  # how often the winner's orders may come down
+_NEAR = 1.1  # times the loss of the best
 BLOCKS = 20  # stretches of the judged samples whose errors are compared pair by pair
 MAPS = ("unit_gain", "saturation", "dead_zone", "piecewise_linear")
 
@@ -258,6 +259,8 @@ def _ranked(judged: dict[Candidate, Row]) -> tuple[list[Row], Row]:
     """Rows best first, the equals of the best marked, and the smallest of these.
 
     Errors are compared by their logarithms: one bad stretch, where every model fails, would else hide all differences.
+    A model that the test cannot tell from the best is no equal all the same if its loss is more than `_NEAR` times as
+    large: twenty stretches that differ much have little power.
     """
     rows = sorted(judged.values(), key=_score)
     limit = float(stdtrit(BLOCKS - 1, 0.975))
@@ -267,5 +270,6 @@ def _ranked(judged: dict[Candidate, Row]) -> tuple[list[Row], Row]:
         gap = np.log(np.maximum(r.errors, 1e-300)) - best
         finite = bool(np.all(np.isfinite(gap)))
         told = not finite or float(gap.mean()) > limit * float(gap.std(ddof=1)) / np.sqrt(BLOCKS)
+        told = told or float(r.errors.mean()) > _NEAR * float(rows[0].errors.mean())
         out.append(replace(r, equal=k == 0 or not told))
     return out, min((r for r in out if r.equal), key=lambda r: (r.d, -r.fit_percent))
