@@ -27,7 +27,7 @@ from sysid.structures import TABLE, build
 from sysid.threads import available
 
 _SHRINKING = 6  # how often the winner's orders may come down
-_NEAR = 1.1  # times the loss of the best
+_SAME, _NEAR = 1.01, 1.1  # times the loss of the best
 BLOCKS = 20  # stretches of the judged samples whose errors are compared pair by pair
 MAPS = ("unit_gain", "saturation", "dead_zone", "piecewise_linear")
 
@@ -74,7 +74,8 @@ class Candidate:
 class Row:
     """One candidate of the ranked table; `errors` (BLOCKS,) are mean squared free-run errors on unseen stretches.
 
-    `equal` says that its errors are not told from the best candidate's (paired t-test on their logarithms, 95 %).
+    `equal` says that its errors are not told from the best candidate's (paired t-test on
+    their logarithms at 95 %, see `_ranked` for how near is near).
     """
 
     candidate: Candidate
@@ -259,8 +260,8 @@ def _ranked(judged: dict[Candidate, Row]) -> tuple[list[Row], Row]:
     """Rows best first, the equals of the best marked, and the smallest of these.
 
     Errors are compared by their logarithms: one bad stretch, where every model fails, would else hide all differences.
-    A model that the test cannot tell from the best is no equal all the same if its loss is more than `_NEAR` times as
-    large: twenty stretches that differ much have little power.
+    A loss up to `_SAME` times the best is equal for any use, even where the test can tell it; one beyond `_NEAR` times
+    is not, even where the test cannot: twenty stretches that differ much have little power.
     """
     rows = sorted(judged.values(), key=_score)
     limit = float(stdtrit(BLOCKS - 1, 0.975))
@@ -270,6 +271,7 @@ def _ranked(judged: dict[Candidate, Row]) -> tuple[list[Row], Row]:
         gap = np.log(np.maximum(r.errors, 1e-300)) - best
         finite = bool(np.all(np.isfinite(gap)))
         told = not finite or float(gap.mean()) > limit * float(gap.std(ddof=1)) / np.sqrt(BLOCKS)
-        told = told or float(r.errors.mean()) > _NEAR * float(rows[0].errors.mean())
+        ratio = float(r.errors.mean()) / max(float(rows[0].errors.mean()), 1e-300) if finite else np.inf
+        told = (told and ratio > _SAME) or ratio > _NEAR
         out.append(replace(r, equal=k == 0 or not told))
     return out, min((r for r in out if r.equal), key=lambda r: (r.d, -r.fit_percent))
