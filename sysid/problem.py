@@ -148,7 +148,9 @@ class ChainProblem:
         redundant = np.linalg.solve(self.chain.basis, self.chain.gauge(theta))[self.moving]
         if J.shape[1] > n:  # the gauge moves the other experiments' initial states too: leave it to the pseudo-inverse
             redundant = np.vstack([redundant, np.zeros((J.shape[1] - n, redundant.shape[1]))])
-        return covariance(e, J[:, free], redundant[free], basis[:, free], self.count(p))
+        if not free.all():  # a copy that a long record need not pay for
+            J, redundant, basis = J[:, free], redundant[free], basis[:, free]
+        return covariance(e, J, redundant, basis, self.count(p))
 
     def count(self, p: np.ndarray) -> int:
         """d of the criteria: what moves after the gauge, every experiment's initial state counted."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.iterate import column_scale
+from sysid.iterate import Linearisation, column_scale
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,9 @@ def covariance(e: np.ndarray, J: np.ndarray, gauge: np.ndarray, basis: np.ndarra
     sigma2 = float(e @ e) / max(N - d, 1)
     if not J.shape[1]:
         return Covariance(np.zeros((P, P)), np.zeros(P, dtype=bool), sigma2)
-    scale = column_scale(J)
-    _, s, Vt = np.linalg.svd(np.linalg.qr(J / scale, mode="r"))
+    R = Linearisation.of(e, J).R  # its columns have the norms of J's
+    scale = column_scale(R)
+    _, s, Vt = np.linalg.svd(R / scale)
     keep = s > 1e-7 * s[0] if s[0] > 0 else np.zeros(len(s), dtype=bool)
     V = basis @ (Vt.T[:, keep] / s[keep] / scale[:, None])
     lost = _lost(Vt.T[:, ~keep], gauge * np.where(np.isfinite(scale), scale, 1.0)[:, None])
