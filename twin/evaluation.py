@@ -14,6 +14,7 @@ from sysid.higher_order import HigherOrderTests, higher_order_tests
 from sysid.intervals import Root
 from sysid.nlarx import FOCUS
 from sysid.residuals import ResidualTests
+from twin.unvisited import unvisited
 
 NLARX = "nlarx"  # the structure whose orders are na, nb, nk, and which also runs one step ahead
 RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
@@ -210,6 +211,7 @@ def evaluate_fit(
             f"the fit is {seen} where it was fitted and {unseen} where it was not: the model is too large for this "
             "record, or its parts differ; lower the orders, choose smaller maps or look at the data"
         )
+    notes += unvisited(estimation, validation)
     return Evaluation(
         setting=setting,
         fit=fit,

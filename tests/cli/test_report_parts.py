@@ -6,10 +6,13 @@ import math
 import numpy as np
 import pytest
 
+from sysid.data import IOData
+from sysid.preprocess import detrend
 from twin.cli.console import Rounds, Steps
 from twin.report import style
 from twin.report.page import Grid, to_json
 from twin.report.units import number, percent, poles, shown
+from twin.unvisited import unvisited
 
 
 @pytest.mark.parametrize(
@@ -84,3 +87,15 @@ def test_a_search_of_several_rounds_moves_one_step_of_the_bar_and_names_its_cand
         rounds(done, total, name)
     assert [round(done, 3) for done, _ in seen] == [0, 1, 1.25, 1.5, 2, 2]
     assert seen[4][1] == "round 2: 1 of 1, wiener (1,1,1) dead zone"
+
+
+def test_a_signal_that_leaves_the_range_seen_is_named_on_its_own_scale():
+    rng = np.random.default_rng(0)
+    u, y = rng.uniform(-1, 1, 400), rng.uniform(0, 5, 400)
+    u[[0, 1, 300]] = -1.0, 1.0, 3.0
+    y[[0, 1]] = 0.0, 5.0
+    seen, new = detrend(IOData(u, y, 0.1, u_name="voltage", u_unit="V")).split()
+    (note,) = unvisited(seen, new)
+    assert note.startswith("voltage was seen from -1 to 1 V")
+    assert "to 3 V in the validation part (0.5 % of it outside)" in note
+    assert unvisited(new, seen) == []
