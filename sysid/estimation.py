@@ -88,7 +88,8 @@ def fit(
     """Fit a chain to a record, of one or of several merged experiments, by least squares on its free-run output.
 
     search: a name of `sysid.searches.TABLE`; starts: how many starting points, the first from a linear model, the
-    others varied with `seed`; start (P,): a starting point of your own; objective: robust loss, ridge, output weights.
+    others varied with `seed`; start (P,): a starting point of your own; objective: robust loss, ridge, output
+    weights, and the calm that keeps free maps from bends no data ask for (on by default, see `Objective`).
     Equal seeds give equal numbers whatever the number of threads. Raises InputError for a record that is too short,
     of other channels than the model, or whose input or output is constant. An Nlarx goes to `sysid.fit_nlarx`.
     """
