@@ -148,7 +148,7 @@ def _race(run: _Run, problems: list[ChainProblem]) -> list[Outcome]:
         leaders = [int(k) for k in np.argsort([o.cost for o in outcomes], kind="stable")[:_LEADERS]]
         ends = list(pool.map(lambda k: run.iterate(problems[k], outcomes[k].p, run.options), leaders))
     for k, end in zip(leaders, ends, strict=True):
-        outcomes[k] = _joined(outcomes[k], end)
+        outcomes[k] = outcomes[k].then(end)
     return outcomes
 
 
@@ -163,7 +163,7 @@ def _settle(run: _Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainPr
             break
         weight = calm * noise if problem.calm else 0.0
         problem = replace(problem, corner=np.inf if robust is None else robust * noise, calm=weight)
-        outcome = _joined(outcome, run.iterate(problem, outcome.p, run.options))
+        outcome = outcome.then(run.iterate(problem, outcome.p, run.options))
     return problem, outcome
 
 
@@ -184,15 +184,6 @@ def _noise(problem: ChainProblem, p: np.ndarray, robust: bool) -> float:
     if e is None or not np.all(np.isfinite(e)):
         return np.inf
     return max(spread(e) if robust else float(np.std(e)), 1e-12 * np.sqrt(problem.size / len(e)))
-
-
-def _joined(first: Outcome, then: Outcome) -> Outcome:
-    iterations = first.stop.iterations + then.stop.iterations
-    stop = replace(then.stop, iterations=iterations, evaluations=first.stop.evaluations + then.stop.evaluations)
-    rows: tuple[dict[str, Any], ...] = tuple(
-        {**row, "iteration": row["iteration"] + first.stop.iterations} for row in then.history
-    )
-    return Outcome(then.p, then.cost, stop, first.history + rows)
 
 
 def _n_init(model: Chain, data: IOData) -> int:

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -23,16 +22,7 @@ from sysid.blocks import (
 )
 from sysid.files import write_text
 from sysid.fitting import Fit
-from sysid.wiring import Layer, Unit, break_points, cubics, entry, identifier, layers, number, offsets
-
-
-@dataclass(frozen=True)
-class Code:
-    """Body of a C function of `x` that may read tables by name and keep `state` numbers in `s`, all zero at rest."""
-
-    body: str
-    state: int = 0
-    tables: dict[str, np.ndarray] = field(default_factory=dict)
+from sysid.wiring import Code, Layer, Unit, break_points, cubics, entry, identifier, layers, number, offsets
 
 
 def cubic_spline(block: CubicSpline, theta: np.ndarray) -> Code:

@@ -1,7 +1,7 @@
 """The one loop of every search: linearise, ask for a step, stop with a reason."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -136,7 +136,7 @@ class Linearisation:
         Rd = self.R @ delta
         return float(2.0 * (Rd @ self.z) - Rd @ Rd)
 
-    @property
+    @cached_property
     def expected_improvement(self) -> float:
         """Drop of e'e that a full Gauss-Newton step promises, in % of e'e."""
         if self.cost <= 0.0:
@@ -182,6 +182,17 @@ class Outcome:
     cost: float
     stop: Stop
     history: tuple[dict[str, Any], ...] = field(default=())
+
+    def then(self, later: "Outcome") -> "Outcome":
+        """This search and one that went on from its end, as one."""
+        before = self.stop.iterations
+        stop = replace(
+            later.stop,
+            iterations=before + later.stop.iterations,
+            evaluations=self.stop.evaluations + later.stop.evaluations,
+        )
+        rows = tuple({**row, "iteration": row["iteration"] + before} for row in later.history)
+        return Outcome(later.p, later.cost, stop, self.history + rows)
 
 
 def iterate(

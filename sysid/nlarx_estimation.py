@@ -134,7 +134,7 @@ def runs_of(
         if np.isfinite(runs[k].loss):
             first = runs[k].outcome
             then = iterate(whole[k], first.p, make_search(search), options)
-            runs[k] = Run(whole[k], _joined(first, then), ended=True)
+            runs[k] = Run(whole[k], first.then(then), ended=True)
     return runs
 
 
@@ -173,13 +173,6 @@ def _more_points(
         flat[: 1 + network.n] = _centred(network, linear)
         points.append(flat)
     return points
-
-
-def _joined(first: Outcome, then: Outcome) -> Outcome:
-    iterations = first.stop.iterations + then.stop.iterations
-    stop = replace(then.stop, iterations=iterations, evaluations=first.stop.evaluations + then.stop.evaluations)
-    moved = tuple({**row, "iteration": row["iteration"] + first.stop.iterations} for row in then.history)
-    return Outcome(then.p, then.cost, stop, first.history + moved)
 
 
 def _output_error(model: Nlarx, data: IOData) -> tuple[np.ndarray, float, float] | None:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -13,6 +13,15 @@ from sysid.chain import Chain
 from sysid.errors import InputError
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Code:
+    """Body of an exported function of `x`: may read tables by name and keep `state` numbers in `s`, zero at rest."""
+
+    body: str
+    state: int = 0
+    tables: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

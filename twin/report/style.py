@@ -18,7 +18,6 @@ INK = "#1f2933"  # measured data, text
 MODEL = "#c2410c"  # the model's free run
 INPUT = "#2f6f8f"
 SECOND = "#7a8794"  # bounds, references, the part that is not looked at
-GOOD = "#2e7d4f"
 
 RC: Any = {
     "font.family": "sans-serif",
