@@ -1,16 +1,23 @@
 """Options that verbs share, and the ones whose text has to be taken apart."""
 
 from collections.abc import Iterable
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from sysid.errors import InputError
 
+if TYPE_CHECKING:
+    from twin.parameters import Parameters
+
 Out = Annotated[
     str | None, typer.Option("--out", metavar="DIR", help="where to write; runs/<stamp>-<verb> if not given")
 ]
 Json = Annotated[bool, typer.Option("--json", help="print the summary alone, as JSON")]
+Params = Annotated[
+    str | None,
+    typer.Option("--params", metavar="FILE", help="parameters that are not nominal: .toml or .json; see qpal info"),
+]
 
 
 def number(metavar: str, help: str) -> Any:
@@ -72,3 +79,14 @@ def seed(value: int) -> int:
     if value < 0:
         raise InputError(f"--seed is {value}; give a whole number from 0 on")
     return value
+
+
+def parameters(file: str | None) -> "Parameters | None":
+    """The twin's parameters out of the file of --params; None where none is given."""
+    if file is None:
+        return None
+    from twin.parameter_file import check_together, read
+
+    found = read(file)
+    check_together(found, file)
+    return found

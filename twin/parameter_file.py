@@ -1,0 +1,250 @@
+"""Parameters of the twin as a file that a person edits: TOML or JSON, by suffix, in SI units.
+
+A name stands at the top or, for a joint's, in the joint's table. What is not named is nominal:
+
+    pot_noise = 0.002
+
+    [thigh]
+    coulomb = 40.0
+"""
+
+import json
+import math
+import os
+import re
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, NoReturn
+
+from sysid.errors import InputError
+from sysid.files import write_text
+from twin.geometry import end_angles
+from twin.parameters import JOINTS, TABLE, Parameters, Row
+
+LARGEST = 1_000_000  # [bytes] a file of every parameter has about ten thousand
+ROWS: Mapping[str, Row] = {row.name: row for row in TABLE}
+
+
+class _DamagedError(ValueError):
+    """The text is not what its suffix says; holds the line, 0 where none is known, and the sentence."""
+
+
+def read(path: str | os.PathLike[str]) -> Parameters:
+    """The parameters in a .toml or .json file.
+
+    Raises InputError, which names the file and the line or the parameter, for a file that cannot be read or is damaged,
+    a name that the twin does not have or that stands twice, and a value that is no number or outside its bounds.
+    """
+    source = Path(path)
+    parse = _FORMATS[check_suffix(source)]
+    text = _text(source)
+    try:
+        document = parse(text)
+    except _DamagedError as error:
+        line, said = error.args
+        raise InputError(f"{source}, line {line}: {said}" if line else f"{source}: {said}") from None
+    except RecursionError:
+        raise InputError(f"{source}: tables in tables without end; give names, or joints with names in them") from None
+    try:
+        return Parameters(_values(document))
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
+
+
+def write(parameters: Parameters, path: str | os.PathLike[str], all: bool = False) -> Path:
+    """Write the values that differ from nominal, or all of them, so that `read` gives every bit of them back.
+
+    In TOML each value has its unit, bounds and source behind it. The file appears whole or not at all; raises
+    InputError for a place that cannot be written to or another suffix.
+    """
+    target = Path(path)
+    kept = parameters.values if all else parameters.changed()
+    tables: dict[str, dict[str, float]] = {"": {}}  # names at the top come first: behind a header they would be its own
+    for name, value in kept.items():
+        table, _, key = name.rpartition(".")
+        tables.setdefault(table, {})[key] = value
+    return write_text(target, _to_toml(tables) if check_suffix(target) == ".toml" else _to_json(tables))
+
+
+def check_suffix(path: Path) -> str:
+    """The suffix of a parameter file in small letters; raises InputError for another one."""
+    suffix = path.suffix.lower()
+    if suffix not in _FORMATS:
+        raise InputError(
+            f"{path}: parameters cannot be {suffix or 'a file without suffix'}; end its name in {' or '.join(_FORMATS)}"
+        )
+    return suffix
+
+
+def check_together(parameters: Parameters, source: str | os.PathLike[str]) -> None:
+    """Raises InputError, which names `source`, where values that are each within bounds make no leg together."""
+    for joint in JOINTS:
+        try:
+            end_angles(parameters, joint)
+        except InputError as error:
+            raise InputError(f"{source}: {joint}: {error}") from None
+
+
+def _text(path: Path) -> str:
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; give one file ({', '.join(_FORMATS)})")
+    if not path.exists():
+        raise InputError(f"{path} does not exist; check the name and the folder you are in")
+    if not path.is_file():
+        raise InputError(f"{path} is no ordinary file; give one that can be read twice")
+    try:
+        with path.open("rb") as file:
+            raw = file.read(LARGEST + 1)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); check that it is a readable file") from None
+    if len(raw) > LARGEST:
+        raise InputError(f"{path} has more than {LARGEST} bytes; give a file of parameters, which has a few thousand")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{path}, line {line}: found bytes that are not UTF-8; save the file as UTF-8 text") from None
+    if not text.strip():
+        raise InputError(f"{path} is empty; give at least one parameter, or write all with qpal info --write-params")
+    return text
+
+
+def _parse_toml(text: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        message, _, place = str(error).partition(" (at ")
+        number = re.match(r"line (\d+)", place)
+        line = int(number[1]) if number else len(text.splitlines())
+        if message.startswith(("Cannot overwrite", "Cannot declare", "Duplicate")):
+            raise _DamagedError(line, "a name stands there for the second time; keep one of the two") from None
+        raise _not("TOML", message, line) from None
+    except ValueError as error:  # a whole number of thousands of digits
+        raise _not("TOML", str(error)) from None
+
+
+def _parse_json(text: str) -> dict[str, Any]:
+    def pairs(found: list[tuple[str, Any]]) -> dict[str, Any]:
+        names = [name for name, _ in found]
+        twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+        if twice is not None:
+            raise _DamagedError(0, f"{twice!r} stands twice in one table; keep one of the two")
+        return dict(found)
+
+    def constant(name: str) -> NoReturn:
+        raise _DamagedError(0, f"found {name} where a number belongs; give a finite number")
+
+    try:
+        document = json.loads(text, object_pairs_hook=pairs, parse_constant=constant)
+    except json.JSONDecodeError as error:
+        raise _not("JSON", error.msg, error.lineno) from None
+    except _DamagedError:
+        raise
+    except ValueError as error:
+        raise _not("JSON", str(error)) from None
+    if not isinstance(document, dict):
+        raise _DamagedError(0, f"found {_brief(document)} where a table belongs; give names with numbers")
+    return document
+
+
+def _not(kind: str, message: str, line: int = 0) -> _DamagedError:
+    return _DamagedError(line, f"this is not {kind} ({message.partition(';')[0]}); correct it, or write the file again")
+
+
+def _values(document: Mapping[str, Any]) -> dict[str, float]:
+    values: dict[str, float] = {}
+    for name, value in _entries(document):
+        if name not in ROWS:
+            raise _unknown(name)
+        if name in values:
+            raise InputError(f"{name} stands there twice, with {values[name]!r} and {_brief(value)}; keep one")
+        row = ROWS[name]
+        span = f"{_span(row)} {_unit(row)}".rstrip()
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"{name} is {_brief(value)}, which is no number; give {span}, without quotes")
+        if isinstance(value, float) and not math.isfinite(value):
+            raise InputError(f"{name} is {value}; give a number from {span}")
+        if not row.lower <= value <= row.upper:
+            raise InputError(f"{name} is {_brief(value)} {_unit(row)}".rstrip() + f"; give a number from {span}")
+        values[name] = float(value)
+    return values
+
+
+def _entries(table: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, Any]]:
+    """Full names with their values."""
+    for key, value in table.items():
+        name = within + key
+        if not isinstance(value, dict):
+            yield name, value
+        elif any(known.startswith(f"{name}.") for known in ROWS):
+            yield from _entries(value, f"{name}.")
+        elif name in ROWS:
+            raise InputError(f"{name} is a table; give one number of {_unit(ROWS[name]) or 'no unit'}")
+        else:
+            raise InputError(f"unknown table {name!r}; choose one of {', '.join(_tables())}")
+
+
+def _tables() -> dict[str, None]:
+    return dict.fromkeys(name.rpartition(".")[0] for name in ROWS if "." in name)
+
+
+def _unknown(name: str) -> InputError:
+    inside = [known for known in ROWS if known.startswith(f"{name}.")]
+    if inside:
+        return InputError(f"{name} is a table of parameters and no number; give those that you change, as {inside[0]}")
+    alike = [known for known in ROWS if known.rpartition(".")[2] == name]  # the table was forgotten
+    alike = alike or get_close_matches(name, ROWS, n=3, cutoff=0.7)
+    said = f"did you mean {' or '.join(alike)}? " if alike else ""
+    return InputError(f"unknown parameter {name[:80]!r}; {said}qpal info lists every name")
+
+
+def _unit(row: Row) -> str:
+    return "" if row.unit == "1" else row.unit
+
+
+def _span(row: Row) -> str:
+    return f"{_short(row.lower)} to {_short(row.upper)}"
+
+
+def _short(value: float) -> str:
+    """Seven digits where they are the number, all where they are not: a bound that is copied has to be within it."""
+    text = f"{value:.7g}"
+    return text if float(text) == value else repr(float(value))
+
+
+def _brief(value: Any) -> str:
+    """What was found, short enough for a sentence."""
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of thousands of digits
+        return "a number of thousands of digits"
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _to_toml(tables: Mapping[str, Mapping[str, float]]) -> str:
+    lines = ["# Parameters of the twin in SI units; one that is not named is nominal."]
+    for table, entries in tables.items():
+        if table:
+            lines += ["", f"[{table}]"]
+        for key, value in entries.items():
+            row = ROWS[f"{table}.{key}" if table else key]
+            lines.append(f"{key} = {value!r}  # {_comment(row, value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _comment(row: Row, value: float) -> str:
+    degrees = f" ({math.degrees(value):.4g} deg)" if row.unit == "rad" else ""
+    nominal = "" if value == row.nominal else f" instead of {_short(row.nominal)}"
+    unit = _unit(row) or "no unit"
+    return f"{unit}{degrees}{nominal}, {_span(row)}; {' '.join(row.source.split())}"
+
+
+def _to_json(tables: Mapping[str, Mapping[str, float]]) -> str:
+    document: dict[str, Any] = dict(tables[""])
+    document |= {name: entries for name, entries in tables.items() if name}
+    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+
+
+_FORMATS: dict[str, Callable[[str], dict[str, Any]]] = {".toml": _parse_toml, ".json": _parse_json}
