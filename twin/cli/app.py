@@ -3,10 +3,11 @@
 import typer
 
 from twin.cli.identify import identify
+from twin.cli.info import info
 from twin.cli.reproduce import reproduce
 from twin.cli.simulate import simulate
 
-VERBS = (reproduce, simulate, identify)
+VERBS = (reproduce, simulate, identify, info)
 
 
 def build() -> typer.Typer:

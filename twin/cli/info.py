@@ -1,0 +1,45 @@
+"""`qpal info`: what the twin is made of, where its numbers come from, and what is true of each joint."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import twin
+from twin.cli import console, options
+from twin.cli.output import check_writable_file, default_folder, output_folder
+
+
+def info(
+    joint: Annotated[str | None, options.name("one joint; all if not given", twin.JOINTS)] = None,
+    ts: Annotated[float, options.number("S", "sampling time of the truth in seconds")] = 0.1,
+    params: options.Params = None,
+    write_params: Annotated[
+        str | None, typer.Option(metavar="FILE", help="write all parameters to a .toml or .json file, to be edited")
+    ] = None,
+    out: options.Out = None,
+    as_json: options.Json = False,
+) -> None:
+    """Show the twin's parameters with their sources, and the truth that an identifier should find."""
+    from twin import parameter_file
+    from twin.information import inform
+    from twin.report import info as report
+    from twin.report.page import write
+
+    parameters = options.parameters(params) or twin.Parameters()
+    folder = Path(out) if out is not None else default_folder("info")
+    target = None if write_params is None else Path(write_params)
+    inside = target is not None and target.parent.resolve() == folder.resolve()
+    if target is not None:
+        parameter_file.check_suffix(target)
+        if not inside:
+            check_writable_file(target)
+    with output_folder(folder) as scratch, console.progress(2) as step:
+        step("linearising the joints")
+        result = inform(joint, ts, parameters, params)
+        step("drawing")
+        write(scratch, report.page(result), result.as_dict())
+        if target is not None:
+            parameter_file.write(parameters, scratch / target.name if inside else target, all=True)
+    said = report.verdict(result) + ([] if target is None else [f"Parameters: {target}"])
+    console.finish(folder, result.as_dict(), as_json, report.terminal_tables(result), said)
