@@ -17,7 +17,7 @@ from sysid.blocks import (
     UnitGain,
     WaveletNetwork,
 )
-from sysid.excitations import Aprbs, Sweep
+from sysid.excitations import Aprbs, Chirp, Multisine, Prbs, Staircase, Steps, Sweep
 
 # Block and parameters in the interior of its domain, for inputs in [-2, 2].
 BLOCKS = {
@@ -92,7 +92,15 @@ VARIANTS = {
         np.array([-1.0, -0.9, 0.3, 0.4, 2.0]),
     ),
 }
-EXCITATIONS = {"aprbs": Aprbs(amplitude=3.0), "sweep": Sweep(amplitude=3.0, half_period=2.0)}
+EXCITATIONS = {
+    "aprbs": Aprbs(amplitude=3.0, hold_min=0.4, hold_max=2.0),
+    "chirp": Chirp(amplitude=3.0, period=50.0),
+    "multisine": Multisine(amplitude=3.0, grid="random_odd"),
+    "prbs": Prbs(amplitude=3.0),
+    "staircase": Staircase(amplitude=3.0),
+    "steps": Steps(amplitude=3.0),
+    "sweep": Sweep(amplitude=3.0, half_period=2.0),
+}
 # Orders and maps for each structure.
 STRUCTURES = {
     "hammerstein": {"input": "saturation"},

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.errors import InputError
+from sysid.levels import check, check_from_zero, within_reach
 
 
 @dataclass(frozen=True)
@@ -12,26 +13,50 @@ class Aprbs:
     """Levels uniform in [-amplitude, amplitude], each held for a time uniform in [hold_min, hold_max] [s].
 
     Random levels show a static input map all along its range, random holds the dynamics (Nelles, Nonlinear System
-    Identification, 2nd ed. 2020, section 17.7). An integrating plant drifts under it: expect time at the ends.
+    Identification, 2nd ed. 2020, section 17.7). An integrating plant drifts under it: expect time at the ends, or give
+    a `reach` [unit of amplitude times s]. A level that would take the running integral of u - offset further than that
+    from 0 changes its sign, and is cut short where that does not suffice; how large levels are stays as drawn. Parts
+    of levels up to `dead` [unit of amplitude] move nothing, for a plant with dry friction, and are left out of that
+    integral. A reach of 0 sets no bound.
     """
 
     amplitude: float = 12.0
     hold_min: float = 0.5
     hold_max: float = 5.0
+    offset: float = 0.0
+    reach: float = 0.0
+    dead: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.amplitude) and 0 < self.hold_min <= self.hold_max < np.inf):
+        positive = {"amplitude": self.amplitude, "hold_min": self.hold_min, "hold_max": self.hold_max}
+        check("an aprbs", positive, {"offset": self.offset})
+        check_from_zero("an aprbs", {"reach": self.reach, "dead": self.dead})
+        if self.hold_min > self.hold_max:
             raise InputError(
-                f"an aprbs needs a finite amplitude and 0 < hold_min <= hold_max, got amplitude {self.amplitude}, "
-                f"hold_min {self.hold_min} s, hold_max {self.hold_max} s; give holds in that order"
+                f"an aprbs needs 0 < hold_min <= hold_max, got hold_min {self.hold_min} s, hold_max {self.hold_max} s; "
+                f"give holds in that order"
             )
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Frequencies [Hz] that hold 90 % of the power: to twice the mean rate of levels.
+
+        On average 1 - 1 / (pi^2 f E[T]) of the power of independent levels with holds T lies below f, 95 % here.
+        """
+        return 0.0, 4.0 / (self.hold_min + self.hold_max)
 
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Levels u (N,) [unit of amplitude], drawn from `rng`."""
         u = np.empty(N)
-        k = 0
+        k, total = 0, 0.0
         while k < N:
             hold = max(1, round(rng.uniform(self.hold_min, self.hold_max) / Ts))
-            u[k : k + hold] = rng.uniform(-self.amplitude, self.amplitude)
+            level = rng.uniform(-self.amplitude, self.amplitude)
+            moving = np.sign(level) * max(abs(level) - self.dead, 0.0) * Ts
+            if self.reach > 0:
+                sign, share = within_reach(total, moving * hold, self.reach)
+                level, moving, hold = sign * level, sign * moving, max(1, int(share * hold))
+                total += moving * hold
+            u[k : k + hold] = self.offset + level
             k += hold
         return u

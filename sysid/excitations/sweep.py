@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.errors import InputError
+from sysid.levels import check, check_from_zero
 
 
 @dataclass(frozen=True)
@@ -15,28 +16,37 @@ class Sweep:
     left of the half period (Guni and Irawan 2016, section IV.A). It shows the ends and the speed at one voltage, and
     nothing of what happens between voltage levels: use `Aprbs` where the input map matters. Without jitter (a share of
     the half period, drawn uniformly) the record is periodic, and a validation part only repeats what was fitted.
+    The first level lasts `first` of a half period: 0.5 centres the travel of an integrating plant on where it starts.
     """
 
     amplitude: float = 12.0
     half_period: float = 8.0
     jitter: float = 0.0
+    offset: float = 0.0
+    first: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.amplitude) and np.isfinite(self.half_period) and self.half_period > 0):
-            raise InputError(
-                f"a sweep needs a finite amplitude and a half period above 0 s, got {self.amplitude} and "
-                f"{self.half_period} s; give both as positive numbers"
-            )
-        if not 0.0 <= self.jitter < 1.0:
+        positive = {"amplitude": self.amplitude, "half period": self.half_period, "first": self.first}
+        check("a sweep", positive, {"offset": self.offset})
+        check_from_zero("a sweep", {"jitter": self.jitter})
+        if self.jitter >= 1.0:
             raise InputError(f"jitter is {self.jitter}; give a share of the half period from 0 to below 1")
+        if self.first > 1.0:
+            raise InputError(f"first is {self.first}; give a share of the half period above 0 and up to 1")
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Frequencies [Hz] that hold 90 % of the power: the first and third harmonic of a square wave, 81 + 9 %."""
+        return 0.0, 3.5 / (2 * self.half_period * (1 - self.jitter))
 
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Levels u (N,) [unit of amplitude]; `rng` draws the jitter alone."""
         t = (np.arange(N) + 0.5) * Ts  # half a sample on, so that rounding cannot move an edge
         if self.jitter == 0.0:
-            phase = np.floor(t / self.half_period).astype(int)
+            phase = np.floor((t + (1.0 - self.first) * self.half_period) / self.half_period).astype(int)
         else:
-            count = int(np.ceil(N * Ts / (self.half_period * (1.0 - self.jitter)))) + 1
-            edges = np.cumsum(self.half_period * (1.0 + self.jitter * rng.uniform(-1.0, 1.0, count)))
-            phase = np.searchsorted(edges, t)
-        return np.where(phase % 2 == 0, self.amplitude, -self.amplitude)
+            count = int(np.ceil(N * Ts / (self.half_period * (1.0 - self.jitter)))) + 2
+            holds = self.half_period * (1.0 + self.jitter * rng.uniform(-1.0, 1.0, count))
+            holds[0] *= self.first
+            phase = np.searchsorted(np.cumsum(holds), t)
+        return self.offset + np.where(phase % 2 == 0, self.amplitude, -self.amplitude)

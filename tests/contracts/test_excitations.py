@@ -1,21 +1,75 @@
-"""Every excitation: within its amplitude, repeatable by seed, held for the times it names."""
+"""Every excitation: within amplitude and band, repeatable by seed, held, about its offset, refusing what it cannot."""
+
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from cases import EXCITATIONS
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sysid.errors import InputError
-from sysid.excitations import TABLE, Aprbs, Sweep, excitation
+from sysid.excitations import TABLE, Aprbs, Chirp, Multisine, Prbs, Staircase, Steps, Sweep, excitation
+
+NAMES = sorted(TABLE)
+SEEDLESS = {"chirp", "staircase", "sweep"}  # say so in their docstrings; a sweep draws its jitter alone
 
 
-@pytest.mark.parametrize("name", sorted(TABLE))
-def test_amplitude_and_seed(name):
+def drawn(make, N=2000, Ts=0.1, seed=1):
+    return make.generate(N, Ts, np.random.default_rng(seed))
+
+
+def test_every_registered_excitation_has_a_case():
+    assert set(EXCITATIONS) == set(TABLE)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@given(
+    N=st.integers(400, 1000), Ts=st.sampled_from([0.05, 0.1, 0.15]), seed=st.integers(0, 10**6), offset=st.floats(-4, 4)
+)
+def test_length_bound_and_offset(name, N, Ts, seed, offset):
     make = EXCITATIONS[name]
-    u = make.generate(2000, 0.1, np.random.default_rng(1))
-    assert u.shape == (2000,)
+    u = drawn(make, N, Ts, seed)
+    assert u.shape == (N,)
+    assert u.dtype == np.float64
     assert np.abs(u).max() <= make.amplitude
+    np.testing.assert_allclose(drawn(replace(make, offset=offset), N, Ts, seed), offset + u, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_seed_and_nothing_else_decides(name):
+    make = EXCITATIONS[name]
+    u = drawn(make)
     assert np.ptp(u) > make.amplitude
-    np.testing.assert_array_equal(u, make.generate(2000, 0.1, np.random.default_rng(1)))
+    np.testing.assert_array_equal(u, drawn(replace(make)))
+    assert np.array_equal(u, drawn(make, seed=2)) == (name in SEEDLESS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_amplitude_is_a_pure_scale(name):
+    make = EXCITATIONS[name]
+    np.testing.assert_allclose(drawn(replace(make, amplitude=2 * make.amplitude)), 2 * drawn(make), rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_power_lies_in_the_band(name, seeds):
+    make = EXCITATIONS[name]
+    low, high = make.band
+    for seed in seeds:
+        u = drawn(make, seed=seed)
+        power = np.abs(np.fft.rfft(u - u.mean())) ** 2
+        f = np.fft.rfftfreq(len(u), 0.1)
+        assert power[(low - 1e-9 <= f) & (f <= high + 1e-9)].sum() > 0.9 * power.sum()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_mean_is_the_offset(name, seeds):
+    make = replace(EXCITATIONS[name], offset=1.5)
+    # Random levels: a standard error of amplitude / sqrt(3 levels), of which 200 s hold about 167 (aprbs) and 50
+    # (steps, half of the time); four of them. The others: what a cut last period leaves.
+    allowed = {"aprbs": 4 / np.sqrt(3 * 167), "steps": 0.5 * 4 / np.sqrt(3 * 50)}.get(name, 0.03)
+    for seed in seeds:
+        assert abs(drawn(make, seed=seed).mean() - 1.5) < allowed * make.amplitude
 
 
 def runs(u):
@@ -24,9 +78,28 @@ def runs(u):
     return np.diff(np.concatenate([[0], edges, [len(u)]]))
 
 
+@pytest.mark.parametrize("Ts", [0.05, 0.1])
+@pytest.mark.parametrize(
+    ("make", "seconds"),
+    [
+        (Prbs(hold=0.3), 0.3),
+        (Staircase(hold=1.5), 1.5),
+        (Staircase(hold=1.5, order="alternating"), 1.5),
+        (Steps(hold=0.8, rest=0.8), 0.8),
+        (Sweep(half_period=2.0), 2.0),
+    ],
+    ids=lambda value: type(value).__name__.lower(),
+)
+def test_levels_change_at_the_clock_alone(make, seconds, Ts):
+    u = drawn(make, Ts=Ts)
+    assert not np.any((np.flatnonzero(np.diff(u)) + 1) % round(seconds / Ts))
+
+
 def test_sweep_edges_stand_where_they_should():
     u = Sweep(amplitude=2.0, half_period=0.3).generate(30, 0.1, np.random.default_rng(0))
     np.testing.assert_array_equal(runs(u), np.full(10, 3))
+    half = Sweep(amplitude=2.0, half_period=0.4, first=0.5).generate(30, 0.1, np.random.default_rng(0))
+    np.testing.assert_array_equal(runs(half), [2, *[4] * 7])
 
 
 def test_jitter_moves_every_edge_within_its_share():
@@ -48,10 +121,85 @@ def test_aprbs_holds_and_levels():
     assert abs(levels.var() - 1 / 3) < 4 * np.sqrt(4 / 45 / len(levels))
 
 
-def test_bad_arguments_say_what_is_allowed():
-    with pytest.raises(InputError, match="half period above 0"):
-        Sweep(half_period=0.0)
-    with pytest.raises(InputError, match="hold_min <= hold_max"):
-        Aprbs(hold_min=2.0, hold_max=1.0)
-    with pytest.raises(InputError, match="sweep"):
-        excitation("noise")
+@pytest.mark.parametrize("make", [Aprbs(amplitude=1.0, reach=2.0), Steps(amplitude=1.0, reach=0.8)])
+@pytest.mark.parametrize("dead", [0.0, 0.2])
+def test_reach_bounds_the_running_integral(make, dead, seeds):
+    for seed in seeds:
+        u = drawn(replace(make, dead=dead), 20000, 0.1, seed)
+        moving = np.sign(u) * np.maximum(np.abs(u) - dead, 0.0)
+        assert np.abs(np.cumsum(moving) * 0.1).max() < make.reach + 1e-9
+        levels = np.abs(u[np.flatnonzero(np.diff(u))])
+        assert levels.max() > 0.98  # sizes stay as drawn, only signs and holds change
+
+
+def test_staircase_by_hand():
+    u = Staircase(amplitude=3.0, steps=3, hold=0.2).generate(28, 0.1, np.random.default_rng(0))
+    np.testing.assert_allclose(u[::2], [0, 1, 2, 3, 2, 1, 0, -1, -2, -3, -2, -1, 0, 1], atol=1e-12)
+    np.testing.assert_array_equal(u[::2], u[1::2])
+    u = Staircase(amplitude=3.0, steps=3, hold=0.1, order="alternating").generate(12, 0.1, np.random.default_rng(0))
+    np.testing.assert_allclose(u, [1, -1, 2, -2, 3, -3, 2, -2, 1, -1, 1, -1], atol=1e-12)
+
+
+def test_steps_by_hand():
+    u = Steps(2.0, hold=0.2, rest=0.3, levels="fixed", offset=1.0).generate(14, 0.1, np.random.default_rng(0))
+    np.testing.assert_array_equal(u, [1, 1, 1, 3, 3, 1, 1, 1, -1, -1, 1, 1, 1, 3])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("sweep", {"half_period": 0.0}), "half period of a sweep is 0.0; give a number above 0"),
+        (("sweep", {"jitter": 1.0}), "jitter is 1.0"),
+        (("sweep", {"first": 1.5}), "first is 1.5"),
+        (("aprbs", {"hold_min": 2.0, "hold_max": 1.0}), "hold_min <= hold_max"),
+        (("aprbs", {"reach": -1.0}), "reach of an aprbs is -1.0; give a number from 0 up"),
+        (("steps", {"levels": "some"}), "unknown levels of steps 'some'; choose one of random, fixed"),
+        (("steps", {"rest": float("nan")}), "rest of steps is nan"),
+        (("staircase", {"steps": 2.5}), "steps of a staircase is 2.5; give a whole number"),
+        (("staircase", {"order": "spiral"}), "unknown order of a staircase"),
+        (("prbs", {"nbits": 40}), "nbits of a prbs is 40; give a whole number from 2 to 20"),
+        (("prbs", {"hold": "long"}), "hold of a prbs is 'long'"),
+        (("multisine", {"f_min": 2.0, "f_max": 1.0}), "has no band"),
+        (("multisine", {"grid": "even"}), "choose one of full, odd, odd_odd, random_odd"),
+        (("multisine", {"phases": "zero"}), "unknown phases of a multisine"),
+        (("chirp", {"f_min": 0.0}), "f_min of a chirp is 0.0"),
+        (("chirp", {"f_min": 1.0, "f_max": 1.0}), "has no band"),
+        (("chirp", {"spacing": "octave"}), "choose one of linear, log"),
+        (("noise", {}), "unknown excitation 'noise'; choose one of aprbs, chirp"),
+    ],
+)
+def test_bad_settings_say_what_is_allowed(arguments, says):
+    name, settings = arguments
+    with pytest.raises(InputError, match=says):
+        excitation(name, **settings)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("setting", ["amplitude", "offset"])
+@pytest.mark.parametrize("value", [float("inf"), "loud", True, None])
+def test_amplitude_and_offset_are_numbers(name, setting, value):
+    with pytest.raises(InputError, match=f"{setting} of .* is {value!r}"):
+        excitation(name, **{setting: value})
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_settings_are_plain_numbers_and_names(name):
+    assert {type(getattr(TABLE[name](), field.name)) for field in fields(TABLE[name])} <= {int, float, str}
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (Multisine(f_max=5.0), "f_max of a multisine is 5 Hz, and samples of 0.1 s end at 5 Hz"),
+        (Multisine(period=400.0), "a record of 200 s is shorter than one period of the multisine, 400 s"),
+        (Multisine(f_min=0.11, f_max=0.14), "no line of the full grid from 0.11 to 0.14 Hz"),
+        (Chirp(f_max=6.0), "f_max of a chirp is 6 Hz"),
+        (Chirp(period=10.0), "less than one cycle of f_min 0.05 Hz"),
+        (Prbs(hold=0.02), "hold of a prbs is 0.02 s, less than one sample of 0.1 s"),
+        (Staircase(hold=0.02), "less than one sample"),
+        (Steps(rest=0.02), "rest of steps is 0.02 s, less than one sample"),
+    ],
+)
+def test_what_a_record_cannot_carry_is_refused(make, says):
+    with pytest.raises(InputError, match=says):
+        drawn(make)

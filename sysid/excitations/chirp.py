@@ -1,0 +1,71 @@
+"""Chirp: a sine whose frequency runs from f_min to f_max."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.errors import InputError
+from sysid.levels import check, check_band, check_from_zero, check_name, samples
+
+
+@dataclass(frozen=True)
+class Chirp:
+    """Sine of `amplitude` from f_min to f_max [Hz] within `period` [s]; a period of 0 is the whole record.
+
+    `spacing` "linear": the frequency grows by the same Hz every second, power is spread evenly over the band. "log": by
+    the same factor, so that every octave takes the same time. `repeat` "restart" starts anew at f_min after each
+    period, "back" returns to f_min within the period, along the same frequencies. It starts at its crest, and its mean
+    over a period is taken off, so that an integrating plant stays about its start. One amplitude at a time and one
+    frequency at a time: bends of the static map and dynamics are hard to tell apart, prefer `Multisine` or `Aprbs` for
+    that. `rng` is not used: the signal is the same for every seed.
+    """
+
+    amplitude: float = 12.0
+    f_min: float = 0.05
+    f_max: float = 2.0
+    period: float = 0.0
+    spacing: str = "linear"
+    repeat: str = "restart"
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive = {"amplitude": self.amplitude, "f_min": self.f_min, "f_max": self.f_max}
+        check("a chirp", positive, {"offset": self.offset})
+        check_from_zero("a chirp", {"period": self.period})
+        check_name("a chirp", "spacing", self.spacing, ("linear", "log"))
+        check_name("a chirp", "repeat", self.repeat, ("restart", "back"))
+        if not self.f_min < self.f_max:
+            raise InputError(f"a chirp from {self.f_min:g} to {self.f_max:g} Hz has no band; give f_min below f_max")
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Frequencies [Hz] that hold 90 % of the power."""
+        return self.f_min, self.f_max
+
+    def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
+        """Levels u (N,) [unit of amplitude]; raises InputError where Ts or the record cannot carry the band."""
+        check_band("a chirp", self.f_min, self.f_max, Ts)
+        P = samples("a chirp", "period", self.period, Ts) if self.period else N
+        if self.f_min * P * Ts < 1:
+            raise InputError(
+                f"one period of the chirp is {P * Ts:g} s, less than one cycle of f_min {self.f_min:g} Hz; give a "
+                f"longer period or record, or a higher f_min"
+            )
+        t = np.arange(P) * Ts
+        u = np.cos(2 * np.pi * (self._back(t, P * Ts) if self.repeat == "back" else self._cycles(t, P * Ts)))
+        u -= u.mean()
+        return self.offset + self.amplitude * (u / np.abs(u).max())[np.arange(N) % P]
+
+    def _cycles(self, t: np.ndarray, length: float) -> np.ndarray:
+        """Cycles since the start at times t (P,) [s], the integral of the frequency, on the way up in `length` [s]."""
+        if self.spacing == "linear":
+            return self.f_min * t + (self.f_max - self.f_min) * t**2 / (2 * length)
+        rate = np.log(self.f_max / self.f_min) / length
+        return self.f_min * np.expm1(rate * t) / rate
+
+    def _back(self, t: np.ndarray, length: float) -> np.ndarray:
+        """The same up in half of `length` and down in the other half, which mirrors the first."""
+        half = length / 2
+        up = self._cycles(np.minimum(t, half), half)
+        whole = self._cycles(np.array([half]), half)[0]
+        return np.where(t <= half, up, 2 * whole - self._cycles(np.maximum(length - t, 0.0), half))

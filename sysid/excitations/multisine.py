@@ -1,0 +1,141 @@
+"""Multisine: a sum of sines on chosen lines, with phases that keep its peaks low."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from sysid.errors import InputError
+from sysid.levels import check, check_band, check_name, half_way, samples
+
+GRIDS = ("full", "odd", "odd_odd", "random_odd")
+PHASES = ("optimised", "schroeder", "random")
+GROUP = 4  # odd lines per detection line of a random odd grid
+NORMS = (4, 8, 16, 32, 64, 128, 256)
+
+
+@dataclass(frozen=True)
+class Multisine:
+    """Sines of equal power at multiples of 1 / `period` from f_min to f_max [Hz], scaled to a peak of `amplitude`.
+
+    `grid` chooses the multiples (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.
+    2012, chapters 4 and 5). "full": all. "odd": 1, 3, 5, ..., what even bends make then falls between the lines.
+    "odd_odd": 1, 5, 9, ..., the odd lines left out show odd bends too. "random_odd": odd, one of every four
+    neighbours left out at random, which shows both and costs a quarter of the lines. `phases` "optimised" gives the
+    most power for the peak, "schroeder" is the closed formula, "random" is the input that theory of the best linear
+    approximation asks for. Start phases, random phases and grids come from `rng`: another seed is an independent
+    realisation, with the same power on the same lines (a random grid apart). Channels of several inputs that draw
+    from their own generators are uncorrelated on average over realisations, not within one.
+
+    The record has to hold one period; give a whole number of them, for a spectrum without leakage. It starts where its
+    running sum is half way between its extremes, so that an integrating plant stays centred on its start.
+    """
+
+    amplitude: float = 12.0
+    f_min: float = 0.05
+    f_max: float = 2.0
+    period: float = 20.0
+    grid: str = "full"
+    phases: str = "optimised"
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive = {"amplitude": self.amplitude, "f_min": self.f_min, "f_max": self.f_max, "period": self.period}
+        check("a multisine", positive, {"offset": self.offset})
+        check_name("a multisine", "grid", self.grid, GRIDS)
+        check_name("a multisine", "phases", self.phases, PHASES)
+        if not self.f_min <= self.f_max:
+            raise InputError(
+                f"a multisine from {self.f_min:g} to {self.f_max:g} Hz has no band; give f_min up to f_max"
+            )
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Frequencies [Hz] that hold all of the power."""
+        return self.f_min, self.f_max
+
+    def lines(self, Ts: float, rng: np.random.Generator) -> np.ndarray:
+        """Excited multiples (F,) of 1 / period; `rng` draws those that a random odd grid leaves out."""
+        check_band("a multisine", self.f_min, self.f_max, Ts)
+        length = samples("a multisine", "period", self.period, Ts) * Ts  # [s] as it is sampled
+        slack = 1e-9  # a band edge that lies on a line is in
+        first, last = int(np.ceil(self.f_min * length - slack)), int(np.floor(self.f_max * length + slack))
+        k = np.arange(max(first, 1), last + 1)
+        if self.grid == "odd_odd":
+            k = k[k % 4 == 1]
+        elif self.grid != "full":
+            k = k[k % 2 == 1]
+        if self.grid == "random_odd":
+            whole = len(k) // GROUP * GROUP
+            k = np.delete(k, np.arange(0, whole, GROUP) + rng.integers(GROUP, size=whole // GROUP))
+        if len(k) == 0:
+            raise InputError(
+                f"a multisine of period {self.period:g} s has no line of the {self.grid} grid from {self.f_min:g} to "
+                f"{self.f_max:g} Hz; give a longer period or a wider band"
+            )
+        return k
+
+    def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
+        """Levels u (N,) [unit of amplitude]; raises InputError where Ts or the record cannot carry the band."""
+        lines = self.lines(Ts, rng)
+        P = samples("a multisine", "period", self.period, Ts)
+        if N < P:
+            raise InputError(
+                f"a record of {N * Ts:g} s is shorter than one period of the multisine, {self.period:g} s; give a "
+                f"longer record or a shorter period"
+            )
+        if self.phases == "schroeder":
+            phases = schroeder(len(lines))
+        else:
+            phases = rng.uniform(0.0, 2 * np.pi, len(lines))
+            if self.phases == "optimised":
+                phases = flattest(lines, phases, P)
+        u = synthesis(lines, phases, P)
+        u = np.roll(u / np.abs(u).max(), -half_way(u)[0])
+        return self.offset + self.amplitude * u[np.arange(N) % P]
+
+
+def synthesis(lines: np.ndarray, phases: np.ndarray, P: int) -> np.ndarray:
+    """Sum of cos(2 pi k n / P + phase) over lines k (F,), at n = 0 .. P - 1: u (P,)."""
+    spectrum = np.zeros(P // 2 + 1, dtype=complex)
+    spectrum[lines] = np.exp(1j * phases) * P / 2
+    return np.fft.irfft(spectrum, P)
+
+
+def crest_factor(u: np.ndarray) -> float:
+    """Peak over root mean square of u (N,): 1 for a square wave, 1.414 for a sine."""
+    return float(np.abs(u).max() / np.sqrt(np.mean(u**2)))
+
+
+def schroeder(F: int) -> np.ndarray:
+    """Phases -pi k (k - 1) / F (F,) [rad] of a flat multisine (Schroeder, IEEE Trans. Inf. Theory 16(1), 1970)."""
+    k = np.arange(1, F + 1)
+    return -np.pi * k * (k - 1) / F
+
+
+def flattest(lines: np.ndarray, phases: np.ndarray, P: int) -> np.ndarray:
+    """Phases (F,) [rad] of a lower peak, found from `phases` (F,).
+
+    Minimises the p-norm of u over growing p, which tends to the peak (Guillaume, Schoukens, Pintelon and Kollar, IEEE
+    Trans. Instrum. Meas. 40(6), 1991; by quasi-Newton steps instead of theirs). The peak counted is that of the
+    levels at the samples, as they are what is held.
+    """
+    best = phases
+    for p in NORMS:
+        phases = minimize(_log_norm, phases, (lines, P, p), jac=True, method="L-BFGS-B", options={"maxiter": 100}).x
+        best = min(best, phases, key=lambda phi: crest_factor(synthesis(lines, phi, P)))
+    return best
+
+
+def _log_norm(phases: np.ndarray, lines: np.ndarray, P: int, p: int) -> tuple[float, np.ndarray]:
+    """log ||u||_p with u of unit root mean square, and its gradient (F,) with respect to the phases."""
+    rms = np.sqrt(len(lines) / 2)
+    u = synthesis(lines, phases, P) / rms
+    peak = np.abs(u).max()
+    scaled = u / peak  # powers up to 256 of this cannot overflow
+    powers = np.abs(scaled) ** p
+    total = powers.sum()
+    # d log||u||_p = sum_n |u|^(p-2) u du / sum_n |u|^p, and du = -sin(2 pi k n / P + phase_k) / rms.
+    weights = np.fft.rfft(np.abs(scaled) ** (p - 2) * scaled)[lines]
+    gradient = -np.imag(np.exp(1j * phases) * np.conj(weights)) / (rms * peak * total)
+    return float(np.log(peak) + np.log(total / P) / p), gradient

@@ -1,0 +1,46 @@
+"""Pseudo-random binary sequence from a maximum-length shift register."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import max_len_seq
+
+from sysid.levels import check, check_name, check_whole, half_way, samples
+
+
+@dataclass(frozen=True)
+class Prbs:
+    """+-amplitude, clocked every `hold` [s] by a shift register of `nbits`, with period (2^nbits - 1) hold.
+
+    Over whole periods its autocorrelation is amplitude^2 at lag 0 and -amplitude^2 / (2^nbits - 1) at every other clock
+    (Golomb, Shift Register Sequences, 1967), so it is nearly white up to the clock. `repeat` "inverse" turns every
+    second clock around: twice the period, mean zero, and odd harmonics alone, which leaves the even ones to show even
+    bends (Godfrey, Perturbation Signals for System Identification, 1993, section 1.3). Two levels cannot show a static
+    map: use `Aprbs` or `Multisine` there. `rng` draws sign and start, among those where the running sum is half way
+    between its extremes, so that an integrating plant stays centred on its start.
+    """
+
+    amplitude: float = 12.0
+    nbits: int = 7
+    hold: float = 0.3
+    repeat: str = "plain"
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        check("a prbs", {"amplitude": self.amplitude, "hold": self.hold}, {"offset": self.offset})
+        check_whole("a prbs", "nbits", self.nbits, 2, 20)
+        check_name("a prbs", "repeat", self.repeat, ("plain", "inverse"))
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Frequencies [Hz] that hold 90 % of the power: the main lobe of one clock."""
+        return 0.0, 1.0 / self.hold
+
+    def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
+        """Levels u (N,) [unit of amplitude]; a record shorter than a period is the start of one."""
+        hold = samples("a prbs", "hold", self.hold, Ts)
+        bits = 2.0 * max_len_seq(self.nbits)[0] - 1.0
+        if self.repeat == "inverse":
+            bits = np.concatenate([bits, bits]) * (-1.0) ** np.arange(2 * len(bits))
+        bits = rng.choice([-1.0, 1.0]) * np.roll(bits, -rng.choice(half_way(bits)))
+        return self.offset + self.amplitude * bits[(np.arange(N) // hold) % len(bits)]

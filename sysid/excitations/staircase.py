@@ -1,0 +1,51 @@
+"""Staircase: level after level up and down over the whole range, each held."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.levels import check, check_name, check_whole, samples
+
+
+@dataclass(frozen=True)
+class Staircase:
+    """2 `steps` + 1 equally spaced levels from -amplitude to amplitude, each held for `hold` [s], over and over.
+
+    `order` "stairs" climbs from zero to the top, down to the bottom and back: with holds longer than the plant settles,
+    the ends of the holds draw its static map, once upwards and once downwards, so that hysteresis shows.
+    "alternating" takes each level and its opposite in turn (+1, -1, +2, -2, ... back to +1, -1 steps): an integrating
+    plant then comes back after every pair, and shows its speed at each level. Not for dynamics faster than the hold.
+    `rng` is not used: the signal is the same for every seed.
+    """
+
+    amplitude: float = 12.0
+    steps: int = 6
+    hold: float = 2.0
+    order: str = "stairs"
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        check("a staircase", {"amplitude": self.amplitude, "hold": self.hold}, {"offset": self.offset})
+        check_whole("a staircase", "steps", self.steps, 1, 1000)
+        check_name("a staircase", "order", self.order, ("stairs", "alternating"))
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Frequencies [Hz] that hold 90 % of the power: the first two lobes of one hold."""
+        return 0.0, 2.0 / self.hold
+
+    @property
+    def sequence(self) -> np.ndarray:
+        """Levels of one round as shares of the amplitude, from -1 to 1: 4 steps (stairs), else 4 steps - 2."""
+        up = np.arange(1, self.steps + 1) / self.steps
+        if self.order == "stairs":
+            climb = np.concatenate([up, up[-2::-1]])
+            return np.concatenate([[0.0], climb, [0.0], -climb])
+        sizes = np.concatenate([up, up[-2::-1]])
+        return np.stack([sizes, -sizes], axis=1).ravel()
+
+    def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
+        """Levels u (N,) [unit of amplitude]."""
+        hold = samples("a staircase", "hold", self.hold, Ts)
+        sequence = self.sequence
+        return self.offset + self.amplitude * sequence[(np.arange(N) // hold) % len(sequence)]

@@ -1,0 +1,52 @@
+"""Steps out of rest: up, back to zero, down, back to zero."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.levels import check, check_from_zero, check_name, samples, within_reach
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Rest of `rest` [s], a level held for `hold` [s], rest again, and so on; rest is at `offset`.
+
+    `levels` "fixed": +amplitude and -amplitude in turn. "random": uniform in [-amplitude, amplitude]; with a `reach`
+    [unit of amplitude times s] a level whose area would take the running integral of u - offset further than that from
+    0 changes its sign, or is cut short, so that an integrating plant stays near its start (0: no bound). Parts of
+    levels up to `dead` [unit of amplitude] count as moving nothing. Each step is a step response to look at: rise,
+    settling, and what friction holds. Half of the record is rest: prefer `Aprbs` or `Multisine` to fit a model with.
+    """
+
+    amplitude: float = 12.0
+    hold: float = 2.0
+    rest: float = 2.0
+    levels: str = "random"
+    offset: float = 0.0
+    reach: float = 0.0
+    dead: float = 0.0
+
+    def __post_init__(self) -> None:
+        check("steps", {"amplitude": self.amplitude, "hold": self.hold, "rest": self.rest}, {"offset": self.offset})
+        check_from_zero("steps", {"reach": self.reach, "dead": self.dead})
+        check_name("steps", "levels", self.levels, ("random", "fixed"))
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Frequencies [Hz] that hold 90 % of the power: the first two lobes of one hold."""
+        return 0.0, 2.0 / self.hold
+
+    def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
+        """Levels u (N,) [unit of amplitude]; `rng` draws random levels alone."""
+        hold, rest = samples("steps", "hold", self.hold, Ts), samples("steps", "rest", self.rest, Ts)
+        u = np.full(N, float(self.offset))
+        total = 0.0
+        for k, start in enumerate(range(rest, N, hold + rest)):
+            fixed = self.levels == "fixed"
+            level = self.amplitude * ((-1.0) ** k if fixed else rng.uniform(-1.0, 1.0))
+            area = np.sign(level) * max(abs(level) - self.dead, 0.0) * hold * Ts
+            sign, share = within_reach(total, area, self.reach) if self.reach > 0 and not fixed else (1.0, 1.0)
+            length = max(1, int(share * hold))
+            total += sign * area * length / hold
+            u[start : start + length] += sign * level
+        return u
