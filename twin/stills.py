@@ -41,6 +41,7 @@ VIEWS: Mapping[str, Mapping[str, Any]] = {
 }
 TORSO_HEIGHT = 0.46  # [m] on its stand: no foot reaches the floor
 FADED = (0.75, 0.78, 0.82, 0.28)  # the three legs that a still is not about
+UNSEEN = 5  # a group that no viewer shows unless asked to
 STAND = (0.35, 0.38, 0.43, 1.0)
 
 
@@ -116,12 +117,19 @@ def _address(model: mujoco.MjModel, joint: str) -> int:
 def tint(model: mujoco.MjModel, colours: Mapping[str, Sequence[float]]) -> None:
     """Give the legs with these suffixes one colour each, cylinders included; opacity 0 hides a leg."""
     for suffix, colour in colours.items():
-        for rgba, material, names in (
-            (model.geom_rgba, model.geom_matid, [model.geom(k).name for k in range(model.ngeom)]),
-            (model.tendon_rgba, model.tendon_matid, [model.tendon(k).name for k in range(model.ntendon)]),
+        for rgba, material, group, names in (
+            (model.geom_rgba, model.geom_matid, model.geom_group, [model.geom(k).name for k in range(model.ngeom)]),
+            (
+                model.tendon_rgba,
+                model.tendon_matid,
+                model.tendon_group,
+                [model.tendon(k).name for k in range(model.ntendon)],
+            ),
         ):
             chosen = [name.endswith(suffix) for name in names]
             rgba[chosen], material[chosen] = colour, -1
+            if colour[3] == 0:
+                group[chosen] = UNSEEN  # opacity 0 alone would still throw a shadow
 
 
 def cylinders(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Rod]:

@@ -6,8 +6,9 @@ from twin.cli.identify import identify
 from twin.cli.info import info
 from twin.cli.reproduce import reproduce
 from twin.cli.simulate import simulate
+from twin.cli.view import view
 
-VERBS = (reproduce, simulate, identify, info)
+VERBS = (reproduce, simulate, identify, info, view)
 
 
 def build() -> typer.Typer:

@@ -1,0 +1,136 @@
+"""`qpal view`: the robot or a recorded log in MuJoCo's viewer, in a browser, or as pictures."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import twin
+from sysid.errors import InputError
+from twin.cli import console, options
+from twin.cli.output import check_writable_file, output_folder
+from twin.replay import Movement, Replay, movement
+
+File = Annotated[str | None, typer.Argument(metavar="[LOG]", help="log to replay (.csv, .parquet, .mat)")]
+Ghost = Annotated[str | None, typer.Option(metavar="LOG", help="another log, such as the rig's, as a ghost leg")]
+Strip = Annotated[str | None, typer.Option(metavar="FILE.png", help="draw frames along the log into one figure")]
+Frames = Annotated[str | None, typer.Option(metavar="DIR", help="write numbered PNG frames, 20 for a second")]
+Gif = Annotated[str | None, typer.Option(metavar="FILE.gif", help="write the frames as one GIF")]
+Start = Annotated[float | None, options.number("S", "first second of the log that is shown")]
+Stop = Annotated[float | None, options.number("S", "last second of the log that is shown")]
+
+
+def view(
+    log: File = None,
+    joint: Annotated[str | None, options.name("which moved, where the log does not say", twin.JOINTS)] = None,
+    ghost: Ghost = None,
+    speed: Annotated[float, options.number("X", "times as fast as it was")] = 1.0,
+    start: Start = None,
+    stop: Stop = None,
+    web: Annotated[bool, typer.Option("--web", help="show it in a browser instead of a window")] = False,
+    port: Annotated[int, options.whole("N", "of --web; 0: the first free one from 8080 on")] = 0,
+    strip: Strip = None,
+    count: Annotated[int, options.whole("N", "frames in the strip")] = 6,
+    frames: Frames = None,
+    gif: Gif = None,
+) -> None:
+    """Show the robot, or replay a log; in a window, a browser (--web), or as pictures (--strip, --frames, --gif)."""
+    ways = {"--web": web, "--strip": strip, "--frames": frames, "--gif": gif}
+    asked = [way for way, given in ways.items() if given]
+    if len(asked) > 1:
+        raise InputError(f"{' and '.join(asked)} are given; give one of them at a time")
+    if not 0.001 <= speed <= 1000:
+        raise InputError(f"--speed is {speed:g}; give a number from 0.001 to 1000")
+    if port and not web:
+        raise InputError(f"--port is {port} without --web; add --web, or leave --port out")
+    replay, names = _replay(log, ghost, joint, start, stop)
+    if not (strip or frames or gif):
+        from twin.view import show
+
+        show(replay, speed=speed, web=web, port=port)
+        return
+    from twin.stills import NoRenderer
+
+    try:
+        if strip:
+            _whole(strip, ".png", lambda path: _write_strip(replay, names, count, path))
+        elif replay is None:
+            raise InputError(f"{asked[0]} shows a log moving and none is given; give a LOG, or use --strip")
+        else:
+            _write_frames(replay, names, speed, frames, gif)
+    except NoRenderer as reason:
+        raise InputError(f"{reason}; install Mesa's libEGL or libOSMesa, or use another machine") from None
+
+
+def _replay(
+    log: str | None, ghost: str | None, joint: str | None, start: float | None, stop: float | None
+) -> tuple[Replay | None, list[str]]:
+    """The replay and what its legs are called; none without a log."""
+    if log is None:
+        for option, given in (("--joint", joint), ("--ghost", ghost), ("--start", start), ("--stop", stop)):
+            if given is not None:
+                raise InputError(
+                    f"{option} is given without a LOG; give the log to replay first: qpal view LOG {option} ..."
+                )
+        return None, []
+    first = twin.Log.load(log)
+    leg = _movement(log, first, joint)
+    shadow = None
+    if ghost is not None:
+        second = twin.Log.load(ghost)
+        alone = next(iter(leg.angles)) if len(leg.angles) == 1 and not second.joint else None
+        shadow = _movement(ghost, second, joint or alone)
+    parameters = twin.Parameters(first.meta.get("parameters_changed", {}))
+    replay = Replay(leg, shadow, parameters, 0.0 if start is None else start, stop)
+    return replay, [Path(path).name for path in (log, ghost) if path is not None]
+
+
+def _movement(path: str, log: twin.Log, joint: str | None) -> Movement:
+    try:
+        return movement(log, joint)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _write_strip(replay: Replay | None, names: list[str], count: int, path: Path) -> None:
+    from twin import view_pictures as pictures
+    from twin.report.style import png
+
+    figure = pictures.standing() if replay is None else pictures.strip(replay, pictures.Names(*names), count)
+    path.write_bytes(png(figure))
+
+
+def _write_frames(replay: Replay, names: list[str], speed: float, frames: str | None, gif: str | None) -> None:
+    from twin import view_pictures as pictures
+
+    times = pictures.frame_times(replay, speed)
+    with console.progress(1) as step:
+        step(f"{len(times)} frames")
+
+        def tell(done: int) -> None:
+            step.part(done / len(times), f"{done} of {len(times)} frames")
+
+        images = pictures.frames(replay, times, pictures.Names(*names), tell)
+        if gif is not None:
+            _whole(gif, ".gif", lambda path: pictures.save_gif(images, path))
+        elif frames is not None:
+            with output_folder(Path(frames)) as scratch:
+                written = pictures.save_frames(images, scratch)
+            print(f"Frames: {written} in {frames}")
+
+
+def _whole(target: str, suffix: str, write: Callable[[Path], None]) -> None:
+    """Write the file `target` under a temporary name first, so that no half of it is ever seen."""
+    path = Path(target)
+    if path.suffix.lower() != suffix:
+        raise InputError(f"{target} ends in {path.suffix or 'no suffix'!r}; give a name that ends in {suffix}")
+    check_writable_file(path)
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{suffix}")
+    try:
+        write(temporary)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    print(f"Picture: {target}")
