@@ -144,9 +144,11 @@ def cylinders(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Rod]:
                 continue
             base, rod = data.site(f"{joint}_base{suffix}").xpos, data.site(f"{joint}_rod{suffix}").xpos
             along = (rod - base) / np.linalg.norm(rod - base)
-            tip = base + along * 0.8 * model.tendon_range[model.tendon(joint + suffix).id, 0]
-            yield Rod(0.013, base, tip, colour)
-            yield Rod(0.017, base, base + 0.35 * (tip - base), colour)
+            tendon = model.tendon(joint + suffix).id
+            tip = base + along * 0.8 * model.tendon_range[tendon, 0]
+            scale = model.tendon_width[tendon] / model.tendon_width.max()  # a ghost leg is a little thinner
+            yield Rod(0.013 * scale, base, tip, colour)
+            yield Rod(0.017 * scale, base, base + 0.35 * (tip - base), colour)
 
 
 def column(data: mujoco.MjData) -> Iterator[Rod]:

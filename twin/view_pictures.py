@@ -145,16 +145,16 @@ def _moving(replay: Replay) -> list[str]:
 
 
 def _trace(axes, replay: Replay, names: Names, joint: str, times: np.ndarray) -> None:
-    for part, name, colour, width in (
-        (replay.leg, names.leg, INK, 1.3),
-        (replay.ghost, f"{names.ghost} (ghost)", GHOST[:3], 1.1),
+    for part, name, colour, width in (  # the ghost's is the finer pen, so that both are seen where they agree
+        (replay.leg, names.leg, INK, 1.9),
+        (replay.ghost, f"{names.ghost} (ghost)", GHOST[:3], 1.0),
     ):
         if part is None or joint not in part.angles:
             continue
         shown = (part.t >= replay.start) & (part.t <= replay.start + replay.length)
         line(axes, part.t[shown], np.rad2deg(part.angles[joint][shown]), color=colour, linewidth=width, label=name)
         marks = [np.rad2deg(part.at(replay.start + time)[joint]) for time in times]
-        axes.plot(replay.start + times, marks, "o", color=colour, markersize=4.5)
+        axes.plot(replay.start + times, marks, "o", color=colour, markersize=3 + 1.6 * width)
     axes.set_ylabel(f"{joint} [deg]")
     axes.margins(x=0.01)
 
