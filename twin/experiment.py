@@ -1,20 +1,25 @@
-"""An excitation experiment on the leg bench: one joint, one excitation, one log."""
+"""An excitation experiment on the leg bench: one joint or all three, one excitation, one log."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from numbers import Integral, Real
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from sysid import excitations
 from sysid.errors import InputError, unknown
-from twin.drive import Drive, drive
+from twin.closed_loop import assembled
+from twin.drive import MODES
 from twin.geometry import end_angles, middle
-from twin.leg import BENCH_LEG, bench, check_joint, check_switches
+from twin.leg import BENCH_LEG, REALISATIONS, bench, check_switches, joints_of
 from twin.log import Log
 from twin.parameters import JOINTS, Parameters
+from twin.plant import slots
+from twin.plant.board import circuit, user_data
+from twin.plant.stepping import TIMESTEP, Run, step
 from twin.pot import potentiometer
 
 # What an excitation gets where the caller gives nothing. A sweep's half period leaves about 22 % of it as rest at an
@@ -24,20 +29,29 @@ DEFAULTS: dict[str, dict[str, dict[str, float]]] = {
     "thigh": {"sweep": {"half_period": 8.0}, "aprbs": {"hold_min": 0.5, "hold_max": 5.0}},
     "shank": {"sweep": {"half_period": 8.0}, "aprbs": {"hold_min": 0.5, "hold_max": 5.0}},
 }
-SETTLE = 0.5  # [s] at 0 V before the record starts, for the link to lie against one side of its play
+SETTLE = 0.5  # [s] at rest before the record starts, for the link to lie against one side of its play
 SHORTEST = 10  # samples; a shorter record identifies nothing
+POT_SIDES = ("link", "drive")
 
 
 @dataclass(frozen=True)
 class Experiment:
     """Drive `joint` with `excitation` for `duration` [s], sampled every `Ts` [s], the other two joints held rigidly.
 
-    `seed` draws the excitation and the noise, separately: the same seed gives the same log bit for bit, and switching
-    the noise off leaves the voltage as it was. `without` names imperfections to leave out (`twin.IMPERFECTIONS`).
+    `joint` "leg" drives all three at once, each with a draw of the excitation of its own. `seed` draws the excitation,
+    the noise and the losses of the log, separately: the same seed gives the same log bit for bit, and switching the
+    noise off leaves the voltage as it was. `without` names imperfections to leave out (`twin.IMPERFECTIONS`).
     `options` overrides the excitation's own settings, for example {"amplitude": 6.0}. Every record starts at mid
     stroke: a sweep that started at an end would be periodic from its first sample, and an identified resonance would
     fit that better than the joint does. Without end stops nothing keeps the actuator inside its stroke: give a small
-    amplitude. Raises InputError for arguments that do not exist or do not fit.
+    amplitude.
+
+    mode "voltage": the input is the motor voltage that is asked for, open loop, as in the paper. "servo": it is the
+    reference of the driver's position loop, in volts of the potentiometer, 0 V at angle 0; amplitude and offset then
+    default to the middle 80 % of the travel. pot_side "link": the potentiometer sees the play (it reads the link),
+    "drive": it does not. realisation "closed_loop" builds the linear actuators of bodies, a cross-check of the tendon.
+
+    Raises InputError for arguments that do not exist or do not fit.
     """
 
     joint: str = "thigh"
@@ -47,10 +61,13 @@ class Experiment:
     seed: int = 1
     without: tuple[str, ...] = ()
     parameters: Parameters | None = None
-    options: Mapping[str, float] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    mode: str = "voltage"
+    pot_side: str = "link"
+    realisation: str = "tendon"
 
     def __post_init__(self) -> None:
-        check_joint(self.joint)
+        joints_of(self.joint)
         object.__setattr__(self, "without", check_switches(self.without))
         if self.parameters is None:
             object.__setattr__(self, "parameters", Parameters())
@@ -58,9 +75,18 @@ class Experiment:
             raise InputError(f"parameters is a {type(self.parameters).__name__}; give a twin.Parameters")
         if isinstance(self.seed, bool) or not isinstance(self.seed, Integral) or self.seed < 0:
             raise InputError(f"seed is {self.seed!r}; give a whole number from 0 up")
+        for name, allowed in (("mode", MODES), ("pot_side", POT_SIDES), ("realisation", REALISATIONS)):
+            if getattr(self, name) not in allowed:
+                raise unknown(name.replace("_", " "), getattr(self, name), allowed)
+        self._check_times()
+        self.signals()  # an unknown excitation or option is found here, before the run
+        for joint in JOINTS:
+            end_angles(self.p, joint)  # and so are pins that the actuator cannot span
+
+    def _check_times(self) -> None:
         for name in ("Ts", "duration"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, Real) or not 0 < value < np.inf:
+            if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) < np.inf:
                 raise InputError(f"{name} is {value!r}; give a positive number of seconds")
         steps = self.Ts / TIMESTEP
         if round(steps) < 1 or abs(steps - round(steps)) > 1e-6 * steps:
@@ -70,79 +96,158 @@ class Experiment:
                 f"duration {self.duration} s is {self.duration / self.Ts:g} samples of {self.Ts} s; give a whole "
                 f"number of at least {SHORTEST}"
             )
-        self.signal()  # an unknown excitation or option is found here, before the run
-        for joint in JOINTS:
-            end_angles(self.parameters, joint)  # and so are pins that the actuator cannot span
+
+    @property
+    def p(self) -> Parameters:
+        """The parameters, nominal where none were given."""
+        assert self.parameters is not None
+        return self.parameters
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints that are driven."""
+        return joints_of(self.joint)
 
     @property
     def N(self) -> int:
         """Number of samples."""
         return round(self.duration / self.Ts)
 
+    def signals(self) -> tuple[excitations.Excitation, ...]:
+        """The excitation of each driven joint, with the joint's defaults and `options` in it."""
+        return tuple(self._signal(joint) for joint in self.joints)
+
     def signal(self) -> excitations.Excitation:
-        """The excitation with the joint's defaults and `options` in it."""
+        """The excitation of the first driven joint."""
+        return self.signals()[0]
+
+    def _signal(self, joint: str) -> excitations.Excitation:
         if self.excitation not in excitations.TABLE:
             raise unknown("excitation", self.excitation, excitations.TABLE)
-        assert self.parameters is not None
-        settings = {"amplitude": self.parameters["supply_voltage"]}
-        settings |= DEFAULTS[self.joint].get(self.excitation, {})
+        kind = excitations.TABLE[self.excitation]
+        known = getattr(kind, "__dataclass_fields__", {})
+        settings: dict[str, Any] = {"amplitude": self.p["supply_voltage"]}
+        if self.mode == "servo":
+            low, high = (angle * potentiometer(self.p).scale for angle in end_angles(self.p, joint))
+            settings = {"amplitude": 0.4 * (high - low), "offset": 0.5 * (high + low)}
+            if "offset" not in known:
+                raise InputError(f"{self.excitation} has no offset, which servo mode needs; take another excitation")
+        settings |= DEFAULTS[joint].get(self.excitation, {})
         settings |= self.options
-        known = getattr(excitations.TABLE[self.excitation], "__dataclass_fields__", {})
         for name in settings:
             if name not in known:
                 raise unknown(f"option of {self.excitation}", name, known)
-        return excitations.TABLE[self.excitation](**settings)
+        return kind(**settings)
 
     def run(self) -> Log:
         """Simulate and record."""
-        assert self.parameters is not None
-        p = self.parameters
-        draw, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(self.seed).spawn(2))
-        u = self.signal().generate(self.N, self.Ts, draw)
-        model = bench(self.joint, p, self.without)
-        y_true = simulate(model, drive(p, self.joint, self.without), self.joint, u, self.Ts, middle(p, self.joint))
-        y = potentiometer(p, self.without).read(y_true, noise)
+        return run_all([self])[0]
+
+    def commands(self) -> np.ndarray:
+        """The excitations (N, joints) [V]."""
+        draws = self._generators("excitation")
+        pairs = zip(self.signals(), draws, strict=True)
+        return np.column_stack([signal.generate(self.N, self.Ts, rng) for signal, rng in pairs])
+
+    def _generators(self, what: str) -> list[np.random.Generator]:
+        """A generator a driven joint. A joint's own does not depend on which others are driven."""
+        roots = np.random.SeedSequence(self.seed).spawn(len(_DRAWS))[_DRAWS.index(what)]
+        if self.joint in JOINTS:
+            return [np.random.default_rng(roots)]
+        return [np.random.default_rng(s) for s in roots.spawn(len(JOINTS))]
+
+    def prepare(
+        self,
+        model: mujoco.MjModel | None = None,
+        u: np.ndarray | None = None,
+        start: Mapping[str, float] | None = None,
+    ) -> Run:
+        """The simulation behind the experiment; `model` where the caller has compiled it already.
+
+        `u` (n, joints) [V] takes the excitation's place, and `start` [rad] mid stroke's for the joints that it names.
+        """
+        p = self.p
+        if model is None:
+            model = bench(self.joint, p, self.without, self.realisation)
+        circuits = [circuit(p, joint, self.without) for joint in self.joints]
+        on_link, servo = self.pot_side == "link", self.mode == "servo"
+        angles = {joint: middle(p, joint) for joint in self.joints} | dict(start or {})
+        commands = self.commands() if u is None else u
+        late = potentiometer(p, self.without).times(len(commands), self.Ts, self._generators("sampling")[0])
+        return Run(
+            model,
+            user_data(model, circuits, servo, on_link, self.seed),
+            _start(model, p, angles),
+            commands,
+            np.array([c.pot.scale * angles[j] if servo else 0.0 for c, j in zip(circuits, self.joints, strict=True)]),
+            0.0 if "delay" in self.without else p["delay"],
+            late,
+        )
+
+    def record(self, run: Run, shown: np.ndarray) -> Log:
+        """The log of a finished run, whose boards showed (N, joints, COLUMNS)."""
+        pot, clean = potentiometer(self.p, self.without), shown[:, :, slots.READING]
+        read = [pot.read(column, rng) for column, rng in zip(clean.T, self._generators("noise"), strict=True)]
+        u, y, y_true = run.commands, np.column_stack(read), clean
+        if self.joint in JOINTS:
+            u, y, y_true = u[:, 0], y[:, 0], y_true[:, 0]
         return Log(u, y, self.Ts, y_true, self.joint, self._meta())
 
     def _meta(self) -> dict:
-        assert self.parameters is not None
         return {
             "source": "twin",
             "joint": self.joint,
             "excitation": self.excitation,
-            "options": vars(self.signal()),
+            "options": vars(self.signal()) if self.joint in JOINTS else [vars(signal) for signal in self.signals()],
             "duration": self.duration,
             "Ts": self.Ts,
             "seed": int(self.seed),
             "without": list(self.without),
-            "parameters_changed": self.parameters.changed(),
+            "mode": self.mode,
+            "pot_side": self.pot_side,
+            "realisation": self.realisation,
+            "parameters_changed": self.p.changed(),
             "versions": {name: _version(name) for name in ("qpal", "mujoco", "numpy")},
         }
 
 
-TIMESTEP = 0.001  # [s], as in the MJCF
+_DRAWS = ("excitation", "noise", "sampling")
 
 
-def simulate(model: mujoco.MjModel, drive: Drive, joint: str, u: np.ndarray, Ts: float, start: float) -> np.ndarray:
-    """Angle between the links (N,) [rad] at each sample, before its voltage u (N,) [V] is applied for Ts [s].
+def run_all(experiments: Sequence[Experiment], threads: int = 1) -> list[Log]:
+    """Logs of experiments that are alike in joint, duration, Ts and realisation, simulated side by side.
 
-    `model` is a bench of `joint`; `start` [rad] is the drive side's angle. The motor voltage is decided afresh every
-    `drive.period`, from a position that is one simulation step old.
+    Bit for bit what `run` gives for each alone.
     """
-    data = mujoco.MjData(model)
-    data.qpos[0] = start
-    mujoco.mj_step(model, data, round(SETTLE / model.opt.timestep))
-    position, index = (data.qpos, 0) if joint == "shoulder" else (data.ten_length, model.tendon(joint + BENCH_LEG).id)
-    ctrl, voltage, step = data.ctrl, drive.voltage, mujoco.mj_step
-    per_sample, per_tick = round(Ts / model.opt.timestep), max(1, round(drive.period / model.opt.timestep))
-    ticks = [min(per_tick, per_sample - k) for k in range(0, per_sample, per_tick)]
-    y = np.empty(len(u))
-    for k, command in enumerate(u.tolist()):
-        y[k] = data.qpos.sum()  # hinge and play
-        for nstep in ticks:
-            ctrl[0] = voltage(command, position[index])
-            step(model, data, nstep)
-    return y
+    models: dict[tuple, mujoco.MjModel] = {}
+    runs = []
+    for each in experiments:
+        key = (each.joint, each.realisation, each.without, tuple(each.p.values.values()))
+        if key not in models:
+            models[key] = bench(each.joint, each.p, each.without, each.realisation)
+        runs.append(each.prepare(models[key]))
+    shown = step(runs, experiments[0].Ts, SETTLE, threads)
+    return [each.record(run, rows) for each, run, rows in zip(experiments, runs, shown, strict=True)]
+
+
+def respond(experiment: Experiment, u: np.ndarray, start: Mapping[str, float] | None = None) -> np.ndarray:
+    """What the board shows (N, joints, COLUMNS) under `u` (N, joints) [V] in place of the experiment's excitation.
+
+    See `twin.plant.slots` for the columns. `start` [rad] names drive sides that do not start at mid stroke.
+    """
+    return step([experiment.prepare(u=u, start=start)], experiment.Ts, SETTLE)[0]
+
+
+def _start(model: mujoco.MjModel, p: Parameters, angles: Mapping[str, float]) -> np.ndarray:
+    """qpos (nq,) of a bench with its drive sides at `angles` [rad], play centred and closed loops closed."""
+    qpos = np.zeros(model.nq)
+    names = {model.joint(i).name for i in range(model.njnt)}
+    for joint, angle in angles.items():
+        qpos[model.joint(joint + BENCH_LEG).qposadr[0]] = angle
+        if f"{joint}_rod{BENCH_LEG}" in names:
+            for part, value in zip(("cylinder", "rod"), assembled(p, joint, angle), strict=True):
+                qpos[model.joint(f"{joint}_{part}{BENCH_LEG}").qposadr[0]] = value
+    return qpos
 
 
 def _version(name: str) -> str:

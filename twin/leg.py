@@ -7,16 +7,26 @@ import mujoco
 import numpy as np
 
 from sysid.errors import InputError, unknown
+from twin.closed_loop import close_loop
+from twin.friction import dry_friction
 from twin.geometry import end_angles, middle, stroke
 from twin.motor import motor
 from twin.parameters import JOINTS, Parameters
+from twin.plant.board import add_sensor
 
 LEGS = {"front_left": "_00", "rear_left": "_10", "rear_right": "_01", "front_right": "_11"}
-# What each switch removes, where: friction (leg: Coulomb and viscous, of actuator and bearing), end_stops (leg: hard
-# stops; drive: limit switches), backlash (leg: the play hinge), noise and adc (pot), gravity (leg).
-IMPERFECTIONS = ("friction", "end_stops", "backlash", "noise", "adc", "gravity")
+# What each switch removes. "friction" takes all of it, dry and viscous, of actuator and bearing; the three after it
+# take a part of the dry friction. "end_stops" takes hard stops and limit switches, "contact" the foot's with the floor.
+IMPERFECTIONS = (
+    *("friction", "asymmetry", "stribeck", "load_friction", "end_stops", "backlash"),
+    *("pwm", "dead_band", "sag", "delay"),
+    *("nonlinearity", "noise", "adc", "jitter", "dropouts"),
+    *("gravity", "contact"),
+)
+LEG = "leg"  # in place of a joint: all three of them at once
+REALISATIONS = ("tendon", "closed_loop")
 BENCH_LEG = LEGS["front_left"]
-BENCH_HEIGHT = 0.60  # [m] of the torso: the foot hangs free at every angle
+LEAST = 1e-9  # [N or N m]
 
 
 def model_path() -> Path:
@@ -28,10 +38,17 @@ def model_path() -> Path:
     raise FileNotFoundError(f"qpal.xml is neither in {here / 'model'} nor in {here.parent / 'model'}; reinstall qpal")
 
 
+def joints_of(joint: str) -> tuple[str, ...]:
+    """The joints that `joint` names: itself, or all three for "leg". Raises InputError for another name."""
+    if joint == LEG:
+        return JOINTS
+    return (check_joint(joint),)
+
+
 def check_joint(joint: str) -> str:
     """`joint` if the leg has it, else InputError."""
     if joint not in JOINTS:
-        raise unknown("joint", joint, JOINTS)
+        raise unknown("joint", joint, (*JOINTS, LEG))
     return joint
 
 
@@ -48,33 +65,45 @@ def check_switches(without: Collection[str]) -> tuple[str, ...]:
 def robot(parameters: Parameters | None = None, without: Collection[str] = ()) -> mujoco.MjModel:
     """The free robot on its floor: 12 motors, one a joint, in the order of the legs in `LEGS`."""
     spec = _spec(parameters or Parameters(), check_switches(without), tuple(LEGS.values()))
+    add_sensor(spec)
     return spec.compile()
 
 
-def bench(joint: str, parameters: Parameters | None = None, without: Collection[str] = ()) -> mujoco.MjModel:
+def bench(
+    joint: str, parameters: Parameters | None = None, without: Collection[str] = (), realisation: str = "tendon"
+) -> mujoco.MjModel:
     """The leg bench: torso held, the front left leg off the floor, `joint` free and the other two held rigidly.
 
-    The held joints have no freedom at all (no play, no give): they stand at mid stroke. Element names keep the leg's
-    suffix `BENCH_LEG`: thigh_00, thigh_play_00, thigh_angle_00.
+    The held joints have no freedom at all (no play, no give): they stand at mid stroke. `joint` "leg" leaves all three
+    free. Element names keep the leg's suffix `BENCH_LEG`: thigh_00, thigh_play_00, thigh_angle_00. `realisation` is how
+    the linear actuators are built: as spatial tendons, or as cylinder and rod in a closed kinematic loop.
     """
-    return bench_spec(joint, parameters, without).compile()
+    return bench_spec(joint, parameters, without, realisation).compile()
 
 
-def bench_spec(joint: str, parameters: Parameters | None = None, without: Collection[str] = ()) -> mujoco.MjSpec:
+def bench_spec(
+    joint: str, parameters: Parameters | None = None, without: Collection[str] = (), realisation: str = "tendon"
+) -> mujoco.MjSpec:
     """The bench before it is compiled, for whoever adds to it."""
-    check_joint(joint)
+    free = joints_of(joint)
+    if realisation not in REALISATIONS:
+        raise unknown("realisation", realisation, REALISATIONS)
     parameters = parameters or Parameters()
     without = check_switches(without)
     spec = _spec(parameters, without, (BENCH_LEG,))
-    spec.body("torso").pos[2] = BENCH_HEIGHT
+    spec.body("torso").pos[2] = parameters["bench_height"]
     spec.delete(spec.joint("float"))
     for other in JOINTS:
-        if other != joint:
+        if other not in free:
             _hold(spec, other, middle(parameters, other))
     for suffix in LEGS.values():
         if suffix != BENCH_LEG:
             spec.delete(spec.body(f"shoulder_hub{suffix}"))
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    if realisation == "closed_loop":
+        for each in free:
+            if each != "shoulder":
+                close_loop(spec, parameters, each, BENCH_LEG)
+    add_sensor(spec)
     return spec
 
 
@@ -82,13 +111,15 @@ def _spec(p: Parameters, without: tuple[str, ...], suffixes: tuple[str, ...]) ->
     """The MJCF with the parameters written over its nominal numbers, in the legs with `suffixes`."""
     spec = mujoco.MjSpec.from_file(str(model_path()))
     spec.option.gravity[2] = 0.0 if "gravity" in without else -p["gravity"]
+    if "contact" in without:
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     spec.geom("torso").mass = p["torso_mass"]
     for suffix in suffixes:
         for geom, row in _MASSES.items():
             spec.geom(geom + suffix).mass = p[row]
         for joint in JOINTS:
             _motor(spec, p, joint, suffix)
-            _friction(spec, p, joint, suffix, "friction" not in without)
+            _friction(spec, p, joint, suffix, without)
             _ends(spec, p, joint, suffix, "end_stops" not in without)
             _backlash(spec, p, joint, suffix, "backlash" not in without)
             if joint != "shoulder":
@@ -114,13 +145,15 @@ def _motor(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str) -> None:
     actuator.armature = constants.inertia
 
 
-def _friction(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str, on: bool) -> None:
+def _friction(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str, without: tuple[str, ...]) -> None:
+    on = "friction" not in without
     drive = spec.joint(joint + suffix) if joint == "shoulder" else spec.tendon(joint + suffix)
-    for element, coulomb, viscous in (
-        (drive, "coulomb", "viscous"),
-        (spec.tendon(f"{joint}_angle{suffix}"), "bearing_coulomb", "bearing_viscous"),
-    ):
-        element.frictionloss = p[f"{joint}.{coulomb}"] if on else 0.0
+    angle = spec.tendon(f"{joint}_angle{suffix}")
+    # Without any loss MuJoCo makes no friction row, and the board would have none to write the loaded friction into.
+    dry = dry_friction(p, joint, without)
+    drive.frictionloss = max((dry.up + dry.down) / 2, LEAST if dry.load > 0.0 else 0.0)
+    angle.frictionloss = p[f"{joint}.bearing_coulomb"] if on else 0.0
+    for element, viscous in ((drive, "viscous"), (angle, "bearing_viscous")):
         element.damping[0] = p[f"{joint}.{viscous}"] if on else 0.0
 
 

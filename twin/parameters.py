@@ -30,6 +30,19 @@ PAPER = "Guni and Irawan 2016, section III"
 GUESS = "assumption"
 
 
+# Rows that every joint has, in the same units.
+_FRICTION = (
+    ("asymmetry", -0.9, 0.9, "1", "friction row: Coulomb friction is (1 + this) up and (1 - this) down of its mean"),
+    ("stribeck", 0, 2, "1", "friction row: at rest it is (1 + this) times Coulomb friction"),
+    ("load_friction", 0, 3, "1", "friction row: dry friction per axial load; from 1 on the screw locks itself"),
+)
+_SERVO = (
+    ("servo_kp", 0, 2000, "V/V", "servo mode: motor volts per volt of the potentiometer's error"),
+    ("servo_ki", 0, 2000, "V/(V s)", "servo mode: the same for the error's integral"),
+    ("servo_kd", 0, 100, "V s/V", "servo mode: the same for the reading's rate, against it"),
+)
+
+
 def _rod_joint(joint: str, **nominal: float) -> list[Row]:
     """Rows of a joint that a linear actuator moves; forces and speeds at the rod, angles in the leg's plane."""
     rows = (
@@ -51,12 +64,15 @@ def _rod_joint(joint: str, **nominal: float) -> list[Row]:
         ),
         ("rod_radius", 0.02, 0.4, "m", "site: joint axis to the pin of the rod"),
         ("rod_angle", -np.pi, np.pi, "rad", "site: direction of that pin at joint angle 0, up positive"),
-        ("coulomb", 0, 500, "N", "tendon frictionloss: dry friction of screw and gear, at the rod"),
+        ("coulomb", 0, 500, "N", "friction row: dry friction of screw and gear without load, at the rod"),
+        *_FRICTION,
+        ("stribeck_speed", 1e-5, 0.05, "m/s", "friction row: rod speed over which static friction fades"),
         ("viscous", 0, 20000, "N s/m", "tendon damping: viscous friction of screw and gear, at the rod"),
         ("bearing_coulomb", 0, 5, "N m", "angle tendon frictionloss: dry friction of the joint's bearing"),
         ("bearing_viscous", 0, 5, "N m s/rad", "angle tendon damping: viscous friction of the joint's bearing"),
         ("backlash", 0.0005, 0.1, "rad", "play hinge range: whole width, between actuator and link"),
         ("switch_margin", 0, 0.005, "m", "limit switches: trip this far before the end of the stroke"),
+        *_SERVO,
     )
     return [_row(joint, nominal, *row) for row in rows]
 
@@ -71,12 +87,15 @@ def _geared_joint(joint: str, **nominal: float) -> list[Row]:
         ("rotor_inertia", 1e-9, 1e-4, "kg m2", "dcmotor armature"),
         ("lower", -np.pi, -0.05, "rad", "joint range: hard stop"),
         ("upper", 0.05, np.pi, "rad", "joint range: hard stop"),
-        ("coulomb", 0, 20, "N m", "joint frictionloss: dry friction of the gear, at the joint"),
+        ("coulomb", 0, 20, "N m", "friction row: dry friction of the gear without load, at the joint"),
+        *_FRICTION,
+        ("stribeck_speed", 1e-3, 5, "rad/s", "friction row: joint speed over which static friction fades"),
         ("viscous", 0, 20, "N m s/rad", "joint damping: viscous friction of the gear, at the joint"),
         ("bearing_coulomb", 0, 5, "N m", "angle tendon frictionloss: dry friction of the joint's bearing"),
         ("bearing_viscous", 0, 5, "N m s/rad", "angle tendon damping: viscous friction of the joint's bearing"),
         ("backlash", 0.0005, 0.1, "rad", "play hinge range: whole width, between gear and link"),
         ("switch_margin", 0, 0.1, "rad", "limit switches: trip this far before the hard stop"),
+        *_SERVO,
     )
     return [_row(joint, nominal, *row) for row in rows]
 
@@ -89,7 +108,21 @@ def _row(
 
 TABLE: tuple[Row, ...] = (
     Row("supply_voltage", 12.0, 3, 48, "V", GUESS, "drive: motor voltage is cut off at plus and minus this"),
-    Row("switch_period", 0.01, 0.001, 0.1, "s", GUESS, "drive: the board reads the limit switches this often"),
+    Row(
+        "supply_resistance", 1.0, 0, 10, "Ohm", GUESS, "drive: supply and wires, shared by all joints; the supply sags"
+    ),
+    Row("pwm_bits", 8, 4, 16, "1", GUESS, "drive: duty in steps of 1 / (2^bits - 1)"),
+    Row("dead_band", 0.3, 0, 3, "V", GUESS, "drive: volts that the bridge's dead time takes from a command"),
+    Row(
+        "switch_period",
+        0.01,
+        0.001,
+        0.1,
+        "s",
+        GUESS,
+        "drive: the board looks at commands, switches and pots this often",
+    ),
+    Row("delay", 0.02, 0, 1, "s", GUESS, "drive: from a command's time stamp to the board, in whole milliseconds"),
     Row("pot_noise", np.deg2rad(0.2), 0, 0.1, "rad", GUESS, "pot: standard deviation of white noise on a reading"),
     Row("pot_range", np.deg2rad(270.0), 0.5, 6.3, "rad", GUESS, "pot: electrical angle that the ADC's codes divide"),
     Row(
@@ -101,7 +134,20 @@ TABLE: tuple[Row, ...] = (
         "assumption: the 10-bit converter usual on such an MCU board",
         "pot: 2^bits codes over pot_range",
     ),
+    Row("pot_supply", 5.0, 1, 24, "V", GUESS, "pot: volts over pot_range; scale of servo mode's reference"),
+    Row("pot_linearity", 0.001, 0, 0.01, "1", GUESS, "pot: largest deviation from a straight line, part of pot_range"),
+    Row("sample_jitter", 0.001, 0, 0.05, "s", GUESS, "pot: standard deviation of a sample's time"),
+    Row(
+        "dropout_rate",
+        0.002,
+        0,
+        0.2,
+        "1",
+        GUESS,
+        "pot: part of the samples that the logger misses; it repeats the last",
+    ),
     Row("gravity", 9.81, 0, 20, "m/s2", "standard", "option gravity"),
+    Row("bench_height", 0.6, 0.2, 1, "m", GUESS, "torso of the bench above the floor; at 0.6 the foot hangs free"),
     Row("torso_mass", 4.0, 0.5, 50, "kg", GUESS, "geom mass; the torso's size is the paper's, in the MJCF"),
     Row("shoulder_mass", 0.30, 0.01, 10, "kg", GUESS, "geom mass of the bracket"),
     Row("thigh_mass", 0.35, 0.01, 10, "kg", GUESS, "geom mass of the thigh's tube"),
@@ -111,13 +157,20 @@ TABLE: tuple[Row, ...] = (
     *_geared_joint(
         "shoulder",
         rated_voltage=12.0,
-        no_load_speed=1.06,
+        no_load_speed=1.11,
         stall_torque=6.0,
         gear_ratio=600,
         rotor_inertia=5e-7,
         lower=np.deg2rad(-35.0),
         upper=np.deg2rad(35.0),
         coulomb=0.9,
+        asymmetry=0.1,
+        stribeck=0.3,
+        stribeck_speed=np.deg2rad(2.0),
+        load_friction=0.15,
+        servo_kp=150,
+        servo_ki=0.0,
+        servo_kd=0.0,
         viscous=0.15,
         bearing_coulomb=0.1,
         bearing_viscous=0.02,
@@ -138,7 +191,14 @@ TABLE: tuple[Row, ...] = (
         base_angle=np.deg2rad(90.0),
         rod_radius=0.200,
         rod_angle=0.0,
-        coulomb=60.0,
+        coulomb=30.0,
+        asymmetry=0.1,
+        stribeck=0.3,
+        stribeck_speed=0.0005,
+        load_friction=1.1,
+        servo_kp=500,
+        servo_ki=0.0,
+        servo_kd=0.0,
         viscous=400.0,
         bearing_coulomb=0.1,
         bearing_viscous=0.02,
@@ -148,7 +208,7 @@ TABLE: tuple[Row, ...] = (
     *_rod_joint(
         "shank",
         rated_voltage=12.0,
-        no_load_speed=0.0156,
+        no_load_speed=0.0144,
         stall_force=220.0,
         lead=0.002,
         gear_ratio=20,
@@ -159,7 +219,14 @@ TABLE: tuple[Row, ...] = (
         base_angle=np.deg2rad(174.0),
         rod_radius=0.060,
         rod_angle=np.deg2rad(76.5),
-        coulomb=50.0,
+        coulomb=25.0,
+        asymmetry=0.1,
+        stribeck=0.3,
+        stribeck_speed=0.0005,
+        load_friction=1.1,
+        servo_kp=450,
+        servo_ki=0.0,
+        servo_kd=0.0,
         viscous=400.0,
         bearing_coulomb=0.1,
         bearing_viscous=0.02,

@@ -1,4 +1,4 @@
-"""Joint angle to measured angle: the potentiometer's noise and its ADC."""
+"""Joint angle to measured angle: the potentiometer's nonlinearity and noise, its ADC, and what the logger loses."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -7,18 +7,31 @@ import numpy as np
 
 from twin.parameters import Parameters
 
+WAVES = 3  # of the deviation from a straight line, over the electrical angle
+
 
 @dataclass(frozen=True)
 class Potentiometer:
-    """White Gaussian noise of `noise` [rad], then rounding to one of 2^bits codes over `span` [rad] about angle 0.
+    """A reading of the joint's angle: bent, noisy, rounded, at a time that jitters, and now and then missed.
 
-    It sits on the joint's axis and reads the angle between the links, so backlash is on its input side: it sees the
-    link stand still while the actuator crosses the play. `noise` 0 and `bits` None switch the two parts off.
+    An angle a shows as a + bend sin(wave a) [rad]; then come white Gaussian noise of `noise` [rad] and rounding to one
+    of 2^bits codes over `span` [rad] about angle 0. `scale` [V/rad] is the potentiometer's own. A sample is taken
+    `jitter` [s] (standard deviation, at most half a sampling interval) off its time. One of 1 / dropouts samples is
+    missed, and the log repeats the one before. `noise` 0 and `bits` None switch noise and ADC off.
     """
 
     noise: float
     span: float
     bits: int | None
+    bend: float = 0.0
+    scale: float = 1.0
+    jitter: float = 0.0
+    dropouts: float = 0.0
+
+    @property
+    def wave(self) -> float:
+        """Waves of the nonlinearity [rad/rad]."""
+        return 2.0 * np.pi * WAVES / self.span
 
     @property
     def step(self) -> float:
@@ -26,15 +39,31 @@ class Potentiometer:
         return 0.0 if self.bits is None else self.span / 2**self.bits
 
     def read(self, angle: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Measured angle (N,) [rad] of true `angle` (N,) [rad]."""
-        reading = angle + self.noise * rng.standard_normal(len(angle))
-        if self.bits is None:
-            return reading
-        half = 2 ** (self.bits - 1)
-        return np.clip(np.round(reading / self.step), -half, half - 1) * self.step
+        """Logged reading (N,) [rad] of `angle` (N,) [rad], which carries nonlinearity and jitter already."""
+        noise, missed = rng.standard_normal(len(angle)), rng.random(len(angle)) < self.dropouts
+        reading = angle + self.noise * noise
+        if self.bits is not None:
+            half = 2 ** (self.bits - 1)
+            reading = np.clip(np.round(reading / self.step), -half, half - 1) * self.step
+        missed[0] = False
+        return reading[np.maximum.accumulate(np.where(missed, 0, np.arange(len(angle))))]
+
+    def times(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
+        """How much later than k Ts each of N samples is taken (N,) [s]."""
+        off = np.clip(self.jitter * rng.standard_normal(N), -0.5 * Ts, 0.5 * Ts)
+        off[0] = max(off[0], 0.0)
+        return off
 
 
 def potentiometer(parameters: Parameters, without: Collection[str] = ()) -> Potentiometer:
-    """The potentiometer of every joint, with noise and ADC where they are not switched off."""
-    bits = None if "adc" in without else round(parameters["adc_bits"])
-    return Potentiometer(0.0 if "noise" in without else parameters["pot_noise"], parameters["pot_range"], bits)
+    """The potentiometer of every joint, with the parts that are not switched off."""
+    p = parameters
+    return Potentiometer(
+        0.0 if "noise" in without else p["pot_noise"],
+        p["pot_range"],
+        None if "adc" in without else round(p["adc_bits"]),
+        0.0 if "nonlinearity" in without else p["pot_linearity"] * p["pot_range"],
+        p["pot_supply"] / p["pot_range"],
+        0.0 if "jitter" in without else p["sample_jitter"],
+        0.0 if "dropouts" in without else p["dropout_rate"],
+    )

@@ -1,38 +1,48 @@
 """Ground truth of one joint: what an identifier should find in the twin's logs."""
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from sysid.errors import InputError
+from sysid.errors import InputError, unknown
+from twin.drive import MODES, drive
+from twin.friction import dry_friction
 from twin.geometry import end_angles, linkage, middle
-from twin.leg import BENCH_LEG, bench, check_joint
+from twin.leg import BENCH_LEG, IMPERFECTIONS, bench, check_joint
 from twin.motor import motor
 from twin.parameters import Parameters
+from twin.pot import potentiometer
 
-LINEAR = ("end_stops", "backlash", "noise", "adc", "gravity")  # what the linearisation leaves out, with dry friction
+# What the linearisation leaves out, besides the Coulomb friction.
+LINEAR = tuple(name for name in IMPERFECTIONS if name != "friction")
 
 
 @dataclass(frozen=True)
 class Truth:
-    """Voltage-to-angle channel of a bench joint at mid stroke, and the levels of its imperfections.
+    """Input-to-angle channel of a bench joint at mid stroke, and the levels of its imperfections.
 
-    The channel is an integrator behind a lag. `poles` (2,) in z at Ts come from the compiled model as it is stepped,
-    `closed_form_poles` (2,) from motor and load constants taken through the same integration step; `poles_s` and
-    `closed_form_poles_s` [1/s] are log(z) / Ts. `continuous_pole` [1/s] is the lag's pole -damping / inertia before any
-    time step (the implicit step of h = 1 ms shows a pole s as -log(1 - s h) / h, about 1 % slower). Dry friction, play,
-    end stops and gravity are out of the linearisation, viscous friction is in.
+    Mode "voltage": the channel is an integrator behind a lag. `poles` (n,) in z at Ts come from the compiled model as
+    it is stepped, `closed_form_poles` (n,) from motor and load constants taken through the same integration step;
+    `poles_s` and `closed_form_poles_s` [1/s] are log(z) / Ts. `continuous_pole` [1/s] is the lag's pole -damping /
+    inertia before any time step (the implicit step of h = 1 ms shows a pole s as -log(1 - s h) / h, about 1 % slower).
+    gain and closed_form_gain [rad/s per V]: speed per volt once the lag has settled.
+    Mode "servo": the poles are those of the position loop, sampled as the board samples it; gain and closed_form_gain
+    [rad/V] are its angle per volt of reference. Dry friction, play, end stops, gravity, delay and all that bends or
+    rounds are out of the linearisation; viscous friction is in.
 
-    gain and closed_form_gain [rad/s per V]: speed per volt once the lag has settled. end_angles [rad]: travel of the
-    drive side; the link rests up to backlash / 2 beyond. backlash [rad]: whole width. breakaway_voltage [V]: what just
-    starts the joint from rest at mid stroke towards smaller and larger angles, gravity and dry friction together.
-    friction holds the levels, at rod or joint.
+    end_angles [rad]: travel of the drive side; the link rests up to backlash / 2 beyond. backlash [rad]: whole width.
+    load [N or N m]: what the drive holds at mid stroke, from the weight of the links. breakaway_voltage [V]: command
+    that just starts the joint from rest at mid stroke towards smaller and larger angles, with weight, dry friction,
+    dead band and sag together (PWM steps left out), infinite where the supply cannot. dead_band [V], delay [s]: the
+    drive's. friction holds the levels, at rod or joint.
     """
 
     joint: str
     Ts: float
+    mode: str
     operating_point: float
     poles: np.ndarray
     poles_s: np.ndarray
@@ -43,48 +53,65 @@ class Truth:
     continuous_pole: float
     end_angles: tuple[float, float]
     backlash: float
+    load: float
     breakaway_voltage: tuple[float, float]
+    dead_band: float
+    delay: float
     friction: dict[str, float]
 
     def as_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and lists, for JSON; poles as [re, im]."""
+        """The same as plain numbers and lists, for JSON; poles as [re, im], what is infinite as None."""
         return {k: _plain(v) for k, v in asdict(self).items()}
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return [[float(x.real), float(x.imag)] for x in value]
-    return list(value) if isinstance(value, tuple) else value
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return [_plain(x) for x in value] if isinstance(value, tuple) else value
 
 
-def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None) -> Truth:
-    """The truth about `joint` sampled every `Ts` [s]; raises InputError for a joint or Ts that does not exist."""
+def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mode: str = "voltage") -> Truth:
+    """The truth about `joint` sampled every `Ts` [s]; raises InputError for a joint, Ts or mode that does not exist."""
     check_joint(joint)
+    if mode not in MODES:
+        raise unknown("mode", mode, MODES)
     p = parameters or Parameters()
     model, data = _linear_bench(joint, p)
     h = model.opt.timestep
     steps = Ts / h if isinstance(Ts, int | float) and 0 < Ts < np.inf else 0.0
     if round(steps) < 1 or abs(steps - round(steps)) > 1e-6 * steps:
         raise InputError(f"Ts is {Ts!r} s; give a whole number of milliseconds, the step of the simulation")
-    poles, gain = channel(model, data, round(steps))
-    damping, inertia, force_per_volt = closed_form(joint, p, model, data)
-    lag = (1 + h * damping / inertia) ** -round(steps)  # implicit Euler: v+ = v - h damping / inertia v+
-    closed = np.array([1.0, lag], dtype=complex)
+    damping, inertia, torque_per_volt = closed_form(joint, p, model, data)
+    close = position_loop(p, joint, h) if mode == "servo" else channel
+    poles, gain = close(*linearised(model, data), round(steps))
+    closed, closed_gain = close(*implicit_step(damping, inertia, torque_per_volt, h), round(steps))
+    dry, switches = dry_friction(p, joint), drive(p, joint)
     return Truth(
         joint,
         Ts,
+        mode,
         middle(p, joint),
         poles,
         np.log(poles) / Ts,
         gain,
         closed,
         np.log(closed) / Ts,
-        force_per_volt / damping,
+        closed_gain,
         -damping / inertia,
         end_angles(p, joint),
         p[f"{joint}.backlash"],
+        load(joint, p, model, data),
         breakaway(joint, p),
-        {name: p[f"{joint}.{name}"] for name in ("coulomb", "viscous", "bearing_coulomb", "bearing_viscous")},
+        switches.dead_band,
+        p["delay"],
+        {
+            "coulomb_up": dry.up,
+            "coulomb_down": dry.down,
+            **{name: p[f"{joint}.{name}"] for name in ("stribeck", "stribeck_speed", "load_friction")},
+            **{name: p[f"{joint}.{name}"] for name in ("viscous", "bearing_coulomb", "bearing_viscous")},
+        },
     )
 
 
@@ -97,20 +124,65 @@ def _linear_bench(joint: str, p: Parameters) -> tuple[mujoco.MjModel, mujoco.MjD
     return model, data
 
 
-def channel(model: mujoco.MjModel, data: mujoco.MjData, steps: int) -> tuple[np.ndarray, float]:
-    """Poles (2,) over `steps` simulation steps and integrator gain [rad/s per V] of voltage to angle.
-
-    From mjd_transitionFD. State (angle, speed), input held over the steps: x+ = A^n x + (I + A + ... + A^(n-1)) B u.
-    """
+def linearised(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+    """A (2, 2) and B (2,) of one simulation step by mjd_transitionFD; state (angle, speed), input the motor voltage."""
     A, B = np.zeros((2 * model.nv, 2 * model.nv)), np.zeros((2 * model.nv, model.nu))
     mujoco.mjd_transitionFD(model, data, 1e-6, True, A, B, None, None)
+    return A, B[:, 0]
+
+
+def implicit_step(damping: float, inertia: float, torque_per_volt: float, h: float) -> tuple[np.ndarray, np.ndarray]:
+    """The same from constants: v+ = (v + h torque / inertia u) / (1 + h damping / inertia), q+ = q + h v+."""
+    fade = 1.0 / (1.0 + h * damping / inertia)
+    push = fade * h * torque_per_volt / inertia
+    return np.array([[1.0, h * fade], [0.0, fade]]), np.array([h * push, push])
+
+
+def channel(A: np.ndarray, B: np.ndarray, steps: int) -> tuple[np.ndarray, float]:
+    """Poles (2,) over `steps` simulation steps and integrator gain [rad/s per V] of voltage to angle.
+
+    Input held over the steps: x+ = A^n x + (I + A + ... + A^(n-1)) B u.
+    """
+    lifted_A, lifted_B = _lift(A, B, steps)
+    # With the speed settled, A and B leave speed = a22 speed + b2 u over the whole interval.
+    return _sorted(np.linalg.eigvals(lifted_A)), float(lifted_B[1] / (1 - lifted_A[1, 1]))
+
+
+def position_loop(p: Parameters, joint: str, h: float) -> Callable[[np.ndarray, np.ndarray, int], tuple]:
+    """A function like `channel` for servo mode: poles (n,) of the closed loop and its angle per volt of reference.
+
+    The board reads v = s angle [V] every T and holds kp (r - v) + ki I - kd (v - last) / T over it, where I has taken
+    in T (r - v) already. Its states are I and the last reading, as far as ki and kd are in use.
+    """
+    board, s = drive(p, joint), potentiometer(p).scale
+    tick = max(1, round(board.period / h))
+    T, kp, ki, kd = tick * h, board.kp, board.ki, board.kd
+
+    def close(A: np.ndarray, B: np.ndarray, steps: int) -> tuple[np.ndarray, float]:
+        plant, push = _lift(A, B, tick)
+        loop = np.zeros((4, 4))
+        law = np.array([-s * (kp + ki * T + kd / T), 0.0, ki, kd / T])  # volts from angle, speed, I, last reading
+        loop[:2, :2] = plant
+        loop[:2] += np.outer(push, law)
+        loop[2] = [-T * s, 0.0, 1.0, 0.0]
+        loop[3, 0] = s
+        used = [0, 1] + [2] * (ki > 0) + [3] * (kd > 0)
+        poles = np.linalg.eigvals(loop[np.ix_(used, used)]).astype(complex)
+        return _sorted(poles ** (steps / tick)), 1.0 / s
+
+    return close
+
+
+def _lift(A: np.ndarray, B: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """A and B over several steps with the input held."""
     lifted_A, lifted_B = np.eye(len(A)), np.zeros_like(B)
     for _ in range(steps):
         lifted_A, lifted_B = A @ lifted_A, A @ lifted_B + B
-    poles = np.sort_complex(np.linalg.eigvals(lifted_A).astype(complex))[::-1]
-    # With the speed settled, A and B leave speed = a22 speed + b2 u over the whole interval.
-    gain = lifted_B[1, 0] / (1 - lifted_A[1, 1])
-    return poles, float(gain)
+    return lifted_A, lifted_B
+
+
+def _sorted(poles: np.ndarray) -> np.ndarray:
+    return np.sort_complex(poles.astype(complex))[::-1]
 
 
 def closed_form(joint: str, p: Parameters, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[float, float, float]:
@@ -119,11 +191,10 @@ def closed_form(joint: str, p: Parameters, model: mujoco.MjModel, data: mujoco.M
     With r the moment arm: damping r^2 ((K gear)^2 / R + viscous) + bearing, inertia r^2 J gear^2 + link, torque
     r K gear / R. Of the model only the bodies' masses and places are used, for the link's inertia.
     """
-    constants = motor(p, joint)
-    arm = 1.0 if joint == "shoulder" else linkage(p, joint).arm(middle(p, joint))
-    damping = arm**2 * (constants.damping + p[f"{joint}.viscous"]) + p[f"{joint}.bearing_viscous"]
-    inertia = arm**2 * constants.reflected_inertia + link_inertia(joint, model, data)
-    return damping, inertia, arm * constants.force_per_volt
+    constants, r = motor(p, joint), arm(joint, p)
+    damping = r**2 * (constants.damping + p[f"{joint}.viscous"]) + p[f"{joint}.bearing_viscous"]
+    inertia = r**2 * constants.reflected_inertia + link_inertia(joint, model, data)
+    return damping, inertia, r * constants.force_per_volt
 
 
 def link_inertia(joint: str, model: mujoco.MjModel, data: mujoco.MjData) -> float:
@@ -138,17 +209,38 @@ def link_inertia(joint: str, model: mujoco.MjModel, data: mujoco.MjData) -> floa
     return total
 
 
-def breakaway(joint: str, p: Parameters) -> tuple[float, float]:
-    """Voltages [V] that just start `joint` from mid stroke, down and up: (-+ dry friction - load) / torque per volt."""
-    model, data = _linear_bench(joint, p)
-    _, _, torque_per_volt = closed_form(joint, p, model, data)
+def load(joint: str, p: Parameters, model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """What the drive of `joint` must hold at mid stroke against the weight of the links [N or N m], up positive."""
     hinge = model.joint(joint + BENCH_LEG)
     axis, anchor = data.xaxis[hinge.id], data.xanchor[hinge.id]
     weight = np.array([0.0, 0.0, -p["gravity"]])
-    load = sum(
+    torque = sum(
         float(axis @ np.cross(data.xipos[body] - anchor, model.body_mass[body] * weight))
         for body in range(int(hinge.bodyid[0]), model.nbody)
     )
-    arm = 1.0 if joint == "shoulder" else linkage(p, joint).arm(middle(p, joint))
-    dry = arm * p[f"{joint}.coulomb"] + p[f"{joint}.bearing_coulomb"]
-    return float((-dry - load) / torque_per_volt), float((dry - load) / torque_per_volt)
+    return -torque / arm(joint, p)
+
+
+def arm(joint: str, p: Parameters) -> float:
+    """Drive position per joint angle at mid stroke [m/rad], 1 for the shoulder."""
+    return 1.0 if joint == "shoulder" else linkage(p, joint).arm(middle(p, joint))
+
+
+def breakaway(joint: str, p: Parameters) -> tuple[float, float]:
+    """Commands [V] that just start `joint` from mid stroke, down and up.
+
+    The drive must give what the link needs, its weight and its bearing's friction, and its own static friction under
+    that load.
+    """
+    held = load(joint, p, *_linear_bench(joint, p))
+    bearing = p[f"{joint}.bearing_coulomb"] / abs(arm(joint, p))
+    constants, dry, board = motor(p, joint), dry_friction(p, joint), drive(p, joint)
+    volts = []
+    for direction in (-1, 1):
+        needed = held + direction * bearing
+        force = needed + direction * dry.static(direction, needed)
+        try:
+            volts.append(board.command(force / constants.force_per_volt, constants.resistance))
+        except ValueError:
+            volts.append(float(np.copysign(np.inf, force)))
+    return volts[0], volts[1]

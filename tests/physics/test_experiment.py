@@ -6,11 +6,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from rig import record
 
 from sysid.errors import InputError
 from twin import IMPERFECTIONS, JOINTS, Experiment, Log, Parameters, truth
-from twin.drive import drive
-from twin.experiment import simulate
 from twin.geometry import middle
 from twin.leg import bench, robot
 from twin.parameters import TABLE
@@ -35,7 +34,7 @@ def test_same_seed_same_bits_at_any_thread_count(joint: str) -> None:
 
 def test_noise_does_not_change_the_excitation() -> None:
     options = {"excitation": "aprbs", "duration": 20.0, "seed": 5}
-    noisy, quiet = Experiment(**options).run(), Experiment(**options, without=("noise", "adc")).run()
+    noisy, quiet = Experiment(**options).run(), Experiment(**options, without=("noise", "adc", "dropouts")).run()
     np.testing.assert_array_equal(noisy.u, quiet.u)
     np.testing.assert_array_equal(noisy.y_true, quiet.y)
 
@@ -43,12 +42,14 @@ def test_noise_does_not_change_the_excitation() -> None:
 @pytest.mark.parametrize("joint", JOINTS)
 @pytest.mark.parametrize("switch", IMPERFECTIONS)
 def test_every_switch_changes_the_log(joint: str, switch: str) -> None:
-    full, less = (Experiment(joint=joint, duration=20.0, without=w).run() for w in ((), (switch,)))
+    low = Parameters({"bench_height": 0.3} if switch == "contact" else {})  # the foot reaches the floor
+    excitation = "sweep" if switch in ("contact", "end_stops") else "aprbs"
+    full, less = (Experiment(joint, excitation, 20.0, without=w, parameters=low).run() for w in ((), (switch,)))
     np.testing.assert_array_equal(full.u, less.u)
     if (joint, switch) == ("shoulder", "gravity"):
-        # Its axis is vertical: gravity only turns the last digits.
-        np.testing.assert_allclose(full.y_true, less.y_true, atol=1e-6)
-    else:
+        # Its axis is vertical: gravity only turns the last digits, of what the foot rubs on too.
+        np.testing.assert_allclose(full.y_true, less.y_true, atol=1e-3)
+    elif (joint, switch) != ("shoulder", "contact"):  # it turns above the floor
         assert np.abs(full.y - less.y).max() > np.deg2rad(0.1)
 
 
@@ -56,7 +57,7 @@ def test_a_sample_is_read_before_its_voltage_acts() -> None:
     p = Parameters()
     start = middle(p, "shoulder")
     u = np.array([0.0, 0.0, 12.0, 0.0, 0.0])
-    y = simulate(bench("shoulder", without=IMPERFECTIONS), drive(p, "shoulder"), "shoulder", u, 0.1, start)
+    y = record("shoulder", u, IMPERFECTIONS)
     assert y[:3] == pytest.approx([start] * 3, abs=1e-12)
     # Gain times the lagged step: g u (Ts - tau (1 - e^(-Ts / tau))), the link's swing left out: 2 %.
     known = truth("shoulder", parameters=p.replace({"shoulder.viscous": 0, "shoulder.bearing_viscous": 0}))
@@ -65,12 +66,8 @@ def test_a_sample_is_read_before_its_voltage_acts() -> None:
 
 
 def test_voltage_is_held_over_the_sample() -> None:
-    p = Parameters()
     u = np.array([0.0, 3.0, -2.0, 5.0, 5.0, 0.0])
-    coarse, fine = (
-        simulate(bench("shank"), drive(p, "shank"), "shank", signal, Ts, middle(p, "shank"))
-        for signal, Ts in ((u, 0.1), (u.repeat(10), 0.01))
-    )
+    coarse, fine = (record("shank", signal, Ts=Ts) for signal, Ts in ((u, 0.1), (u.repeat(10), 0.01)))
     np.testing.assert_array_equal(coarse, fine[::10])
 
 

@@ -3,22 +3,16 @@
 import mujoco
 import numpy as np
 import pytest
+from rig import IDEAL_BRIDGE, QUIET, VOLTS, record, shown
 
 from twin import JOINTS, Experiment, Parameters, truth
-from twin.drive import Drive, drive
-from twin.experiment import simulate
-from twin.geometry import end_angles, middle, stroke
-from twin.leg import BENCH_LEG, bench
+from twin.geometry import end_angles, linkage, middle, stroke
+from twin.leg import bench
+from twin.plant.stepping import step
 from twin.pot import potentiometer
 
 P = Parameters()
 CROSSING = {"shoulder": 4.0, "thigh": 16.0, "shank": 16.0}  # [s] that surely take a joint at 6 V from end to end
-
-
-def record(joint: str, u: np.ndarray, without: tuple[str, ...] = (), start: float | None = None) -> np.ndarray:
-    """True angle (N,) [rad] every 0.1 s under u (N,) [V]."""
-    begin = middle(P, joint) if start is None else start
-    return simulate(bench(joint, without=without), drive(P, joint, without), joint, u, 0.1, begin)
 
 
 @pytest.mark.parametrize("joint", JOINTS)
@@ -31,7 +25,8 @@ def test_a_held_leg_does_not_creep(joint: str) -> None:
 def test_the_creep_bound_can_fail() -> None:
     model = bench("thigh")
     model.tendon_solimp_fri[:], model.tendon_solref_fri[:] = (0.9, 0.95, 0.001, 0.5, 2), (0.02, 1)  # MuJoCo's defaults
-    angle = simulate(model, drive(P, "thigh"), "thigh", np.zeros(610), 0.1, 0.0)
+    run = Experiment("thigh").prepare(model, u=np.zeros((610, 1)), start={"thigh": 0.0})
+    angle = step([run], 0.1, 0.5)[0, :, 0, 0]
     assert np.rad2deg(np.ptp(angle[10:])) > 0.1
 
 
@@ -78,13 +73,16 @@ def test_travel_ends_where_the_pins_say(joint: str, volts: float) -> None:
     angle = record(joint, np.concatenate([there, -2 * np.sign(there) * volts / 2, -there]), without=("backlash",))
     n = len(there)
     lo, hi = truth(joint).end_angles
-    # 0.05 deg: the switch trips 0.1 mm (thigh, shank) before the stop, and a slow approach rests in between.
-    assert np.rad2deg([angle[-1] - lo, angle[n - 1] - hi]) == pytest.approx([0, 0], abs=0.05)
+    # The switch trips a margin before the stop, and a slow approach rests in between.
+    margin = P[f"{joint}.switch_margin"]
+    arms = (1.0, 1.0) if joint == "shoulder" else [linkage(P, joint).arm(q) for q in (lo, hi)]
+    for rest, end, arm in zip((angle[-1], angle[n - 1]), (lo, hi), arms, strict=True):
+        assert abs(rest - end) < margin / arm + np.deg2rad(0.01)
 
 
 @pytest.mark.parametrize("joint", JOINTS)
 def test_play_lets_the_link_pass_the_end_by_half_its_width(joint: str) -> None:
-    y = Experiment(joint=joint, duration=40.0, without=("noise", "adc")).run().y
+    y = Experiment(joint=joint, duration=40.0, without=(*QUIET, "nonlinearity")).run().y
     lo, hi = truth(joint).end_angles
     slack = truth(joint).backlash / 2 + np.deg2rad(0.05)  # the play, and the 0.05 deg of the test above
     assert lo - slack < y.min() < lo + slack
@@ -93,24 +91,17 @@ def test_play_lets_the_link_pass_the_end_by_half_its_width(joint: str) -> None:
 
 @pytest.mark.parametrize("joint", JOINTS)
 def test_limit_switch_cuts_the_motor_outward_only(joint: str) -> None:
-    wired, blind = drive(P, joint), drive(P, joint, without=("end_stops",))
-    for bridge, outward in ((wired, 0.0), (blind, 12.0)):
-        model = bench(joint)
-        data = mujoco.MjData(model)
-        data.qpos[0] = end_angles(P, joint)[1]
-        mujoco.mj_forward(model, data)
-        for command, expected in ((12.0, outward), (-12.0, -12.0)):
-            for _ in range(20):
-                place = data.qpos[0] if joint == "shoulder" else data.ten_length[model.tendon(joint + BENCH_LEG).id]
-                data.ctrl[0] = bridge.voltage(command, place)
-                mujoco.mj_step(model, data, 10)
-                assert data.ctrl[0] == expected
-        assert data.qvel[0] < 0  # inward the motor runs
+    end = end_angles(P, joint)[1]
+    for without, outward in (((), 0.0), (("end_stops",), 12.0)):
+        rows = shown(joint, np.repeat([12.0, -12.0], 5), (*without, *IDEAL_BRIDGE), start=end, Ts=0.1)
+        np.testing.assert_array_equal(rows[:5, VOLTS], outward)
+        np.testing.assert_array_equal(rows[5:, VOLTS], -12.0)
+        assert rows[-1, 0] < rows[5, 0]  # inward the motor runs
 
 
 def test_supply_limits_the_voltage() -> None:
-    bridge = Drive(supply=12.0, lower=-1.0, upper=1.0, period=0.01)
-    assert [bridge.voltage(v, 0.0) for v in (-30, -3, 0, 3, 30)] == [-12, -3, 0, 3, 12]
+    rows = shown("shank", np.array([-30.0, -3.0, 0.0, 3.0, 30.0, 0.0]), IDEAL_BRIDGE, Ts=0.02)
+    assert rows[:, VOLTS].tolist() == [-12, -3, 0, 3, 12, 0]
 
 
 @pytest.mark.parametrize("joint", JOINTS)
@@ -129,11 +120,11 @@ def test_breakaway_voltage(joint: str, direction: int) -> None:
 def test_below_breakaway_nothing_moves() -> None:
     down, up = truth("shank").breakaway_voltage
     for volts in (0.97 * down, 0.97 * up):
-        assert np.rad2deg(np.ptp(record("shank", np.full(100, volts))[10:])) < 0.01
+        assert np.rad2deg(np.ptp(record("shank", np.full(100, volts), ("backlash",))[10:])) < 0.01
 
 
 def test_noise_has_the_parameters_level() -> None:
-    log = Experiment(without=("adc",)).run()
+    log = Experiment(without=("adc", "dropouts")).run()
     assert log.y_true is not None
     error = log.y - log.y_true
     # 6 %: four standard errors of a deviation from 2,500 samples.
@@ -143,7 +134,7 @@ def test_noise_has_the_parameters_level() -> None:
 
 
 def test_adc_rounds_to_its_step() -> None:
-    log = Experiment(without=("noise",)).run()
+    log = Experiment(without=("noise", "dropouts")).run()
     assert log.y_true is not None
     step = P["pot_range"] / 1024
     codes = log.y / step
@@ -159,7 +150,7 @@ def test_adc_ends_at_its_codes() -> None:
 
 
 def test_noise_and_adc_off_leave_the_true_angle() -> None:
-    log = Experiment(duration=20.0, without=("noise", "adc")).run()
+    log = Experiment(duration=20.0, without=("noise", "adc", "dropouts")).run()
     np.testing.assert_array_equal(log.y, log.y_true)
 
 

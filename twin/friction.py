@@ -1,0 +1,43 @@
+"""Dry friction of an actuator: Coulomb per direction, Stribeck, and the part that grows with axial load."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from twin.parameters import Parameters
+
+
+@dataclass(frozen=True)
+class DryFriction:
+    """Friction force at the drive, rod [N] or shoulder [N m], against motion at speed v under axial load W:
+
+        (1 + stribeck exp(-(v / stribeck_speed)^2)) C + load |W|,   C = up against motion up, down against motion down
+
+    (Stribeck curve: Olsson et al., Friction models and friction compensation, European Journal of Control 4, 1998,
+    eq. 4). A power screw loses a share of its load: raising has efficiency 1 / (1 + load), and from load 1 on no load
+    can drive it back (Budynas and Nisbett, Shigley's Mechanical Engineering Design, 10th ed., section 8-2).
+    """
+
+    up: float
+    down: float
+    stribeck: float
+    stribeck_speed: float
+    load: float
+
+    def static(self, direction: int, load: float) -> float:
+        """What motion up (1) or down (-1) must overcome from rest [N or N m] under axial load [N or N m]."""
+        return (1.0 + self.stribeck) * (self.up if direction > 0 else self.down) + self.load * abs(load)
+
+
+def dry_friction(parameters: Parameters, joint: str, without: Collection[str] = ()) -> DryFriction:
+    """The dry friction of `joint`, with the parts that are not switched off."""
+    p = {name: parameters[f"{joint}.{name}"] for name in ("coulomb", "asymmetry", "stribeck", "stribeck_speed")}
+    load = parameters[f"{joint}.load_friction"]
+    coulomb = 0.0 if "friction" in without else p["coulomb"]
+    tilt = 0.0 if "asymmetry" in without else p["asymmetry"]
+    return DryFriction(
+        coulomb * (1.0 + tilt),
+        coulomb * (1.0 - tilt),
+        0.0 if "stribeck" in without else p["stribeck"],
+        p["stribeck_speed"],
+        0.0 if {"friction", "load_friction"} & set(without) else load,
+    )

@@ -1,0 +1,102 @@
+"""Many simulations of boards at once: commands in, what the boards' sensors show out."""
+
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from twin.plant import slots
+
+TIMESTEP = 0.001  # [s], as in the MJCF; times of an experiment are whole numbers of it
+BLOCK = 2**24  # bytes of commands and sensors at a time
+_lock = threading.RLock()
+
+
+@contextmanager
+def boards() -> Iterator[None]:
+    """MuJoCo with the boards' callbacks in every step; models that carry no board are stepped as ever.
+
+    MuJoCo has one such callback for a whole process: two threads take turns here.
+    """
+    from twin.plant import kernels  # compiled code, loaded by those who step
+
+    with _lock:
+        before = mujoco.get_mjcb_control(), mujoco.get_mjcb_sensor()
+        mujoco.set_mjcb_control(kernels.control.ctypes)
+        mujoco.set_mjcb_sensor(kernels.sense.ctypes)
+        try:
+            yield
+        finally:
+            mujoco.set_mjcb_control(before[0])
+            mujoco.set_mjcb_sensor(before[1])
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulation: its model with user data (nuserdata,) and starting qpos (nq,); commands (N, joints), each held
+    for Ts, `delay` [s] late; `hold` (joints,) is the command of the `settle` [s] before. `late` (N,) [s] is how much
+    after its command each sample is taken, by less than Ts either way."""
+
+    model: mujoco.MjModel
+    user_data: np.ndarray
+    qpos: np.ndarray
+    commands: np.ndarray
+    hold: np.ndarray
+    delay: float
+    late: np.ndarray
+
+
+def step(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> np.ndarray:
+    """What the boards' sensors show (runs, N, joints, COLUMNS) at each sample, before its command is applied.
+
+    All runs need one number of samples, models of one layout and one time step. The same, bit for bit, at any number of
+    runs and threads.
+    Raises mujoco.batch.SimulationError where MuJoCo gives up.
+    """
+    first = runs[0]
+    N, joints = first.commands.shape
+    h = first.model.opt.timestep
+    per, lead = round(Ts / h), round(settle / h)
+    batch = Batch(first.model, len(runs), threads)
+    if any(run.model is not first.model for run in runs):
+        batch.set_models([run.model for run in runs])
+    batch.qpos = np.stack([run.qpos for run in runs])
+    batch.userdata = np.stack([run.user_data for run in runs])
+    at = lead + (np.arange(N) * Ts + np.stack([run.late for run in runs])) / h
+    at = np.maximum(at, 0.0)
+    below = np.floor(at + 1e-6).astype(int)  # rounding must not take a sample on a step for one before it
+    above = np.clip(at - below, 0.0, 1.0)
+    shown = np.zeros((len(runs), N, joints * slots.COLUMNS))
+    total = int(below.max()) + 2
+    block = max(per, BLOCK // (8 * len(runs) * joints * (1 + slots.COLUMNS)))
+    with boards():
+        for start in range(0, total, block):
+            stop = min(start + block, total)
+            commands = np.stack([_commands(run, np.arange(start, stop) - lead, per, h) for run in runs])
+            rows = batch.rollout(stop - start, commands, record=("sensordata",))["sensordata"]
+            _take(rows, start, below, above, shown, slice(*_span(start, stop, lead, per, N)))
+    return shown.reshape(len(runs), N, joints, slots.COLUMNS)
+
+
+def _commands(run: Run, steps: np.ndarray, per: int, h: float) -> np.ndarray:
+    """The command (steps, joints) that reaches the board at simulation steps counted from the first sample."""
+    k = (steps - round(run.delay / h)) // per
+    return np.where(k[:, None] < 0, run.hold, run.commands[np.clip(k, 0, len(run.commands) - 1)])
+
+
+def _span(start: int, stop: int, lead: int, per: int, N: int) -> tuple[int, int]:
+    """Samples that may fall between two simulation steps, one more to either side."""
+    return max((start - lead) // per - 2, 0), min((stop - lead) // per + 3, N)
+
+
+def _take(rows: np.ndarray, start: int, below: np.ndarray, above: np.ndarray, out: np.ndarray, part: slice) -> None:
+    """Add to the samples what the steps in `rows` (runs, steps, n) hold of them, by linear interpolation."""
+    for ahead, share in ((0, 1.0 - above[:, part]), (1, above[:, part])):
+        k = below[:, part] + ahead - start
+        inside = (k >= 0) & (k < rows.shape[1])
+        found = rows[np.arange(len(rows))[:, None], np.where(inside, k, 0)]
+        out[:, part] += np.where(inside, share, 0.0)[..., None] * found
