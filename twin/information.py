@@ -6,13 +6,17 @@ from typing import Any
 import numpy as np
 
 import twin
-from twin.geometry import end_angles, linkage, middle, stroke
+from twin.drive import drive
+from twin.friction import dry_friction
+from twin.geometry import end_angles, linkage, stroke
 from twin.leg import check_joint
+from twin.motor import motor
 from twin.parameters import JOINTS, TABLE, Parameters, Row
-from twin.truth import Truth
+from twin.truth import Truth, arm
 from twin.versions import versions
 
-POINTS = 101  # of a curve over a joint's travel
+POINTS = 101  # of a curve
+SPEEDS = 1000  # that are tried, evenly on a logarithmic scale
 
 
 @dataclass(frozen=True)
@@ -44,31 +48,40 @@ class Geometry:
 
 
 @dataclass(frozen=True)
-class Characteristic:
-    """Steady speed over voltage at mid stroke, as corners of straight lines: voltage (n,) [V], speed (n,) [rad/s].
+class Branch:
+    """Steady motion one way at mid stroke, from the command that just keeps it going to that of the whole supply.
 
-    It ends at plus and minus the supply's voltage. Dry friction is taken at the level at which the joint breaks away.
-    crossing [s]: about how long the joint takes from end to end at the supply's voltage, towards smaller and larger
-    angles; infinite where it does not move. The speed of rod or shaft is taken to be that at mid stroke all the way.
+    voltage (n,) [V] and speed (n,) [rad/s], empty where the supply cannot keep it going. breakaway [V]: command that
+    starts it from rest, from the truth; jump [rad/s]: the speed at which it then runs, 0 where it does not start.
+    crossing [s]: about how long it takes from end to end on the whole supply, as if it were at mid stroke all the way;
+    infinite where it does not start.
     """
 
     voltage: np.ndarray
     speed: np.ndarray
-    crossing: tuple[float, float]
+    breakaway: float
+    jump: float
+    crossing: float
 
     @property
-    def top_speed(self) -> tuple[float, float]:
-        """Speeds [rad/s] at minus and plus the supply's voltage."""
-        return float(self.speed[0]), float(self.speed[-1])
+    def starts(self) -> bool:
+        """Whether the supply can start it."""
+        return self.jump != 0.0
+
+    @property
+    def top_speed(self) -> float:
+        """Speed [rad/s] on the whole supply, 0 where it does not start."""
+        return float(self.speed[-1]) if self.starts else 0.0
 
 
 @dataclass(frozen=True)
 class Joint:
-    """One joint: its truth, its speed over voltage, and its actuator's geometry (None where the motor sits on it)."""
+    """One joint: its truth, how it moves down and up, and its actuator's geometry (None where the motor sits on it)."""
 
     name: str
     truth: Truth
-    characteristic: Characteristic
+    down: Branch
+    up: Branch
     geometry: Geometry | None
 
 
@@ -79,6 +92,7 @@ class Information:
     values: tuple[Value, ...]
     joints: tuple[Joint, ...]
     Ts: float
+    supply: float  # [V]
     source: str | None = None
 
     @property
@@ -105,7 +119,7 @@ class Information:
             "Ts": self.Ts,
             "parameters": [{**asdict(v.row), "value": v.value, "changed": v.changed} for v in self.values],
             "truth": {joint.name: joint.truth.as_dict() for joint in self.joints},
-            "static": {joint.name: _static(joint.characteristic) for joint in self.joints},
+            "static": {j.name: {"down": _static(j.down), "up": _static(j.up)} for j in self.joints},
             "versions": versions(),
         }
 
@@ -125,12 +139,12 @@ def inform(
     joints = tuple(_joint(name, Ts, p) for name in names)
     others = tuple(f"{name}." for name in JOINTS if name not in names)
     values = tuple(Value(row, p[row.name]) for row in TABLE if not row.name.startswith(others))
-    return Information(values, joints, Ts, source)
+    return Information(values, joints, Ts, p["supply_voltage"], source)
 
 
 def _joint(name: str, Ts: float, p: Parameters) -> Joint:
     truth = twin.truth(name, Ts, p)
-    return Joint(name, truth, characteristic(truth, p), geometry(name, p))
+    return Joint(name, truth, branch(truth, -1, p), branch(truth, 1, p), geometry(name, p))
 
 
 def geometry(joint: str, parameters: Parameters) -> Geometry | None:
@@ -142,23 +156,54 @@ def geometry(joint: str, parameters: Parameters) -> Geometry | None:
     return Geometry(angle, triangle.length(angle), np.array([triangle.arm(q) for q in angle]))
 
 
-def characteristic(truth: Truth, parameters: Parameters) -> Characteristic:
-    """Steady speed over voltage: gain (V - V_breakaway) beyond the break-away voltages, rest between them."""
-    down, up = truth.breakaway_voltage
-    supply = parameters["supply_voltage"]
-    voltage = np.unique(np.clip([-supply, down, up, supply], -supply, supply))
-    speed = truth.gain * (np.minimum(voltage - down, 0.0) + np.maximum(voltage - up, 0.0))
-    low, high = stroke(parameters, truth.joint)
-    q = middle(parameters, truth.joint)
-    arm = 1.0 if truth.joint == "shoulder" else linkage(parameters, truth.joint).arm(q)
-    back, forth = (abs(v) * arm for v in (speed[0], speed[-1]))
-    crossing = tuple((high - low) / v if v > 0 else np.inf for v in (back, forth))
-    return Characteristic(voltage, speed, (float(crossing[0]), float(crossing[1])))
+def branch(truth: Truth, direction: int, parameters: Parameters) -> Branch:
+    """Steady motion of the joint of `truth` up (1) or down (-1) in angle, as its drive and its friction have it."""
+    p, constants = parameters, motor(parameters, truth.joint)
+    r, supply = arm(truth.joint, p), p["supply_voltage"]
+    v = supply / (constants.constant * constants.gear) * np.geomspace(1e-6, 3.0, SPEEDS)  # beyond 1: a load may help
+    volts = direction * steady_command(truth, direction * v, p)
+    v, volts = v[np.isfinite(volts)], volts[np.isfinite(volts)]
+    # Below the least command friction falls faster with speed than back-EMF rises: no steady motion.
+    least = int(np.argmin(volts)) if len(volts) else 0
+    breakaway = truth.breakaway_voltage[int(direction > 0)]
+    if not np.any(volts <= supply):
+        return Branch(np.empty(0), np.empty(0), breakaway, 0.0, np.inf)
+    fastest = float(np.interp(supply, volts[least:], v[least:]))
+    speed = np.linspace(v[least], fastest, POINTS)
+    voltage = np.interp(speed, v, volts)
+    jump, crossing = 0.0, np.inf
+    if direction * breakaway <= supply:
+        jump = float(np.interp(direction * breakaway, np.maximum.accumulate(voltage), speed))
+        low, high = stroke(p, truth.joint)
+        crossing = (high - low) / fastest
+    return Branch(direction * voltage, direction * speed / r, breakaway, direction * jump / r, crossing)
 
 
-def _static(curve: Characteristic) -> dict[str, Any]:
+def steady_command(truth: Truth, v: np.ndarray, parameters: Parameters) -> np.ndarray:
+    """Command (n,) [V] that keeps the drive at speeds v (n,) [m/s or rad/s], none of them 0; nan where none can.
+
+    With K the motor's constant, g its gear, R its resistance: the current is i = F / (K g) for the force F that weight,
+    friction and bearing take at that speed, the motor's voltage R i + K g v = d (V0 - Rs d i) on a supply V0 of
+    resistance Rs at duty d. PWM's levels are left out.
+    """
+    p, joint = parameters, truth.joint
+    constants, board, dry = motor(p, joint), drive(p, joint), dry_friction(p, joint)
+    r, way = arm(joint, p), np.sign(v)
+    carried = truth.load + way * p[f"{joint}.bearing_coulomb"] / r + p[f"{joint}.bearing_viscous"] * v / r**2
+    coulomb = np.where(v > 0, dry.up, dry.down) * (1 + dry.stribeck * np.exp(-((v / dry.stribeck_speed) ** 2)))
+    force = carried + p[f"{joint}.viscous"] * v + way * (coulomb + dry.load * np.abs(carried))
+    emf = constants.constant * constants.gear
+    current = force / emf
+    volts = constants.resistance * current + emf * v
+    square = board.supply**2 - 4 * board.resistance * current * volts
+    duty = 2 * volts / (board.supply + np.sqrt(np.where(square < 0, np.nan, square)))
+    return duty * board.supply + np.sign(volts) * board.dead_band
+
+
+def _static(motion: Branch) -> dict[str, Any]:
     return {
-        "voltage": curve.voltage.tolist(),
-        "speed": curve.speed.tolist(),
-        "crossing_seconds": list(curve.crossing),
+        "breakaway_voltage": motion.breakaway,
+        "least_voltage": float(motion.voltage[0]) if motion.starts else None,
+        "top_speed": motion.top_speed,
+        "crossing_seconds": motion.crossing,
     }

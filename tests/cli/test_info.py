@@ -151,24 +151,59 @@ def test_geometry_runs_from_end_to_end_and_its_arm_is_the_slope(joint):
 @pytest.mark.parametrize("joint", twin.JOINTS)
 def test_an_ideal_joint_crosses_its_travel_at_no_load_speed(joint):
     p = Parameters({**IDEAL, "supply_voltage": 6.0})
-    curve = inform(joint, parameters=p).joints[0].characteristic
+    found = inform(joint, parameters=p).joints[0]
     travel = p["shoulder.upper"] - p["shoulder.lower"] if joint == "shoulder" else p[f"{joint}.stroke"]
     expected = travel / (p[f"{joint}.no_load_speed"] * 6.0 / p[f"{joint}.rated_voltage"])
-    assert curve.crossing == pytest.approx((expected, expected), rel=1e-3)
-    np.testing.assert_allclose(curve.voltage[[0, -1]], [-6.0, 6.0])
-    np.testing.assert_allclose(curve.speed / curve.speed[-1], curve.voltage / 6.0, atol=1e-9)
+    for way, sign in ((found.down, -1), (found.up, 1)):
+        assert way.crossing == pytest.approx(expected, rel=1e-6)
+        assert way.voltage[-1] == pytest.approx(6.0 * sign)
+        np.testing.assert_allclose(way.speed, found.truth.closed_form_gain * way.voltage, rtol=1e-6)
 
 
-def test_a_joint_rests_between_its_break_away_voltages_and_may_never_start():
-    joint = inform("shoulder").joints[0]
-    down, up = joint.truth.breakaway_voltage
-    curve = joint.characteristic
-    assert np.interp([down, 0.5 * (down + up), up], curve.voltage, curve.speed) == pytest.approx(0.0, abs=1e-12)
-    assert np.interp(up + 1.0, curve.voltage, curve.speed) == pytest.approx(joint.truth.gain)
-    stuck = inform("shoulder", parameters=Parameters({"shoulder.coulomb": 20.0}))
-    assert stuck.joints[0].characteristic.crossing == (math.inf, math.inf)
-    assert "never down and never up" in report.verdict(stuck)[0]
+@pytest.mark.parametrize("joint", twin.JOINTS)
+def test_speed_over_voltage_is_that_of_the_simulation(joint):
+    """Constant volts through mid stroke, with all imperfections of drive and friction and none of measurement."""
+    volts = 8.0  # 170 of the 255 levels of PWM
+    options = {"amplitude": volts, "half_period": 15.0}
+    without = tuple(n for n in twin.IMPERFECTIONS if n in ("noise", "adc", "nonlinearity", "jitter", "dropouts"))
+    record = twin.Experiment(joint, duration=40.0, Ts=0.01, without=without, options=options).run()
+    found = inform(joint).joints[0]
+    q = record.y_true
+    assert q is not None
+    speed = np.gradient(q, record.Ts)
+    for way, sign in ((found.down, -1), (found.up, 1)):
+        expected = float(np.interp(volts, sign * way.voltage, sign * way.speed)) * sign
+        through = np.abs(q - found.truth.operating_point) < 0.02
+        moving = speed[through & (record.u == sign * volts) & (record.t > 3.0)]
+        assert len(moving) > 3
+        assert np.median(moving) == pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.parametrize("joint", twin.JOINTS)
+def test_motion_begins_at_the_break_away_voltage(joint):
+    for stribeck in (0.0, 2.0):
+        found = inform(joint, parameters=Parameters({f"{joint}.stribeck": stribeck})).joints[0]
+        for way, sign in ((found.down, -1), (found.up, 1)):
+            assert way.starts
+            assert np.all(np.diff(sign * way.speed) > 0)
+            if stribeck == 0.0:  # friction of rest is friction of motion: no jump, and nothing below break-away
+                assert way.voltage[0] == pytest.approx(way.breakaway, rel=1e-3)
+                assert abs(way.jump) < 1e-3 * abs(way.top_speed)
+            else:
+                assert sign * way.voltage[0] < 0.9 * sign * way.breakaway
+                assert abs(way.jump) > 0.02 * abs(way.top_speed)
+
+
+def test_a_joint_that_the_supply_cannot_start_is_said_to_stand():
+    p = Parameters({"shoulder.coulomb": 20.0})
+    stuck = inform("shoulder", parameters=p)
+    joint = stuck.joints[0]
+    assert not joint.down.starts
+    assert not joint.up.starts
+    assert (joint.up.crossing, joint.up.top_speed) == (math.inf, 0.0)
+    assert "forever down: it does not start" in report.verdict(stuck)[0]
     assert report.pictures(stuck)  # and can be drawn
+    assert stuck.as_dict()["static"]["shoulder"]["up"]["least_voltage"] is None
 
 
 @dataclass(frozen=True)
@@ -195,8 +230,8 @@ def test_a_field_that_the_table_does_not_know_is_listed_under_its_own_name():
         "new_group": {"backlash": math.radians(3.0), "other": True},
         "new_word": "both",
     }
-    later = Joint("thigh", Later.of(joint.truth, **extra), joint.characteristic, joint.geometry)
-    rows = dict(report.truth_grid(Information((), (later,), 0.1)).rows)
+    later = Joint("thigh", Later.of(joint.truth, **extra), joint.down, joint.up, joint.geometry)
+    rows = dict(report.truth_grid(Information((), (later,), 0.1, 12.0)).rows)
     assert rows["new level"] == "0.25"
     assert rows["new pair"] == "1, –"
     assert rows["new curve"] == "50 values"

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = dict(zip(("shoulder", "thigh", "shank"), (style.SECOND, style.INPUT, style.MODEL), strict=True))
-# How a field of the truth is called and the unit it comes in; one that is not here is listed under its own name.
+# How a field of the truth is called and the unit it comes in, or the joint's parameter whose unit it has. One that is
+# not here is listed under its own name.
 TRUTH = {
     "operating_point": ("angle at mid stroke", "rad"),
     "poles": ("poles in z, of the compiled model", ""),
@@ -31,9 +32,12 @@ TRUTH = {
     "closed_form_gain": ("speed per volt, closed form", "rad/s/V"),
     "end_angles": ("ends of travel of the drive side", "rad"),
     "backlash": ("backlash, whole width", "rad"),
+    "load": ("what the drive holds against weight at mid stroke", "coulomb"),
+    "dead_band": ("dead band of the drive", "V"),
+    "delay": ("delay of the drive", "s"),
     "breakaway_voltage": ("voltage that just moves it, down and up", "V"),
 }
-HEADINGS = {"joint", "Ts"}  # fields that the table's heading says
+HEADINGS = {"joint", "Ts", "mode"}  # fields that the table's heading says
 RANGES = {"end_angles"}
 UNITS = {row.name: row.unit for row in TABLE}
 LONGEST = 6  # entries of a list that a cell shows
@@ -58,7 +62,7 @@ def page(result: Information) -> Page:
 _TRUTH = (
     "What a perfect identification of a joint would find. Poles and gain are those of the voltage-to-angle channel at "
     "mid stroke, with viscous friction and without dry friction, play, ends and gravity; the closed form has them from "
-    "motor and load constants alone, without the simulation."
+    "motor and load constants alone, without the simulation. Down and up are towards smaller and larger angles."
 )
 _PARAMETERS = (
     "Bounds are what the twin accepts and what a calibration may search. Angles are in degrees here; in a parameter "
@@ -68,7 +72,8 @@ _PARAMETERS = (
 
 def verdict(result: Information) -> list[str]:
     """How far and how fast each joint moves, what was changed, and how much is known."""
-    return [*map(_moves, result.joints), *_changes(result), _known(result)]
+    moves = [_moves(joint, _supply(result)) for joint in result.joints]
+    return [*moves, *_changes(result), _known(result)]
 
 
 def terminal_tables(result: Information) -> list[Grid]:
@@ -100,7 +105,7 @@ def value_grid(name: str, values: Sequence[Value], result: Information) -> Grid:
 
 def truth_grid(result: Information) -> Grid:
     """The truth, one row a quantity and one column a joint."""
-    columns = [dict([*_truth_rows(joint), *_static_rows(joint)]) for joint in result.joints]
+    columns = [dict([*_truth_rows(joint), *_static_rows(joint, _supply(result))]) for joint in result.joints]
     labels = dict.fromkeys(label for column in columns for label in column)
     rows = [(label, *(column.get(label, "–") for column in columns)) for label in labels]
     return Grid((f"truth at Ts {result.Ts:g} s", *(joint.name for joint in result.joints)), rows)
@@ -119,11 +124,13 @@ def _truth_rows(joint: Joint) -> Iterator[tuple[str, str]]:
             continue
         if isinstance(value, Mapping):
             for key, entry in value.items():
-                unit = shown_unit(UNITS.get(f"{joint.name}.{key}", ""))
-                yield f"{_words(name)}: {_words(key)}", f"{_cell(entry, unit.factor)} {unit.unit}".rstrip()
+                yield f"{_words(name)}: {_words(key)}", _with_unit(entry, _unit(joint, key))
             continue
-        label, unit_name = TRUTH.get(name, (_words(name), UNITS.get(f"{joint.name}.{name}", "")))
-        unit = shown_unit(unit_name)
+        label, unit_name = TRUTH.get(name, (_words(name), name))
+        if (of_joint := _unit(joint, unit_name)) is not None:  # it may differ from joint to joint: in the cell
+            yield label, _with_unit(value, of_joint)
+            continue
+        unit = shown_unit(unit_name if name in TRUTH else "")
         if "poles" in name or "zeros" in name:
             text = _roots(value)
         else:
@@ -131,11 +138,23 @@ def _truth_rows(joint: Joint) -> Iterator[tuple[str, str]]:
         yield Quantity(label, unit.unit).label, text
 
 
-def _static_rows(joint: Joint) -> Iterator[tuple[str, str]]:
-    at = f"at {_supply(joint)} V"
-    speeds = ", ".join(_given(math.degrees(v), 4) for v in joint.characteristic.top_speed)
-    yield f"steady speed {at} down and up, mid stroke [deg/s]", speeds
-    yield f"end to end {at}, about, down and up [s]", ", ".join(number(t, 2) for t in joint.characteristic.crossing)
+def _unit(joint: Joint, name: str) -> str | None:
+    """Unit of the joint's parameter of that name, with or without a direction behind it; None where it has none."""
+    return UNITS.get(f"{joint.name}.{name}", UNITS.get(f"{joint.name}.{name.rpartition('_')[0]}"))
+
+
+def _with_unit(value: Any, unit_name: str | None) -> str:
+    unit = shown_unit(unit_name or "")
+    return f"{_cell(value, unit.factor)} {unit.unit}".rstrip()
+
+
+def _static_rows(joint: Joint, supply: str) -> Iterator[tuple[str, str]]:
+    ways = (joint.down, joint.up)
+    least = (number(float(way.voltage[0]), 3) if way.starts else "–" for way in ways)
+    yield "voltage that keeps it going, down and up, mid stroke [V]", ", ".join(least)
+    speeds = (_given(math.degrees(way.top_speed), 4) for way in ways)
+    yield f"steady speed at {supply} V, down and up, mid stroke [deg/s]", ", ".join(speeds)
+    yield f"end to end at {supply} V, down and up, about [s]", ", ".join(number(way.crossing, 2) for way in ways)
 
 
 def _given(value: float, digits: int = 5) -> str:
@@ -170,20 +189,19 @@ def _roots(pairs: Sequence[Sequence[float]]) -> str:
     return ", ".join(texts)
 
 
-def _moves(joint: Joint) -> str:
+def _moves(joint: Joint, supply: str) -> str:
     low, high = (_given(math.degrees(q), 3) for q in joint.truth.end_angles)
     ways = [
-        f"{number(seconds, 2)} s {way}" if math.isfinite(seconds) else f"never {way}"
-        for way, seconds in zip(("down", "up"), joint.characteristic.crossing, strict=True)
+        f"{number(way.crossing, 2)} s {name}" if way.starts else f"forever {name}: it does not start"
+        for name, way in (("down", joint.down), ("up", joint.up))
     ]
-    return (
-        f"The {joint.name} travels from {low} to {high} degrees; end to end at {_supply(joint)} V takes about "
+    return f"The {joint.name} travels from {low} to {high} degrees; end to end at {supply} V takes about " + (
         f"{' and '.join(ways)}."
     )
 
 
-def _supply(joint: Joint) -> str:
-    return _given(float(joint.characteristic.voltage[-1]), 3)
+def _supply(result: Information) -> str:
+    return _given(result.supply, 3)
 
 
 def _changes(result: Information) -> list[str]:
@@ -217,10 +235,10 @@ def pictures(result: Information) -> list[Picture]:
     found = [
         Picture(
             "speed-over-voltage",
-            style.png(speed_over_voltage(result.joints)),
-            "Steady speed over voltage at mid stroke, up to the supply's voltage. Between the dots, the break-away "
-            "voltages, the joint rests; a load from gravity shifts both to one side. Dry friction is taken at its level "
-            "of rest throughout; where it falls with speed, the joint runs a little faster than drawn.",
+            style.png(speed_over_voltage(result.joints, result.supply)),
+            "Steady speed over voltage at mid stroke, up to the supply's voltage. From rest a joint starts at the "
+            "dots; a dotted line shows the speed that it then jumps to where friction falls with speed. Weight shifts "
+            "both ways to one side.",
         )
     ]
     if any(joint.geometry for joint in result.joints):
@@ -236,26 +254,23 @@ def pictures(result: Information) -> list[Picture]:
 
 
 @styled
-def speed_over_voltage(joints: Sequence[Joint]) -> Figure:
+def speed_over_voltage(joints: Sequence[Joint], supply: float) -> Figure:
     """Static characteristic of each joint, one panel each."""
     figure, axes = style.sheet(1, len(joints), height=2.8)
     for ax, joint in zip(axes[0], joints, strict=True):
-        curve, down_up = joint.characteristic, np.array(joint.truth.breakaway_voltage)
+        colour = COLOURS[joint.name]
         ax.axhline(0, color="#cbd2d9", linewidth=0.8)
         ax.axvline(0, color="#cbd2d9", linewidth=0.8)
-        ax.plot(curve.voltage, np.degrees(curve.speed), color=COLOURS[joint.name])
-        inside = down_up[np.abs(down_up) <= curve.voltage[-1]]
-        ax.plot(inside, np.zeros(len(inside)), "o", color=style.INK, markersize=4)
-        for volts, align, shift in zip(down_up, ("right", "left"), (-4, 4), strict=True):
-            if volts in inside:
-                ax.annotate(
-                    f"{number(float(volts), 2)} V",
-                    (volts, 0),
-                    (shift, -11 if shift > 0 else 5),
-                    textcoords="offset points",
-                    ha=align,
-                    fontsize=8,
-                )
+        rest = np.clip([joint.down.breakaway, joint.up.breakaway], -supply, supply)
+        ax.plot(rest, [0, 0], color=colour)
+        for way, align, shift in ((joint.down, "right", (-4, 5)), (joint.up, "left", (4, -11))):
+            if not way.starts:
+                continue
+            ax.plot(way.voltage, np.degrees(way.speed), color=colour)
+            ax.plot([way.breakaway] * 2, [0, math.degrees(way.jump)], ":", color=colour)
+            ax.plot(way.breakaway, 0, "o", color=style.INK, markersize=4)
+            text = f"{number(way.breakaway, 2)} V"
+            ax.annotate(text, (way.breakaway, 0), shift, textcoords="offset points", ha=align, fontsize=8)
         ax.set(title=joint.name, xlabel="voltage [V]")
     axes[0, 0].set(ylabel="speed [deg/s]")
     return figure
