@@ -2,13 +2,14 @@
 
 import typer
 
+from twin.cli.crawl import crawl
 from twin.cli.identify import identify
 from twin.cli.info import info
 from twin.cli.reproduce import reproduce
 from twin.cli.simulate import simulate
 from twin.cli.view import view
 
-VERBS = (reproduce, simulate, identify, info, view)
+VERBS = (reproduce, simulate, identify, info, view, crawl)
 
 
 def build() -> typer.Typer:

@@ -1,0 +1,43 @@
+"""`qpal crawl`: the whole quadruped stands and walks."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from twin.cli import console, options
+from twin.cli.output import default_folder, output_folder
+
+
+def crawl(
+    steps: Annotated[int, options.whole("N", "steps to walk; four make a cycle")] = 8,
+    duration: Annotated[float, options.number("S", "seconds to stand, with power and again without")] = 30.0,
+    robots: Annotated[int, options.whole("N", "other robots, of other friction and mass, that walk too")] = 12,
+    seed: Annotated[int, options.whole("N", "of the other robots and of the potentiometers' noise")] = 1,
+    params: options.Params = None,
+    out: options.Out = None,
+    as_json: options.Json = False,
+) -> None:
+    """Let the quadruped stand, and walk a slow crawl with its twelve joints in servo mode."""
+    from twin import crawl as walking
+    from twin.crawl_pictures import Pictures, pictures
+    from twin.gait import Gait
+    from twin.report import crawl as report
+    from twin.report.page import write
+    from twin.stills import NoRenderer
+
+    gait, parameters = Gait(cycles=walking.cycles(steps)), options.parameters(params)
+    folder = Path(out) if out is not None else default_folder("crawl")
+    with output_folder(folder) as scratch, console.progress(walking.STEPS + 2) as step:
+        result = walking.run(gait, parameters, duration, robots, options.seed(seed), threads=0, steps=step)
+        step("pictures of the robot")
+        seen: Pictures | str
+        try:
+            seen = pictures(result)
+        except NoRenderer as reason:
+            seen = str(reason)
+        step("drawing the report")
+        write(scratch, report.page(result, seen), result.as_dict())
+    console.finish(folder, result.as_dict(), as_json, [report.table(result)], report.verdict(result))
+    if not result.holds:
+        raise typer.Exit(1)

@@ -1,0 +1,298 @@
+"""The report of `qpal crawl`: the robot stands and walks, from finished numbers and pictures."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.crawl import SPREAD, Crawl, margins
+from twin.crawl_pictures import FILM_SECONDS, Pictures
+from twin.leg import LEGS
+from twin.parameters import JOINTS
+from twin.report import style
+from twin.report.page import Grid, Page, Picture, Section
+from twin.report.style import styled
+from twin.report.units import number
+from twin.versions import versions
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = ("#c2410c", "#2f6f8f", "#6b8e23", "#7a5195")  # of the legs
+LOCKED = 1e-3  # [m] of sinking within the time of standing
+NAMES = tuple(leg.replace("_", " ") for leg in LEGS)
+
+
+def page(result: Crawl, pictures: Pictures | str) -> Page:
+    """The report; `pictures` of the robot, or the sentence that says why there are none."""
+    gait = result.plan.gait
+    return Page(
+        title="The quadruped stands and walks",
+        subtitle=(
+            f"{4 * gait.cycles} steps of {1000 * gait.stride:g} mm with twelve joints in servo mode, seed {result.seed}"
+        ),
+        verdict=verdict(result),
+        sections=[
+            _seen(pictures),
+            Section("Walking", [_WALKING], tables=[table(result)], pictures=_walking(result)),
+            Section("Standing", [_standing(result)]),
+            Section("Forces", [_FORCES], tables=[forces(result)]),
+            Section("Joints", pictures=[_picture("joints", joints(result), _JOINTS)]),
+            *([Section("Other robots", [_others(result)], details=[robots(result)])] if result.trials else []),
+        ],
+        made_with=versions(),
+    )
+
+
+_WALKING = (
+    "One foot is in the air at a time, in the order rear left, front left, rear right, front right; the body moves "
+    "only while all four stand. The margin is how far the centre of mass lies inside the triangle of the standing "
+    "feet, seen from above: below zero the robot would tip over."
+)
+_FORCES = (
+    "What the plan asks of each actuator: the load that it holds, most of it while three feet stand, and the force "
+    "that it gives, friction included, where it moves. The motor must have more than that at the part of the supply "
+    "that the plan counts on. A lower body would load the actuators of the shanks more: their knees stand further out."
+)
+_JOINTS = (
+    "Planned angle and what the joint did. At rest a joint may stay off its angle: there a position loop that has a "
+    "gain only asks for less than dry friction holds."
+)
+
+
+def verdict(result: Crawl) -> list[str]:
+    """The outcome in plain words."""
+    m, s = result.measures, result.standing
+    walked = (
+        f"The robot walked {1000 * m.forward:.0f} mm in {m.seconds:.0f} s ({1000 * m.speed:.1f} mm/s; planned "
+        f"{1000 * result.plan.advance:.0f} mm). Its torso never tilted by more than {np.degrees(m.tilt):.1f} degrees, "
+        f"and its centre of mass stayed {1000 * m.margin:.0f} mm or more inside the support."
+    )
+    failed = f"The robot did not walk: {result.fault}."
+    stood = (
+        f"Standing for {s.seconds:g} s it sank by {_millimetres(s.sink)} mm with the servos on and by "
+        f"{_millimetres(s.sink_unpowered)} mm without power."
+    )
+    return [failed if result.fault else walked, stood, *([_others(result)] if result.trials else [])]
+
+
+def _standing(result: Crawl) -> str:
+    s = result.standing
+    return (
+        f"Held by its servos for {s.seconds:g} s, the torso sinks by {_millimetres(s.sink)} mm and tilts by "
+        f"{np.degrees(s.tilt):.2f} degrees at most; the motors take {s.power:.1f} W, since the noise of the "
+        f"potentiometers never lets them rest. Without any voltage it sinks by {_millimetres(s.sink_unpowered)} mm"
+        + (": the screws lock themselves." if s.sink_unpowered < LOCKED else ".")
+    )
+
+
+def _others(result: Crawl) -> str:
+    low, high = result.rate
+    return (
+        f"{result.successes} of {len(result.trials)} robots whose friction and masses were drawn within "
+        f"{100 * SPREAD:.0f} % of these walked as well, with the same references (95 % interval of the rate "
+        f"{100 * low:.0f} to {100 * high:.0f} %)."
+    )
+
+
+def _seen(pictures: Pictures | str) -> Section:
+    if isinstance(pictures, str):
+        return Section("What it looks like", [f"The pictures are missing: {pictures}."])
+    return Section(
+        "What it looks like",
+        pictures=[
+            _picture(
+                "strip", strip(pictures), "The swing of each leg in the first cycle; the robot walks to the right."
+            ),
+            Picture(
+                "film",
+                film(pictures),
+                f"The whole walk, {pictures.times:.1f} times as fast as it is (an animated PNG).",
+            ),
+        ],
+    )
+
+
+def _walking(result: Crawl) -> list[Picture]:
+    return [
+        _picture(
+            "path",
+            path(result),
+            "(a) Feet and torso from the side, each foot stepping once a cycle. (b) From above: the centre of mass "
+            "crosses to the side of the standing legs before a leg is lifted, and stays inside each triangle.",
+        ),
+        _picture(
+            "stability",
+            stability(result),
+            "Margin of stability as planned and as walked, and tilt of the torso, with the swing of each leg tinted in "
+            "its colour. With four feet down the margin is far above the frame. The body leans a little towards the "
+            "leg that it lifts, as play and soft feet give way.",
+        ),
+    ]
+
+
+def _picture(name: str, figure: Figure, caption: str) -> Picture:
+    return Picture(name, style.png(figure), caption)
+
+
+def table(result: Crawl) -> Grid:
+    """The walk in numbers."""
+    m = result.measures
+    shoulder, thigh, shank = (np.degrees(m.tracking[k::3]).max() for k in range(3))
+    rows = [
+        ("way forward, planned [mm]", _millimetres(result.plan.advance)),
+        ("way forward [mm]", _millimetres(m.forward)),
+        ("way sideways [mm]", _millimetres(m.sideways)),
+        ("turn [deg]", number(float(np.degrees(m.turn)), 2)),
+        ("time [s]", number(m.seconds, 3)),
+        ("speed [mm/s]", number(1000 * m.speed, 2)),
+        ("smallest margin, planned [mm]", _millimetres(float(result.plan.margin.min()))),
+        ("smallest margin [mm]", _millimetres(m.margin)),
+        ("largest tilt [deg]", number(float(np.degrees(m.tilt)), 2)),
+        ("torso, lowest to highest [mm]", f"{1000 * m.height[0]:.1f} to {1000 * m.height[1]:.1f}"),
+        ("a standing foot slips at most [mm]", _millimetres(m.slip)),
+        ("a swinging foot rises at least [mm]", _millimetres(m.clearance)),
+        ("RMS error of the worst shoulder, thigh, shank [deg]", f"{shoulder:.2f}, {thigh:.2f}, {shank:.2f}"),
+        ("electrical power, mean / peak [W]", f"{number(m.power, 2)} / {number(m.peak_power, 2)}"),
+        ("largest motor voltage [V]", number(m.peak_voltage, 3)),
+        ("cost of transport, power / (weight × speed)", number(m.transport, 2)),
+    ]
+    return Grid(("the walk", "value"), rows)
+
+
+def forces(result: Crawl) -> Grid:
+    """Loads, needs and stall forces, the worst of the four legs each."""
+    rows = []
+    for k, joint in enumerate(JOINTS):
+        load, need, stall = (values[k::3].max() for values in (result.plan.load, result.plan.need, result.plan.stall))
+        unit = "N m" if joint == "shoulder" else "N"
+        values = (load, need, stall, result.plan.gait.effort * stall)
+        rows.append((f"{joint} [{unit}]", *(number(float(value), 3) for value in values)))
+    return Grid(("actuator", "largest load held", "largest force to move", "stall", "stall, planned with"), rows)
+
+
+def robots(result: Crawl) -> Grid:
+    """One row a drawn robot."""
+    rows = [
+        (
+            str(k),
+            _millimetres(t.measures.forward),
+            _millimetres(t.measures.margin),
+            number(float(np.degrees(t.measures.tilt)), 2),
+            number(t.measures.power, 2),
+            t.fault or "walked",
+        )
+        for k, t in enumerate(result.trials, 1)
+    ]
+    headings = ("robot", "way [mm]", "smallest margin [mm]", "largest tilt [deg]", "power [W]", "outcome")
+    return Grid(headings, rows, "The drawn robots", last_text=True)
+
+
+@styled
+def strip(pictures: Pictures) -> Figure:
+    """Start, the swing of each leg, end."""
+    columns = 3
+    rows = -(-len(pictures.stills) // columns)
+    figure, axes = style.sheet(rows, columns, height=0.1 + 2.2 * rows)
+    for ax in axes.flat:
+        ax.axis("off")
+    for ax, (name, t, picture) in zip(axes.flat, pictures.stills, strict=False):
+        ax.imshow(picture)
+        ax.set_title(f"{t:.1f} s: {name}")
+    return figure
+
+
+def film(pictures: Pictures) -> bytes:
+    """The film as an animated PNG; its last picture stays for a second."""
+    from PIL import Image
+
+    # One palette for all: what stands still is then the same in every frame, and costs nothing.
+    palette = Image.fromarray(pictures.film[0]).quantize(256, Image.Quantize.MAXCOVERAGE)
+    plain = Image.Dither.NONE
+    frames = [Image.fromarray(frame).quantize(palette=palette, dither=plain) for frame in pictures.film]
+    each = round(1000 * FILM_SECONDS / len(frames))
+    buffer = io.BytesIO()
+    durations = [each] * (len(frames) - 1) + [1000]
+    frames[0].save(buffer, "PNG", save_all=True, append_images=frames[1:], duration=durations, loop=0)
+    return buffer.getvalue()
+
+
+@styled
+def path(result: Crawl) -> Figure:
+    """Feet, torso and centre of mass from the side and from above [mm]."""
+    feet, _, centre = result.walk.places
+    figure, axes = style.sheet(2, height=6.6)
+    side, above = axes[:, 0]
+    for k, (name, colour) in enumerate(zip(NAMES, COLOURS, strict=True)):
+        side.plot(1000 * feet[:, k, 0], 1000 * feet[:, k, 2], color=colour, label=name)
+        above.plot(1000 * feet[:, k, 0], 1000 * feet[:, k, 1], color=colour, linewidth=0.8)
+    side.plot(1000 * result.walk.torso[:, 0], 1000 * (result.walk.torso[:, 2] - 0.3), color=style.INK)
+    for start, name in result.plan.moves[:7]:  # the first cycle
+        if name in NAMES:
+            k = NAMES.index(name)
+            corners = 1000 * np.delete(feet[start], k, axis=0)[[0, 1, 2, 0], :2]
+            above.plot(*corners.T, color=COLOURS[k], linewidth=0.8, linestyle=":")
+    above.plot(1000 * centre[:, 0], 1000 * centre[:, 1], color=style.INK, label="centre of mass")
+    side.set(title="(a) from the side; torso in black, lowered by 300 mm", ylabel="height of the feet [mm]")
+    above.set(title="(b) from above; triangles of three feet dotted", xlabel="forward [mm]", ylabel="left [mm]")
+    above.set_aspect("equal")
+    style.legend(side)
+    return figure
+
+
+@styled
+def stability(result: Crawl) -> Figure:
+    """Margin of stability and tilt over time."""
+    feet, _, centre = result.walk.places
+    t, made = result.walk.t, result.plan
+    figure, axes = style.sheet(2, height=3.8, sharex=True)
+    top, bottom = axes[:, 0]
+    swings = ~made.stance.all(axis=1)
+    planned = np.where(swings, 1000 * made.margin, np.nan)
+    walked = np.where(swings, 1000 * margins(made, feet, centre), np.nan)
+    top.plot(t, planned, color=style.SECOND, label="planned")
+    top.plot(t, walked, color=style.MODEL, label="walked")
+    top.set(title="(a) margin of stability on three feet", ylabel="margin [mm]")
+    top.set_ylim(bottom=min(0.0, float(np.nanmin(walked))))
+    bottom.plot(t, np.degrees(result.walk.tilt), color=style.INK)
+    bottom.set(title="(b) tilt of the torso", ylabel="tilt [deg]", xlabel="time [s]")
+    for ax in (top, bottom):
+        _shade(ax, t, made.stance)
+    style.legend(top)
+    return figure
+
+
+def _shade(ax: Axes, t: np.ndarray, stance: np.ndarray) -> None:
+    low, high = ax.get_ylim()
+    for k, colour in enumerate(COLOURS):
+        ax.fill_between(t, low, high, where=~stance[:, k], color=colour, alpha=0.08, linewidth=0)
+    ax.set_ylim(low, high)
+
+
+@styled
+def joints(result: Crawl) -> Figure:
+    """Planned and real angle of every joint, a row a leg."""
+    figure, axes = style.sheet(4, 3, height=7.6, sharex=True)
+    for i, (leg, row) in enumerate(zip(NAMES, axes, strict=True)):
+        for j, (joint, ax) in enumerate(zip(JOINTS, row, strict=True)):
+            column = 3 * i + j
+            style.line(
+                ax, result.walk.t, np.degrees(result.plan.angles[:, column]), color=style.SECOND, label="planned"
+            )
+            style.line(ax, result.walk.t, np.degrees(result.walk.angles[:, column]), color=style.MODEL, label="did")
+            ax.set_title(f"{leg} {joint}")
+            if j == 0:
+                ax.set_ylabel("angle [deg]")
+            if i == 3:
+                ax.set_xlabel("time [s]")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
+    return figure
+
+
+def _millimetres(value: float) -> str:
+    text = f"{1000 * value:.1f}"
+    return "0.0" if text == "-0.0" else text.replace("-", "−")
