@@ -191,13 +191,12 @@ def _roots(pairs: Sequence[Sequence[float]]) -> str:
 
 def _moves(joint: Joint, supply: str) -> str:
     low, high = (_given(math.degrees(q), 3) for q in joint.truth.end_angles)
-    ways = [
-        f"{number(way.crossing, 2)} s {name}" if way.starts else f"forever {name}: it does not start"
-        for name, way in (("down", joint.down), ("up", joint.up))
-    ]
-    return f"The {joint.name} travels from {low} to {high} degrees; end to end at {supply} V takes about " + (
-        f"{' and '.join(ways)}."
-    )
+    named = {"down": joint.down, "up": joint.up}
+    times = " and ".join(f"{number(way.crossing, 2)} s {name}" for name, way in named.items() if way.starts)
+    stands = " or ".join(name for name, way in named.items() if not way.starts)
+    said = [f"end to end at {supply} V takes about {times}"] if times else []
+    said += [f"at {supply} V it does not start {stands}"] if stands else []
+    return "; ".join([f"The {joint.name} travels from {low} to {high} degrees", *said]) + "."
 
 
 def _supply(result: Information) -> str:
