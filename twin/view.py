@@ -32,7 +32,7 @@ def _serve(replay: Replay | None, speed: float, port: int) -> None:
         from twin.view_web import serve
     except ImportError as error:
         raise InputError(
-            f"MuJoCo's web viewer cannot be loaded ({error}); install it again with: pip install mujoco-studio websockets"
+            f"MuJoCo's web viewer cannot be loaded ({error}); install it with: pip install mujoco-studio websockets"
         ) from None
     serve(replay, speed, port)
 

@@ -14,7 +14,7 @@ from twin.leg import robot
 from twin.parameters import JOINTS, Parameters
 from twin.replay import GHOST, Replay
 from twin.report.style import INK, line, styled
-from twin.stills import draw, draw_robot, mid_stroke
+from twin.stills import draw, mid_stroke
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -122,12 +122,11 @@ def standing(parameters: Parameters | None = None) -> Figure:
     """The robot on its floor at mid stroke, from three sides."""
     from matplotlib.figure import Figure
 
-    model = robot(parameters)
-    pose = standing_pose(parameters)
+    pictures = draw(robot(parameters), np.array([standing_pose(parameters)] * len(SIDES)), SIDES)
     figure = Figure(figsize=(10.0, 2.6), layout="constrained")
-    for k, side in enumerate(SIDES):
-        axes = figure.add_subplot(1, len(SIDES), k + 1)
-        axes.imshow(draw_robot(pose, side, model)[0])
+    for k, picture in enumerate(pictures, 1):
+        axes = figure.add_subplot(1, len(SIDES), k)
+        axes.imshow(picture)
         axes.set_axis_off()
     return figure
 
