@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import mujoco
 import numpy as np
 
 from sysid.errors import InputError
-from twin.leg import robot
+from twin.leg import LEGS, robot
 from twin.parameters import JOINTS, Parameters
 from twin.replay import GHOST, Replay
 from twin.report.style import INK, line, styled
@@ -136,6 +137,17 @@ def standing_pose(parameters: Parameters | None = None) -> np.ndarray:
     qpos = mid_stroke(robot(parameters), parameters or Parameters())
     qpos[2] = STAND_HEIGHT
     return qpos
+
+
+def standing_robot() -> tuple[mujoco.MjModel, np.ndarray]:
+    """The robot to simulate and its pose (nq,) on the floor; viewers give its motors sliders up to rated voltage."""
+    parameters = Parameters()
+    model = robot(parameters)
+    for suffix in LEGS.values():
+        for joint in JOINTS:
+            rated = parameters[f"{joint}.rated_voltage"]
+            model.actuator(joint + suffix).ctrllimited, model.actuator(joint + suffix).ctrlrange = True, (-rated, rated)
+    return model, standing_pose(parameters)
 
 
 def _moving(replay: Replay) -> list[str]:

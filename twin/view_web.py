@@ -3,6 +3,7 @@
 Importing this raises ImportError where a library that the web viewer needs is missing.
 """
 
+import logging
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -11,10 +12,9 @@ from typing import Any
 import mujoco
 from mujoco.studio import app, launch_web, messages, plugin, sim, viewer_protocol, web_viewer
 
-from twin.leg import robot
 from twin.replay import Replay, moment
 from twin.stills import column, cylinders, shape
-from twin.view_pictures import standing_pose
+from twin.view_pictures import standing_robot
 
 FRAME = 1 / 60  # [s] between poses that go to the viewer
 
@@ -23,7 +23,7 @@ def serve(replay: Replay | None, speed: float, port: int) -> None:
     """Serve the page on this machine's `port` (0: the first free one from 8080 on) until Ctrl-C."""
     plugins: list[Any] = [app.App(app.Config(show_inspector=replay is None)), Overlay(on_column=replay is not None)]
     if replay is None:
-        model, pose = robot(), standing_pose()
+        model, pose = standing_robot()
         plugins += app.SIM_PLUGINS
     else:
         model, pose = replay.model, replay.pose(0.0)
@@ -32,6 +32,7 @@ def serve(replay: Replay | None, speed: float, port: int) -> None:
     data = mujoco.MjData(model)
     data.qpos[:] = pose
     config = viewer_protocol.ViewerConfig(title="qpal view", gfx="web", http_port=port, open_browser=True)
+    logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # that a person closes the page is no error
     with on_this_machine_only():
         launch_web.run(config, model=model, data=data, plugins=plugins)
 

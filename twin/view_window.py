@@ -7,10 +7,9 @@ from typing import Any
 
 import mujoco
 
-from twin.leg import robot
 from twin.replay import Replay, moment
 from twin.stills import CAMERA, column, cylinders, shape
-from twin.view_pictures import standing_pose
+from twin.view_pictures import standing_robot
 
 FRAME = 1 / 60  # [s] between pictures
 LAG = 0.1  # [s] that the simulation may fall behind the clock before it lets time go
@@ -20,9 +19,9 @@ def window(replay: Replay | None, speed: float) -> None:
     """Open the window and keep it moving until it is closed or Ctrl-C; the space bar pauses. Needs a display."""
     from mujoco import viewer
 
-    model = robot() if replay is None else replay.model
+    model, pose = standing_robot() if replay is None else (replay.model, replay.pose(0.0))
     data = mujoco.MjData(model)
-    data.qpos[:] = standing_pose() if replay is None else replay.pose(0.0)
+    data.qpos[:] = pose
     clock = Clock()
     panels = {"show_left_ui": False, "show_right_ui": replay is None}  # the motors' voltages are on the right
     with suppress(KeyboardInterrupt), viewer.launch_passive(model, data, key_callback=clock.key, **panels) as handle:

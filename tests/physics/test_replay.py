@@ -12,7 +12,8 @@ from twin.geometry import end_angles, linkage, middle, stroke
 from twin.leg import BENCH_LEG, LEGS
 from twin.replay import GHOST_LEG, Movement, Replay, moment, movement
 from twin.stills import NoRenderer, cylinders, draw, draw_robot, mid_stroke
-from twin.view_window import Clock
+from twin.view_pictures import standing_robot
+from twin.view_window import Clock, simulate
 
 T = np.arange(40) * 0.1
 OTHER = Parameters({"thigh.base_radius": 0.11, "thigh.stroke": 0.05})  # a leg with other pins
@@ -214,3 +215,20 @@ def test_mid_stroke_is_half_of_every_actuators_travel():
     for suffix in LEGS.values():
         for joint in ("thigh", "shank"):
             assert data.tendon(joint + suffix).length[0] == pytest.approx(np.mean(stroke(Parameters(), joint)))
+
+
+def test_the_robot_of_the_viewer_stands_unpowered_and_moves_at_rated_voltage():
+    model, pose = standing_robot()
+    data = mujoco.MjData(model)
+    data.qpos[:] = pose
+    for _ in range(20):
+        simulate(model, data, 0.1)
+    assert data.time == pytest.approx(2.0)
+    height, upright = data.body("torso").xpos[2], data.body("torso").xmat[8]
+    assert height == pytest.approx(pose[2], abs=0.03)
+    assert upright > np.cos(np.deg2rad(3))
+    before = data.joint("shank" + BENCH_LEG).qpos[0]
+    data.actuator("shank" + BENCH_LEG).ctrl[0] = model.actuator("shank" + BENCH_LEG).ctrlrange[1]
+    for _ in range(10):
+        simulate(model, data, 0.1)
+    assert data.joint("shank" + BENCH_LEG).qpos[0] - before > np.deg2rad(2)
