@@ -55,7 +55,7 @@ _WALKING = (
 _FORCES = (
     "What the plan asks of each actuator: the load that it holds, most of it while three feet stand, and the force "
     "that it gives, friction included, where it moves. The motor must have more than that at the part of the supply "
-    "that the plan counts on. A lower body would load the actuators of the shanks more: their knees stand further out."
+    "that the plan counts on. A lower body would load the actuators of the shanks more, with the knees further out."
 )
 _JOINTS = (
     "Planned angle and what the joint did. At rest a joint may stay off its angle: there a position loop that has a "
@@ -73,8 +73,8 @@ def verdict(result: Crawl) -> list[str]:
     )
     failed = f"The robot did not walk: {result.fault}."
     stood = (
-        f"Standing for {s.seconds:g} s it sank by {_millimetres(s.sink)} mm with the servos on and by "
-        f"{_millimetres(s.sink_unpowered)} mm without power."
+        f"Standing for {s.seconds:g} s it sank by {_at_most(s.sink)} with the servos on and by "
+        f"{_at_most(s.sink_unpowered)} without power."
     )
     return [failed if result.fault else walked, stood, *([_others(result)] if result.trials else [])]
 
@@ -82,9 +82,9 @@ def verdict(result: Crawl) -> list[str]:
 def _standing(result: Crawl) -> str:
     s = result.standing
     return (
-        f"Held by its servos for {s.seconds:g} s, the torso sinks by {_millimetres(s.sink)} mm and tilts by "
+        f"Held by its servos for {s.seconds:g} s, the torso sinks by {_at_most(s.sink)} and tilts by "
         f"{np.degrees(s.tilt):.2f} degrees at most; the motors take {s.power:.1f} W, since the noise of the "
-        f"potentiometers never lets them rest. Without any voltage it sinks by {_millimetres(s.sink_unpowered)} mm"
+        f"potentiometers never lets them rest. Without any voltage it sinks by {_at_most(s.sink_unpowered)}"
         + (": the screws lock themselves." if s.sink_unpowered < LOCKED else ".")
     )
 
@@ -122,7 +122,8 @@ def _walking(result: Crawl) -> list[Picture]:
             "path",
             path(result),
             "(a) Feet and torso from the side, each foot stepping once a cycle. (b) From above: the centre of mass "
-            "crosses to the side of the standing legs before a leg is lifted, and stays inside each triangle.",
+            "(black) crosses to the side of the standing legs before a leg is lifted, and stays inside each triangle "
+            "while the leg of its colour is in the air.",
         ),
         _picture(
             "stability",
@@ -223,21 +224,27 @@ def film(pictures: Pictures) -> bytes:
 @styled
 def path(result: Crawl) -> Figure:
     """Feet, torso and centre of mass from the side and from above [mm]."""
-    feet, _, centre = result.walk.places
+    (feet, _, centre), torso = result.walk.places, result.walk.torso
     figure, axes = style.sheet(2, height=6.6)
     side, above = axes[:, 0]
     for k, (name, colour) in enumerate(zip(NAMES, COLOURS, strict=True)):
         side.plot(1000 * feet[:, k, 0], 1000 * feet[:, k, 2], color=colour, label=name)
         above.plot(1000 * feet[:, k, 0], 1000 * feet[:, k, 1], color=colour, linewidth=0.8)
-    side.plot(1000 * result.walk.torso[:, 0], 1000 * (result.walk.torso[:, 2] - 0.3), color=style.INK)
+    side.plot(1000 * torso[:, 0], 1000 * torso[:, 2] - 300, color=style.INK)
     for start, name in result.plan.moves[:7]:  # the first cycle
         if name in NAMES:
             k = NAMES.index(name)
             corners = 1000 * np.delete(feet[start], k, axis=0)[[0, 1, 2, 0], :2]
             above.plot(*corners.T, color=COLOURS[k], linewidth=0.8, linestyle=":")
     above.plot(1000 * centre[:, 0], 1000 * centre[:, 1], color=style.INK, label="centre of mass")
-    side.set(title="(a) from the side; torso in black, lowered by 300 mm", ylabel="height of the feet [mm]")
-    above.set(title="(b) from above; triangles of three feet dotted", xlabel="forward [mm]", ylabel="left [mm]")
+    middle, height = 500 * (torso[0, 0] + torso[-1, 0]), 1000 * torso[:, 2].min() - 300
+    side.text(middle, height - 3, "torso, 300 mm lower than it is", color=style.INK, ha="center", va="top")
+    side.set(title="(a) from the side", ylabel="height of the feet [mm]")
+    above.set(
+        title="(b) from above; feet that stand, dotted",
+        xlabel="forward [mm]",
+        ylabel="left [mm]",
+    )
     above.set_aspect("equal")
     style.legend(side)
     return figure
@@ -291,6 +298,10 @@ def joints(result: Crawl) -> Figure:
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     return figure
+
+
+def _at_most(value: float) -> str:
+    return f"{_millimetres(value)} mm" if value >= 5e-5 else "less than 0.1 mm"
 
 
 def _millimetres(value: float) -> str:
