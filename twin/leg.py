@@ -11,7 +11,7 @@ from twin.closed_loop import close_loop
 from twin.friction import dry_friction
 from twin.geometry import end_angles, middle, stroke
 from twin.motor import motor
-from twin.parameters import JOINTS, Parameters
+from twin.parameters import JOINTS, LEG, Parameters
 from twin.plant.board import add_sensor
 
 LEGS = {"front_left": "_00", "rear_left": "_10", "rear_right": "_01", "front_right": "_11"}
@@ -23,7 +23,6 @@ IMPERFECTIONS = (
     *("nonlinearity", "noise", "adc", "jitter", "dropouts"),
     *("gravity", "contact"),
 )
-LEG = "leg"  # in place of a joint: all three of them at once
 REALISATIONS = ("tendon", "closed_loop")
 BENCH_LEG = LEGS["front_left"]
 LEAST = 1e-9  # [N or N m]

@@ -9,6 +9,7 @@ import numpy as np
 from sysid.errors import InputError, unknown
 
 JOINTS = ("shoulder", "thigh", "shank")
+LEG = "leg"  # in place of a joint: all three of them at once
 
 
 @dataclass(frozen=True)

@@ -74,6 +74,23 @@ def names(text: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in text.split(",") if part.strip())
 
 
+def settings(text: str) -> dict[str, float | str]:
+    """Values by name out of 'amplitude=6,grid=odd': numbers where they are numbers."""
+    found: dict[str, float | str] = {}
+    for part in names(text):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not (name and equals and value):
+            raise InputError(f"--set has {part!r}; give name=value, several with commas between")
+        if name in found:
+            raise InputError(f"--set names {name} twice; give it once")
+        try:
+            number = float(value)
+            found[name] = int(number) if number.is_integer() and value.lstrip("+-").isdigit() else number
+        except ValueError:
+            found[name] = value
+    return found
+
+
 def seed(value: int) -> int:
     """A seed that NumPy takes."""
     if value < 0:

@@ -9,29 +9,52 @@ import twin
 from sysid import excitations
 from twin.cli import console, options
 from twin.cli.output import check_writable_file, default_folder, output_folder
+from twin.drive import MODES
+from twin.experiment import POT_SIDES
+from twin.leg import REALISATIONS
+from twin.parameters import LEG
 
 
 def simulate(
-    joint: Annotated[str, options.name("which", twin.JOINTS)] = "thigh",
-    excitation: Annotated[str, options.name("voltage signal", excitations.TABLE)] = "sweep",
+    joint: Annotated[str, options.name("which", (*twin.JOINTS, LEG))] = "thigh",
+    excitation: Annotated[str, options.name("input signal", excitations.TABLE)] = "sweep",
     duration: Annotated[float, options.number("S", "length of the record in seconds")] = 250.0,
     ts: Annotated[float, options.number("S", "sampling time in seconds")] = 0.1,
     seed: Annotated[int, options.whole("N", "of excitation and noise")] = 1,
+    mode: Annotated[str, options.name("what the input is", MODES)] = "voltage",
+    settings: Annotated[
+        str, typer.Option("--set", metavar="A=1,B=2", help="the excitation's own settings, for example amplitude=6")
+    ] = "",
     without: Annotated[
         str, typer.Option(metavar="A,B", help=f"imperfections to leave out, of {', '.join(twin.IMPERFECTIONS)}")
     ] = "",
+    pot_side: Annotated[str, options.name("side of the play on which the potentiometer sits", POT_SIDES)] = "link",
+    realisation: Annotated[str, options.name("how linear actuators are built", REALISATIONS)] = "tendon",
+    params: options.Params = None,
     log: Annotated[
         str | None, typer.Option(metavar="FILE", help="the log: .csv, .parquet or .mat; DIR/log.csv if not given")
     ] = None,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Run an excitation experiment on one joint of the twin and write its log."""
+    """Run an excitation experiment on one joint of the twin, or on all three, and write its log."""
     from twin.report import simulate as report
     from twin.report.page import write
     from twin.simulation import simulate as run
 
-    experiment = twin.Experiment(joint, excitation, duration, ts, options.seed(seed), options.names(without))
+    experiment = twin.Experiment(
+        joint,
+        excitation,
+        duration,
+        ts,
+        options.seed(seed),
+        options.names(without),
+        options.parameters(params),
+        options.settings(settings),
+        mode,
+        pot_side,
+        realisation,
+    )
     folder = Path(out) if out is not None else default_folder("simulate")
     target = Path(log) if log is not None else folder / "log.csv"
     inside = target.parent.resolve() == folder.resolve()
@@ -44,4 +67,4 @@ def simulate(
         step("drawing")
         write(scratch, report.page(result), summary)
         result.log.save(scratch / target.name if inside else target)
-    console.finish(folder, summary, as_json, [report.table(result)], [f"Log: {target}"])
+    console.finish(folder, summary, as_json, report.tables(result), [f"Log: {target}"])

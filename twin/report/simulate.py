@@ -5,54 +5,82 @@ import numpy as np
 from twin.report import figures, style
 from twin.report.page import Grid, Page, Picture, Section
 from twin.report.units import number
-from twin.simulation import Simulation
+from twin.simulation import Part, Simulation
 from twin.versions import versions
 
 
 def page(result: Simulation) -> Page:
     """The report on one experiment."""
     log = result.log
-    lo, hi = np.degrees(result.range).tolist()
-    switched_off = ", ".join(log.meta["without"]) or "nothing"
-    data = Picture(
-        "data",
-        style.png(figures.raw_data(log.io())),
-        f"Voltage that was commanded and angle that the potentiometer read; switched off: {switched_off}.",
-    )
-    error = Picture(
-        "measurement-error",
-        style.png(figures.measurement_error(log.t, log.y, log.y_true)),
-        "What the measurement adds to the true angle between the links: noise and the steps of the ADC.",
-    )
+    records = [picture for part in result.parts for picture in _pictures(part, log.mode, log.meta["without"])]
     return Page(
         title=f"Experiment on the {log.joint}",
-        subtitle=f"{log.meta['excitation']}, {log.N} samples, Ts {log.Ts:g} s, seed {log.meta['seed']}",
-        verdict=[
-            f"The {log.joint} moved between {number(lo, 3)} and {number(hi, 3)} degrees and lay at an end for "
-            f"{100 * result.resting:.0f} % of the time."
-        ],
+        subtitle=(
+            f"{log.meta['excitation']}, {log.mode} mode, {log.N} samples, Ts {log.Ts:g} s, seed {log.meta['seed']}"
+        ),
+        verdict=[_verdict(part) for part in result.parts],
         sections=[
-            Section("Record", pictures=[data, error]),
-            Section("Truth", [_TRUTH], tables=[table(result)]),
+            Section("Record", pictures=records),
+            Section("Truth", [_TRUTH[log.mode]], tables=tables(result)),
         ],
         made_with=versions(),
     )
 
 
-_TRUTH = "What a perfect identification of this joint would find, at mid stroke."
+_TRUTH = {
+    "voltage": "What a perfect identification of this joint would find, at mid stroke.",
+    "servo": "What a perfect identification of this position loop would find, at mid stroke.",
+}
+_INPUT = {"voltage": "Voltage that was commanded", "servo": "Reference of the position loop"}
 
 
-def table(result: Simulation) -> Grid:
-    """The truth of the joint, one row a quantity."""
-    t = result.truth
+def _verdict(part: Part) -> str:
+    lo, hi = np.degrees(part.range).tolist()
+    return (
+        f"The {part.joint} moved between {number(lo, 3)} and {number(hi, 3)} degrees and lay at an end for "
+        f"{100 * part.resting:.0f} % of the time."
+    )
+
+
+def _pictures(part: Part, mode: str, without: list[str]) -> list[Picture]:
+    data, missing = part.data, ", ".join(without) or "nothing"
+    return [
+        Picture(
+            f"data-{part.joint}",
+            style.png(figures.raw_data(data)),
+            f"{_INPUT[mode]} and angle that the potentiometer read, {part.joint}; switched off: {missing}.",
+        ),
+        Picture(
+            f"measurement-error-{part.joint}",
+            style.png(figures.measurement_error(data.t, data.y[:, 0], part.y_true)),
+            f"What noise, the steps of the ADC and missed samples add to the {part.joint}'s reading. A missed sample "
+            "repeats the one before it, so it shows as a spike where the joint moves.",
+        ),
+    ]
+
+
+def tables(result: Simulation) -> list[Grid]:
+    """The truth of each joint, one row a quantity."""
+    return [_table(part) for part in result.parts]
+
+
+def _table(part: Part) -> Grid:
+    t = part.truth
     lo, hi = (number(float(np.degrees(angle)), 4) for angle in t.end_angles)
     down, up = (number(volts, 3) for volts in t.breakaway_voltage)
+    gain = "degrees per volt of reference" if t.mode == "servo" else "speed per volt [deg/s/V]"
     rows = [
-        ("poles in z", ", ".join(f"{z.real:.5f}" for z in t.poles)),
+        ("poles in z", ", ".join(_pole(z) for z in t.poles)),
         ("lag's time constant [s]", number(-1.0 / t.continuous_pole, 3)),
-        ("speed per volt [deg/s/V]", number(float(np.degrees(t.gain)), 4)),
+        (gain, number(float(np.degrees(t.gain)), 4)),
         ("ends of travel [deg]", f"{lo} to {hi}"),
         ("backlash, whole width [deg]", number(float(np.degrees(t.backlash)), 3)),
         ("voltage that just moves it, down / up [V]", f"{down} / {up}"),
+        ("dead band of the drive [V]", number(t.dead_band, 3)),
+        ("delay of the command [s]", number(t.delay, 3)),
     ]
     return Grid((f"truth of the {t.joint}", "value"), rows)
+
+
+def _pole(z: complex) -> str:
+    return f"{z.real:.5f}" if abs(z.imag) < 1e-12 else f"{z.real:.5f} {'+' if z.imag > 0 else '−'} {abs(z.imag):.5f}i"
