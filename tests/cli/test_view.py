@@ -33,6 +33,8 @@ def logs(tmp_path, monkeypatch):
     for name, lag in (("thigh.parquet", 0.0), ("thigh.csv", 0.0), ("rig.csv", 0.4)):
         y = low + (high - low) * (1 - np.cos(np.pi * (t - lag))) / 2
         twin.Log(12 * np.sin(t), y, 0.1, joint="thigh").save(tmp_path / name)
+    y = np.column_stack([y, y, y])
+    twin.Log(np.zeros_like(y), y, 0.1, joint="leg").save(tmp_path / "leg.csv")
     return tmp_path
 
 
@@ -50,9 +52,10 @@ def run(arguments: list[str], capsys) -> tuple[int, str, str]:
     [
         ["thigh.csv", "--joint", "thigh"],
         ["thigh.parquet", "--ghost", "rig.csv", "--count", "3", "--start", "1", "--stop", "2"],
+        ["leg.csv", "--count", "2"],
         [],
     ],
-    ids=["csv", "ghost", "robot"],
+    ids=["csv", "ghost", "all joints", "robot"],
 )
 def test_strip_is_one_png_and_nothing_else(arguments, logs, capsys):
     before = set(logs.iterdir())

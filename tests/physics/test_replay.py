@@ -1,5 +1,9 @@
 """A replayed leg stands where the record says, its ghost too, and the pictures show it."""
 
+import sys
+from contextlib import nullcontext
+from types import SimpleNamespace
+
 import mujoco
 import numpy as np
 import pytest
@@ -13,7 +17,7 @@ from twin.leg import BENCH_LEG, LEGS
 from twin.replay import GHOST_LEG, Movement, Replay, moment, movement
 from twin.stills import NoRenderer, cylinders, draw, draw_robot, mid_stroke
 from twin.view_pictures import standing_robot
-from twin.view_window import Clock, simulate
+from twin.view_window import Clock, simulate, window
 
 T = np.arange(40) * 0.1
 OTHER = Parameters({"thigh.base_radius": 0.11, "thigh.stroke": 0.05})  # a leg with other pins
@@ -232,3 +236,48 @@ def test_the_robot_of_the_viewer_stands_unpowered_and_moves_at_rated_voltage():
     for _ in range(10):
         simulate(model, data, 0.1)
     assert data.joint("shank" + BENCH_LEG).qpos[0] - before > np.deg2rad(2)
+
+
+class FakeWindow:
+    """Takes what MuJoCo's window takes, for five frames."""
+
+    def __init__(self, model, data, **options):
+        self.data, self.cam, self.user_scn = data, mujoco.MjvCamera(), mujoco.MjvScene(model, 100)
+        self.seen: list[tuple[float, int]] = []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        return None
+
+    def is_running(self):
+        return len(self.seen) < 5
+
+    def lock(self):
+        return nullcontext()
+
+    def sync(self):
+        self.seen.append((self.data.time, self.user_scn.ngeom))
+
+
+@pytest.mark.parametrize(
+    ("replay", "cylinders_and_column"),
+    [(None, 16), (Replay(Movement(T, {"thigh": T / 10}), start=1.0), 4 + 2)],
+    ids=["robot", "log"],
+)
+def test_the_window_gets_moving_poses_and_every_cylinder(replay, cylinders_and_column, monkeypatch):
+    opened = []
+
+    def launch_passive(*arguments, **options):
+        opened.append(FakeWindow(*arguments, **options))
+        return opened[0]
+
+    monkeypatch.setitem(sys.modules, "mujoco.viewer", SimpleNamespace(launch_passive=launch_passive))
+    monkeypatch.setattr(mujoco, "viewer", sys.modules["mujoco.viewer"], raising=False)
+    window(replay, speed=2.0)
+    times, parts = zip(*opened[0].seen, strict=True)
+    assert set(parts) == {cylinders_and_column}
+    assert list(times) == sorted(times)
+    assert times[0] == (0.0 if replay is None else 1.0)
+    assert times[-1] > times[0]
