@@ -139,4 +139,4 @@ class Replay:
         """Entries of `twin.stills.CAMERA` that show the whole leg wherever it goes."""
         if "shoulder" in self.leg.angles and len(self.leg.angles) == 1:
             return {"lookat": (0.13, 0.24, 0.33), "distance": 1.05, "azimuth": 200.0, "elevation": -48.0}
-        return {"lookat": (0.16, 0.23, 0.31), "distance": 0.95, "azimuth": 196.0, "elevation": -12.0}
+        return {"lookat": (0.16, 0.26, 0.31), "distance": 1.05, "azimuth": 196.0, "elevation": -12.0}
