@@ -1,13 +1,20 @@
 """Datasheet numbers and pin positions, measured on the compiled model."""
 
+from contextlib import nullcontext
+
 import mujoco
 import numpy as np
 import pytest
+from rig import record
 
 from twin import JOINTS, Parameters
+from twin.friction import dry_friction
 from twin.geometry import end_angles, linkage, middle, stroke
 from twin.leg import BENCH_LEG, IMPERFECTIONS, LEGS, bench, model_path, robot
 from twin.motor import motor
+from twin.plant import layout
+from twin.plant.board import circuit, user_data
+from twin.plant.stepping import boards
 
 P = Parameters()
 ROD_JOINTS = JOINTS[1:]
@@ -115,3 +122,54 @@ def test_four_equal_legs() -> None:
     assert (feet[:, 0] > 0).tolist() == front
     assert (feet[:, 1] > 0).tolist() == left
     np.testing.assert_allclose(np.abs(feet), np.abs(feet[[0]]).repeat(4, 0), atol=1e-9)
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_holding_force_is_what_friction_says(joint: str, sign: int) -> None:
+    # With the power off a load W slips where it exceeds (1 + stribeck) Coulomb + load_friction W.
+    p = P.replace({f"{joint}.load_friction": 0.5})
+    dry = dry_friction(p, joint)
+    holding = (1 + dry.stribeck) * (dry.up if sign > 0 else dry.down) / (1 - 0.5)
+    arm = 1.0 if joint == "shoulder" else linkage(P, joint).arm(middle(P, joint))
+    without = ("backlash", "gravity")
+    for share, slips in ((0.99, False), (1.01, True)):
+        model = bench(joint, p.replace({f"{joint}.bearing_coulomb": 0.0}), without)
+        data = mujoco.MjData(model)
+        data.qpos[0] = middle(P, joint)
+        data.userdata[:] = user_data(model, [circuit(p, joint, without)])
+        with boards():
+            for push in np.minimum(np.arange(1500) / 1000, 1.0):  # laid on within a second: no knock
+                data.qfrc_applied[0] = sign * push * share * holding * arm
+                mujoco.mj_step(model, data)
+        assert (sign * (data.qpos[0] - middle(P, joint)) > 1e-4) == slips
+
+
+@pytest.mark.parametrize("joint", ROD_JOINTS)
+def test_a_self_locking_screw_holds_any_load(joint: str) -> None:
+    p = P.replace({f"{joint}.coulomb": 0.0, f"{joint}.bearing_coulomb": 0.0, "foot_mass": 5.0})
+    moved = []
+    for share in (1.02, 0.9):  # from 1 on no load drives the screw back
+        locked = p.replace({f"{joint}.load_friction": share})
+        y = record(joint, np.zeros(30), ("backlash",), start=0.1, parameters=locked)
+        moved.append(np.rad2deg(np.ptp(y)))
+    assert moved[0] < 0.01 < 1.0 < moved[1]
+
+
+def test_the_layout_of_mujocos_structs_is_the_running_ones() -> None:
+    assert layout.fits()
+
+
+def test_a_model_without_a_board_is_left_alone() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><size nuserdata='20'/><worldbody><body><joint name='a' damping='1'/><geom size='0.1'/></body>"
+        "</worldbody>"
+        "<actuator><motor joint='a'/></actuator></mujoco>"
+    )
+    plain, within = mujoco.MjData(model), mujoco.MjData(model)
+    for data, context in ((plain, nullcontext()), (within, boards())):
+        with context:
+            data.ctrl[0] = 3.0
+            mujoco.mj_step(model, data, 100)
+    np.testing.assert_array_equal(plain.qpos, within.qpos)
+    assert within.ctrl[0] == 3.0
