@@ -7,6 +7,7 @@ from scipy.optimize import minimize
 
 from sysid.errors import InputError
 from sysid.levels import check, check_band, check_name, half_way, samples
+from sysid.threads import one_blas_thread
 
 GRIDS = ("full", "odd", "odd_odd", "random_odd")
 PHASES = ("optimised", "schroeder", "random")
@@ -121,9 +122,10 @@ def flattest(lines: np.ndarray, phases: np.ndarray, P: int) -> np.ndarray:
     levels at the samples, as they are what is held.
     """
     best = phases
-    for p in NORMS:
-        phases = minimize(_log_norm, phases, (lines, P, p), jac=True, method="L-BFGS-B", options={"maxiter": 100}).x
-        best = min(best, phases, key=lambda phi: crest_factor(synthesis(lines, phi, P)))
+    with one_blas_thread():  # the same digits at any thread count
+        for p in NORMS:
+            phases = minimize(_log_norm, phases, (lines, P, p), jac=True, method="L-BFGS-B", options={"maxiter": 100}).x
+            best = min(best, phases, key=lambda phi: crest_factor(synthesis(lines, phi, P)))
     return best
 
 
