@@ -7,6 +7,10 @@ from typing import Any
 
 import mujoco
 
+from twin.leg import LEGS
+from twin.parameters import JOINTS, Parameters
+from twin.plant.board import circuit, user_data
+from twin.plant.stepping import boards
 from twin.replay import Replay, moment
 from twin.stills import CAMERA, column, cylinders, shape
 from twin.view_pictures import standing_robot
@@ -22,6 +26,8 @@ def window(replay: Replay | None, speed: float) -> None:
     model, pose = standing_robot() if replay is None else (replay.model, replay.pose(0.0))
     data = mujoco.MjData(model)
     data.qpos[:] = pose
+    if replay is None:
+        data.userdata[:] = user_data(model, [circuit(Parameters(), joint) for joint in JOINTS] * len(LEGS))
     clock = Clock()
     panels = {"show_left_ui": False, "show_right_ui": replay is None}  # the motors' voltages are on the right
     with suppress(KeyboardInterrupt), viewer.launch_passive(model, data, key_callback=clock.key, **panels) as handle:
@@ -63,9 +69,13 @@ class Clock:
 
 
 def simulate(model: mujoco.MjModel, data: mujoco.MjData, passed: float) -> None:
-    """Step physics through `passed` [s], less where the machine would not keep up."""
-    for _ in range(round(min(passed, LAG) / model.opt.timestep)):
-        mujoco.mj_step(model, data)
+    """Step physics through `passed` [s], less where the machine would not keep up; ctrl holds what a person asks for."""
+    asked = data.ctrl.copy()
+    with boards():  # they put the motors' voltages where the commands stood
+        for _ in range(round(min(passed, LAG) / model.opt.timestep)):
+            data.ctrl[:] = asked
+            mujoco.mj_step(model, data)
+    data.ctrl[:] = asked
     mujoco.mj_fwdPosition(model, data)
 
 
