@@ -69,7 +69,7 @@ class Clock:
 
 
 def simulate(model: mujoco.MjModel, data: mujoco.MjData, passed: float) -> None:
-    """Step physics through `passed` [s], less where the machine would not keep up; ctrl holds what a person asks for."""
+    """Step physics through `passed` [s], less where the machine would not keep up; ctrl keeps what a person asked."""
     asked = data.ctrl.copy()
     with boards():  # they put the motors' voltages where the commands stood
         for _ in range(round(min(passed, LAG) / model.opt.timestep)):
