@@ -1,0 +1,300 @@
+"""An experiment that stays inside the stroke, or surely meets both ends: settings found on the nominal, quiet twin.
+
+Under voltage a joint integrates: load, asymmetric friction or an uneven draw make it drift into an end.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from sysid.errors import InputError, unknown
+from twin.experiment import Experiment
+from twin.parameters import JOINTS
+from twin.truth import Truth, truth
+
+WHERE = ("inside", "ends")
+QUIET = ("nonlinearity", "noise", "adc", "jitter", "dropouts")  # of the sensor: what moves is what is judged
+TOUCH = 0.03  # share of the stroke that switch and play may leave between a joint at its end and the end
+MOVES = 0.02  # share of the stroke, play apart, below which friction has held the joint
+ENOUGH = 0.4  # share of the stroke that an experiment inside should use, or the next setting is tried
+FURTHEST = 0.25  # share of the supply voltage that an offset may add to what carries the load
+SMALLEST = 0.01  # share of a setting at which the search gives up
+
+# The settings that are turned down, in turn, until the joint stays inside. A reach reorders levels and keeps amplitude
+# and holds, so it comes first where there is one; a time is shortened where a small amplitude would stick.
+SETTINGS: dict[str, tuple[str, ...]] = {
+    "aprbs": ("reach", "amplitude"),
+    "chirp": ("amplitude",),
+    "multisine": ("amplitude",),
+    "prbs": ("amplitude", "hold"),
+    "staircase": ("amplitude", "hold"),
+    "steps": ("reach", "amplitude", "hold"),
+    "sweep": ("amplitude", "half_period"),
+}
+LONGER = {  # the times that are stretched until both ends are met
+    "aprbs": ("hold_min", "hold_max"),
+    "prbs": ("hold",),
+    "staircase": ("hold",),
+    "steps": ("hold",),
+    "sweep": ("half_period",),
+}
+STRETCHES = (1.5, 2.25, 3.4, 5.0)
+
+
+def fit_stroke(experiment: Experiment, where: str = "inside", margin: float = 0.05) -> Experiment:
+    """`experiment` with options changed such that its joint stays inside its stroke, or meets both ends.
+
+    "inside": away from both ends by `margin`, a share of the stroke, with as much of amplitude, times or reach as fits
+    (none is turned up), offset so that drift stays out. "ends": touches both ends, and would do so with an amplitude
+    smaller by `margin`; amplitude up to the supply voltage, then longer holds. What is given is kept where it serves
+    already. Judged on runs of the twin with the experiment's own parameters and seed but a perfect sensor: another
+    seed is another draw, design it anew. Takes up to some tens of runs. Raises InputError where nothing fits, with what
+    the joint did instead.
+    """
+    if experiment.joint not in JOINTS:
+        raise InputError(f"joint is {experiment.joint!r}; design one joint at a time, of {', '.join(JOINTS)}")
+    if where not in WHERE:
+        raise unknown("where", where, WHERE)
+    if isinstance(margin, bool) or not isinstance(margin, int | float) or not 0 <= margin <= 0.4:
+        raise InputError(f"margin is {margin!r}; give a share of the stroke from 0 to 0.4")
+    bench = _Bench(experiment, float(margin))
+    return bench.inside() if where == "inside" else bench.ends()
+
+
+@dataclass(frozen=True)
+class Travel:
+    """Least and greatest angle of a run, as shares of the stroke, and the options that led there."""
+
+    low: float
+    high: float
+    options: dict[str, Any]
+
+    @property
+    def width(self) -> float:
+        return self.high - self.low
+
+    def __str__(self) -> str:
+        return f"{100 * self.low:.0f} % to {100 * self.high:.0f} % of the stroke"
+
+
+@dataclass
+class _Bench:
+    experiment: Experiment
+    margin: float
+    offset: float = 0.0  # where the last search for one ended, and the next begins [V]
+    tried: dict[str, Travel] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        e = self.experiment
+        self.signal = asdict(e.signal())  # type: ignore[call-overload]
+        self.truth: Truth = truth(e.joint, e.Ts, e.p, mode=e.mode)
+        self.lower, self.stroke = self.truth.end_angles[0], float(np.ptp(self.truth.end_angles))
+        self.voltage = e.mode == "voltage"
+        self.offset = self.signal["offset"]
+        self.full = self.stroke / self.truth.gain  # [V s] across the stroke, friction apart; [V] in servo mode
+        down, up = self.truth.breakaway_voltage
+        self.starts = max(-down, up) < e.p["supply_voltage"]
+        # [V] what carries the load at mid stroke, and half of the voltages around it that friction swallows
+        self.balance, self.dead = (round((down + up) / 2, 4), (up - down) / 2) if self.starts else (self.offset, 0.0)
+        if not self.voltage:
+            self.balance = self.offset
+        self.most = e.p["supply_voltage"] if self.voltage else max(self.signal["amplitude"], 0.75 * self.full)
+
+    @property
+    def name(self) -> str:
+        """For sentences."""
+        return f"{self.experiment.excitation} on the {self.experiment.joint}"
+
+    def travel(self, options: dict[str, Any]) -> Travel:
+        """What a run with `options` does; remembered, as a search may come back to them."""
+        key = repr(sorted(options.items()))
+        if key not in self.tried:
+            e = self.experiment
+            quiet = tuple(dict.fromkeys((*e.without, *QUIET)))
+            y = replace(e, options={**e.options, **options}, without=quiet).run().y_true
+            assert y is not None
+            low, high = (float(end - self.lower) / self.stroke for end in (y.min(), y.max()))
+            self.tried[key] = Travel(low, high, options)
+        return self.tried[key]
+
+    # Inside the stroke.
+
+    def inside(self) -> Experiment:
+        given = self.travel({})
+        if self._side(given) == 0:
+            self._check_moves(given)
+            return self.experiment
+        best: Travel | None = None
+        for setting in self._settings():
+            found = self._largest(setting)
+            if found and (best is None or found.width > best.width):
+                best = found
+            if best and best.width >= ENOUGH:
+                break
+        if best is None:
+            raise InputError(
+                f"{self.name} drifts out of the stroke even at {100 * SMALLEST:g} % of its "
+                f"{' or '.join(self._settings())}; give a shorter record, or other frequencies or levels"
+            )
+        self._check_moves(best)
+        return replace(self.experiment, options={**self.experiment.options, **best.options})
+
+    def _settings(self) -> tuple[str, ...]:
+        if not self.voltage:
+            return ("amplitude",)
+        names = SETTINGS.get(self.experiment.excitation, ("amplitude",))
+        if self.signal.get("levels") == "fixed":  # a reach turns the sign of random levels alone
+            names = tuple(name for name in names if name != "reach")
+        return names
+
+    def _largest(self, setting: str) -> Travel | None:
+        """The travel inside with the largest share of `setting` that an offset can keep there."""
+        best, ok, bad = None, SMALLEST, 1.0
+        guess = 1.0
+        while bad / ok > 1.08 or best is None:
+            found = self._recentred(self._turned_down(setting, guess), self._side)
+            if found is None:
+                if guess <= SMALLEST:
+                    return None
+                bad = guess
+            else:
+                best, ok = found, guess
+                if guess == 1.0 or found.width > 0.85 * (1 - 2 * self.margin):
+                    return best
+            middle = float(np.sqrt(ok * bad)) if best or bad > 0.1 else SMALLEST
+            # What moves grows a little faster than the setting, since friction takes its part off.
+            ahead = ok * (1 - 2 * self.margin) / best.width if best and best.width > 0.2 else np.inf
+            guess = min(max(ahead, ok * 1.05), middle) if best else middle
+        return best
+
+    def _turned_down(self, setting: str, share: float) -> dict[str, Any]:
+        value = self.signal[setting]
+        options: dict[str, Any] = {}
+        if setting == "reach":
+            options["dead"] = self.signal["dead"] or _tidy(self.dead)
+            value = min(value or np.inf, 0.6 * self.full)
+        if "first" in self.signal and self.voltage:
+            options["first"] = 0.5
+        if setting in ("hold", "half_period"):  # not below what a sample can carry
+            return options | {setting: max(_tidy(share * value), self.experiment.Ts)}
+        return options | {setting: _tidy(share * value)}
+
+    def _side(self, travel: Travel) -> int:
+        """0: inside. 1, -1: out at the upper or lower end. 2: out at both, no offset helps."""
+        out = travel.high > 1 - self.margin, travel.low < self.margin
+        return 2 if all(out) else out[0] - out[1]
+
+    def _check_moves(self, travel: Travel) -> None:
+        play = self.truth.backlash / self.stroke
+        if travel.width - play >= MOVES:
+            return
+        down, up = self.truth.breakaway_voltage
+        amplitude = travel.options.get("amplitude", self.signal["amplitude"])
+        if self.starts:
+            finding = f"it starts at {down:.3g} V and {up:.3g} V"
+            advice = "give a larger amplitude"
+        else:
+            finding = f"and {self.most:.3g} V is less than what starts it"
+            advice = "lower the friction or the load in the parameters, or raise the supply voltage"
+        if travel.options:  # it was turned down to here
+            finding += ", and with more it drifts out of the stroke"
+            advice = "give shorter holds, higher frequencies or a shorter record"
+        raise InputError(f"{self.name} moves nothing with an amplitude of {amplitude:.3g} V, {finding}; {advice}")
+
+    # To both ends.
+
+    def ends(self) -> Experiment:
+        nearest = self.travel({})
+        for options in self._turned_up():
+            try:
+                found = self._recentred(options, self._missing)
+                nearest = max((*self.tried.values(), nearest), key=lambda each: each.width)
+            except InputError:  # a stretched time that no longer fits the record
+                break
+            if found:
+                return replace(self.experiment, options={**self.experiment.options, **found.options})
+        raise InputError(
+            f"{self.name} does not surely meet both ends within {self.experiment.duration:g} s (with "
+            f"{100 * self.margin:g} % less amplitude too), at best it moves from {nearest}; "
+            f"give longer holds, lower frequencies or a longer record"
+        )
+
+    def _turned_up(self) -> Iterator[dict[str, Any]]:
+        yield {}
+        amplitude = self.signal["amplitude"]
+        options: dict[str, Any] = {}
+        if amplitude < self.most:
+            options["amplitude"] = _tidy(self.most)
+            yield options
+        if self.signal.get("reach"):
+            options = options | {"reach": 0.0}
+            yield options
+        times = LONGER.get(self.experiment.excitation, ())
+        for stretch in STRETCHES if times else ():
+            if 4 * stretch * max(self.signal[name] for name in times) > self.experiment.duration:
+                return  # a record of a few levels shows little else
+            yield options | {name: _tidy(stretch * self.signal[name]) for name in times}
+
+    def _missing(self, travel: Travel) -> int:
+        """0: both ends are met, with less amplitude too. 1, -1: only the upper or the lower one. 2: neither."""
+        amplitude = travel.options.get("amplitude", self.signal["amplitude"])
+        weaker = self.travel(travel.options | {"amplitude": amplitude * (1 - self.margin)})
+        meets = [
+            all(each.high > 1 - TOUCH for each in (travel, weaker)),
+            all(each.low < TOUCH for each in (travel, weaker)),
+        ]
+        return 0 if all(meets) else meets[0] - meets[1] or 2
+
+    # An offset for either.
+
+    def _recentred(self, options: dict[str, Any], side: Callable[[Travel], int]) -> Travel | None:
+        """The first travel with side 0, over offsets; None where none is found.
+
+        More offset never takes a joint further down, so the offset is bracketed and then bisected.
+        """
+        bracket = [-np.inf, np.inf]
+        for offset in self._offsets(bracket):
+            travel = self._shifted(options, offset)
+            where = side(travel)
+            if where == 0:
+                self.offset = offset
+                return travel
+            if where == 1:
+                bracket[1] = min(bracket[1], offset)
+            elif where == -1:
+                bracket[0] = max(bracket[0], offset)
+            elif np.isfinite(bracket).any():
+                return None
+        return None
+
+    def _offsets(self, bracket: list[float]) -> Iterator[float]:
+        """As last found, what carries the load at mid stroke, and then what `bracket` [V] asks for as it narrows."""
+        yield from dict.fromkeys((self.offset, self.balance))
+        step = 0.3 * self.full / (self.experiment.duration if self.voltage else 1.0)  # [V] for 30 % of the stroke
+        for _ in range(12):
+            low, high = bracket
+            if np.isfinite([low, high]).all():
+                offset = (low + high) / 2
+            elif np.isfinite([low, high]).any():
+                offset = low + step if np.isfinite(low) else high - step
+                step *= 2
+            else:
+                return
+            if abs(offset - self.balance) > FURTHEST * self.most or high - low < 2e-4 * self.most:
+                return
+            yield round(offset, 4)
+
+    def _shifted(self, options: dict[str, Any], offset: float) -> Travel:
+        if offset != self.signal["offset"]:
+            options = options | {"offset": offset}
+            amplitude = options.get("amplitude", self.signal["amplitude"])
+            if self.voltage and amplitude + abs(offset) > self.most:  # the bridge would cut the peaks
+                options["amplitude"] = int(1e3 * (self.most - abs(offset))) / 1e3
+        return self.travel(options)
+
+
+def _tidy(value: float) -> float:
+    """Four figures, so that what is tried is what a person reads."""
+    return float(f"{value:.4g}")
