@@ -189,7 +189,7 @@ def _noise(problem: ChainProblem, p: np.ndarray, robust: bool) -> float:
 def _n_init(model: Chain, data: IOData) -> int:
     """Samples that give the initial state of a free run: a twentieth of a record, since a slow state shows slowly."""
     N = min(data.lengths)
-    least = max(50, 4 * max(b.n_state for _, b in model.dynamics))
+    least = max(50, 4 * max((b.n_state for _, b in model.dynamics), default=0))
     return min(max(least, min(N // 20, 1000)), N // 4)
 
 
@@ -240,7 +240,7 @@ def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome
     shown = [f"{n} of {b.n_parameters} parameters of {b.role}" for b, n in lost if n]
     if shown:
         found.append(f"the data do not determine {', '.join(shown)}; excite more levels or choose a smaller map")
-    poles = np.concatenate([b.poles(theta[part]) for part, b in model.dynamics])
+    poles = np.concatenate([np.empty(0), *(b.poles(theta[part]) for part, b in model.dynamics)])
     if len(poles) and np.max(np.abs(poles)) >= 1.0 - 1e-9:
         found.append("a pole lies on the unit circle: the model integrates, or the data drift")
     return tuple(found)

@@ -92,17 +92,17 @@ class Fit:
     @property
     def poles(self) -> np.ndarray:
         """Poles in z, complex: of the linear block (nf,), of several blocks one after the other."""
-        return np.concatenate([b.poles(self.theta[part]) for part, b in self.model.dynamics])
+        return np.concatenate([np.empty(0), *(b.poles(self.theta[part]) for part, b in self.model.dynamics)])
 
     @property
     def zeros(self) -> np.ndarray:
         """Finite zeros in z, complex, in the order of `poles`."""
-        return np.concatenate([b.zeros(self.theta[part]) for part, b in self.model.dynamics])
+        return np.concatenate([np.empty(0), *(b.zeros(self.theta[part]) for part, b in self.model.dynamics)])
 
     @cached_property
     def pole_std(self) -> np.ndarray:
         """Standard deviation of each pole, nan where the data do not determine it."""
-        found = []
+        found = [np.empty(0)]
         for part, b in self.model.dynamics:
             f = slice(part.start + b.nb, part.start + b.nb + b.nf)
             found.append(pole_std(self.theta[f], self.covariance.cov[f, f]))

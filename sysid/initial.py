@@ -4,6 +4,7 @@ import numpy as np
 
 from sysid.chain import Chain
 from sysid.data import IOData
+from sysid.initial_joint import is_joint, joint_starts
 from sysid.initial_multi import multi_starts
 from sysid.iterate import Options, iterate
 from sysid.laying import lay_maps
@@ -21,6 +22,8 @@ def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray
     `sysid.initial_multi`. Maps of many knots begin with few: the best of these is a better place to start from.
     """
     record = max(data.experiments, key=lambda e: e.N)
+    if is_joint(chain):
+        return joint_starts(chain, record, count, seed)
     # One generator a start, so that start k is the same however many are asked for.
     draws = [np.random.default_rng([seed, k]) for k in range(1, count)]
     if chain.channels != (1, 1) or len(chain.dynamics) != 1:

@@ -3,8 +3,10 @@
 import numpy as np
 
 from sysid.block import StaticBlock
+from sysid.blocks import Motor
 from sysid.chain import Chain
 from sysid.data import IOData
+from sysid.initial_joint import is_joint
 from sysid.iterate import Options, iterate
 from sysid.problem import ChainProblem
 from sysid.searches import LevenbergMarquardt
@@ -18,7 +20,9 @@ def estimate_initial(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarra
     if not chain.initial.any():
         return theta
     candidates = [_at_rest(chain, theta)]
-    if chain.channels == (1, 1) and len(chain.dynamics) == 1:
+    if is_joint(chain):
+        candidates = [_on_map(chain, theta, data.y[:, 0])]
+    elif chain.channels == (1, 1) and len(chain.dynamics) == 1:
         candidates.append(_steady(chain, theta, data.u[:, 0], data.y[:, 0]))
     best, best_cost = theta, np.inf
     for candidate in candidates:
@@ -62,6 +66,23 @@ def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np
     part = rest[chain.index(linear)]
     part[linear.nb + linear.nf :] = level * np.cumsum(F)[:-1]
     rest[chain.index(linear)] = part
+    return rest
+
+
+def _on_map(chain: Chain, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The motor at rest where the chain behind it shows y's first values."""
+    motor = next(b for b in chain.blocks if isinstance(b, Motor))
+    rest, k = _at_rest(chain, theta), chain.blocks.index(motor)
+    names = [slot.name for slot in motor.slots()]
+    part = rest[chain.index(motor)]
+    low, high = (motor.value(part, name) for name in ("lower", "upper")) if motor.stops else (y.min(), y.max())
+    levels = np.linspace(low, high, 401)
+    shown = levels
+    for b in chain.blocks[k + 1 :]:
+        if isinstance(b, StaticBlock):
+            shown = b.propagate(chain.part(theta, b), shown, np.empty((len(shown), 0)), 0)
+    part[names.index("x0")] = levels[np.argmin(np.abs(shown - float(np.mean(y[:3]))))]
+    rest[chain.index(motor)] = part
     return rest
 
 

@@ -8,12 +8,17 @@ from sysid.blocks import (
     Custom,
     DeadZone,
     DeadZoneSaturation,
+    Delay,
+    LimitedIntegrator,
+    Motor,
     PiecewiseLinear,
+    Play,
     Polynomial,
     Saturation,
     SigmoidNetwork,
     TransferFunction,
     TransferMatrix,
+    TravelMap,
     UnitGain,
     WaveletNetwork,
 )
@@ -43,10 +48,17 @@ BLOCKS = {
         DeadZoneSaturation(role="map"),
         np.array([-0.9, -0.15, 0.2, 0.8, 3.0, 2.5]),
     ),
+    "delay": (Delay(role="map"), np.array([1.37])),
+    "limited_integrator": (LimitedIntegrator(role="map"), np.array([0.3, -0.6, 0.5, 0.1])),
+    "motor": (  # gain, lag, rise, fall, load0, delay, lower, upper, x0, v0
+        Motor(role="map"),
+        np.array([0.15, 0.6, 0.3, 0.4, -0.1, 0.37, 0.05, 1.1, 0.4, 0.1]),
+    ),
     "piecewise_linear": (
         PiecewiseLinear(knots=5, role="map"),
         np.array([-1.7, -0.6, 0.1, 0.9, 1.6, -1.0, -0.9, 0.3, 0.4, 2.0]),
     ),
+    "play": (Play(role="map"), np.array([0.8, 0.2])),
     "polynomial": (Polynomial(degree=3, role="map"), np.array([0.3, -0.2, 1.1, 0.4])),
     "saturation": (Saturation(role="map"), np.array([-1.1, 1.3])),
     "sigmoid_network": (
@@ -67,6 +79,7 @@ BLOCKS = {
         ),
         np.array([0.8, -0.6, 0.2, 0.5, 0.3, -0.8, 0.1, 0.9, -1.2, 0.5, 0.2, -0.3, 0.4, 0.55, 0.1, -0.2]),
     ),
+    "travel_map": (TravelMap(knots=5, role="map"), np.array([-0.8, 1.1, 0.3, 0.45, 0.8])),
     "unit_gain": (UnitGain(role="map"), np.empty(0)),
     "wavelet_network": (
         WaveletNetwork(wavelets=2, scaling=1, role="map"),
@@ -91,6 +104,15 @@ VARIANTS = {
         PiecewiseLinear(knots=5, free_knots=False, at=(-1.7, -0.6, 0.1, 0.9, 1.6), role="map"),
         np.array([-1.0, -0.9, 0.3, 0.4, 2.0]),
     ),
+}
+# Options of blocks with a memory, which no start makes an identity.
+MOVING = {
+    "motor_plain": (Motor(load=0, delayed=False, stops=False, role="map"), np.array([0.15, 0.6, 0.3, 0.4, 0.4, 0.1])),
+    "motor_loaded": (  # gain, lag, rise, fall, stick, stick_speed, load0-2, loss, delay, lower, upper, x0, v0
+        Motor(load=3, loss=True, stribeck=True, substeps=3, role="map"),
+        np.array([0.15, 0.6, 0.3, 0.4, 0.3, 0.1, -0.1, 0.2, 0.15, 0.5, 1.37, 0.05, 1.1, 0.4, 0.1]),
+    ),
+    "play_sided": (Play(sided=True, role="map"), np.array([0.8, 0.2, 0.3, 1.1])),
 }
 EXCITATIONS = {
     "aprbs": Aprbs(amplitude=3.0, hold_min=0.4, hold_max=2.0),

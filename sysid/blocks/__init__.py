@@ -9,12 +9,17 @@ from sysid.blocks.cubic_spline import CubicSpline
 from sysid.blocks.custom import Custom
 from sysid.blocks.dead_zone import DeadZone
 from sysid.blocks.dead_zone_saturation import DeadZoneSaturation
+from sysid.blocks.delay import Delay
+from sysid.blocks.limited_integrator import LimitedIntegrator
+from sysid.blocks.motor import Motor
 from sysid.blocks.piecewise_linear import PiecewiseLinear
+from sysid.blocks.play import Play
 from sysid.blocks.polynomial import Polynomial
 from sysid.blocks.saturation import Saturation
 from sysid.blocks.sigmoid_network import SigmoidNetwork
 from sysid.blocks.transfer_function import TransferFunction
 from sysid.blocks.transfer_matrix import TransferMatrix
+from sysid.blocks.travel_map import TravelMap
 from sysid.blocks.unit_gain import UnitGain
 from sysid.blocks.wavelet_network import WaveletNetwork
 from sysid.errors import unknown
@@ -34,8 +39,13 @@ TABLE: dict[str, Callable[..., Block]] = {
     **STATIC,
     "channels": Channels,
     "custom": Custom,
+    "delay": Delay,
+    "limited_integrator": LimitedIntegrator,
+    "motor": Motor,
+    "play": Play,
     "transfer_function": TransferFunction,
     "transfer_matrix": TransferMatrix,
+    "travel_map": TravelMap,
 }
 
 
@@ -56,12 +66,17 @@ __all__ = [
     "Custom",
     "DeadZone",
     "DeadZoneSaturation",
+    "Delay",
+    "LimitedIntegrator",
+    "Motor",
     "PiecewiseLinear",
+    "Play",
     "Polynomial",
     "Saturation",
     "SigmoidNetwork",
     "TransferFunction",
     "TransferMatrix",
+    "TravelMap",
     "UnitGain",
     "WaveletNetwork",
     "static",

@@ -6,6 +6,7 @@ from typing import Any
 
 from sysid.chain import Chain
 from sysid.errors import InputError, unknown
+from sysid.structures.actuated_joint import actuated_joint
 from sysid.structures.hammerstein import hammerstein
 from sysid.structures.hammerstein_wiener import hammerstein_wiener
 from sysid.structures.nlarx import nlarx
@@ -20,13 +21,18 @@ CHAINS: dict[str, Callable[..., Chain]] = {
     "wiener": wiener,
     "wiener_hammerstein": wiener_hammerstein,
 }
-TABLE: dict[str, Callable[..., Any]] = {**CHAINS, "nlarx": nlarx}
+TABLE: dict[str, Callable[..., Any]] = {**CHAINS, "actuated_joint": actuated_joint, "nlarx": nlarx}
 
 
 def build(name: str, nb: int, nf: int, nk: int, input: str | None = None, output: str | None = None) -> Any:
-    """The structure called `name`: a Chain, or an Nlarx with na = nf. A map it has no place for is an InputError."""
+    """The structure called `name`: a Chain, or an Nlarx with na = nf. A map it has no place for is an InputError.
+
+    An actuated joint has no orders, and `input` and `output` are its driver and its sensor.
+    """
     if name not in TABLE:
         raise unknown("structure", name, TABLE)
+    if name == "actuated_joint":
+        return actuated_joint(driver=input, sensor=output)
     accepted = inspect.signature(TABLE[name]).parameters
     given = {k: v for k, v in (("input", input), ("output", output)) if v is not None}
     for k, v in given.items():
@@ -40,6 +46,7 @@ def build(name: str, nb: int, nf: int, nk: int, input: str | None = None, output
 __all__ = [
     "CHAINS",
     "TABLE",
+    "actuated_joint",
     "build",
     "hammerstein",
     "hammerstein_wiener",

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cases import BLOCKS, VARIANTS
+from cases import BLOCKS, MOVING, VARIANTS
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,14 +18,14 @@ def output(block, theta, x):
     return block.propagate(theta, x, np.empty((len(x), 0)), 0)
 
 
-@pytest.mark.parametrize("name", sorted(VARIANTS))
+@pytest.mark.parametrize("name", sorted(VARIANTS | MOVING))
 @given(seed=st.integers(0, 2**32 - 1))
 def test_jacobian_and_tangent_agree_with_finite_differences(name, seed):
-    block, theta = VARIANTS[name]
+    block, theta = (VARIANTS | MOVING)[name]
     rng = np.random.default_rng(seed)
     theta = theta * (1.0 + 0.03 * rng.uniform(-1, 1, len(theta)))
     x, h = rng.uniform(-2, 2, 60), 1e-6
-    x = x[np.min(np.abs(x[:, None] - np.array(getattr(block, "at", (9.0,)) or (9.0,))), axis=1) > 1e-3]
+    x = x[np.min(np.abs(x[:, None] - np.array(getattr(block, "at", 9.0) or 9.0, ndmin=1)), axis=1) > 1e-3]
     J = np.ones((len(x), 1 + block.n_parameters))
     block.propagate(theta, x, J, 1)
     steps = h * np.eye(len(theta))

@@ -1,0 +1,38 @@
+"""Transport delay with a fractional part."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.block import Block, Slot, Symmetry
+
+LONGEST = 1000.0  # samples
+
+
+@dataclass(frozen=True)
+class Delay(Block):
+    """y at time t - delay [samples], straight between samples; before the record the first sample holds.
+
+    For slow signals. An input that is held over the sample jumps, and a jump between samples is no straight line: use a
+    `Motor`'s own delay there. The derivative at a whole number of samples is that of a longer delay.
+    """
+
+    def slots(self) -> tuple[Slot, ...]:
+        return (Slot("delay", "samples", lower=0.0, upper=LONGEST),)
+
+    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
+        from sysid.kernels_motion import fractional_delay
+
+        y = np.empty_like(x)
+        fractional_delay(float(theta[0]), x, y, J, q if J.shape[1] else 0)
+        return y
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        return np.zeros(1)
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        return bool(0.0 <= theta[0] <= LONGEST)
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        still = np.zeros(1)
+        return [Symmetry(still, in_scale=1.0, out_scale=1.0), Symmetry(still, in_shift=1.0, out_shift=1.0)]

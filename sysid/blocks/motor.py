@@ -1,0 +1,126 @@
+"""Motor with friction: voltage in, position out, with stiction and end stops."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.block import Block, Slot, Symmetry
+from sysid.errors import InputError
+
+_FASTEST = 1e-3  # samples; a lag below it cannot be told from none
+LONGEST = 20.0  # samples of delay
+
+
+@dataclass(frozen=True)
+class Motor(Block):
+    """lag v' + v = gain (u - L(x) - F sign v), x' = v between two stops; time in samples, x in strokes.
+
+    gain is the speed per volt, lag the motor's time constant. F is dry friction in volts: `rise` against motion up and
+    `fall` against motion down, plus loss |L|, what a screw takes of its load; with `stribeck` it grows to 1 + stick
+    times as speed falls below stick_speed. At rest the motor stands until the input exceeds friction, load included:
+    stick is a state, not a steep slope. L(x) = load0 + load1 (x - at) + load2 (x - at)^2, as many as `load` asks for.
+    With `stops` it ends at `lower` and `upper`, where its speed is lost; put x in strokes and hold them at 0 and 1, or
+    leave them free and the map behind fixed. Each input is held for one sample and arrives `delay` samples late.
+
+    Between switches the lag is taken exactly, so a sample may be longer than the lag; `substeps` parts of a sample
+    follow a load or a Stribeck curve that changes within it. Derivatives are exact but for the switches themselves,
+    where they are those of the branch that is taken.
+    """
+
+    load: int = 1
+    loss: bool = False
+    stribeck: bool = False
+    delayed: bool = True
+    stops: bool = True
+    at: float = 0.5
+    substeps: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.load <= 3:
+            raise InputError(f"load is {self.load}; give 0 to 3 coefficients of the load over position")
+        if self.loss and not self.load:
+            raise InputError("a loss needs a load; give load from 1 to 3 or loss=False")
+        if self.substeps < 1:
+            raise InputError(f"substeps is {self.substeps}; give at least 1")
+
+    def slots(self) -> tuple[Slot, ...]:
+        return tuple(slot for _, slot in self._kept())
+
+    def _kept(self) -> list[tuple[int, Slot]]:
+        """Place in the kernel's full vector, and slot, of every parameter that this motor has."""
+        from sysid import kernels_motion as k
+
+        found = [
+            (k.GAIN, Slot("gain", "1/V/sample", lower=0.0)),
+            (k.LAG, Slot("lag", "samples", lower=_FASTEST)),
+            (k.RISE, Slot("rise", "V", lower=0.0)),
+            (k.FALL, Slot("fall", "V", lower=0.0)),
+        ]
+        if self.stribeck:
+            found += [(k.STICK, Slot("stick", lower=0.0)), (k.STICK_SPEED, Slot("stick_speed", "1/sample", lower=1e-9))]
+        found += [(place, Slot(f"load{i}", "V")) for i, place in enumerate((k.LOAD0, k.LOAD1, k.LOAD2)[: self.load])]
+        if self.loss:
+            found.append((k.LOSS, Slot("loss", lower=0.0)))
+        if self.delayed:
+            found.append((k.DELAY, Slot("delay", "samples", lower=0.0, upper=LONGEST)))
+        if self.stops:
+            found += [(k.LOWER, Slot("lower")), (k.UPPER, Slot("upper"))]
+        return [*found, (k.X0, Slot("x0", initial=True)), (k.V0, Slot("v0", "1/sample", initial=True))]
+
+    def _full(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The kernel's parameters (MOTOR,) and where each stands in theta, -1 for none."""
+        from sysid import kernels_motion as k
+
+        full, column = np.zeros(k.MOTOR), np.full(k.MOTOR, -1)
+        full[k.STICK_SPEED], full[k.LOWER], full[k.UPPER] = 1.0, -np.inf, np.inf
+        for i, (place, _) in enumerate(self._kept()):
+            full[place], column[place] = theta[i], i
+        return full, column
+
+    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
+        from sysid.kernels_motion import motor
+
+        full, column = self._full(theta)
+        y = np.empty_like(x)
+        motor(full, self.substeps, self.at, x, y, J, q if J.shape[1] else 0, column, self.n_parameters)
+        return y
+
+    def value(self, theta: np.ndarray, name: str) -> float:
+        """The parameter called `name`, 0 where this motor has none."""
+        names = [slot.name for slot in self.slots()]
+        return float(theta[names.index(name)]) if name in names else 0.0
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        """A motor that crosses the stroke in a tenth of the record at the largest input."""
+        largest = max(float(np.abs(x).max()), 1e-9)
+        first = {"gain": 10.0 / (len(x) * largest), "lag": 0.5, "stick_speed": 0.01, "upper": 1.0, "x0": 0.5}
+        return np.array([first.get(slot.name, 0.0) for slot in self.slots()])
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        if self.stops and not self.value(theta, "lower") < self.value(theta, "upper"):
+            return False
+        return all(slot.lower <= value <= slot.upper for slot, value in zip(self.slots(), theta, strict=True))
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        names = [slot.name for slot in self.slots()]
+
+        def along(moves: dict[str, float]) -> np.ndarray:
+            return np.array([moves.get(name, 0.0) * value for name, value in zip(names, theta, strict=True)])
+
+        volts = {"gain": -1.0, **dict.fromkeys(("rise", "fall", "load0", "load1", "load2"), 1.0)}
+        found = [Symmetry(along(volts), in_scale=1.0)]
+        if self.load:
+            found.append(Symmetry(np.array([float(name == "load0") for name in names]), in_shift=1.0))
+        if self.load <= 1:  # a load over position would have to be scaled about `at`
+            places = dict.fromkeys(("gain", "stick_speed", "lower", "upper", "x0", "v0"), 1.0)
+            found.append(Symmetry(along(places), out_scale=1.0))
+            shift = np.array([float(name in ("lower", "upper", "x0")) for name in names])
+            found.append(Symmetry(shift, out_shift=1.0))
+        return found
+
+    def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Speed, lag and friction within a factor of two or so."""
+        factor = {"gain": 0.3, "lag": 0.7, "rise": 0.5, "fall": 0.5}
+        names = [slot.name for slot in self.slots()]
+        spread = np.array([factor.get(name, 0.0) for name in names])
+        return theta * np.exp(spread * rng.normal(size=len(theta)))

@@ -1,0 +1,74 @@
+"""Monotone map over a stroke: from 0 at one end stop to 1 at the other, the angles of the ends as parameters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.errors import InputError
+
+_LEAST = 0.02  # of the mean slope: a segment that is flatter hides where the joint is
+
+
+@dataclass(frozen=True)
+class TravelMap(StaticBlock):
+    """y = low + (high - low) s(x) with s(0) = 0, s(1) = 1 and s rising in straight lines between `knots` equal steps.
+
+    What a linkage makes of its actuator's travel. `low` and `high` are the outputs at the two ends; s_1, s_2, ... are
+    the shares of the way at the knots between. Where the data never go, the calm of a fit keeps s straight.
+    """
+
+    knots: int = 9
+
+    def __post_init__(self) -> None:
+        if self.knots < 2:
+            raise InputError(f"a travel map of {self.knots} knot(s) is no map; give at least 2")
+
+    def slots(self) -> tuple[Slot, ...]:
+        inner = (Slot(f"s{i}", lower=0.0, upper=1.0) for i in range(1, self.knots - 1))
+        return (Slot("low"), Slot("high"), *inner)
+
+    def _shares(self, theta: np.ndarray) -> np.ndarray:
+        return np.concatenate([[0.0], theta[2:], [1.0]])
+
+    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
+        from sysid.kernels import piecewise_linear
+
+        low, high, knots = theta[0], theta[1], self.knots
+        s, slope, own = np.empty_like(x), np.empty_like(x), J.shape[1] > 0
+        wide = np.empty((len(x), 2 * knots if own else 0))
+        piecewise_linear(np.linspace(0.0, 1.0, knots), self._shares(theta), x, s, slope, wide, 0, own)
+        if own:
+            J[:, q], J[:, q + 1] = 1.0 - s, s
+            J[:, q + 2 : q + knots] = (high - low) * wide[:, knots + 1 : 2 * knots - 1]
+        return low + (high - low) * s, (high - low) * slope
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        return np.concatenate([[0.0, 1.0], np.linspace(0.0, 1.0, self.knots)[1:-1]])
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        return bool(np.all(np.diff(self._shares(theta)) >= 0.5 * _LEAST / (self.knots - 1)))
+
+    def repair(self, theta: np.ndarray) -> np.ndarray:
+        """Segments that fall, or are all but flat, are given a little slope at the cost of the others."""
+        steps = np.diff(self._shares(theta))
+        least = _LEAST / (self.knots - 1)
+        if np.all(steps >= least) or not np.all(np.isfinite(theta)):
+            return theta
+        steps = np.maximum(steps, least)
+        return np.concatenate([theta[:2], np.cumsum(steps / steps.sum())[:-1]])
+
+    def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Change of slope at each inner knot, in the mean slope."""
+        n = self.knots - 2
+        d = np.zeros((n, len(theta)))
+        for i in range(n):
+            for j, weight in ((i - 1, 1.0), (i, -2.0), (i + 1, 1.0)):
+                if 0 <= j < n:
+                    d[i, 2 + j] = weight * (self.knots - 1)
+        return np.diff(self._shares(theta), 2) * (self.knots - 1), d
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        shift = np.zeros(len(theta))
+        shift[:2] = 1.0
+        return [Symmetry(shift * theta, out_scale=1.0), Symmetry(shift, out_shift=1.0)]

@@ -1,0 +1,133 @@
+"""Starts of a joint that a motor drives, from the record alone: ends, speed per volt, friction, lag and load."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.block import Block
+from sysid.blocks import Motor, Play, TravelMap
+from sysid.chain import Chain
+from sysid.data import IOData
+
+_TRIED = 150  # candidates a start that is asked for
+_EDGE = 0.002  # of the samples that noise may throw beyond an end
+
+
+@dataclass(frozen=True)
+class _Record:
+    """What can be read off a record before any model: range of y, its speed where the input is large, its noise."""
+
+    u: np.ndarray
+    y: np.ndarray
+    low: float
+    high: float
+    speed: float  # of y per sample, where it moves
+    volts: float  # of the input there
+    sign: float
+
+
+def is_joint(chain: Chain) -> bool:
+    """Whether the chain has a motor."""
+    return any(isinstance(b, Motor) for b in chain.blocks)
+
+
+def joint_starts(chain: Chain, record: IOData, count: int, seed: int) -> list[np.ndarray]:
+    """`count` starting points theta (P,): the best of many draws in free run, then others that differ from it.
+
+    A draw is friction, asymmetry, load and lag; the speed per volt follows from the speeds seen. Free runs cost a
+    fraction of a millisecond each, and a motor's cost has too many valleys for one good guess.
+    """
+    seen = _read(record.u[:, 0], record.y[:, 0])
+    rng = np.random.default_rng([seed, 7])
+    draws = [_draw(chain, seen, rng, k) for k in range(_TRIED * count)]
+    costs = np.array([_cost(chain, theta, seen) for theta in draws])
+    order = np.argsort(costs, kind="stable")
+    chosen: list[np.ndarray] = []
+    for k in order:
+        if all(_apart(chain, draws[k], other) for other in chosen):
+            chosen.append(draws[k])
+        if len(chosen) == count:
+            break
+    return chosen + [draws[k] for k in order[: count - len(chosen)]]
+
+
+def _read(u: np.ndarray, y: np.ndarray) -> _Record:
+    low, high = np.quantile(y, [_EDGE, 1.0 - _EDGE])
+    reach = max(1, len(y) // 500)
+    speed = (y[2 * reach :] - y[: -2 * reach]) / (2 * reach) if len(y) > 4 * reach else np.diff(y)
+    drive = u[reach : len(u) - reach] if len(y) > 4 * reach else u[:-1]
+    sign = 1.0 if float(np.sum(speed * (drive - np.mean(drive)))) >= 0.0 else -1.0
+    strong = np.abs(drive) >= 0.5 * np.abs(drive).max()
+    moving = strong & (sign * speed * drive > 0.0)
+    moving &= np.abs(speed) > 0.2 * np.quantile(np.abs(speed), 0.95)
+    if not moving.any():
+        moving = strong
+    return _Record(
+        u, y, low, high, float(np.median(np.abs(speed[moving]))), float(np.median(np.abs(drive[moving]))), sign
+    )
+
+
+def _draw(chain: Chain, seen: _Record, rng: np.random.Generator, k: int) -> np.ndarray:
+    """One candidate; the first is the plainest."""
+    theta = np.zeros(len(chain.names))
+    span = max(seen.high - seen.low, 1e-12)
+    mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
+    ends = (seen.low, seen.high) if seen.sign > 0 else (seen.high, seen.low)
+    unit = span if mapped else 1.0
+    first = seen.y[: max(1, min(3, len(seen.y)))].mean()
+    share = float(np.clip((first - ends[0]) / (ends[1] - ends[0] or 1.0), 0.0, 1.0))
+    plain = k == 0
+    friction = seen.volts * (0.15 if plain else np.exp(rng.uniform(np.log(0.01), np.log(0.7))))
+    tilt = 0.0 if plain else rng.uniform(-0.4, 0.4)
+    load = 0.0 if plain else rng.normal() * 0.1 * seen.volts
+    left = max(seen.volts - friction, 0.05 * seen.volts)
+    values = {
+        "gain": seen.speed / left / unit * (1.0 if plain else np.exp(0.15 * rng.normal())),
+        "lag": 0.5 if plain else float(np.exp(rng.uniform(np.log(0.1), np.log(max(3.0, len(seen.y) / 400))))),
+        "rise": friction * (1.0 + tilt),
+        "fall": friction * (1.0 - tilt),
+        "stick": 0.1,
+        "load0": load,
+        "loss": 0.1,
+        "delay": 0.2 if plain else rng.uniform(0.0, 1.0),
+        "lower": 0.0 if mapped else seen.low,
+        "upper": 1.0 if mapped else seen.high,
+        "x0": share if mapped else first,
+    }
+    values["stick_speed"] = 0.1 * values["gain"] * seen.volts
+    if not mapped and seen.sign < 0:
+        values["gain"] = 1e-6
+    for b in chain.blocks:
+        theta[chain.index(b)] = _values(b, values, ends, span, seen)
+    for i, (name, slot) in enumerate(zip(chain.names, chain.slots, strict=True)):
+        theta[i] = chain.fixed.get(name, float(np.clip(theta[i], slot.lower, slot.upper)))
+    return theta
+
+
+def _values(b: Block, values: dict[str, float], ends: tuple[float, float], span: float, seen: _Record) -> np.ndarray:
+    if isinstance(b, Motor):
+        return np.array([values.get(slot.name, 0.0) for slot in b.slots()])
+    if isinstance(b, TravelMap):
+        part = b.start(np.zeros(1))
+        part[:2] = ends
+        return part
+    if isinstance(b, Play):
+        part = b.start(np.zeros(1))
+        part[0] = 0.005 * span
+        return part
+    return b.start(seen.u if b.role == "driver" else seen.y)
+
+
+def _cost(chain: Chain, theta: np.ndarray, seen: _Record) -> float:
+    if not chain.admissible(theta):
+        return np.inf
+    e = seen.y - chain.simulate(theta, seen.u)
+    cost = float(e @ e)
+    return cost if np.isfinite(cost) else np.inf
+
+
+def _apart(chain: Chain, a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether two candidates differ by a tenth or more in a parameter of the motor."""
+    motor = next(part for part in chain.blocks if isinstance(part, Motor))
+    x, y = chain.part(a, motor), chain.part(b, motor)
+    return bool(np.any(np.abs(x - y) > 0.2 * np.maximum(np.abs(x), np.abs(y)) + 1e-12))

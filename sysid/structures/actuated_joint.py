@@ -1,0 +1,46 @@
+"""Actuated joint: driver, motor with friction between two stops, linkage, play, sensor."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from sysid.block import Block
+from sysid.blocks import Motor, Play, TravelMap, static
+from sysid.chain import Chain
+from sysid.recipes import Map
+
+
+def actuated_joint(
+    driver: Map | None = None,
+    motor: Motor | None = None,
+    knots: int | None = 9,
+    play: bool = True,
+    sided: bool = False,
+    sensor: Map | None = None,
+    fixed: Mapping[str, Any] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> Chain:
+    """Voltage u to angle y of a joint that a motor drives between two end stops; the parameters are physical.
+
+    u [V] -> driver (a static map, for example "dead_zone_saturation"; None: none) -> `Motor` (lag, dry friction with
+    stick, load over position, delay, end stops) -> `TravelMap` of `knots` (None: none) -> `Play` -> sensor (a static
+    map, a `Custom` absolute value for one that is blind to sign; None: none) -> y. With a travel map the motor's
+    position counts in strokes, its stops are held at 0 and 1, and `map.low` and `map.high` are the angles of the ends.
+    Without one it counts in the unit of y and has no stops unless `motor` says so.
+
+    `fixed` and `bounds` are the chain's, by parameter: a frozen part is fixed={"play": [0.0]}. Dry friction and a
+    driver's dead zone both take volts, and only a motor that coasts can tell them apart: leave one of them out.
+    """
+    own = motor if motor is not None else Motor(stops=knots is not None)
+    blocks: list[Block] = [static(driver, "driver")] if driver is not None else []
+    blocks.append(replace(own, role="motor"))
+    if knots is not None:
+        blocks.append(TravelMap(knots, role="map"))
+    if play:
+        blocks.append(Play(sided, role="play"))
+    if sensor is not None:
+        blocks.append(static(sensor, "sensor"))
+    held = dict(fixed or {})
+    if knots is not None and own.stops:
+        held = {"motor.lower": 0.0, "motor.upper": 1.0} | held
+    return Chain(tuple(blocks), structure="actuated_joint", fixed=held, bounds=dict(bounds or {}))
