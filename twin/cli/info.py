@@ -17,6 +17,9 @@ def info(
     write_params: Annotated[
         str | None, typer.Option(metavar="FILE", help="write all parameters to a .toml or .json file, to be edited")
     ] = None,
+    signatures: Annotated[
+        bool, typer.Option("--signatures", help="how each imperfection shows, and its size measured; ten seconds more")
+    ] = False,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
@@ -24,7 +27,10 @@ def info(
     from twin import parameter_file
     from twin.information import inform
     from twin.report import info as report
+    from twin.report import signatures as drawn
     from twin.report.page import write
+    from twin.signatures import TABLE as SIGNATURES
+    from twin.signatures import signatures as measured
 
     parameters = options.parameters(params) or twin.Parameters()
     folder = Path(out) if out is not None else default_folder("info")
@@ -34,12 +40,15 @@ def info(
         parameter_file.check_suffix(target)
         if not inside:
             check_writable_file(target)
-    with output_folder(folder) as scratch, console.progress(2) as step:
+    with output_folder(folder) as scratch, console.progress(2 + len(SIGNATURES) * signatures) as step:
         step("linearising the joints")
         result = inform(joint, ts, parameters, params)
+        found = measured(parameters, lambda name: step(f"signature of {name}")) if signatures else ()
         step("drawing")
-        write(scratch, report.page(result), result.as_dict())
+        summary = result.as_dict() | ({"signatures": [one.as_dict() for one in found]} if found else {})
+        write(scratch, report.page(result, [drawn.section(found)] if found else []), summary)
         if target is not None:
             parameter_file.write(parameters, scratch / target.name if inside else target, all=True)
     said = report.verdict(result) + ([] if target is None else [f"Parameters: {target}"])
-    console.finish(folder, result.as_dict(), as_json, report.terminal_tables(result), said)
+    tables = report.terminal_tables(result) + ([drawn.sizes(found)] if found else [])
+    console.finish(folder, summary, as_json, tables, said)

@@ -43,8 +43,8 @@ UNITS = {row.name: row.unit for row in TABLE}
 LONGEST = 6  # entries of a list that a cell shows
 
 
-def page(result: Information) -> Page:
-    """The whole report."""
+def page(result: Information, more: Sequence[Section] = ()) -> Page:
+    """The whole report, with `more` sections before the parameters."""
     asked = ", ".join(joint.name for joint in result.joints)
     tables = [value_grid(name, group, result) for name, group in result.groups().items()]
     return Page(
@@ -53,6 +53,7 @@ def page(result: Information) -> Page:
         verdict=verdict(result),
         sections=[
             Section("Truth", [_TRUTH], tables=[truth_grid(result)], pictures=pictures(result)),
+            *more,
             Section("Parameters", [_PARAMETERS, *_marked(result)], tables=tables),
         ],
         made_with=result.as_dict()["versions"],

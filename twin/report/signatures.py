@@ -1,0 +1,126 @@
+"""The section of signatures: one small picture for each imperfection, and its size in it beside the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.report import style
+from twin.report.info import shown_unit
+from twin.report.page import Grid, Picture, Section
+from twin.report.style import styled
+from twin.report.units import Quantity, number
+from twin.signatures import Axis, Mark, Signature
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PANEL = (3.3, 2.6)  # [inch]; three of them stand beside each other on a page
+OFF = "#b8c1ca"
+# Where a mark's text stands: which point of the arrow's frame it starts from, offset in points, and its alignment.
+PLACES = {
+    "right": ((1.0, 0.5), (5, 0), "left", "center"),
+    "outside": ((1.0, 0.5), (5, 0), "left", "center"),
+    "left": ((0.0, 0.5), (-5, 0), "right", "center"),
+    "above": ((0.5, 1.0), (0, 5), "center", "bottom"),
+    "below": ((0.5, 0.0), (0, -5), "center", "top"),
+    "corner": ((1.0, 1.0), (14, 2), "left", "center"),
+    "top left": ((0.0, 1.0), (-6, 2), "right", "bottom"),
+}
+ROOM = 0.4  # of the axes' width, for the text of a mark that stands outside of the data
+
+
+def section(found: Sequence[Signature]) -> Section:
+    """All signatures with their sizes."""
+    return Section("Signatures", [_INTRODUCTION], [sizes(found)], pictures(found), small_pictures=True)
+
+
+_INTRODUCTION = (
+    "What each imperfection does to a joint, in an experiment with nothing else but what it needs: dark with it, light "
+    "grey without it. Arrows span what the data show and name what the parameter says. The table compares the two: "
+    "sizes are measured in the picture's own data, and once more with the imperfection switched off."
+)
+
+
+def pictures(found: Sequence[Signature]) -> list[Picture]:
+    """A picture a signature."""
+    return [
+        Picture(f"signature-{signature.key}", style.png(draw(signature)), f"{signature.title}. {signature.sentence}")
+        for signature in found
+    ]
+
+
+def sizes(found: Sequence[Signature]) -> Grid:
+    """Measured beside true."""
+    rows = []
+    for signature in found:
+        for size in signature.sizes:
+            unit = shown_unit(size.unit)
+            values = (_value(v * unit.factor, size.true * unit.factor) for v in (size.measured, size.true, size.off))
+            rows.append((signature.name, size.name, signature.joint, *values, unit.unit, ", ".join(size.rows)))
+    headings = ("switch", "what is measured", "joint", "measured", "true", "switched off", "unit", "true from")
+    return Grid(headings, rows, text_columns=3, last_text=True)
+
+
+def _value(value: float, true: float) -> str:
+    """Four digits, or 0 for what is nothing but rounding and transients beside the true size."""
+    return "0" if abs(value) < 5e-3 * abs(true) else number(value)
+
+
+@styled
+def draw(signature: Signature) -> Figure:
+    """One signature, by itself."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=PANEL, layout="constrained")
+    panel(figure.subplots(), signature)
+    return figure
+
+
+def panel(axes: Axes, signature: Signature) -> None:
+    """Lines without the imperfection under those with it, and marks in the colour that nothing else has."""
+    x, y = _quantity(signature.x), _quantity(signature.y)
+    for line in sorted(signature.lines, key=lambda line: line.on):
+        colour = style.INK if line.on else OFF
+        data = np.asarray(line.x) * x.factor, np.asarray(line.y) * y.factor
+        if line.dots:
+            axes.plot(*data, ".", color=colour, markersize=3.5)
+        else:
+            width = 1.1 if line.on else 2.2  # the light line stays to be seen where the dark one covers it
+            style.line(axes, *data, line.steps, color=colour, linewidth=width)
+    for mark in signature.marks:
+        _mark(axes, mark, x.factor, y.factor)
+    axes.set(title=signature.title, xlabel=x.label, ylabel=y.label)
+    places = {mark.place for mark in signature.marks}
+    axes.margins(x=0.06, y=0.24 if "above" in places else 0.10)
+    if "outside" in places:
+        low, high = axes.get_xlim()
+        axes.set_xlim(low, high + ROOM * (high - low))
+
+
+def _mark(axes: Axes, mark: Mark, x: float, y: float) -> None:
+    ends = np.array([mark.start, mark.end]) * (x, y)
+    arrow = {"arrowstyle": "<|-|>,head_width=0.18,head_length=0.35", "color": style.MODEL, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", ends[1], ends[0], arrowprops={**arrow, "linewidth": 1.1}, zorder=5)
+    unit = shown_unit(mark.unit)
+    said = f"{_short(mark.value * unit.factor)} {unit.unit}".rstrip()
+    share, offset, across, up = PLACES[mark.place]
+    anchor = ends.min(axis=0) + share * np.ptp(ends, axis=0)
+    text = axes.annotate(
+        mark.text.format(said), anchor, offset, textcoords="offset points", ha=across, va=up, color=style.MODEL
+    )
+    text.set(fontsize=8.5, zorder=6, bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 0.6})
+
+
+def _short(value: float) -> str:
+    """Three digits at most, without zeros behind."""
+    text = number(value, 3)
+    return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
+
+
+def _quantity(axis: Axis) -> Quantity:
+    unit = shown_unit(axis.unit)
+    return Quantity(axis.name, unit.unit, unit.factor)

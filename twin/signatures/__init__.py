@@ -1,0 +1,44 @@
+"""How each imperfection shows: a small experiment, what to see in it, and its size out of the picture's own data."""
+
+from collections.abc import Callable
+
+from twin.parameters import Parameters
+from twin.signatures import bridge, friction, mechanics, sensing
+from twin.signatures.signature import Axis, Line, Mark, Signature, Size
+
+# In the order of `twin.IMPERFECTIONS`; an imperfection may have more than one.
+TABLE: dict[str, Callable[[Parameters], Signature]] = {
+    "friction": friction.friction,
+    "asymmetry": friction.asymmetry,
+    "stribeck": friction.stribeck,
+    "hunting": friction.hunting,
+    "load_friction": mechanics.load_friction,
+    "end_stops": mechanics.end_stops,
+    "backlash": mechanics.backlash,
+    "pwm": bridge.pwm,
+    "dead_band": bridge.dead_band,
+    "sag": bridge.sag,
+    "delay": bridge.delay,
+    "nonlinearity": sensing.nonlinearity,
+    "noise": sensing.noise,
+    "adc": sensing.adc,
+    "jitter": sensing.jitter,
+    "dropouts": sensing.dropouts,
+    "gravity": mechanics.gravity,
+    "contact": mechanics.contact,
+}
+
+
+def signatures(
+    parameters: Parameters | None = None, begins: Callable[[str], None] = lambda key: None
+) -> tuple[Signature, ...]:
+    """Every signature, in the order of `TABLE`, in about ten seconds; `begins` hears of each as it begins."""
+    return tuple(_make(key, parameters or Parameters(), begins) for key in TABLE)
+
+
+def _make(key: str, p: Parameters, begins: Callable[[str], None]) -> Signature:
+    begins(key)
+    return TABLE[key](p)
+
+
+__all__ = ["TABLE", "Axis", "Line", "Mark", "Signature", "Size", "signatures"]

@@ -1,0 +1,219 @@
+"""Dry and viscous friction: the map of friction over speed, its parts, and the limit cycle that one of them makes."""
+
+import numpy as np
+
+from twin.motor import Motor, motor
+from twin.parameters import Parameters
+from twin.plant.stepping import TIMESTEP
+from twin.pot import potentiometer
+from twin.signatures.signature import (
+    Axis,
+    Line,
+    Mark,
+    Signature,
+    Size,
+    Trial,
+    holds,
+    lag,
+    line_fit,
+    pair,
+    steady_speeds,
+)
+from twin.truth import truth
+
+SPEED, TORQUE = Axis("speed", "rad/s"), Axis("friction", "N m")
+
+
+def friction(p: Parameters) -> Signature:
+    """Torque that steady motion takes, over its speed: what the motor gives, K (V - K w) / R at the joint."""
+    Ts = 0.01
+    n = _settled(p, Ts)
+    levels = np.array([3.0, 5.0, 7.0, 9.0, 11.0]) * p["supply_voltage"] / 12.0
+    u = holds(np.concatenate([levels, -levels]), n)
+    on, off = pair("friction", (), p, "shoulder", u, Ts)
+    maps = [_torque_map(seen, n, motor(p, "shoulder")) for seen in (on, off)]
+    (level, slope), (level_off, slope_off) = (_level_and_slope(*m) for m in maps)
+    speed, torque = maps[0]
+    lines = [Line(*maps[1], on=False, dots=True), Line(*maps[1], on=False), Line(speed, torque, dots=True)]
+    for way in (1, -1):
+        side = speed * way > 0
+        x = np.append(0.0, speed[side])
+        lines.append(Line(x, way * level + slope * x))
+    dry = p["shoulder.coulomb"] + p["shoulder.bearing_coulomb"]
+    viscous = p["shoulder.viscous"] + p["shoulder.bearing_viscous"]
+    rows = ("shoulder.coulomb", "shoulder.bearing_coulomb")
+    return Signature(
+        "friction",
+        "Coulomb and viscous friction",
+        "shoulder",
+        SPEED,
+        TORQUE,
+        tuple(lines),
+        (Mark((0.0, 0.0), (0.0, level), dry, "N m", "dry {}", "left"),),
+        (
+            Size("dry friction of gear and bearing", (level, level_off), dry, "N m", rows),
+            Size(
+                "viscous friction of gear and bearing",
+                (slope, slope_off),
+                viscous,
+                "N m s/rad",
+                tuple(row.replace("coulomb", "viscous") for row in rows),
+            ),
+        ),
+        "Steady motion takes a torque that jumps with the direction and leans a little with the speed.",
+    )
+
+
+def asymmetry(p: Parameters) -> Signature:
+    """Drift under a voltage that is as long up as down, and the friction's difference from the two steady speeds."""
+    Ts, periods = 0.01, 4
+    n = _settled(p, Ts)
+    volts = 0.5 * p["supply_voltage"]
+    u = holds(np.tile([volts, -volts], periods), n)
+    on, off = pair("asymmetry", ("friction",), p, "shoulder", u, Ts)
+    constants = motor(p, "shoulder")
+    damping = constants.damping + p["shoulder.viscous"] + p["shoulder.bearing_viscous"]
+    differences = []
+    for seen in (on, off):
+        speeds = steady_speeds(seen, n, 20)
+        differences.append(-damping * float(np.mean(speeds[2::2] + speeds[3::2])))  # torque = K V / R - damping w
+    true = 2 * p["shoulder.asymmetry"] * p["shoulder.coulomb"]
+    top = [n, (2 * periods - 1) * n]  # where the first and the last rise end
+    end = on.t[top[1]]
+    return Signature(
+        "asymmetry",
+        "Friction that differs up and down",
+        "shoulder",
+        Axis("time", "s"),
+        Axis("angle", "rad"),
+        (Line(off.t, off.angle, on=False), Line(on.t, on.angle)),
+        (Mark((end, on.angle[top[1]]), (end, on.angle[top[0]]), true, "N m", "drift, for\n{} more up", "above"),),
+        (
+            Size(
+                "friction up less friction down",
+                differences,
+                true,
+                "N m",
+                ("shoulder.asymmetry", "shoulder.coulomb"),
+            ),
+        ),
+        "As long up as down at the same voltage, and yet the joint wanders off to the easier side.",
+    )
+
+
+def stribeck(p: Parameters) -> Signature:
+    """Friction at creep: a slow ramp of voltage; what the motor gives less what the rotor takes to change its speed.
+
+    The board looks every millisecond here, for a ramp without stairs.
+    """
+    p = p.replace({"switch_period": TIMESTEP})
+    Ts, seconds, span = 0.002, 40.0, 5  # speed is that over `span` samples
+    constants = motor(p, "shoulder")
+    dry = p["shoulder.coulomb"] + p["shoulder.bearing_coulomb"]
+    extra, fade = p["shoulder.stribeck"] * p["shoulder.coulomb"], p["shoulder.stribeck_speed"]
+    top = (dry + extra + 6 * fade * constants.damping) / constants.force_per_volt
+    u = np.linspace(0.5 * dry / constants.force_per_volt, top, round(seconds / Ts))
+    losses = constants.damping + p["shoulder.viscous"] + p["shoulder.bearing_viscous"]
+    inertia = -losses / truth("shoulder", parameters=p).continuous_pole
+    curves, found = [], []
+    for seen in pair("stribeck", ("friction",), p, "shoulder", u, Ts):
+        speed = (seen.angle[2 * span :] - seen.angle[: -2 * span]) / (2 * span * Ts)
+        volts = seen.volts[span + 1 : 1 - span]
+        torque = constants.force_per_volt * volts - constants.damping * speed - inertia * np.gradient(speed, Ts)
+        moving = speed > 0.02 * fade
+        slope, level = line_fit(*(v[speed > 3 * fade] for v in (speed, torque)))
+        speed, torque = speed[moving], torque[moving]
+        excess = torque - level - slope * speed
+        curves.append((speed, torque))
+        found.append((float(excess[0]) if len(excess) else np.nan, _falls_to(extra / np.e, speed, excess), level))
+    (at_rest, speed_e, level), (off, _, _) = found
+    return Signature(
+        "stribeck",
+        "Stribeck: more friction at creep",
+        "shoulder",
+        SPEED,
+        TORQUE,
+        (Line(*curves[1], on=False), Line(*curves[0])),
+        (Mark((0.0, level), (0.0, level + at_rest), extra, "N m", "{} more at rest", "corner"),),
+        (
+            Size("friction at rest above Coulomb's", (at_rest, off), extra, "N m", _rows("stribeck", "coulomb")),
+            Size("speed at which 1/e of that is left", (speed_e, np.nan), fade, "rad/s", _rows("stribeck_speed")),
+        ),
+        "Friction is highest at rest, falls as the joint starts to creep, and only then grows with the speed.",
+    )
+
+
+def _falls_to(value: float, speed: np.ndarray, excess: np.ndarray) -> float:
+    """Speed at which what falls from its first value passes `value`; nan where it does not."""
+    if len(excess) == 0 or not 0.0 < value < excess[0]:
+        return np.nan
+    k = int(np.argmax(excess < value))
+    return float(np.interp(-value, -excess[k - 1 : k + 1], speed[k - 1 : k + 1]))
+
+
+HUNTING = {"shoulder.servo_kp": 30.0, "shoulder.servo_ki": 150.0, "shoulder.stribeck": 1.0}
+
+
+def hunting(p: Parameters) -> Signature:
+    """Stick-slip: the integral of a position loop winds up until friction at rest breaks, and the joint jumps past.
+
+    Armstrong-Helouvry, Dupont and Canudas de Wit, A survey of models, analysis tools and compensation methods for the
+    control of machines with friction, Automatica 30, 1994, section 4.
+    """
+    Ts, seconds, reference = 0.01, 40.0, np.deg2rad(5.0)
+    p = p.replace(HUNTING)
+    u = np.full(round(seconds / Ts), reference * potentiometer(p).scale)
+    on, off = pair("stribeck", ("friction",), p, "shoulder", u, Ts, mode="servo")
+    force_per_volt = motor(p, "shoulder").force_per_volt
+    found = [force_per_volt * _breaking_voltage(seen) for seen in (on, off)]
+    static = p["shoulder.coulomb"] * (1 + p["shoulder.stribeck"]) + p["shoulder.bearing_coulomb"]
+    late = on.angle[len(u) // 2 :]
+    at = 1.03 * float(on.t[-1])
+    return Signature(
+        "stribeck",
+        "Stick-slip under integral action",
+        "shoulder",
+        Axis("time", "s"),
+        Axis("angle", "rad"),
+        (Line(off.t, off.angle, on=False), Line(on.t, on.angle)),
+        (Mark((at, float(late.min())), (at, float(late.max())), static, "N m", "sticks up\nto {}", "outside"),),
+        (Size("friction that breaks at each slip", found, static, "N m", _rows("coulomb", "stribeck")),),
+        "With an integral gain and static friction twice Coulomb's the joint never comes to rest at its reference: it "
+        "sticks, winds up, slips past. Without the Stribeck part it settles.",
+        variant="hunting",
+    )
+
+
+def _breaking_voltage(seen: Trial) -> float:
+    """Mean size of the motor's voltage [V] as the joint breaks loose, in the second half; nan if it stays at rest."""
+    rest, slip = 20, 10  # samples that it stands before, and looks ahead after
+    still = np.abs(np.diff(seen.angle)) < 1e-6
+    starts = [
+        k
+        for k in range(max(len(still) // 2, rest), len(still) - slip)
+        if not still[k] and still[k - rest : k].all() and abs(seen.angle[k + slip] - seen.angle[k]) > 1e-3
+    ]
+    return float(np.mean(np.abs(seen.volts[starts]))) if starts else np.nan
+
+
+def _settled(p: Parameters, Ts: float) -> int:
+    """Samples until a new speed is taken up, and 20 more to measure it."""
+    return round(16 * lag(p, "shoulder") / Ts) + 20
+
+
+def _rows(*names: str) -> tuple[str, ...]:
+    return tuple(f"shoulder.{name}" for name in names)
+
+
+def _torque_map(seen: Trial, n: int, constants: Motor) -> tuple[np.ndarray, np.ndarray]:
+    """Steady speed [rad/s] and the torque that it takes [N m] of every hold but the first, in the order of speed."""
+    speed = steady_speeds(seen, n, 20)
+    torque = constants.force_per_volt * seen.u[n - 1 :: n] - constants.damping * speed
+    order = np.argsort(speed)
+    return speed[order], torque[order]
+
+
+def _level_and_slope(speed: np.ndarray, torque: np.ndarray) -> tuple[float, float]:
+    """Half the jump at speed 0 and the mean slope of the two lines beside it."""
+    fits = [line_fit(speed[speed * way > 0], torque[speed * way > 0]) for way in (1, -1)]
+    return 0.5 * (fits[0][1] - fits[1][1]), 0.5 * (fits[0][0] + fits[1][0])

@@ -1,0 +1,185 @@
+"""What a signature is, and the bench on which its experiment runs."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from twin.experiment import SETTLE, Experiment
+from twin.leg import IMPERFECTIONS
+from twin.parameters import Parameters
+from twin.plant import slots
+from twin.plant.stepping import TIMESTEP, step
+from twin.truth import truth
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What stands on an axis, and the unit that its data are in."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Line:
+    """x and y (n,) in the units of the axes; `on`: with the imperfection. `dots`: measured points, no line."""
+
+    x: np.ndarray
+    y: np.ndarray
+    on: bool = True
+    dots: bool = False
+    steps: bool = False
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A dimension arrow from `start` to `end` (x, y) of the data, with the parameter's `value` [unit] put into `text`.
+
+    `place` is where the text stands, seen from the arrow: right, left, above, below, at its upper right (corner) or
+    upper left (top left), or right of it where the data have ended (outside).
+    """
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    value: float
+    unit: str
+    text: str = "{}"
+    place: str = "right"
+
+
+@dataclass(frozen=True)
+class Size:
+    """A size that the picture's own data show, with the imperfection and without it [unit], beside what it must be.
+
+    nan where the data show none. `rows` names the parameters that `true` comes from.
+    """
+
+    name: str
+    shown: Sequence[float]
+    true: float
+    unit: str
+    rows: tuple[str, ...]
+
+    @property
+    def measured(self) -> float:
+        """The size with the imperfection."""
+        return self.shown[0]
+
+    @property
+    def off(self) -> float:
+        """The size with the imperfection switched off."""
+        return self.shown[1]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same as plain numbers."""
+        values = {"measured": self.measured, "off": self.off, "true": self.true}
+        return {"name": self.name, **values, "unit": self.unit, "parameters": list(self.rows)}
+
+
+@dataclass(frozen=True)
+class Signature:
+    """An experiment that shows one imperfection: lines with it and without it, marks, sizes, and what to see.
+
+    `name` is the switch of `twin.IMPERFECTIONS`, `key` what the signature is called among several of one switch.
+    """
+
+    name: str
+    title: str
+    joint: str
+    x: Axis
+    y: Axis
+    lines: tuple[Line, ...]
+    marks: tuple[Mark, ...]
+    sizes: tuple[Size, ...]
+    sentence: str
+    variant: str = ""
+
+    @property
+    def key(self) -> str:
+        """Its name in the table of signatures."""
+        return self.variant or self.name
+
+    def as_dict(self) -> dict[str, Any]:
+        """What was measured, ready for JSON; without the lines."""
+        about = {"name": self.name, "title": self.title, "joint": self.joint, "sentence": self.sentence}
+        return {"key": self.key, **about, "sizes": [size.as_dict() for size in self.sizes]}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An experiment's record: times t (N,) [s], command u (N,) [V], angle between the links and reading (N,) [rad],
+    motor voltage (N,) [V], and what the log holds (N,) [rad]. Samples are taken before their command reaches the board:
+    volts[k + 1] answers to u[k]."""
+
+    t: np.ndarray
+    u: np.ndarray
+    angle: np.ndarray
+    reading: np.ndarray
+    volts: np.ndarray
+    logged: np.ndarray
+
+
+def without_all_but(*kept: str) -> tuple[str, ...]:
+    """All imperfections but these: what to leave out."""
+    return tuple(name for name in IMPERFECTIONS if name not in kept)
+
+
+def pair(
+    name: str, also: Collection[str], parameters: Parameters, joint: str, u: np.ndarray, Ts: float, **settings
+) -> tuple[Trial, Trial]:
+    """The same trial with the imperfections `name` and `also`, and with those of `also` alone; no others."""
+    kept = without_all_but(name, *also), without_all_but(*also)
+    on, off = (trial(parameters, joint, u, Ts, without=without, **settings) for without in kept)
+    return on, off
+
+
+def trial(
+    parameters: Parameters, joint: str, u: np.ndarray, Ts: float, start: float | None = None, **settings
+) -> Trial:
+    """`joint` under u (N,) [V], a value held for Ts [s]; it starts at rest, at `start` [rad] or mid stroke."""
+    experiment = Experiment(joint, Ts=Ts, parameters=parameters, **settings)
+    run = experiment.prepare(u=u[:, None], start={} if start is None else {joint: start})
+    shown = step([run], Ts, SETTLE)[0]
+    angle, reading, volts = (shown[:, 0, column] for column in (slots.ANGLE, slots.READING, slots.VOLTS))
+    return Trial(np.arange(len(u)) * Ts, u, angle, reading, volts, experiment.record(run, shown).y)
+
+
+FREE = ("coulomb", "bearing_coulomb", "viscous", "bearing_viscous")
+
+
+def free(p: Parameters, joint: str) -> Parameters:
+    """The same with a joint that nothing brakes but back-EMF."""
+    return p.replace({f"{joint}.{name}": 0.0 for name in FREE})
+
+
+def lag(p: Parameters, joint: str) -> float:
+    """Time constant [s] with which the free joint takes up a speed; friction makes it shorter."""
+    return -1.0 / truth(joint, parameters=free(p, joint)).continuous_pole
+
+
+def tick(p: Parameters) -> float:
+    """How often the board looks [s], in whole steps of the simulation."""
+    return max(1, round(p["switch_period"] / TIMESTEP)) * TIMESTEP
+
+
+def holds(levels: np.ndarray, n: int) -> np.ndarray:
+    """Each level for n samples."""
+    return np.repeat(np.asarray(levels, dtype=float), n)
+
+
+def steady_speeds(seen: Trial, n: int, last: int) -> np.ndarray:
+    """Speed [rad/s] over the last `last` intervals of each hold of n samples."""
+    angle = np.append(seen.angle, 2 * seen.angle[-1] - seen.angle[-2])
+    ends = np.arange(n, len(seen.angle) + 1, n)
+    return (angle[ends] - angle[ends - last]) / (last * (seen.t[1] - seen.t[0]))
+
+
+def line_fit(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Slope and value at 0 of the straight line through points (n,); nan where they do not make one."""
+    if len(x) < 2 or np.ptp(x) == 0.0:
+        return np.nan, np.nan
+    x_mean, y_mean = float(np.mean(x)), float(np.mean(y))
+    slope = float(np.sum((x - x_mean) * (y - y_mean)) / np.sum((x - x_mean) ** 2))
+    return slope, y_mean - slope * x_mean
