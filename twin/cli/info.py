@@ -50,5 +50,6 @@ def info(
         if target is not None:
             parameter_file.write(parameters, scratch / target.name if inside else target, all=True)
     said = report.verdict(result) + ([] if target is None else [f"Parameters: {target}"])
-    tables = report.terminal_tables(result) + ([drawn.sizes(found)] if found else [])
-    console.finish(folder, summary, as_json, tables, said)
+    *tables, made_with = report.terminal_tables(result)
+    tables += [drawn.sizes(found)] if found else []
+    console.finish(folder, summary, as_json, [*tables, made_with], said)

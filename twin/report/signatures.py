@@ -48,7 +48,7 @@ _INTRODUCTION = (
 def pictures(found: Sequence[Signature]) -> list[Picture]:
     """A picture a signature."""
     return [
-        Picture(f"signature-{signature.key}", style.png(draw(signature)), f"{signature.title}. {signature.sentence}")
+        Picture(f"signature-{signature.key}", style.png(draw(signature)), f"{signature.sentence} ({signature.joint})")
         for signature in found
     ]
 
@@ -67,7 +67,7 @@ def sizes(found: Sequence[Signature]) -> Grid:
 
 def _value(value: float, true: float) -> str:
     """Four digits, or 0 for what is nothing but rounding and transients beside the true size."""
-    return "0" if abs(value) < 5e-3 * abs(true) else number(value)
+    return "0" if abs(value) < 5e-3 * abs(true) else number(float(f"{value:.4g}"))
 
 
 @styled
