@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
+from mujoco.batch import Batch, SimulationError
 
 from twin.plant import slots
 
 TIMESTEP = 0.001  # [s], as in the MJCF; times of an experiment are whole numbers of it
 BLOCK = 2**24  # bytes of commands and sensors at a time
+WARNINGS = 1  # a batch's `warning` holds which element was last concerned, then how often
 _lock = threading.RLock()
 
 
@@ -57,6 +58,19 @@ def step(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> np.
     runs and threads.
     Raises mujoco.batch.SimulationError where MuJoCo gives up.
     """
+    shown, trouble = attempt(runs, Ts, settle, threads)
+    if any(trouble):
+        failed = [i for i, sentence in enumerate(trouble) if sentence]
+        raise SimulationError(np.array(failed), trouble[failed[0]], len(runs))
+    return shown
+
+
+def attempt(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> tuple[np.ndarray, list[str]]:
+    """What `step` returns, NaN for the runs on which MuJoCo gives up, and why it did: a sentence a run, empty if not.
+
+    The other runs do not notice. A warning counts as giving up: MuJoCo stops at it, and a record that stands still from
+    there on would look like a joint that does.
+    """
     first = runs[0]
     N, joints = first.commands.shape
     h = first.model.opt.timestep
@@ -71,15 +85,35 @@ def step(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> np.
     below = np.floor(at + 1e-6).astype(int)  # rounding must not take a sample on a step for one before it
     above = np.clip(at - below, 0.0, 1.0)
     shown = np.zeros((len(runs), N, joints * slots.COLUMNS))
+    trouble = [""] * len(runs)
     total = int(below.max()) + 2
     block = max(per, BLOCK // (8 * len(runs) * joints * (1 + slots.COLUMNS)))
     with boards():
         for start in range(0, total, block):
             stop = min(start + block, total)
-            commands = np.stack([_commands(run, np.arange(start, stop) - lead, per, h) for run in runs])
-            rows = batch.rollout(stop - start, commands, record=("sensordata",))["sensordata"]
-            _take(rows, start, below, above, shown, slice(*_span(start, stop, lead, per, N)))
-    return shown.reshape(len(runs), N, joints, slots.COLUMNS)
+            ids = [i for i, sentence in enumerate(trouble) if not sentence]
+            commands = np.stack([_commands(runs[i], np.arange(start, stop) - lead, per, h) for i in ids])
+            rows = _roll(batch, ids, commands, trouble)
+            part = slice(*_span(start, stop, lead, per, N))
+            shown[ids, part] += _take(rows, start, below[ids, part], above[ids, part])
+            if all(trouble):
+                break
+    shown[[sentence != "" for sentence in trouble]] = np.nan
+    return shown.reshape(len(runs), N, joints, slots.COLUMNS), trouble
+
+
+def _roll(batch: Batch, ids: list[int], commands: np.ndarray, trouble: list[str]) -> np.ndarray:
+    """What the sensors of simulations `ids` show under `commands` (ids, steps, joints); notes whom MuJoCo gave up."""
+    rows = np.empty((*commands.shape[:2], batch.model.nsensordata))
+    try:
+        batch.rollout(commands.shape[1], commands, record=("sensordata",), ids=ids, out={"sensordata": rows})
+    except SimulationError as error:  # the others ran to the end
+        for i in error.ids:
+            trouble[i] = f"MuJoCo stopped: {batch.error(int(i))}"
+    for i in np.flatnonzero(batch.warning[:, :, WARNINGS].any(axis=1)):
+        kind = int(batch.warning[i, :, WARNINGS].argmax())
+        trouble[i] = trouble[i] or f"MuJoCo stopped: {mujoco.mju_warningText(kind, int(batch.warning[i, kind, 0]))}"
+    return rows
 
 
 def _commands(run: Run, steps: np.ndarray, per: int, h: float) -> np.ndarray:
@@ -93,10 +127,12 @@ def _span(start: int, stop: int, lead: int, per: int, N: int) -> tuple[int, int]
     return max((start - lead) // per - 2, 0), min((stop - lead) // per + 3, N)
 
 
-def _take(rows: np.ndarray, start: int, below: np.ndarray, above: np.ndarray, out: np.ndarray, part: slice) -> None:
-    """Add to the samples what the steps in `rows` (runs, steps, n) hold of them, by linear interpolation."""
-    for ahead, share in ((0, 1.0 - above[:, part]), (1, above[:, part])):
-        k = below[:, part] + ahead - start
+def _take(rows: np.ndarray, start: int, below: np.ndarray, above: np.ndarray) -> np.ndarray:
+    """What the steps in `rows` (runs, steps, n) from `start` on add to samples, by linear interpolation."""
+    out = np.zeros((*below.shape, rows.shape[2]))
+    for ahead, share in ((0, 1.0 - above), (1, above)):
+        k = below + ahead - start
         inside = (k >= 0) & (k < rows.shape[1])
         found = rows[np.arange(len(rows))[:, None], np.where(inside, k, 0)]
-        out[:, part] += np.where(inside, share, 0.0)[..., None] * found
+        out += np.where(inside, share, 0.0)[..., None] * found
+    return out
