@@ -17,6 +17,8 @@ class Sweep:
     nothing of what happens between voltage levels: use `Aprbs` where the input map matters. Without jitter (a share of
     the half period, drawn uniformly) the record is periodic, and a validation part only repeats what was fitted.
     The first level lasts `first` of a half period: 0.5 centres the travel of an integrating plant on where it starts.
+    `shrink` draws each level anew, uniformly from (1 - shrink) to 1 times the amplitude: speeds at many voltages, and
+    with them friction, while the plant still meets its ends and forgets what has drifted.
     """
 
     amplitude: float = 12.0
@@ -24,13 +26,15 @@ class Sweep:
     jitter: float = 0.0
     offset: float = 0.0
     first: float = 1.0
+    shrink: float = 0.0
 
     def __post_init__(self) -> None:
         positive = {"amplitude": self.amplitude, "half period": self.half_period, "first": self.first}
         check("a sweep", positive, {"offset": self.offset})
-        check_from_zero("a sweep", {"jitter": self.jitter})
-        if self.jitter >= 1.0:
-            raise InputError(f"jitter is {self.jitter}; give a share of the half period from 0 to below 1")
+        check_from_zero("a sweep", {"jitter": self.jitter, "shrink": self.shrink})
+        for name, share in (("jitter", self.jitter), ("shrink", self.shrink)):
+            if share >= 1.0:
+                raise InputError(f"{name} is {share}; give a share from 0 to below 1")
         if self.first > 1.0:
             raise InputError(f"first is {self.first}; give a share of the half period above 0 and up to 1")
 
@@ -40,7 +44,7 @@ class Sweep:
         return 0.0, 3.5 / (2 * self.half_period * (1 - self.jitter))
 
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
-        """Levels u (N,) [unit of amplitude]; `rng` draws the jitter alone."""
+        """Levels u (N,) [unit of amplitude]; `rng` draws jitter and shrinking."""
         t = (np.arange(N) + 0.5) * Ts  # half a sample on, so that rounding cannot move an edge
         if self.jitter == 0.0:
             phase = np.floor((t + (1.0 - self.first) * self.half_period) / self.half_period).astype(int)
@@ -49,4 +53,7 @@ class Sweep:
             holds = self.half_period * (1.0 + self.jitter * rng.uniform(-1.0, 1.0, count))
             holds[0] *= self.first
             phase = np.searchsorted(np.cumsum(holds), t)
-        return self.offset + np.where(phase % 2 == 0, self.amplitude, -self.amplitude)
+        levels = np.full(phase[-1] + 1, self.amplitude)
+        if self.shrink:
+            levels *= 1.0 - self.shrink * rng.random(len(levels))
+        return self.offset + np.where(phase % 2 == 0, 1.0, -1.0) * levels[phase]

@@ -31,7 +31,7 @@ def actuated_joint(
     `fixed` and `bounds` are the chain's, by parameter: a frozen part is fixed={"play": [0.0]}. Dry friction and a
     driver's dead zone both take volts, and only a motor that coasts can tell them apart: leave one of them out.
     """
-    own = motor if motor is not None else Motor(stops=knots is not None)
+    own = motor if motor is not None else Motor(load=3, stops=knots is not None)
     blocks: list[Block] = [static(driver, "driver")] if driver is not None else []
     blocks.append(replace(own, role="motor"))
     if knots is not None:
@@ -40,7 +40,12 @@ def actuated_joint(
         blocks.append(Play(sided, role="play"))
     if sensor is not None:
         blocks.append(static(sensor, "sensor"))
-    held = dict(fixed or {})
+    # At the first sample only position counts: a speed is gone within a lag. A constant load is no more than a
+    # difference between the frictions up and down, unless the screw takes a share of it.
+    held = {"motor.v0": 0.0}
+    if own.load and not own.loss:
+        held["motor.load0"] = 0.0
     if knots is not None and own.stops:
-        held = {"motor.lower": 0.0, "motor.upper": 1.0} | held
+        held |= {"motor.lower": 0.0, "motor.upper": 1.0}
+    held |= fixed or {}
     return Chain(tuple(blocks), structure="actuated_joint", fixed=held, bounds=dict(bounds or {}))

@@ -1,0 +1,134 @@
+"""What an identified actuated joint says in physical units: speeds, volts, angles and seconds, with intervals."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import norm
+
+from sysid.blocks import Motor, Play, TravelMap
+from sysid.chain import Chain
+from sysid.errors import InputError
+from sysid.fitting import Fit
+
+_LARGEST = 1e3  # [V] within which a driver is inverted
+_STEP = 1e-6
+
+
+@dataclass(frozen=True)
+class JointValue:
+    """A physical value with its interval; low and high are None where the data do not determine it."""
+
+    name: str
+    value: float
+    low: float | None
+    high: float | None
+    unit: str
+
+    def holds(self, truth: float) -> bool:
+        """Whether the interval has `truth` in it; False where there is none."""
+        return self.low is not None and self.high is not None and self.low <= truth <= self.high
+
+
+def joint_values(fit: Fit, level: float = 0.95) -> tuple[JointValue, ...]:
+    """Physical values of an `actuated_joint`, at mid stroke where they depend on position.
+
+    speed_per_volt [y/s/V], time_constant [s], breakaway_up and breakaway_down [V] (input that just starts the joint,
+    with load, static friction and the driver's dead zone), coulomb_up and coulomb_down [V] (what friction and load take
+    once it moves), end_low and end_high [y], backlash [y], delay [s]; y in the record's unit. Intervals by the delta
+    method from the fit's covariance; a value at a bound of its range (no backlash, no lag) has an interval of one side
+    only in truth, the one given here is symmetric and cut off there. Raises InputError for another structure.
+    """
+    chain = fit.model
+    if not any(isinstance(b, Motor) for b in chain.blocks):
+        raise InputError(f"a {chain.structure} has no motor; joint values are those of an actuated_joint")
+    if not 0.0 < level < 1.0:
+        raise InputError(f"level is {level}; give a probability between 0 and 1, for example 0.95")
+    factor = float(norm.ppf(0.5 + level / 2))
+    covariance, known = fit.covariance.cov, np.isfinite(fit.covariance.std()) | ~chain.free
+    found = []
+    for name, (unit, read, least) in _readings(chain, fit.Ts).items():
+        value = read(fit.theta)
+        if not np.isfinite(value):
+            continue
+        gradient = _gradient(read, fit.theta)
+        low = high = None
+        if not np.any(np.abs(gradient[~known]) > 0.0) and np.all(np.isfinite(gradient)):
+            spread = factor * float(
+                np.sqrt(max(gradient[known] @ covariance[np.ix_(known, known)] @ gradient[known], 0))
+            )
+            low, high = max(value - spread, least), value + spread
+        found.append(JointValue(name, float(value), low, high, unit))
+    return tuple(found)
+
+
+Reading = tuple[str, Callable[[np.ndarray], float], float]
+
+
+def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
+    """Unit, function of theta, and least possible value of every quantity that the chain has."""
+    motor = next(b for b in chain.blocks if isinstance(b, Motor))
+    travel = next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
+    play = next((b for b in chain.blocks if isinstance(b, Play)), None)
+
+    def of(name: str) -> Callable[[np.ndarray], float]:
+        return lambda theta: motor.value(chain.part(theta, motor), name)
+
+    def speed(theta: np.ndarray) -> float:
+        slope = 1.0
+        if travel is not None:
+            ends = travel.propagate(chain.part(theta, travel), np.array([0.4, 0.6]), np.empty((2, 0)), 0)
+            slope = float(ends[1] - ends[0]) / 0.2
+        return of("gain")(theta) * slope / Ts
+
+    def held(theta: np.ndarray, direction: int, static: bool) -> float:
+        load = of("load0")(theta)  # of the motor's own `at`, mid stroke
+        dry = of("rise" if direction > 0 else "fall")(theta)
+        volts = load + direction * (
+            dry * (1.0 + (of("stick")(theta) if static else 0.0)) + of("loss")(theta) * abs(load)
+        )
+        return _through_driver(chain, theta, volts)
+
+    found: dict[str, Reading] = {
+        "speed_per_volt": ("y/s/V", speed, -np.inf),
+        "time_constant": ("s", lambda theta: of("lag")(theta) * Ts, 0.0),
+        "breakaway_up": ("V", lambda theta: held(theta, 1, True), -np.inf),
+        "breakaway_down": ("V", lambda theta: held(theta, -1, True), -np.inf),
+        "coulomb_up": ("V", lambda theta: held(theta, 1, False), -np.inf),
+        "coulomb_down": ("V", lambda theta: held(theta, -1, False), -np.inf),
+    }
+    if travel is not None:
+        found["end_low"] = ("y", lambda theta: float(chain.part(theta, travel)[:2].min()), -np.inf)
+        found["end_high"] = ("y", lambda theta: float(chain.part(theta, travel)[:2].max()), -np.inf)
+    elif motor.stops:
+        found["end_low"], found["end_high"] = ("y", of("lower"), -np.inf), ("y", of("upper"), -np.inf)
+    if play is not None:
+        found["backlash"] = ("y", lambda theta: float(chain.part(theta, play)[0]), 0.0)
+    if motor.delayed:
+        found["delay"] = ("s", lambda theta: of("delay")(theta) * Ts, 0.0)
+    return found
+
+
+def _through_driver(chain: Chain, theta: np.ndarray, volts: float) -> float:
+    """Input [V] at which the driver gives `volts`; nan where it never does."""
+    driver = chain.block("driver")
+    if driver is None:
+        return volts
+
+    def excess(u: float) -> float:
+        return float(driver.propagate(chain.part(theta, driver), np.array([u]), np.empty((1, 0)), 0)[0]) - volts
+
+    if excess(-_LARGEST) * excess(_LARGEST) > 0:
+        return np.nan
+    return float(brentq(excess, -_LARGEST, _LARGEST))
+
+
+def _gradient(read: Callable[[np.ndarray], float], theta: np.ndarray) -> np.ndarray:
+    """Central differences (P,)."""
+    out = np.zeros(len(theta))
+    for i in range(len(theta)):
+        step = np.zeros(len(theta))
+        step[i] = _STEP * max(1.0, abs(theta[i])) if theta[i] == 0.0 else _STEP * abs(theta[i])
+        out[i] = (read(theta + step) - read(theta - step)) / (2.0 * step[i])
+    return out
