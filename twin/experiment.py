@@ -24,10 +24,28 @@ from twin.pot import potentiometer
 
 # What an excitation gets where the caller gives nothing. A sweep's half period leaves about 22 % of it as rest at an
 # end (the first trials on the paper's protocol); an aprbs holds its levels for a fraction of the travel to all of it.
-DEFAULTS: dict[str, dict[str, dict[str, float]]] = {
-    "shoulder": {"sweep": {"half_period": 2.0}, "aprbs": {"hold_min": 0.2, "hold_max": 1.5}},
-    "thigh": {"sweep": {"half_period": 8.0}, "aprbs": {"hold_min": 0.5, "hold_max": 5.0}},
-    "shank": {"sweep": {"half_period": 8.0}, "aprbs": {"hold_min": 0.5, "hold_max": 5.0}},
+# Bands and holds of the others go by the time of travel too, 1.6 s at the shoulder and 6 s at thigh and shank.
+_SLOW: dict[str, dict[str, Any]] = {
+    "sweep": {"half_period": 8.0},
+    "aprbs": {"hold_min": 0.5, "hold_max": 5.0},
+    "steps": {"hold": 3.0, "rest": 2.0},
+    "staircase": {"hold": 1.0},
+    "prbs": {"hold": 0.3, "nbits": 8},
+    "multisine": {"f_min": 0.04, "f_max": 0.4, "period": 25.0},
+    "chirp": {"f_min": 0.05, "f_max": 1.0, "spacing": "log"},
+}
+DEFAULTS: dict[str, dict[str, dict[str, Any]]] = {
+    "shoulder": {
+        "sweep": {"half_period": 2.0},
+        "aprbs": {"hold_min": 0.2, "hold_max": 1.5},
+        "steps": {"hold": 0.8, "rest": 0.5},
+        "staircase": {"hold": 0.3},
+        "prbs": {"hold": 0.1, "nbits": 8},
+        "multisine": {"f_min": 0.2, "f_max": 2.0, "period": 10.0},
+        "chirp": {"f_min": 0.2, "f_max": 3.0, "spacing": "log"},
+    },
+    "thigh": _SLOW,
+    "shank": _SLOW,
 }
 SETTLE = 0.5  # [s] at rest before the record starts, for the link to lie against one side of its play
 SHORTEST = 10  # samples; a shorter record identifies nothing
@@ -79,7 +97,8 @@ class Experiment:
             if getattr(self, name) not in allowed:
                 raise unknown(name.replace("_", " "), getattr(self, name), allowed)
         self._check_times()
-        self.signals()  # an unknown excitation or option is found here, before the run
+        for joint, signal in zip(self.joints, self.signals(), strict=True):  # unknown excitations and options end here
+            self._check_level(joint, signal)
         for joint in JOINTS:
             end_angles(self.p, joint)  # and so are pins that the actuator cannot span
 
@@ -95,6 +114,17 @@ class Experiment:
             raise InputError(
                 f"duration {self.duration} s is {self.duration / self.Ts:g} samples of {self.Ts} s; give a whole "
                 f"number of at least {SHORTEST}"
+            )
+
+    def _check_level(self, joint: str, signal: excitations.Excitation) -> None:
+        """InputError where the signal asks for more than the supply, or than the potentiometer can show."""
+        largest = abs(signal.amplitude) + abs(getattr(signal, "offset", 0.0))
+        servo = self.mode == "servo"
+        limit, what = (self.p["pot_supply"] / 2, "potentiometer") if servo else (self.p["supply_voltage"], "supply")
+        if largest > limit * (1 + 1e-9):
+            raise InputError(
+                f"{self.excitation} on the {joint} reaches {largest:g} V, the {what} {limit:g} V; give a smaller "
+                "amplitude or offset"
             )
 
     @property

@@ -123,7 +123,15 @@ TABLE: tuple[Row, ...] = (
         GUESS,
         "drive: the board looks at commands, switches and pots this often",
     ),
-    Row("delay", 0.02, 0, 1, "s", GUESS, "drive: from a command's time stamp to the board, in whole milliseconds"),
+    Row(
+        "delay",
+        0.02,
+        0,
+        1,
+        "s",
+        GUESS,
+        "drive: from a command's time stamp to the board, which looks once a switch_period",
+    ),
     Row("pot_noise", np.deg2rad(0.2), 0, 0.1, "rad", GUESS, "pot: standard deviation of white noise on a reading"),
     Row("pot_range", np.deg2rad(270.0), 0.5, 6.3, "rad", GUESS, "pot: electrical angle that the ADC's codes divide"),
     Row(

@@ -36,8 +36,9 @@ class Truth:
     end_angles [rad]: travel of the drive side; the link rests up to backlash / 2 beyond. backlash [rad]: whole width.
     load [N or N m]: what the drive holds at mid stroke, from the weight of the links. breakaway_voltage [V]: command
     that just starts the joint from rest at mid stroke towards smaller and larger angles, with weight, dry friction,
-    dead band and sag together (PWM steps left out), infinite where the supply cannot. dead_band [V], delay [s]: the
-    drive's. friction holds the levels, at rod or joint.
+    dead band and sag together (PWM steps left out), infinite where the supply cannot. dead_band [V]: the drive's.
+    delay [s]: until the board looks at a command that has come, in whole periods of the board. friction holds the
+    levels, at rod or joint.
     """
 
     joint: str
@@ -105,7 +106,7 @@ def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mod
         load(joint, p, model, data),
         breakaway(joint, p),
         switches.dead_band,
-        p["delay"],
+        _until_seen(p["delay"], switches.period, h),
         {
             "coulomb_up": dry.up,
             "coulomb_down": dry.down,
@@ -113,6 +114,12 @@ def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mod
             **{name: p[f"{joint}.{name}"] for name in ("viscous", "bearing_coulomb", "bearing_viscous")},
         },
     )
+
+
+def _until_seen(delay: float, period: float, h: float) -> float:
+    """What a delay [s] acts as: commands come in whole simulation steps, and the board looks once a period."""
+    tick = max(1, round(period / h))
+    return -(-round(delay / h) // tick) * tick * h
 
 
 def _linear_bench(joint: str, p: Parameters) -> tuple[mujoco.MjModel, mujoco.MjData]:

@@ -14,6 +14,8 @@ from twin.experiment import POT_SIDES
 from twin.leg import REALISATIONS
 from twin.parameters import LEG
 
+STROKE = ("stays inside its stroke (inside)", "surely meets both ends (ends)")
+
 
 def simulate(
     joint: Annotated[str, options.name("which", (*twin.JOINTS, LEG))] = "thigh",
@@ -25,6 +27,9 @@ def simulate(
     settings: Annotated[
         str, typer.Option("--set", metavar="A=1,B=2", help="the excitation's own settings, for example amplitude=6")
     ] = "",
+    stroke: Annotated[
+        str | None, typer.Option(metavar="NAME", help=f"change the settings so that the joint {' or '.join(STROKE)}")
+    ] = None,
     without: Annotated[
         str, typer.Option(metavar="A,B", help=f"imperfections to leave out, of {', '.join(twin.IMPERFECTIONS)}")
     ] = "",
@@ -55,6 +60,10 @@ def simulate(
         pot_side,
         realisation,
     )
+    if stroke is not None:
+        from twin.design import fit_stroke
+
+        experiment = fit_stroke(experiment, stroke)
     folder = Path(out) if out is not None else default_folder("simulate")
     target = Path(log) if log is not None else folder / "log.csv"
     inside = target.parent.resolve() == folder.resolve()
