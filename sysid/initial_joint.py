@@ -86,7 +86,7 @@ def _draw(chain: Chain, seen: _Record, rng: np.random.Generator, k: int) -> np.n
         "lag": 0.5 if plain else float(np.exp(rng.uniform(np.log(0.1), np.log(max(3.0, len(seen.y) / 400))))),
         "rise": friction * (1.0 + tilt),
         "fall": friction * (1.0 - tilt),
-        "stick": 0.1,
+        "stick": 0.2 if plain else rng.uniform(0.0, 0.6),
         "load0": load,
         "loss": 0.1,
         "delay": 0.2 if plain else rng.uniform(0.0, 1.0),
@@ -94,7 +94,9 @@ def _draw(chain: Chain, seen: _Record, rng: np.random.Generator, k: int) -> np.n
         "upper": 1.0 if mapped else seen.high,
         "x0": share if mapped else first,
     }
-    values["stick_speed"] = 0.1 * values["gain"] * seen.volts
+    values["stick_speed"] = (
+        values["gain"] * seen.volts * (0.03 if plain else np.exp(rng.uniform(*np.log([0.003, 0.3]))))
+    )
     if not mapped and seen.sign < 0:
         values["gain"] = 1e-6
     for b in chain.blocks:
