@@ -86,7 +86,7 @@ def _draw(chain: Chain, seen: _Record, rng: np.random.Generator, k: int) -> np.n
         "lag": 0.5 if plain else float(np.exp(rng.uniform(np.log(0.1), np.log(max(3.0, len(seen.y) / 400))))),
         "rise": friction * (1.0 + tilt),
         "fall": friction * (1.0 - tilt),
-        "stick": 0.2 if plain else rng.uniform(0.0, 0.6),
+        "stick": friction * (0.2 if plain else rng.uniform(0.0, 0.6)),
         "load0": load,
         "loss": 0.1,
         "delay": 0.2 if plain else rng.uniform(0.0, 1.0),

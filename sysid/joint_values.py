@@ -85,9 +85,8 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
     def held(theta: np.ndarray, direction: int, static: bool) -> float:
         load = of("load0")(theta)  # of the motor's own `at`, mid stroke
         dry = of("rise" if direction > 0 else "fall")(theta)
-        volts = load + direction * (
-            dry * (1.0 + (of("stick")(theta) if static else 0.0)) + of("loss")(theta) * abs(load)
-        )
+        extra = of("stick")(theta) if static else 0.0
+        volts = load + direction * (dry + extra + of("loss")(theta) * abs(load))
         return _through_driver(chain, theta, volts)
 
     found: dict[str, Reading] = {

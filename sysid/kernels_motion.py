@@ -17,14 +17,14 @@ _TINY = 1e-12
 def _pull(m, x, v, w, sign, at, own, column):
     """Speed that the motor tends to, and what it changes by: (speed, d/dx, d/dv, d/dw); d/dtheta goes into `own`.
 
-    gain (w - L - sign F) with load L(x) and dry friction F = C (1 + stick exp(-(v / stick_speed)^2)) + loss |L|.
+    gain (w - L - sign F) with load L(x) and dry friction F = C + stick exp(-(v / stick_speed)^2) + loss |L|.
     """
     xi = x - at
     L = m[LOAD0] + m[LOAD1] * xi + m[LOAD2] * xi * xi
     C = m[RISE] if sign > 0.0 else m[FALL]
     ratio = v / m[STICK_SPEED]
     E = np.exp(-ratio * ratio)
-    F = C * (1.0 + m[STICK] * E) + m[LOSS] * abs(L)
+    F = C + m[STICK] * E + m[LOSS] * abs(L)
     net = w - L - sign * F
     g = m[GAIN]
     dL = -g * (1.0 + sign * m[LOSS] * np.sign(L))
@@ -32,16 +32,16 @@ def _pull(m, x, v, w, sign, at, own, column):
         own[:] = 0.0
         # A parameter that the block does not have has column -1, the last one of `own`, which nobody reads.
         own[column[GAIN]] = net
-        own[column[RISE if sign > 0.0 else FALL]] = -g * sign * (1.0 + m[STICK] * E)
-        own[column[STICK]] = -g * sign * C * E
-        own[column[STICK_SPEED]] = -g * sign * C * m[STICK] * E * 2.0 * ratio * ratio / m[STICK_SPEED]
+        own[column[RISE if sign > 0.0 else FALL]] = -g * sign
+        own[column[STICK]] = -g * sign * E
+        own[column[STICK_SPEED]] = -g * sign * m[STICK] * E * 2.0 * ratio * ratio / m[STICK_SPEED]
         own[column[LOAD0]] = dL
         own[column[LOAD1]] = dL * xi
         own[column[LOAD2]] = dL * xi * xi
         own[column[LOSS]] = -g * sign * abs(L)
         own[len(own) - 1] = 0.0
     slope = dL * (m[LOAD1] + 2.0 * m[LOAD2] * xi)
-    return g * net, slope, g * sign * C * m[STICK] * E * 2.0 * v / (m[STICK_SPEED] * m[STICK_SPEED]), g
+    return g * net, slope, g * sign * m[STICK] * E * 2.0 * v / (m[STICK_SPEED] * m[STICK_SPEED]), g
 
 
 @njit(cache=True, nogil=True)
@@ -50,9 +50,9 @@ def _direction(m, x, w, at):
     xi = x - at
     L = m[LOAD0] + m[LOAD1] * xi + m[LOAD2] * xi * xi
     held = m[LOSS] * abs(L)
-    if w - L > m[RISE] * (1.0 + m[STICK]) + held and x < m[UPPER]:
+    if w - L > m[RISE] + m[STICK] + held and x < m[UPPER]:
         return 1.0
-    if w - L < -(m[FALL] * (1.0 + m[STICK]) + held) and x > m[LOWER]:
+    if w - L < -(m[FALL] + m[STICK] + held) and x > m[LOWER]:
         return -1.0
     return 0.0
 

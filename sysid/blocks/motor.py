@@ -16,8 +16,8 @@ class Motor(Block):
     """lag v' + v = gain (u - L(x) - F sign v), x' = v between two stops; time in samples, x in strokes.
 
     gain is the speed per volt, lag the motor's time constant. F is dry friction in volts: `rise` against motion up and
-    `fall` against motion down, plus loss |L|, what a screw takes of its load; with `stribeck` it grows to 1 + stick
-    times as speed falls below stick_speed. At rest the motor stands until the input exceeds friction, load included:
+    `fall` against motion down, plus loss |L|, what a screw takes of its load; with `stribeck` it grows by `stick`
+    as speed falls below stick_speed. At rest the motor stands until the input exceeds friction, load included:
     stick is a state, not a steep slope. L(x) = load0 + load1 (x - at) + load2 (x - at)^2, as many as `load` asks for.
     With `stops` it ends at `lower` and `upper`, where its speed is lost; put x in strokes and hold them at 0 and 1, or
     leave them free and the map behind fixed. Each input is held for one sample and arrives `delay` samples late.
@@ -57,7 +57,10 @@ class Motor(Block):
             (k.FALL, Slot("fall", "V", lower=0.0)),
         ]
         if self.stribeck:
-            found += [(k.STICK, Slot("stick", lower=0.0)), (k.STICK_SPEED, Slot("stick_speed", "1/sample", lower=1e-9))]
+            found += [
+                (k.STICK, Slot("stick", "V", lower=0.0)),
+                (k.STICK_SPEED, Slot("stick_speed", "1/sample", lower=1e-9)),
+            ]
         found += [(place, Slot(f"load{i}", "V")) for i, place in enumerate((k.LOAD0, k.LOAD1, k.LOAD2)[: self.load])]
         if self.loss:
             found.append((k.LOSS, Slot("loss", lower=0.0)))
@@ -107,7 +110,7 @@ class Motor(Block):
         def along(moves: dict[str, float]) -> np.ndarray:
             return np.array([moves.get(name, 0.0) * value for name, value in zip(names, theta, strict=True)])
 
-        volts = {"gain": -1.0, **dict.fromkeys(("rise", "fall", "load0", "load1", "load2"), 1.0)}
+        volts = {"gain": -1.0, **dict.fromkeys(("rise", "fall", "stick", "load0", "load1", "load2"), 1.0)}
         found = [Symmetry(along(volts), in_scale=1.0)]
         if self.load:
             found.append(Symmetry(np.array([float(name == "load0") for name in names]), in_shift=1.0))
