@@ -73,9 +73,14 @@ def _draw(chain: Chain, seen: _Record, rng: np.random.Generator, k: int) -> np.n
     span = max(seen.high - seen.low, 1e-12)
     mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
     ends = (seen.low, seen.high) if seen.sign > 0 else (seen.high, seen.low)
+    if chain.block("sensor") is not None:  # what it shows says little of where the ends are: try either side of zero
+        reach = max(abs(seen.low), abs(seen.high))
+        share = rng.uniform(0.0, 1.0) if rng.random() < 0.8 else 1.0
+        ends = (-reach * share, reach) if rng.random() < 0.5 else (-reach, reach * share)
+        span = ends[1] - ends[0]
     unit = span if mapped else 1.0
     first = seen.y[: max(1, min(3, len(seen.y)))].mean()
-    share = float(np.clip((first - ends[0]) / (ends[1] - ends[0] or 1.0), 0.0, 1.0))
+    begin = float(np.clip((first - ends[0]) / (ends[1] - ends[0] or 1.0), 0.0, 1.0))
     plain = k == 0
     friction = seen.volts * (0.15 if plain else np.exp(rng.uniform(np.log(0.01), np.log(0.7))))
     tilt = 0.0 if plain else rng.uniform(-0.4, 0.4)
@@ -92,7 +97,7 @@ def _draw(chain: Chain, seen: _Record, rng: np.random.Generator, k: int) -> np.n
         "delay": 0.2 if plain else rng.uniform(0.0, 1.0),
         "lower": 0.0 if mapped else seen.low,
         "upper": 1.0 if mapped else seen.high,
-        "x0": share if mapped else first,
+        "x0": begin if mapped else first,
     }
     values["stick_speed"] = (
         values["gain"] * seen.volts * (0.03 if plain else np.exp(rng.uniform(*np.log([0.003, 0.3]))))
