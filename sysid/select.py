@@ -1,10 +1,10 @@
 """Structure search: orders x delay x maps, cross-validated in free run, pruned early, parallel, resumable.
 
-Four rounds. Linear models of all orders and delays first, since they cost next to nothing; then every pair of maps
-around the few best orders, one start each; then the best third of these with many starts; then lower orders around the
-winner, for as long as nothing is lost by them. Each candidate is fitted to
-one part of the record and judged on the other, the first part's turn and the second's (two folds), so that the winner
-was not chosen on data that it saw.
+Four rounds. Linear models of all orders and delays first, since they cost next to nothing, and an actuated joint; then
+every pair of maps around the few best orders, one start each; then the best third of these with many starts, and the
+joint where it beat every linear model, as it does where the record integrates and stops; then lower orders around the
+winner, for as long as nothing is lost by them. Each candidate is fitted to one part of the record and judged on the
+other, the first part's turn and the second's (two folds), so that the winner was not chosen on data that it saw.
 """
 
 import itertools
@@ -23,6 +23,7 @@ from sysid.estimation import fit as fit_chain
 from sysid.fitting import Fit
 from sysid.iterate import Options
 from sysid.journal import Journal
+from sysid.preprocess import retrend
 from sysid.structures import TABLE, build
 from sysid.threads import available
 
@@ -34,7 +35,10 @@ MAPS = ("unit_gain", "saturation", "dead_zone", "piecewise_linear")
 
 @dataclass(frozen=True)
 class Space:
-    """What is searched: every combination of nb, nf, nk, and of the maps where the structure has a place for them."""
+    """What is searched: every combination of nb, nf, nk, and of the maps where the structure has a place for them.
+
+    joint: an actuated joint too.
+    """
 
     nb: tuple[int, ...] = (1, 2, 3)
     nf: tuple[int, ...] = (1, 2, 3)
@@ -43,6 +47,7 @@ class Space:
     output: tuple[str, ...] = MAPS
     kept_orders: int = 3
     starts: int = 5
+    joint: bool = True
 
     def __post_init__(self) -> None:
         for name in ("nb", "nf", "nk", "input", "output"):
@@ -52,7 +57,7 @@ class Space:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One structure with its orders and maps; None for a map that it has no place for."""
+    """One structure with its orders and maps; None for a map that it has no place for, orders 0 where it has none."""
 
     structure: str
     nb: int
@@ -65,9 +70,21 @@ class Candidate:
         """The chain to fit."""
         return build(self.structure, self.nb, self.nf, self.nk, self.input, self.output)
 
+    @property
+    def orders(self) -> str:
+        """The orders as people write them; empty for a structure that has none."""
+        return f"({self.nb},{self.nf},{self.nk})" if self.nb else ""
+
     def __str__(self) -> str:
         maps = "/".join(m for m in (self.input, self.output) if m)
-        return f"{self.structure} ({self.nb},{self.nf},{self.nk})" + (f" {maps}" if maps else "")
+        return " ".join(part for part in (self.structure, self.orders, maps) if part)
+
+    def scale(self, data: IOData) -> IOData:
+        """The record as this candidate wants it: volts and angles of a joint count from zero, not from a mean."""
+        return retrend(data) if self == JOINT else data
+
+
+JOINT = Candidate("actuated_joint", 0, 0, 0)
 
 
 @dataclass(frozen=True)
@@ -135,6 +152,7 @@ def select(
 
     jobs: processes (all cores if None); journal: a file that keeps every finished candidate, so that a killed search
     goes on where it stood; progress(done, total, name) is called after each. The numbers do not depend on jobs.
+    The fit of an actuated joint is to the record with its means back, see `retrend`.
     Raises InputError for a journal of another record, space or seed.
     """
     space = space or Space()
@@ -145,11 +163,13 @@ def select(
         Candidate("output_error", *o) for o in itertools.product(space.nb, space.nf, space.nk) if o[0] <= o[1] + 1
     ]
     first = work.judge(1, linear, starts=1, iterations=50)
+    joint = work.judge(1, [JOINT] if space.joint else [], starts=1, iterations=50)
     orders = _best_orders(first, space.kept_orders)
     second = work.judge(2, _around(space, orders), starts=1, iterations=30)
     survivors = sorted(second, key=_score)[: max(3, -(-len(second) // 3))]
+    survivors += [r for r in joint if r.fit_percent > max(other.fit_percent for other in first)]
     third = work.judge(3, [r.candidate for r in survivors], starts=space.starts, iterations=200)
-    judged = {r.candidate: r for r in (*first, *second, *third)}  # the latest round counts
+    judged = {r.candidate: r for r in (*first, *joint, *second, *third)}  # the latest round counts
     rows, chosen = _ranked(judged)
     for _ in range(_SHRINKING):
         smaller = [c for c in _smaller(chosen.candidate) if c not in judged or judged[c].round < 3]
@@ -160,7 +180,8 @@ def select(
             break
     if not np.isfinite(rows[0].fit_percent):
         raise InputError("no structure of the space runs free on this record; look at the data or widen the space")
-    best = fit_chain(chosen.candidate.model(), data, search=search, starts=space.starts, seed=seed)
+    winner = chosen.candidate
+    best = fit_chain(winner.model(), winner.scale(data), search=search, starts=space.starts, seed=seed)
     return Selection(tuple(rows), chosen, best)
 
 
@@ -209,6 +230,7 @@ def _judge_one(job: tuple[Any, ...]) -> Row:
     parts, d, converged, variance = [], 0, True, 0.0
     for estimation, unseen in folds:
         try:
+            estimation, unseen = candidate.scale(estimation), candidate.scale(unseen)
             fit = fit_chain(candidate.model(), estimation, search=search, starts=starts, seed=seed, options=options)
             error = fit.residuals(unseen) ** 2
         except InputError:  # too short for these orders: not a usable structure here

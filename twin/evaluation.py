@@ -7,16 +7,19 @@ from typing import Any
 import numpy as np
 
 import sysid
+from sysid.block import StaticBlock
 from sysid.criteria import fit_percent
 from sysid.data import IOData
 from sysid.errors import InputError, unknown
 from sysid.higher_order import HigherOrderTests, higher_order_tests
 from sysid.intervals import Root
+from sysid.joint_values import JointValue, joint_values
 from sysid.nlarx import FOCUS
 from sysid.residuals import ResidualTests
-from twin.unvisited import unvisited
+from twin.unvisited import carried, unvisited
 
 NLARX = "nlarx"  # the structure whose orders are na, nb, nk, and which also runs one step ahead
+JOINT = "actuated_joint"  # the structure without orders, whose parameters are physical
 RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
 Progress = Callable[[str], None] | None
@@ -27,7 +30,8 @@ class Setting:
     """What is fitted and how: a structure with its orders and maps, a search, starts and seed.
 
     A map of None is the structure's own default. Of a nonlinear ARX model nf holds na, and `focus` names the errors
-    that it is fitted by. Raises InputError for names that do not exist, before any work.
+    that it is fitted by. An actuated joint has no orders; its maps are driver and sensor. Raises InputError for names
+    that do not exist, before any work.
     """
 
     structure: str = "hammerstein_wiener"
@@ -55,7 +59,9 @@ class Setting:
 
     @property
     def orders(self) -> dict[str, int]:
-        """The orders by name, in the order in which people give them."""
+        """The orders by name, in the order in which people give them; none of an actuated joint."""
+        if self.structure == JOINT:
+            return {}
         if self.structure == NLARX:
             return {"na": self.nf, "nb": self.nb, "nk": self.nk}
         return {"nb": self.nb, "nf": self.nf, "nk": self.nk}
@@ -102,7 +108,7 @@ class Evaluation:
     tangent linear model (None where there is no such model); `maps` holds the static curves that the structure has,
     in the order of the signal; `tests` and `higher` are None, with the reason in `notes`, where the validation part is
     too short; `roots` are the poles with their intervals, None where the record gives none. A nonlinear ARX model has
-    `one_step` beside its free run, and neither poles nor maps.
+    `one_step` beside its free run, and neither poles nor maps. An actuated joint has `values`, and no poles.
     """
 
     setting: Setting
@@ -119,7 +125,13 @@ class Evaluation:
     maps: dict[str, Curve]
     roots: tuple[Root, ...] | None = None
     one_step: OneStep | None = None
+    values: tuple[JointValue, ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def linear(self) -> bool:
+        """Whether the model has a linear block, and so poles."""
+        return isinstance(self.fit, sysid.Fit) and bool(self.fit.model.dynamics)
 
     @property
     def poles(self) -> np.ndarray:
@@ -137,7 +149,7 @@ class Evaluation:
 
         Without such a block: whether both free runs stay near the range of the output (within RUNAWAY of its widths).
         """
-        if isinstance(self.fit, sysid.Fit):
+        if self.linear:
             return bool(np.all(np.abs(self.poles) < 1.0))
         y = np.concatenate([self.estimation.y[:, 0], self.validation.y[:, 0]])
         run = np.concatenate([self.estimation_output, self.validation_output])
@@ -163,6 +175,8 @@ class Evaluation:
                 row["note"] = root.note
         if self.one_step is not None:
             summary["one_step_fit_percent"] = self.one_step.as_dict()
+        if self.values:
+            summary["values"] = [vars(value) for value in self.values]
         return summary
 
 
@@ -193,8 +207,8 @@ def evaluate_fit(
         higher = _higher_order(fit, validation)
     except InputError as error:
         notes.append(f"no residual tests: {error}")
-    step = None
-    if chain is not None:
+    step, joint = None, chain is not None and setting.structure == JOINT
+    if chain is not None and not joint:
         step = _step_response(chain, float(np.mean(estimation.u)))
         if step is None:
             notes.append("no step response: the tangent model has no finite one")
@@ -211,7 +225,7 @@ def evaluate_fit(
             f"the fit is {seen} where it was fitted and {unseen} where it was not: the model is too large for this "
             "record, or its parts differ; lower the orders, choose smaller maps or look at the data"
         )
-    notes += unvisited(estimation, validation)
+    notes += carried(chain, estimation, validation) if chain and joint else unvisited(estimation, validation)
     return Evaluation(
         setting=setting,
         fit=fit,
@@ -227,6 +241,7 @@ def evaluate_fit(
         maps=_maps(chain, estimation) if chain else {},
         roots=_roots(chain, estimation, coloured=tests is not None and not tests.white) if chain else None,
         one_step=_one_step(network, estimation, validation) if network else None,
+        values=_values(chain, estimation) if chain and joint else (),
         notes=tuple(notes),
     )
 
@@ -253,6 +268,8 @@ def _higher_order(fit: sysid.Fit | sysid.NlarxFit, data: IOData) -> HigherOrderT
 
 def _roots(fit: sysid.Fit, data: IOData, coloured: bool) -> tuple[Root, ...] | None:
     """Poles with intervals, wider where residuals are coloured; None where the library cannot compute them."""
+    if not fit.model.dynamics:
+        return None
     try:
         return sysid.intervals.poles(sysid.information(fit, data, lags="auto" if coloured else None))
     except InputError:
@@ -265,6 +282,12 @@ def _check_can_be_scored(data: IOData, part: str) -> None:
             raise InputError(
                 f"the {role} does not move in the {part} part ({data.N} samples); choose another split or record"
             )
+
+
+def _values(fit: sysid.Fit, data: IOData) -> tuple[JointValue, ...]:
+    """Physical values with the output's own unit in the place of y."""
+    unit = data.y_unit or "y"
+    return tuple(replace(v, unit=unit + v.unit[1:]) if v.unit[0] == "y" else v for v in joint_values(fit))
 
 
 def _step_response(fit: sysid.Fit, u0: float) -> Curve | None:
@@ -281,10 +304,10 @@ def _step_response(fit: sysid.Fit, u0: float) -> Curve | None:
 
 
 def _maps(fit: sysid.Fit, data: IOData) -> dict[str, Curve]:
-    """The static maps over the range that the estimation data visited."""
+    """The static maps over the range that the estimation data visited, by role."""
     maps, x = {}, np.ascontiguousarray(data.u[:, 0])
     for block in fit.model.blocks:
-        if block.role in ("input", "output"):
+        if isinstance(block, StaticBlock):
             grid = np.linspace(x.min(), x.max(), 201)
             y = fit.curve(block.role, grid)
             if y is not None:

@@ -6,7 +6,10 @@ from pathlib import Path
 import sysid
 from sysid import export_c, export_python
 from sysid.errors import InputError
-from twin.evaluation import Evaluation
+from twin.evaluation import JOINT, Evaluation
+
+SAVED = ("model.json", "the fit; sysid.load reads it again, on the scale of the data without what was removed")
+MOTOR = "C, Python and the closed form are not available for motor blocks yet: of this model there is the JSON alone"
 
 
 @dataclass(frozen=True)
@@ -20,7 +23,7 @@ class Exports:
 def export(evaluation: Evaluation, folder: Path) -> Exports:
     """model.json, model.c and model.py in `folder`; the last two take and give what the record holds, means included.
 
-    A nonlinear ARX model has no such files yet, which `notes` says.
+    A nonlinear ARX model has no such files yet, an actuated joint model.json alone, which `notes` says.
     """
     fit, data = evaluation.fit, evaluation.estimation
     if not isinstance(fit, sysid.Fit):
@@ -28,13 +31,15 @@ def export(evaluation: Evaluation, folder: Path) -> Exports:
     u0, y0 = float(data.u_offset[0]), float(data.y_offset[0])
     try:
         sysid.save(fit, folder / "model.json")
+        if evaluation.setting.structure == JOINT:
+            return Exports((SAVED,), (MOTOR,))
         export_c.write(fit, folder / "model.c", u_offset=u0, y_offset=y0)
         export_python.write(fit, folder / "model.py", u_offset=u0, y_offset=y0)
     except InputError as error:
         return Exports(notes=(f"no model files: {error}",))
     return Exports(
         (
-            ("model.json", "the fit; sysid.load reads it again, on the scale of the data without what was removed"),
+            SAVED,
             ("model.c", "C99, a state and a step function; from the recorded input to the recorded output's scale"),
             ("model.py", "the same in Python without any import but math"),
         )

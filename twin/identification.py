@@ -12,7 +12,7 @@ from sysid.data import IOData
 from sysid.errors import InputError, unknown
 from sysid.preprocess import quick_start
 from sysid.select import Selection, Space, select
-from twin.evaluation import Evaluation, Setting, check_parts, evaluate, evaluate_fit
+from twin.evaluation import JOINT, Evaluation, Setting, check_parts, evaluate, evaluate_fit
 from twin.record import Record, read_record
 from twin.versions import versions
 
@@ -64,15 +64,22 @@ def identify_file(
     Ts: float | None = None,
     time: str | None = None,
     split: float = 0.5,
-    detrend: str = "mean",
+    detrend: str | None = None,
     fitting: Callable[[], None] = lambda: None,
     candidate: Callable[[int, int, str], None] | None = None,
 ) -> Identification:
     """Reads the file, prepares both parts and fits `setting` to the first; `fitting` is called before the fit.
 
     A structure search sees the first part alone, as every fit does; `candidate(done, total, name)` hears its progress.
+    `detrend` is "mean" if None is given, but "none" of an actuated joint, whose volts and angles count from zero.
     Every InputError names the file, also where the identifier itself finds that the record will not do.
     """
+    joint = isinstance(setting, Setting) and setting.structure == JOINT
+    detrend = detrend or ("none" if joint else "mean")
+    if joint and detrend != "none":
+        raise InputError(
+            f"detrend is {detrend!r}, and volts and angles of an {JOINT} count from zero; leave it out or give none"
+        )
     record = read_record(path, input, output, Ts, time)
     try:
         estimation, validation = quick_start(record.data, split, detrend)
@@ -85,6 +92,7 @@ def identify_file(
             selection, evaluation = None, evaluate(setting, estimation, validation)
     except InputError as error:
         raise InputError(f"{record.path}: {error}") from None
+    detrend = "none" if evaluation.setting.structure == JOINT else detrend
     return Identification(record, split, detrend, evaluation, advice, selection)
 
 
@@ -96,4 +104,4 @@ def _search(
     found = select(estimation, space, auto.search, auto.seed, journal=auto.journal, progress=candidate)
     c = found.chosen.candidate
     setting = Setting(c.structure, c.nb, c.nf, c.nk, c.input, c.output, auto.search, auto.starts, auto.seed)
-    return found, evaluate_fit(setting, found.fit, estimation, validation)
+    return found, evaluate_fit(setting, found.fit, c.scale(estimation), c.scale(validation))

@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 import twin
-from sysid.criteria import fit_percent
 from sysid.errors import InputError
 from sysid.preprocess import quick_start
+from twin import ablation, beyond
+from twin.ablation import Ablation
+from twin.beyond import Beyond
 from twin.evaluation import Evaluation, Setting, evaluate
 from twin.log import Log
 from twin.truth import Truth
@@ -67,7 +69,11 @@ PAPER: dict[str, PaperRow] = {
         (0.9848, 0.0, 0.0, 0.0, 0.0),
     ),
 }
-STEPS = 4 * len(PAPER)  # what `run` announces
+
+
+def steps(ablated: bool = False) -> int:
+    """How many steps `run` announces."""
+    return (4 + beyond.STEPS + (ablation.STEPS if ablated else 0)) * len(PAPER)
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,8 @@ class JointResult:
     """One joint: its log, its truth, its three models, and the ceiling that noise sets.
 
     `ceiling` [%] is the fit of the twin's noise-free output against its measured output on the validation half: no
-    model can be expected to run better.
+    model can be expected to run better. `beyond` is what an actuated joint makes of the same record and of one that
+    does not repeat itself, `ablation` what is lost without parts of it, where that was asked for.
     """
 
     joint: str
@@ -86,6 +93,8 @@ class JointResult:
     default: Evaluation
     final: Evaluation
     ceiling: float
+    beyond: Beyond
+    ablation: tuple[Ablation, ...] = ()
 
     @property
     def truth_error(self) -> float:
@@ -141,6 +150,8 @@ class ProtocolResult:
             "duration": self.duration,
             "Ts": TS,
             "joints": {r.joint: _joint_summary(r) for r in self.joints},
+            "beyond": {r.joint: r.beyond.as_dict() for r in self.joints},
+            "ablation": {r.joint: {a.record: a.as_dict() for a in r.ablation} for r in self.joints if r.ablation},
             "checks": [vars(check) for check in self.checks],
             "holds": self.holds,
             "seconds": self.seconds,
@@ -149,19 +160,22 @@ class ProtocolResult:
 
 
 def run(
-    seed: int = 0, duration: float = DURATION, announce: Callable[[str], None] = lambda name: None
+    seed: int = 0,
+    duration: float = DURATION,
+    announce: Callable[[str], None] = lambda name: None,
+    ablated: bool = False,
 ) -> ProtocolResult:
-    """Runs the protocol; `announce` hears the name of each step before it begins."""
+    """Runs the protocol; `announce` hears the name of each step before it begins. `ablated`: see `twin.ablation`."""
     if not SHORTEST <= duration < float("inf"):
         raise InputError(
             f"--duration is {duration:g} s; give at least {SHORTEST:g} s, or half of it is too few samples"
         )
     began = time.perf_counter()
-    joints = tuple(_run_joint(joint, seed, duration, announce) for joint in PAPER)
+    joints = tuple(_run_joint(joint, seed, duration, announce, ablated) for joint in PAPER)
     return ProtocolResult(seed, duration, joints, time.perf_counter() - began)
 
 
-def _run_joint(joint: str, seed: int, duration: float, announce: Callable[[str], None]) -> JointResult:
+def _run_joint(joint: str, seed: int, duration: float, announce: Callable[[str], None], ablated: bool) -> JointResult:
     announce(f"{joint}: experiment")
     log = twin.Experiment(joint=joint, excitation="sweep", duration=duration, Ts=TS, seed=seed).run()
     estimation, validation = quick_start(log.io())
@@ -171,8 +185,7 @@ def _run_joint(joint: str, seed: int, duration: float, announce: Callable[[str],
     default = evaluate(DEFAULT, estimation, validation)
     announce(f"{joint}: the paper's final model")
     final = evaluate(PAPER[joint].setting, estimation, validation)
-    assert log.y_true is not None
-    scored = slice(estimation.N + final.fit.n_init, None)
+    further = beyond.run(joint, PAPER[joint].setting, log, final, seed, duration, announce)
     return JointResult(
         joint=joint,
         paper=PAPER[joint],
@@ -181,7 +194,9 @@ def _run_joint(joint: str, seed: int, duration: float, announce: Callable[[str],
         nlarx=nlarx,
         default=default,
         final=final,
-        ceiling=fit_percent(log.y[scored], log.y_true[scored]),
+        ceiling=beyond.ceiling(log, slice(estimation.N + final.fit.n_init, None)),
+        beyond=further,
+        ablation=ablation.run(further, PAPER[joint].setting, announce) if ablated else (),
     )
 
 

@@ -128,6 +128,18 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["--output-map", "auto", "leave it out"],
     ),
     "auto with a search": (["good.csv", "--ts", "1", "--structure", "auto", "--search", "x"], ["search 'x'", "lm"]),
+    "joint with orders": (
+        ["good.csv", "--ts", "1", "--structure", "actuated_joint", "--orders", "2,3,1"],
+        ["--orders", "actuated_joint", "leave it out"],
+    ),
+    "joint without its zero": (
+        ["good.csv", "--ts", "1", "--structure", "actuated_joint", "--detrend", "mean"],
+        ["detrend is 'mean'", "actuated_joint", "leave it out or give none"],
+    ),
+    "driver of a joint": (
+        ["good.csv", "--ts", "1", "--structure", "actuated_joint", "--input-map", "x"],
+        ["driver map 'x'", "dead_zone_saturation"],
+    ),
     "resume without auto": (["good.csv", "--ts", "1", "--resume", "j"], ["--resume", "auto"]),
     "resume from no journal": (
         ["good.csv", "--ts", "1", "--structure", "auto", "--resume", "text.csv"],

@@ -6,13 +6,19 @@ import math
 import numpy as np
 import pytest
 
+import sysid
+from sysid.criteria import criteria
 from sysid.data import IOData
+from sysid.fitting import Fit
+from sysid.iterate import Stop
+from sysid.joint_values import JointValue
 from sysid.preprocess import detrend
+from sysid.uncertainty import Covariance
 from twin.cli.console import Rounds, Steps
-from twin.report import style
+from twin.report import sections, style
 from twin.report.page import Grid, to_json
 from twin.report.units import number, percent, poles, shown
-from twin.unvisited import unvisited
+from twin.unvisited import carried, unvisited
 
 
 @pytest.mark.parametrize(
@@ -99,3 +105,32 @@ def test_a_signal_that_leaves_the_range_seen_is_named_on_its_own_scale():
     assert note.startswith("voltage was seen from -1 to 1 V")
     assert "to 3 V in the validation part (0.5 % of it outside)" in note
     assert unvisited(new, seen) == []
+
+
+def joint_between(low: float, high: float) -> Fit:
+    """An actuated joint with these ends, as if a search had found it."""
+    chain = sysid.structures.actuated_joint(knots=2)
+    theta = np.array([{"map.low": low, "map.high": high}.get(name, 0.5) for name in chain.names])
+    P = len(theta)
+    none = Covariance(np.zeros((P, P)), np.zeros(P, dtype=bool), 1.0)
+    stop = Stop("", True, 0, 0)
+    return Fit(chain, theta, 0.1, criteria(1.0, 400, P), none, stop, (), (), (1.0,), 0.0, "lm", 8)
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1.0, 3.0), (3.0, -1.0)])
+def test_what_physics_carries_is_named_with_how_far(low, high):
+    u = np.linspace(-1, 1, 400)
+    seen = IOData(u, np.linspace(0.0, 2.8, 400), 0.1)  # a quarter of the travel at the bottom is never seen
+    new = IOData(u, np.concatenate([np.full(100, -0.5), np.full(300, 1.0)]), 0.1)
+    (note,) = carried(joint_between(low, high), seen, new)
+    assert "lowest 25.0 % and the highest 5.0 % of the travel" in note
+    assert "in 25.0 % of its samples" in note
+    assert carried(joint_between(-0.05, 2.85), seen, new) == []
+
+
+def test_a_physical_value_is_shown_in_degrees_with_the_digits_that_its_interval_means():
+    value = JointValue("end_low", np.radians(-10.1234), np.radians(-10.17), np.radians(-10.08), "rad")
+    assert sections.value_cells(value) == ("−10.123", "−10.170 to −10.080", "deg")
+    assert sections.value_cells(JointValue("delay", 0.02, None, None, "s")) == ("0.02000", sections.NOT_KNOWN, "s")
+    speed = JointValue("speed_per_volt", np.radians(5.0), np.radians(4.0), np.radians(6.0), "rad/s/V")
+    assert sections.value_cells(speed) == ("5.0", "4.0 to 6.0", "deg/s/V")

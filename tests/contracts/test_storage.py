@@ -5,7 +5,7 @@ from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pytest
-from cases import BLOCKS, VARIANTS
+from cases import BLOCKS, MOVING, VARIANTS
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,11 +15,12 @@ from sysid.blocks import TABLE, TransferFunction
 from sysid.chain import Chain
 from sysid.criteria import criteria
 from sysid.fitting import Fit
-from sysid.iterate import Stop
+from sysid.iterate import Options, Stop
+from sysid.joint_values import joint_values
 from sysid.storage import load, save
 from sysid.uncertainty import Covariance
 
-SAVED = {**{k: v for k, v in BLOCKS.items() if k != "custom"}, **VARIANTS}
+SAVED = {**{k: v for k, v in BLOCKS.items() if k != "custom"}, **VARIANTS, **MOVING}
 
 
 def same(a, b, where="fit"):
@@ -98,6 +99,18 @@ def test_every_block_with_every_option_comes_back(name, tmp_path):
     same(fit, back)
     u = np.random.default_rng(3).uniform(-3, 3, (50, fit.model.channels[0]))
     np.testing.assert_array_equal(back.simulate(u), fit.simulate(u))
+
+
+def test_an_actuated_joint_comes_back_with_its_physical_values(tmp_path):
+    chain = sysid.structures.actuated_joint(driver="dead_zone_saturation", knots=4)
+    rng = np.random.default_rng(4)
+    u = np.repeat(rng.uniform(-6.0, 6.0, 30), 10)
+    y = np.clip(np.cumsum(np.where(np.abs(u) > 2.0, 0.02 * u, 0.0)), -1.0, 1.0) + 0.01 * rng.normal(size=300)
+    fit = sysid.fit(chain, IOData(u, y, 0.1), starts=1, options=Options(max_iterations=5))
+    back = load(save(fit, tmp_path / "fit.json"))
+    same(fit, back)
+    assert joint_values(back) == joint_values(fit)
+    np.testing.assert_array_equal(back.simulate(IOData(u, y, 0.1)), fit.simulate(IOData(u, y, 0.1)))
 
 
 def test_every_registered_block_is_among_them():

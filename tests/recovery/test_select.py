@@ -1,11 +1,15 @@
 """Structure search: finds the true structure, prefers the smaller of equals, survives a kill."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import sysid
+import sysid.joint_values
 from sysid.errors import InputError
-from sysid.select import Candidate, Space, select
+from sysid.preprocess import detrend
+from sysid.select import JOINT, Candidate, Space, select
 from sysid.systems import system
 
 SMALL = Space(
@@ -41,6 +45,39 @@ def test_larger_equals_are_named_and_passed_over():
     assert found.chosen.candidate.nf == 2
     linear = next(r for r in found.rows if r.candidate.structure == "output_error")
     assert not linear.equal
+
+
+def joint_record(N=1000, seed=0):
+    """A motor between two stops, driven back and forth, on a scale whose means are not zero."""
+    chain = sysid.structures.actuated_joint(knots=2, play=False)
+    values = {"gain": 0.02, "lag": 0.8, "rise": 1.5, "fall": 1.0, "upper": 1.0, "x0": 0.5, "low": 2.0, "high": 5.0}
+    theta = np.array([values.get(name.split(".")[1], 0.0) for name in chain.names])
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.uniform(-6, 8, N // 10), 10)
+    y = chain.simulate(theta, u)
+    return sysid.IOData(u, y + 0.02 * rng.normal(size=N), 0.1)
+
+
+def test_a_joint_is_tried_and_wins_where_the_record_integrates_and_stops():
+    record = joint_record()
+    found = select(detrend(record), SMALL, jobs=1)
+    assert found.chosen.candidate == JOINT
+    assert str(JOINT) == "actuated_joint"
+    ends = {v.name: v.value for v in sysid.joint_values.joint_values(found.fit) if v.name.startswith("end_")}
+    assert ends == pytest.approx({"end_low": 2.0, "end_high": 5.0}, abs=0.02)  # on the record's own scale
+    assert found.fit.fit_percent(record) > 97.0
+
+
+def test_a_joint_goes_no_further_where_a_linear_model_runs_better_or_where_it_is_not_asked_for():
+    rng = np.random.default_rng(0)
+    u = np.repeat(rng.uniform(-2, 2, 200), 5)
+    chain = sysid.structures.output_error(2, 2, 1)
+    y = chain.simulate(np.array([0.3, 0.15, -1.5, 0.7, 0.0, 0.0]), u)
+    record = sysid.IOData(u, y + 0.02 * y.std() * rng.normal(size=1000), 0.1)
+    rows = {r.candidate: r for r in select(record, SMALL, jobs=1).rows}
+    assert rows[JOINT].round == 1
+    none = select(record, replace(SMALL, joint=False), jobs=1)
+    assert JOINT not in {r.candidate for r in none.rows}
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from twin.evaluation import Setting
     from twin.identification import Auto
 
-AUTO, NLARX = "auto", "nlarx"
+AUTO, NLARX, JOINT = "auto", "nlarx", "actuated_joint"
 ROUNDS = 4  # of a structure search
 
 
@@ -35,12 +35,16 @@ def identify(
         str | None,
         typer.Option(metavar="NB,NF,NK", help="zeros + 1, poles, delay in samples; of nlarx na,nb,nk [2,3,1; 2,2,1]"),
     ] = None,
-    input_map: Annotated[str | None, options.name("static map before the linear block", STATIC)] = None,
-    output_map: Annotated[str | None, options.name("static map behind it", STATIC)] = None,
+    input_map: Annotated[
+        str | None, options.name("static map before the linear block, or an actuated joint's driver", STATIC)
+    ] = None,
+    output_map: Annotated[
+        str | None, options.name("static map behind it, or an actuated joint's sensor", STATIC)
+    ] = None,
     focus: Annotated[str | None, options.name("errors that nlarx is fitted by", FOCUS)] = None,
     search: Annotated[str, options.name("search method", searches.TABLE)] = "auto",
     split: Annotated[float, options.number("PART", "first part of the record, which is fitted to")] = 0.5,
-    detrend: Annotated[str, options.name("what to remove", DETREND)] = "mean",
+    detrend: Annotated[str | None, options.name("what to remove [mean; none of an actuated joint]", DETREND)] = None,
     starts: Annotated[int, options.whole("N", "number of starting points")] = 5,
     seed: Annotated[int, options.whole("N", "of the starting points that are drawn at random")] = 0,
     resume: Annotated[
@@ -102,6 +106,10 @@ def _setting(
         return Auto(search, starts, seed, None if resume is None else Path(resume))
     if resume is not None:
         raise InputError(f"--resume is given with --structure {structure}; only --structure {AUTO} keeps a journal")
+    if structure == JOINT:
+        if orders is not None:
+            raise InputError(f"--orders is given with --structure {JOINT}, which has none; leave it out")
+        return Setting(structure, input_map=input_map, output_map=output_map, search=search, starts=starts, seed=seed)
     if structure == NLARX:
         n = options.orders(orders or "2,2,1", options.NLARX_ORDERS, "2,2,1")
     else:

@@ -12,6 +12,9 @@ from twin.cli.output import default_folder, output_folder
 def reproduce(
     seed: Annotated[int, options.whole("N", "of the twin's noise")] = 0,
     duration: Annotated[float, options.number("S", "length of each record in seconds")] = 250.0,
+    ablation: Annotated[
+        bool, typer.Option("--ablation", help="leave out parts of model and twin, one by one; takes minutes")
+    ] = False,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
@@ -23,8 +26,8 @@ def reproduce(
     from twin.stills import NoRenderer, leg_stills
 
     folder = Path(out) if out is not None else default_folder("reproduce")
-    with output_folder(folder) as scratch, console.progress(protocol.STEPS + 2) as step:
-        result = protocol.run(options.seed(seed), duration, step)
+    with output_folder(folder) as scratch, console.progress(protocol.steps(ablation) + 2) as step:
+        result = protocol.run(options.seed(seed), duration, step, ablation)
         step("3-D stills of the leg")
         stills: Stills
         try:

@@ -216,10 +216,17 @@ def step_response(curve: Curve, u: Quantity, y: Quantity) -> Figure:
 def static_maps(maps: dict[str, Curve]) -> Figure:
     """The static curves before and after the linear block, over the range that the data visited."""
     figure, axes = style.sheet(1, len(maps), height=2.8)
-    inside = {"input": ("input u", "into the linear block"), "output": ("out of the linear block", "output y")}
+    inside = {
+        "input": ("input u", "into the linear block"),
+        "output": ("out of the linear block", "output y"),
+        "driver": ("input u", "motor voltage"),
+        "map": ("actuator's position [strokes]", "output y"),
+        "sensor": ("behind play and linkage", "output y"),
+    }
     for ax, (role, curve) in zip(axes[0], maps.items(), strict=True):
         ax.plot(curve.x, curve.y, color=style.MODEL)
-        ax.set(title=f"{role} map", xlabel=inside[role][0], ylabel=inside[role][1])
+        x, y = inside.get(role, ("into the map", "out of the map"))
+        ax.set(title="linkage" if role == "map" else f"{role} map", xlabel=x, ylabel=y)
     return figure
 
 

@@ -44,7 +44,7 @@ def terminal_tables(result: Identification) -> list[Grid]:
     """What the command prints: the ranking of a search, criteria and poles."""
     e = result.evaluation
     ranking = [] if result.selection is None else [ranking_grid(result)]
-    return [*ranking, sections.criteria_grid(e), *sections.only([sections.pole_grid(e)])]
+    return [*ranking, sections.criteria_grid(e), *sections.only([sections.pole_grid(e), sections.values_grid(e)])]
 
 
 def terminal_sentences(result: Identification) -> list[str]:
@@ -67,7 +67,7 @@ def ranking_grid(result: Identification) -> Grid:
         maps = " / ".join(m.replace("_", " ") for m in (c.input, c.output) if m) or "–"
         chosen = c == result.selection.chosen.candidate
         mark = "chosen" if chosen else ("equal" if row.equal else "")
-        name = f"{c.structure.replace('_', '-')} ({c.nb},{c.nf},{c.nk})"
+        name = f"{c.structure.replace('_', '-')} {c.orders}".rstrip()
         rows.append((str(k), name, maps, percent(row.fit_percent), str(row.d), mark))
     total = len(result.selection.rows)
     caption = f"The best {min(RANKED, total)} of {total} candidates and the chosen one: fit on parts not fitted to"
@@ -128,9 +128,11 @@ def _verdict(result: Identification) -> list[str]:
 
 
 def _stability(e: Evaluation) -> str:
-    if e.one_step is None:
+    if e.linear:
         return f"It is {'stable' if e.stable else 'not stable'}: poles {poles(e.poles)}."
     runs = "Its free run stays near the data." if e.stable else "Its free run RUNS AWAY from the data."
+    if e.one_step is None:
+        return runs
     return f"{runs} One step ahead, where it sees all earlier outputs, it reaches {percent(e.one_step.validation_fit)}."
 
 
@@ -159,6 +161,13 @@ def _offset(quantity: Quantity, value: float) -> str:
 _ONE_STEP = " The last panel is no free run: each sample there is foretold from the measured ones before it."
 
 
+_PHYSICS = (
+    "The parameters of an actuated joint are physical, so the table can be set beside a data sheet. Speeds are those "
+    "at mid stroke; a break-away voltage holds dry friction, load and what the driver takes; up is towards larger "
+    "outputs. The intervals take the structure as true."
+)
+
+
 def _output(e: Evaluation) -> Section:
     run = Picture(
         "free-run",
@@ -177,8 +186,8 @@ def _model(e: Evaluation) -> Section:
     ]
     return Section(
         "Model",
-        [*filter(None, [sections.intervals_in_words(e)])],
-        tables=sections.only([sections.criteria_grid(e), sections.pole_grid(e)]),
+        [*filter(None, [sections.intervals_in_words(e)]), *([_PHYSICS] if e.values else [])],
+        tables=sections.only([sections.values_grid(e), sections.criteria_grid(e), sections.pole_grid(e)]),
         pictures=sections.only(pictures),
         details=[sections.parameter_grid(e)],
     )

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from twin.beyond import RECORDS
 from twin.evaluation import Evaluation
 from twin.protocol import TS, JointResult, ProtocolResult
-from twin.report import figures, sections, style
+from twin.report import beyond, figures, sections, style
 from twin.report.page import Grid, Page, Picture, Section
 from twin.report.units import number, percent, poles
 from twin.versions import versions
@@ -41,6 +42,8 @@ def page(result: ProtocolResult, stills: Stills) -> Page:
             _leg(stills),
             Section("Results", [_READING], tables=[table(result)], details=[]),
             Section("Truth", [_TRUTH], tables=[truth_table(result), checks_table(result)]),
+            beyond.section(result),
+            *sections.only([beyond.ablation_section(result)]),
             *(_joint(r) for r in result.joints),
         ],
         made_with=versions(),
@@ -78,12 +81,14 @@ def verdict(result: ProtocolResult) -> list[str]:
         f"default NLARX models reach {networks}, and noise alone would allow {ceilings}. The sweep repeats itself, so "
         "a high fit does not say that a model has found the leg: compare its poles with the truth below."
     )
+    further = beyond.verdict(result)
     if not failed:
         return [
             first,
+            *further,
             f"All {len(result.checks)} checks hold: the models are stable and the twin agrees with its closed form.",
         ]
-    return [first, *(f"DOES NOT HOLD – {check.statement}: {check.found}." for check in failed)]
+    return [first, *further, *(f"DOES NOT HOLD – {check.statement}: {check.found}." for check in failed)]
 
 
 def table(result: ProtocolResult) -> Grid:
@@ -198,6 +203,8 @@ def terminal_tables(result: ProtocolResult) -> list[Grid]:
         results.only("joint", "model", "search", "fit", "ceiling", "FPE", "loss"),
         results.only("joint", "model", "stable", "white, indep.", "poles"),
         truth.only("joint", "poles, twin", "closed form", "ends [deg]", "backlash [deg]"),
+        beyond.table(result),
+        beyond.values_table(result).only("joint", "value", "truth", "aim ±", *RECORDS),
     ]
 
 

@@ -6,13 +6,27 @@ from typing import TypeVar
 import numpy as np
 
 from sysid.intervals import Interval, Root
+from sysid.joint_values import JointValue
 from sysid.nlarx_fit import ONE_STEP, NlarxFit
-from twin.evaluation import Evaluation
+from twin.evaluation import JOINT, Evaluation
 from twin.report import figures, style
 from twin.report.page import Grid, Picture
 from twin.report.units import Quantity, number, percent, pole, poles, shown
 
 T = TypeVar("T")
+NOT_KNOWN = "not determined"
+WORDS = {  # the physical values of an actuated joint as people call them
+    "speed_per_volt": "speed per volt, mid stroke",
+    "time_constant": "time constant",
+    "breakaway_up": "break-away voltage up",
+    "breakaway_down": "break-away voltage down",
+    "coulomb_up": "moving friction and load up",
+    "coulomb_down": "moving friction and load down",
+    "end_low": "lower end",
+    "end_high": "upper end",
+    "backlash": "backlash",
+    "delay": "delay",
+}
 
 
 def picture_of_step(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
@@ -39,7 +53,7 @@ def picture_of_poles(
     name: str, evaluation: Evaluation, lead: str = "", references: dict[str, np.ndarray] | None = None
 ) -> Picture | None:
     """Pole-zero map with a sentence on stability, where there is a linear block."""
-    if evaluation.one_step is not None:
+    if not evaluation.linear:
         return None
     p = evaluation.poles
     inside = "all poles lie inside the unit circle, the model is stable" if evaluation.stable else "UNSTABLE"
@@ -109,16 +123,45 @@ def picture_of_maps(name: str, evaluation: Evaluation, lead: str = "") -> Pictur
     """Static curves, where the structure has any."""
     if not evaluation.maps:
         return None
-    caption = (
-        f"{lead}Static {' and '.join(evaluation.maps)} map over the range that the estimation data visited. Only the "
-        "shape counts: a gain can move between a map and the linear block without changing the model."
-    )
+    only = "Only the shape counts: a gain can move between a map and the linear block without changing the model."
+    if not evaluation.linear:
+        only = "The linkage's map runs from 0 at one end of the actuator's stroke to 1 at the other."
+    names = " and ".join(role.replace("map", "linkage") for role in evaluation.maps)
+    caption = f"{lead}Static {names} map over the range that the estimation data visited. {only}"
     return Picture(name, style.png(figures.static_maps(evaluation.maps)), caption)
+
+
+def values_grid(evaluation: Evaluation, caption: str = "Physical values with 95 % intervals") -> Grid | None:
+    """What an actuated joint's parameters say, in the units people use; None for other structures."""
+    if not evaluation.values:
+        return None
+    rows = [(WORDS.get(v.name, v.name), *value_cells(v)) for v in evaluation.values]
+    return Grid(("", "value", "95 % interval", "unit"), rows, caption, last_text=True)
+
+
+def value_cells(v: JointValue) -> tuple[str, str, str]:
+    """Value, interval and unit of a physical value, angles in degrees."""
+    factor, unit = shown_unit(v.unit)
+    if v.low is None or v.high is None:
+        return number(v.value * factor, 4), NOT_KNOWN, unit
+    digits = max(decimals(v.high * factor - v.low * factor), decimals(v.value * factor) if v.value else 0)
+    low, high = (f"{x * factor:.{digits}f}".replace("-", "−") for x in (v.low, v.high))
+    return f"{v.value * factor:.{digits}f}".replace("-", "−"), f"{low} to {high}", unit
+
+
+def shown_unit(unit: str) -> tuple[float, str]:
+    """Factor and unit in which a physical value is shown: degrees for radians."""
+    return (180.0 / np.pi, unit.replace("rad", "deg")) if "rad" in unit else (1.0, unit)
+
+
+def decimals(width: float) -> int:
+    """Decimals that show a number of this size to two figures."""
+    return int(np.clip(2 - np.ceil(np.log10(abs(width))), 0, 6)) if np.isfinite(width) and width else 4
 
 
 def pole_grid(evaluation: Evaluation) -> Grid | None:
     """Poles with the 95 % intervals of modulus and time constant, then zeros; None where there is no linear block."""
-    if evaluation.one_step is not None:
+    if not evaluation.linear:
         return None
     Ts = evaluation.fit.Ts
     roots: Sequence[Root | None] = evaluation.roots or [None] * len(evaluation.poles)
@@ -220,6 +263,12 @@ def setting_in_words(evaluation: Evaluation) -> str:
     """Structure, orders and maps in one phrase."""
     s = evaluation.setting
     maps = [f"{role} map {name.replace('_', ' ')}" for role, name in _map_names(evaluation)]
+    if s.structure == JOINT:
+        maps = [
+            f"{'driver' if role == 'input' else 'sensor'} {name.replace('_', ' ')}"
+            for role, name in _map_names(evaluation)
+        ]
+        return ", ".join(["Actuated joint (motor with friction between two stops, linkage, play)", *maps])
     orders = ", ".join(f"{name} {value}" for name, value in s.orders.items())
     if isinstance(evaluation.fit, NlarxFit):
         network = evaluation.fit.network

@@ -1,0 +1,171 @@
+"""The actuated joint on the twin: identified from a file, beside the paper's structure, and with parts left out."""
+
+import json
+
+import numpy as np
+import pytest
+
+import sysid
+import twin
+from twin import ablation, beyond, protocol
+from twin.cli import main
+from twin.evaluation import Setting
+from twin.leg import IMPERFECTIONS
+from twin.report import beyond as report
+
+# What an actuated joint can say exactly: a motor with dry friction between two stops, read with noise.
+EXACT = tuple(name for name in IMPERFECTIONS if name not in ("friction", "asymmetry", "end_stops", "delay", "noise"))
+
+
+@pytest.fixture(scope="module")
+def plain_log(tmp_path_factory):
+    """A log of the shoulder without what the structure leaves out, as a file."""
+    path = tmp_path_factory.mktemp("plain") / "shoulder.csv"
+    experiment = twin.Experiment(joint="shoulder", excitation="aprbs", duration=200.0, seed=2, without=EXACT)
+    experiment.run().save(path)
+    return path
+
+
+def test_identify_finds_the_physical_values_of_a_joint(plain_log, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["identify", str(plain_log), "--structure", "actuated_joint", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "speed per volt, mid stroke" in printed
+    assert "deg/s/V" in printed
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["read"]["detrend"] == "none"
+    assert summary["setting"]["orders"] == {}
+    assert summary["poles"] == []
+    assert summary["stable"]
+    values = {v["name"]: v["value"] for v in summary["values"]}
+    p = twin.Parameters().replace({"shoulder.stribeck": 0.0, "shoulder.load_friction": 0.0, "dead_band": 0.0})
+    true = beyond.twin_truth("shoulder", 0.1, p)
+    assert values["speed_per_volt"] == pytest.approx(true["speed_per_volt"], rel=0.02)
+    assert values["end_low"] == pytest.approx(true["end_low"], abs=np.radians(0.5))
+    assert values["end_high"] == pytest.approx(true["end_high"], abs=np.radians(0.5))
+    assert values["breakaway_up"] == pytest.approx(true["breakaway_up"], rel=0.1)
+    assert values["breakaway_down"] == pytest.approx(true["breakaway_down"], rel=0.1)
+    assert values["time_constant"] == pytest.approx(true["time_constant"], abs=0.02)
+    assert {v["unit"] for v in summary["values"]} == {"rad/s/V", "s", "V", "rad"}
+
+
+def test_a_joint_is_saved_and_what_cannot_be_exported_is_said(plain_log, tmp_path):
+    out = tmp_path / "out"
+    assert main(["identify", str(plain_log), "--structure", "actuated_joint", "--starts", "1", "--out", str(out)]) == 0
+    assert {path.name for path in out.glob("model.*")} == {"model.json"}
+    fit, summary = sysid.load(out / "model.json"), json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert fit.model.structure == "actuated_joint"
+    assert dict(zip(fit.model.names, fit.theta.tolist(), strict=True)) == {
+        p["name"]: p["value"] for p in summary["parameters"]
+    }
+    html = (out / "report.html").read_text(encoding="utf-8")
+    assert "not available for motor blocks" in html
+    assert "Physical values with 95 % intervals" in html
+    names = {path.stem for path in (out / "figures").iterdir()}
+    assert {"free-run", "residuals", "static-maps"} <= names
+    assert not names & {"pole-zero", "step-response"}
+
+
+def test_identify_takes_driver_and_sensor(plain_log, tmp_path):
+    arguments = ["--structure", "actuated_joint", "--input-map", "saturation", "--output-map", "polynomial"]
+    assert main(["identify", str(plain_log), *arguments, "--starts", "1", "--out", str(tmp_path / "out")]) == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert {"driver.upper", "sensor.c1"} <= {p["name"] for p in summary["parameters"]}
+
+
+@pytest.fixture(scope="module")
+def shoulder():
+    """The paper's protocol on the shoulder alone, and beyond."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(protocol, "PAPER", {"shoulder": protocol.PAPER["shoulder"]})
+        return protocol.run(seed=0, duration=150.0)
+
+
+def test_both_structures_see_the_same_records_and_the_joint_is_far_ahead_where_nothing_repeats(shoulder):
+    sweep, aprbs = shoulder.joints[0].beyond.trials
+    for trial in (sweep, aprbs):
+        scale = trial.paper.estimation.y + trial.paper.estimation.y_offset
+        np.testing.assert_allclose(scale, trial.joint.estimation.y, atol=1e-12)
+        assert trial.paper.validation_fit < trial.ceiling
+        assert trial.joint.validation_fit < trial.ceiling + 0.2
+    assert sweep.log is shoulder.joints[0].log
+    assert aprbs.gain > 15.0
+    assert sweep.near
+
+
+def test_the_record_that_does_not_repeat_meets_both_ends_in_both_halves():
+    log = beyond.irregular("thigh", 0, 250.0, 0.1)
+    assert log.meta["options"]["hold_max"] > 5.0  # the default would not do with this seed
+    low, high = twin.truth("thigh").end_angles
+    for half in np.array_split((log.y_true - low) / (high - low), 2):
+        assert half.min() < 0.03
+        assert half.max() > 0.97
+
+
+def test_recovered_values_stand_beside_the_truth_in_its_own_units(shoulder):
+    found = {r.name: r for r in shoulder.joints[0].beyond.recovered}
+    true = twin.truth("shoulder")
+    assert found["speed_per_volt"].true == true.gain
+    assert found["time_constant"].true == pytest.approx(-1 / true.continuous_pole)
+    assert (found["breakaway_down"].true, found["breakaway_up"].true) == true.breakaway_voltage
+    assert 0 < found["coulomb_up"].true < found["breakaway_up"].true  # Stribeck friction is less once it moves
+    assert found["breakaway_down"].true < found["coulomb_down"].true < 0
+    assert found["end_high"].aim == pytest.approx(np.radians(0.5))
+    assert found["backlash"].aim == pytest.approx(0.2 * true.backlash)
+    assert all(set(r.found) == set(beyond.RECORDS) for r in found.values())
+    assert json.loads(json.dumps(found["delay"].as_dict()))["truth"] == true.delay
+
+
+def test_the_tables_show_the_papers_row_both_structures_and_every_value(shoulder):
+    grid = report.table(shoulder)
+    assert [row[1:3] for row in grid.rows] == [
+        ("the rig, 2016", "paper"),
+        ("sweep", "paper's structure"),
+        ("sweep", "actuated joint"),
+        ("aprbs", "paper's structure"),
+        ("aprbs", "actuated joint"),
+    ]
+    assert grid.rows[0][3] == "71.06 %"
+    assert len(report.values_table(shoulder).rows) == len(shoulder.joints[0].beyond.recovered)
+    assert report.ablation_section(shoulder) is None
+
+
+def test_without_its_end_stops_or_its_friction_a_joint_is_lost_and_without_what_is_not_there_it_loses_nothing(shoulder):
+    sweep, aprbs = shoulder.joints[0].beyond.trials
+    lost = {row.part: aprbs.joint.validation_fit - row.fit for row in ablation.without_parts(aprbs)}
+    assert set(lost) == {*ablation.PARTS, ablation.ALIKE}
+    assert lost["end stops"] > 15.0
+    assert lost["dry friction"] > 5.0
+    assert abs(lost["linkage (straight line)"]) < 2.0  # the shoulder has none
+    assert ablation.experiment(sweep.log).run().y.tolist() == sweep.log.y.tolist()
+
+
+def test_ablation_in_the_report(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(protocol, "PAPER", {"shoulder": protocol.PAPER["shoulder"]})
+    monkeypatch.setattr(ablation, "PARTS", {name: ablation.PARTS[name] for name in ("end stops", "play")})
+    monkeypatch.setattr(ablation, "SHARED", ("end_stops", "noise"))
+    monkeypatch.setattr(ablation, "ALL_BUT_STOPS", ("noise",))
+    main(["reproduce", "--duration", "60", "--ablation", "--out", str(tmp_path / "out")])
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    found = summary["ablation"]["shoulder"]
+    assert set(found) == set(beyond.RECORDS)
+    for record in found.values():
+        assert set(record["actuated_joint"]["without"]) == {"end stops", "play", ablation.ALIKE}
+        quiet = record["paper_structure"]["without"]["noise"]
+        assert quiet == record["paper_structure"]["without"]["all but end stops"]
+        assert quiet["ceiling"] > 98.0
+    assert "Which loss is which" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert (tmp_path / "out" / "figures" / "ablation.png").exists()
+
+
+def test_a_fit_below_zero_counts_as_none():
+    rows = (ablation.Row("friction", 30.0), ablation.Row("noise", -500.0), ablation.Row("end_stops", None, 20.0, "off"))
+    a = ablation.Ablation("thigh", "aprbs", 98.0, (ablation.Row("play", 97.0),), -200.0, rows)
+    assert [a.gained(row) for row in rows[:2]] == [30.0, 0.0]
+    assert np.isnan(a.gained(rows[2]))
+    assert a.lost(a.joint[0]) == 1.0
+    assert a.behind == 98.0
+
+
+def test_a_joint_has_no_orders():
+    assert Setting("actuated_joint").as_dict()["orders"] == {}

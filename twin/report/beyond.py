@@ -1,0 +1,284 @@
+"""What `qpal reproduce` shows beyond the paper: an actuated joint beside the paper's structure, and the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.joint_values import JointValue
+from twin.ablation import Ablation, Row
+from twin.beyond import NEAR, RECORDS, Recovered, Trial
+from twin.evaluation import Evaluation
+from twin.protocol import JointResult, ProtocolResult
+from twin.report import sections, style
+from twin.report.page import Grid, Picture, Section
+from twin.report.style import styled
+from twin.report.units import number, percent
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SHOWN = {"shoulder": 12.0, "thigh": 60.0, "shank": 60.0}  # [s] of the validation half
+WORDS = {"sweep": "the paper's sweep", "aprbs": "an aprbs that is not periodic"}
+MARKS = {"sweep": ("o", style.INPUT), "aprbs": ("s", style.MODEL)}
+FRAME = 4.0  # aims to either side of the truth that the figure of recovered values shows
+
+
+def section(result: ProtocolResult) -> Section:
+    """Fits, recovered values and figures of all joints."""
+    pictures = [picture(r) for r in result.joints]
+    pictures.append(Picture("beyond-recovered", style.png(recovery(result)), _RECOVERY))
+    return Section("Beyond the paper", [_WHY, *verdict(result)], [table(result), values_table(result)], pictures)
+
+
+_WHY = (
+    "A joint that a voltage drives integrates, and it stops at its ends. No chain of static map, linear block and "
+    "static map holds an end stop: on the paper's sweep it runs well because the sweep repeats itself. Here the same "
+    "structure, with the paper's orders, maps and search, stands beside an actuated joint: motor with friction between "
+    "two stops, linkage, play. Both are fitted to the first half of the paper's sweep and of an aprbs that does not "
+    "repeat itself and whose halves both meet both ends, and run free over the second half. The actuated joint gets no "
+    "start and no number of the twin."
+)
+_RECOVERY = (
+    "What either record says of the twin, less the truth, in units of how near it should come (the column aim of the "
+    f"table), with 95 % intervals. Grey: within the aim. An arrow stands for a value beyond {FRAME:g} aims, a hollow "
+    "mark for one without an interval. The ends are those of the drive; the link rests up to half the backlash "
+    "further, and the potentiometer bends."
+)
+
+
+def verdict(result: ProtocolResult) -> list[str]:
+    """The outcome in plain words."""
+    sentences = []
+    for k, record in enumerate(RECORDS):
+        trials = [(r.joint, r.beyond.trials[k]) for r in result.joints]
+        fits = ", ".join(
+            f"{joint} {percent(t.joint.validation_fit)} ({percent(t.paper.validation_fit)})" for joint, t in trials
+        )
+        near = sum(t.near for _, t in trials)
+        sentences.append(
+            f"On {WORDS[record]} the actuated joint reaches, with the paper's structure in brackets: {fits}. It comes "
+            f"within {NEAR:g} point of the ceiling on {near} of {len(trials)} joints."
+        )
+    return sentences
+
+
+def table(result: ProtocolResult) -> Grid:
+    """The paper's row of every joint, then both structures on both records."""
+    rows: list[tuple[str, ...]] = []
+    quiet = set()
+    for r in result.joints:
+        rows.append((r.joint, "the rig, 2016", "paper", f"{r.paper.validation_fit:.2f} %", "–", "–", "–"))
+        quiet.add(len(rows) - 1)
+        for t in r.beyond.trials:
+            rows += [_row(r.joint, t, "paper's structure", t.paper), _row(r.joint, t, "actuated joint", t.joint)]
+    headings = ("joint", "record", "model", "fit", "ceiling", f"within {NEAR:g} of it", "d")
+    return Grid(headings, rows, text_columns=3, quiet_rows=frozenset(quiet))
+
+
+def _row(joint: str, t: Trial, model: str, e: Evaluation) -> tuple[str, ...]:
+    near = "yes" if e.validation_fit >= t.ceiling - NEAR else "no"
+    return joint, t.record, model, percent(e.validation_fit), percent(t.ceiling), near, str(e.fit.criteria.d)
+
+
+def values_table(result: ProtocolResult) -> Grid:
+    """Truth, aim, and what both records gave with its 95 % interval."""
+    rows = []
+    for r in result.joints:
+        for value in r.beyond.recovered:
+            factor, unit = sections.shown_unit(value.unit)
+            cells = [sections.value_cells(value.found[name])[:2] for name in RECORDS]
+            rows.append(
+                (
+                    r.joint,
+                    f"{sections.WORDS.get(value.name, value.name)} [{unit}]",
+                    number(None if value.true is None else value.true * factor, 4),
+                    number(value.aim * factor, 2),
+                    *(cell for pair in cells for cell in pair),
+                )
+            )
+    headings = ("joint", "value", "truth", "aim ±", *(h for name in RECORDS for h in (name, "95 % interval")))
+    return Grid(headings, rows, "Physical values that the actuated joint recovered", text_columns=2)
+
+
+def picture(r: JointResult) -> Picture:
+    """Free runs of both structures on both records."""
+    sweep, aprbs = r.beyond.trials
+    caption = (
+        f"{r.joint.capitalize()}: free runs over the validation half of both records, and the errors on the second. "
+        f"The paper's structure falls from {percent(sweep.paper.validation_fit)} to "
+        f"{percent(aprbs.paper.validation_fit)}, the actuated joint reaches {percent(sweep.joint.validation_fit)} and "
+        f"{percent(aprbs.joint.validation_fit)}."
+    )
+    return Picture(f"beyond-{r.joint}", style.png(free_runs(r.beyond.trials, SHOWN[r.joint])), caption)
+
+
+@styled
+def free_runs(trials: Sequence[Trial], seconds: float) -> Figure:
+    """Measured angle and both free runs over the first `seconds` [s] of the validation half, then the last's errors."""
+    figure, axes = style.sheet(len(trials) + 1, height=6.4, sharex=True)
+    for k, (ax, t) in enumerate(zip(axes[:, 0], trials, strict=False)):
+        v = t.joint.validation
+        n = min(v.N, max(2, round(seconds / v.Ts)))
+        measured = np.degrees(v.y[:n, 0])
+        style.line(ax, v.t[:n], measured, color=style.INK, label="measured", linewidth=2.2, alpha=0.55)
+        for e, colour, name in _models(t):
+            run = np.degrees(e.validation_output[:n] + e.validation.y_offset[0])
+            style.line(ax, v.t[:n], run, color=colour, label=f"{name} {percent(e.validation_fit)}", linewidth=1.1)
+        pad = 0.25 * float(np.ptp(measured))
+        ax.set(title=f"({'ab'[k]}) {WORDS[t.record]}", ylabel="angle [deg]")
+        ax.set_ylim(measured.min() - pad, measured.max() + pad)
+        style.legend(ax)
+    last, ax = trials[-1], axes[-1, 0]
+    for e, colour, _ in _models(last):
+        n = min(e.validation.N, max(2, round(seconds / e.validation.Ts)))
+        error = np.degrees(e.validation.y[:n, 0] - e.validation_output[:n])
+        style.line(ax, e.validation.t[:n], error, color=colour, linewidth=1.0)
+    ax.set(title=f"(c) errors on {WORDS[last.record]}", ylabel="error [deg]", xlabel="time in the validation half [s]")
+    ax.margins(x=0.005)
+    return figure
+
+
+def _models(t: Trial) -> tuple[tuple[Evaluation, str, str], ...]:
+    return (t.paper, style.INPUT, "paper's structure"), (t.joint, style.MODEL, "actuated joint")
+
+
+@styled
+def recovery(result: ProtocolResult) -> Figure:
+    """Every recovered value less its truth, in aims, a panel for each joint."""
+    figure, axes = style.sheet(1, len(result.joints), height=3.6)
+    for ax, r in zip(axes[0], result.joints, strict=True):
+        values = [value for value in r.beyond.recovered if value.true is not None]
+        ax.axvspan(-1, 1, color="#e4e7eb", zorder=0)
+        ax.axvline(0, color=style.SECOND, linewidth=1.0)
+        for row, value in enumerate(values):
+            for record, shift in zip(RECORDS, (-0.16, 0.16), strict=True):
+                _dot(ax, value, value.found[record], row + shift, *MARKS[record])
+        names = [sections.WORDS.get(value.name, value.name) for value in values]
+        ax.set_yticks(range(len(values)), names if ax is axes[0, 0] else [""] * len(values))
+        ax.set(xlim=(-FRAME - 0.3, FRAME + 0.3), title=r.joint, xlabel="less the truth, in aims")
+        ax.set_ylim(len(values) - 0.5, -0.5)
+    for record in RECORDS:
+        axes[0, 0].plot([], [], MARKS[record][0], color=MARKS[record][1], markersize=4, label=WORDS[record])
+    figure.legend(loc="outside lower center", ncols=2, frameon=False)
+    return figure
+
+
+def _dot(ax: Axes, value: Recovered, found: JointValue, row: float, mark: str, colour: str) -> None:
+    true = value.true
+    if true is None:
+        return
+
+    def scaled(x: float) -> float:
+        return float(np.clip((x - true) / value.aim, -FRAME, FRAME))
+
+    x = scaled(found.value)
+    if abs(x) == FRAME:
+        mark = ">" if x > 0 else "<"
+    face = "white"
+    if found.low is not None and found.high is not None:
+        ax.plot([scaled(found.low), scaled(found.high)], [row, row], color=colour, linewidth=1.6)
+        face = colour
+    ax.plot([x], [row], mark, color=colour, markersize=4, markerfacecolor=face)
+
+
+def ablation_section(result: ProtocolResult) -> Section | None:
+    """What is lost without each part, and gained without each imperfection; None where that was not asked for."""
+    found = [a for r in result.joints for a in r.ablation]
+    if not found:
+        return None
+    return Section(
+        "Which loss is which",
+        [_ABLATION, *ablation_verdict(found)],
+        [parts_table(found), imperfections_table(found)],
+        [Picture("ablation", style.png(bars(found)), _BARS)],
+    )
+
+
+_ABLATION = (
+    "The paper blames friction, backlash and disturbance for what its models miss. The twin can say which loss is "
+    "which, from both sides: the actuated joint is fitted again without each of its parts, and the paper's structure "
+    "is fitted to the twin without each of its imperfections, under the same excitation and noise."
+)
+_BARS = (
+    "Points of fit on the validation half. Left: what the actuated joint loses without a part. Right: what the paper's "
+    "structure gains where the twin lacks an imperfection. There a fit below 0 % counts as 0 %: a structure that "
+    "cannot hold an end stop finds another poor model each time, and how poor is chance."
+)
+
+
+def ablation_verdict(found: Sequence[Ablation]) -> list[str]:
+    """The part that counts most on each record, and what the best of the imperfections explains."""
+    sentences = []
+    for a in found:
+        most = max((row for row in a.joint if row.fit is not None), key=a.lost)
+        single = [row for row in a.paper if row.fit is not None and row.part in a.single]
+        best = max(single, key=a.gained)
+        sentences.append(
+            f"{a.name.capitalize()}, {a.record}: without its {most.part} the actuated joint loses "
+            f"{a.lost(most):.1f} points. The paper's structure is {a.behind:.1f} points behind; no "
+            f"single imperfection off the twin gives it more than {max(a.gained(best), 0.0):.1f} ({best.part})."
+        )
+    return sentences
+
+
+def parts_table(found: Sequence[Ablation]) -> Grid:
+    """Points that the actuated joint loses without each part."""
+    rows = [["nothing left out: fit", *(percent(a.joint_fit) for a in found)]]
+    for part in [row.part for row in found[0].joint]:
+        rows.append([part, *(_points(a, a.joint, part, a.lost) for a in found)])
+    return Grid(_headings(found), rows, "Points of fit that the actuated joint loses without a part")
+
+
+def imperfections_table(found: Sequence[Ablation]) -> Grid:
+    """Fit of the paper's structure on the twin without each imperfection."""
+    rows = [["the twin as it is", *(percent(a.paper_fit) for a in found)]]
+    for part in [row.part for row in found[0].paper]:
+        fits = (next((row.fit for row in a.paper if row.part == part), None) for a in found)
+        rows.append([_words(part), *("leaves the range" if fit is None else percent(fit) for fit in fits)])
+    return Grid(_headings(found), rows, "Fit of the paper's structure on the twin without an imperfection")
+
+
+def _headings(found: Sequence[Ablation]) -> tuple[str, ...]:
+    return ("without", *(f"{a.name}, {a.record}" for a in found))
+
+
+def _points(a: Ablation, rows: Sequence[Row], part: str, points) -> str:
+    row = next((row for row in rows if row.part == part), None)
+    return "–" if row is None or row.fit is None else f"{points(row):.2f}".replace("-", "−")
+
+
+def _words(part: str) -> str:
+    return part.replace("_", " ")
+
+
+@styled
+def bars(found: Sequence[Ablation]) -> Figure:
+    """Losses of the actuated joint on the left, gains of the paper's structure on the right, a colour a joint."""
+    figure, axes = style.sheet(len(RECORDS), 2, height=8.4)
+    for pair, record in zip(axes, RECORDS, strict=True):
+        chosen = [a for a in found if a.record == record]
+        _bars(pair[0], chosen, [(a.joint, a.lost) for a in chosen], f"model without, {record}", "points lost")
+        _bars(pair[1], chosen, [(a.paper, a.gained) for a in chosen], f"twin without, {record}", "points gained")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def _bars(ax: Axes, found: Sequence[Ablation], sides: list, title: str, unit: str) -> None:
+    parts = [row.part for row in sides[0][0]]
+    height = 0.8 / len(found)
+    for k, (a, (rows, points), colour) in enumerate(
+        zip(found, sides, (style.INK, style.INPUT, style.MODEL), strict=False)
+    ):
+        by_name = {row.part: points(row) for row in rows}
+        values = np.array([by_name.get(part, np.nan) for part in parts])
+        places = np.arange(len(parts)) + (k - 0.5 * (len(found) - 1)) * height
+        ax.barh(places, values, height, color=colour, label=a.name)
+    ax.axvline(0, color=style.SECOND, linewidth=0.8)
+    ax.set_yticks(range(len(parts)), [_words(part) for part in parts])
+    ax.set(title=title, xlabel=unit)
+    ax.invert_yaxis()
