@@ -219,7 +219,8 @@ def iterate(
         step[moving] = delta
         target = problem.repair(p + step)
         e = problem.residual(target)
-        trial = float(e @ e) if e is not None else np.inf
+        with np.errstate(over="ignore"):  # a trial that runs away may be finite and its square not
+            trial = float(e @ e) if e is not None else np.inf
         tried.append(((target - p)[moving], target))
         return (trial if np.isfinite(trial) else np.inf), tried[-1][0]
 
