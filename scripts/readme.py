@@ -1,4 +1,4 @@
-"""Renew what README shows: the table of results (seed 0) and docs/leg.png. Run it after a change that moves either.
+"""Renew what README shows: the tables of results (seed 0) and docs/leg.png. Run it after a change that moves either.
 
 .venv/bin/python scripts/readme.py
 """
@@ -10,12 +10,12 @@ import numpy as np
 from PIL import Image
 
 from twin import protocol
+from twin.report import beyond, reproduce
 from twin.report.page import Grid
-from twin.report.reproduce import table
 from twin.stills import leg_stills
 
 ROOT = Path(__file__).resolve().parent.parent
-MARKS = ("<!-- results: made by scripts/readme.py -->\n", "<!-- end of results -->\n")
+MARK, END = "<!-- {}: made by scripts/readme.py -->\n", "<!-- end of {} -->\n"
 SHOWN = (("shoulder", "max"), ("thigh", "max"), ("shank", "min"))
 COLOURS = 128  # a palette keeps the picture small enough to live in the repository
 
@@ -26,13 +26,16 @@ def markdown(grid: Grid) -> str:
     return "".join("| " + " | ".join(row) + " |\n" for row in rows)
 
 
-def renew_table() -> None:
-    """Replaces the table between the two marks in README."""
+def renew_tables() -> None:
+    """Replaces the tables between their marks in README."""
     readme = ROOT / "README.md"
     text = readme.read_text(encoding="utf-8")
-    new = MARKS[0] + markdown(table(protocol.run(seed=0))) + MARKS[1]
-    pattern = re.escape(MARKS[0]) + ".*?" + re.escape(MARKS[1])
-    readme.write_text(re.sub(pattern, lambda _: new, text, flags=re.DOTALL), encoding="utf-8")
+    result = protocol.run(seed=0)
+    for name, grid in (("results", reproduce.table(result)), ("beyond", beyond.table(result))):
+        mark, end = MARK.format(name), END.format(name)
+        pattern, new = re.escape(mark) + ".*?" + re.escape(end), mark + markdown(grid) + end
+        text = re.sub(pattern, lambda _, new=new: new, text, flags=re.DOTALL)
+    readme.write_text(text, encoding="utf-8")
 
 
 def renew_picture() -> None:
@@ -45,5 +48,5 @@ def renew_picture() -> None:
 
 
 if __name__ == "__main__":
-    renew_table()
+    renew_tables()
     renew_picture()

@@ -308,6 +308,15 @@ def test_reproduce_has_every_joint_model_and_check(reproduced):
         assert nlarx["fit_percent"]["validation"] <= joint["ceiling"]
         assert nlarx["setting"]["orders"] == {"na": 2, "nb": 2, "nk": 1}
         assert joint["truth_error"] < 1e-3
+    assert list(summary["beyond"]) == list(twin.JOINTS)
+    for joint in summary["beyond"].values():
+        for record in ("sweep", "aprbs"):
+            assert joint[record]["actuated_joint"]["fit_percent"]["validation"] <= joint[record]["ceiling"] + 0.2
+            assert joint[record]["paper_structure"]["setting"]["structure"] == "hammerstein_wiener"
+        speed = joint["recovered"]["speed_per_volt"]
+        assert speed["sweep"][0] > 0
+        assert speed["truth"] > 0
+    assert summary["ablation"] == {}
     assert len(summary["checks"]) == 9
     assert summary["holds"] == all(check["holds"] for check in summary["checks"])
     assert code == (0 if summary["holds"] else 1)
@@ -317,6 +326,8 @@ def test_reproduce_draws_the_papers_figures_17_to_40(reproduced):
     _, folder, _ = reproduced
     numbers = {int(path.name[:2]) for path in (folder / "figures").glob("[0-9]*.png")}
     assert numbers == set(range(17, 41))
+    names = {path.stem for path in (folder / "figures").iterdir()}
+    assert {*(f"beyond-{joint}" for joint in twin.JOINTS), "beyond-recovered"} <= names
     html = (folder / "report.html").read_text(encoding="utf-8")
     assert_stands_alone(html)
     for number in numbers:
