@@ -76,7 +76,7 @@ class Ensemble:
         if not isinstance(self.experiment, Experiment):
             raise InputError(f"experiment is a {type(self.experiment).__name__}; give a twin.Experiment")
         if self.draws is not None and not isinstance(self.draws, Draws):
-            raise InputError(f"draws is a {type(self.draws).__name__}; give a twin.draws.Draws or None")
+            raise InputError(f"draws is a {type(self.draws).__name__}; give a twin.Draws or None")
         seeds = self.seeds if isinstance(self.seeds, range) else list(self.seeds)
         for seed in seeds:
             if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
