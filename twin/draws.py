@@ -7,7 +7,7 @@ from numbers import Real
 import numpy as np
 
 from sysid.errors import InputError, unknown
-from twin.geometry import end_angles
+from twin.geometry import clearance, end_angles
 from twin.parameters import JOINTS, TABLE, Parameters, Row
 
 ROWS = {row.name: row for row in TABLE}
@@ -94,6 +94,10 @@ class Draws:
                 if not mine or redrawn > TRIES:
                     end_angles(Parameters(values), joint)  # raises, and says why
                 values |= self._values(mine, rng)
+        floor = {name: span for name, span in limits.items() if name == "bench_height"}
+        while floor and clearance(Parameters(values)) < 0.0 and redrawn <= TRIES:  # the foot would start in the floor
+            redrawn += 1
+            values |= self._values(floor, rng)
         return Drawn(Parameters(values), redrawn)
 
     def _values(self, limits: Mapping[str, tuple[float, float]], rng: np.random.Generator) -> dict[str, float]:

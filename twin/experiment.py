@@ -13,7 +13,7 @@ from sysid import excitations
 from sysid.errors import InputError, unknown
 from twin.closed_loop import assembled
 from twin.drive import MODES
-from twin.geometry import end_angles, middle
+from twin.geometry import clearance, end_angles, middle
 from twin.leg import BENCH_LEG, REALISATIONS, bench, check_switches, joints_of
 from twin.log import Log
 from twin.parameters import JOINTS, Parameters
@@ -101,6 +101,11 @@ class Experiment:
             self._check_level(joint, signal)
         for joint in JOINTS:
             end_angles(self.p, joint)  # and so are pins that the actuator cannot span
+        if "contact" not in self.without and clearance(self.p) < 0.0:
+            raise InputError(
+                f"at mid stroke the foot stands {-1e3 * clearance(self.p):.0f} mm inside the floor; raise bench_height "
+                f"({self.p['bench_height']:g} m) by as much, or leave contact out"
+            )
 
     def _check_times(self) -> None:
         for name in ("Ts", "duration"):

@@ -8,6 +8,9 @@ import numpy as np
 from sysid.errors import InputError
 from twin.parameters import Parameters
 
+# The MJCF's: between the pins of the thigh, from the knee to the foot's centre, and the foot's radius [m].
+THIGH, SHANK, FOOT = 0.24, 0.24, 0.02
+
 
 @dataclass(frozen=True)
 class Linkage:
@@ -70,3 +73,10 @@ def middle(parameters: Parameters, joint: str) -> float:
     """Joint angle [rad] at mid stroke: half the actuator's travel, not half the joint's."""
     low, high = stroke(parameters, joint)
     return (low + high) / 2 if joint == "shoulder" else linkage(parameters, joint).angle((low + high) / 2)
+
+
+def clearance(parameters: Parameters) -> float:
+    """Height [m] of the bench's foot over the floor with all joints at mid stroke; negative inside the floor."""
+    thigh, shank = (middle(parameters, joint) for joint in ("thigh", "shank"))
+    reach = THIGH * np.sin(thigh) + SHANK * np.cos(thigh + shank) + FOOT
+    return float(parameters["bench_height"] - reach)

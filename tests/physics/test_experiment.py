@@ -41,7 +41,7 @@ def test_noise_does_not_change_the_excitation() -> None:
 @pytest.mark.parametrize("joint", JOINTS)
 @pytest.mark.parametrize("switch", IMPERFECTIONS)
 def test_every_switch_changes_the_log(joint: str, switch: str) -> None:
-    low = Parameters({"bench_height": 0.3} if switch == "contact" else {})  # the foot reaches the floor
+    low = Parameters({"bench_height": 0.33} if switch == "contact" else {})  # the foot reaches the floor
     excitation = "sweep" if switch in ("contact", "end_stops") else "aprbs"
     full, less = (Experiment(joint, excitation, 20.0, without=w, parameters=low).run() for w in ((), (switch,)))
     np.testing.assert_array_equal(full.u, less.u)
@@ -141,6 +141,12 @@ def test_a_log_comes_back_from_its_file(tmp_path: Path, suffix: str) -> None:
         ({"options": {"colour": 1.0}}, "unknown option of sweep 'colour'"),
         ({"options": {"half_period": -1.0}}, "half period"),
         ({"parameters": {"thigh.stroke": 0.07}}, "give a twin.Parameters"),
+        ({"parameters": Parameters({"bench_height": 0.25})}, "mm inside the floor; raise bench_height"),
+        ({"options": {"amplitude": 13.0}}, "reaches 13 V, the supply 12 V"),
+        ({"mode": "servo", "options": {"amplitude": 3.0}}, "the potentiometer 2.5 V"),
+        ({"mode": "torque"}, "unknown mode 'torque'"),
+        ({"pot_side": "both"}, "unknown pot side"),
+        ({"realisation": "gears"}, "unknown realisation"),
     ],
 )
 def test_bad_arguments_are_refused_before_the_run(arguments: dict, says: str) -> None:

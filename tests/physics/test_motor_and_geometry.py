@@ -9,7 +9,7 @@ from rig import record
 
 from twin import JOINTS, Parameters
 from twin.friction import dry_friction
-from twin.geometry import end_angles, linkage, middle, stroke
+from twin.geometry import clearance, end_angles, linkage, middle, stroke
 from twin.leg import BENCH_LEG, IMPERFECTIONS, LEGS, bench, model_path, robot
 from twin.motor import motor
 from twin.plant import layout
@@ -173,3 +173,15 @@ def test_a_model_without_a_board_is_left_alone() -> None:
             mujoco.mj_step(model, data, 100)
     np.testing.assert_array_equal(plain.qpos, within.qpos)
     assert within.ctrl[0] == 3.0
+
+
+@pytest.mark.parametrize("height", [0.35, 0.6])
+def test_clearance_is_the_compiled_foots_height(height: float) -> None:
+    p = P.replace({"bench_height": height})
+    model = bench("leg", p)
+    data = mujoco.MjData(model)
+    for joint in JOINTS:
+        data.joint(joint + BENCH_LEG).qpos[0] = middle(p, joint)
+    mujoco.mj_kinematics(model, data)
+    foot = model.geom("foot" + BENCH_LEG)
+    assert clearance(p) == pytest.approx(data.geom("foot" + BENCH_LEG).xpos[2] - foot.size[0], abs=1e-9)
