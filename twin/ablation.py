@@ -44,7 +44,7 @@ def _straight(chain: Chain) -> Chain:
 PARTS: dict[str, Callable[[Chain], Chain]] = {
     "end stops": lambda chain: _motor(chain, {}, stops=False),
     "dry friction": lambda chain: _motor(chain, dict.fromkeys(("motor.rise", "motor.fall", "motor.loss"), 0.0)),
-    "load": lambda chain: _motor(chain, {}, load=0, loss=False),
+    "load over position": lambda chain: _motor(chain, {}, load=0, loss=False),
     "lag": lambda chain: _motor(chain, {"motor.lag": LEAST_LAG}),
     "delay": lambda chain: _motor(chain, {}, delayed=False),
     "linkage (straight line)": _straight,

@@ -16,7 +16,7 @@ from sysid.intervals import Root
 from sysid.joint_values import JointValue, joint_values
 from sysid.nlarx import FOCUS
 from sysid.residuals import ResidualTests
-from twin.unvisited import carried, unvisited
+from twin.unvisited import carried, ends_met, unvisited
 
 NLARX = "nlarx"  # the structure whose orders are na, nb, nk, and which also runs one step ahead
 JOINT = "actuated_joint"  # the structure without orders, whose parameters are physical
@@ -285,9 +285,13 @@ def _check_can_be_scored(data: IOData, part: str) -> None:
 
 
 def _values(fit: sysid.Fit, data: IOData) -> tuple[JointValue, ...]:
-    """Physical values with the output's own unit in the place of y."""
-    unit = data.y_unit or "y"
-    return tuple(replace(v, unit=unit + v.unit[1:]) if v.unit[0] == "y" else v for v in joint_values(fit))
+    """Physical values with the output's own unit in the place of y; an end that was never met has no interval."""
+    unit, met = data.y_unit or "y", dict(zip(("end_low", "end_high"), ends_met(fit, data), strict=True))
+    values = []
+    for v in joint_values(fit):
+        v = replace(v, unit=unit + v.unit[1:]) if v.unit[0] == "y" else v
+        values.append(v if met.get(v.name, True) else replace(v, low=None, high=None))
+    return tuple(values)
 
 
 def _step_response(fit: sysid.Fit, u0: float) -> Curve | None:

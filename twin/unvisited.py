@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from sysid.blocks import TravelMap
+from sysid.blocks import Motor, TravelMap
 from sysid.data import IOData
 from sysid.fitting import Fit
 
 UNVISITED = 0.05  # of the range seen, by which a signal may leave it before a report speaks of it
+_AT = 1e-6  # of the stroke: a motor at its stop
 
 
 def unvisited(estimation: IOData, validation: IOData) -> list[str]:
@@ -27,21 +28,50 @@ def unvisited(estimation: IOData, validation: IOData) -> list[str]:
     return notes
 
 
+def ends_met(fit: Fit, estimation: IOData) -> tuple[bool, bool]:
+    """Whether an actuated joint stood at its lower and at its upper end in the record that it was fitted to."""
+    x = np.ascontiguousarray(estimation.u[:, 0])
+    for block in fit.model.blocks:
+        theta = fit.model.part(fit.theta, block)
+        x = block.propagate(theta, x, np.empty((len(x), 0)), 0)
+        if isinstance(block, Motor):
+            if not block.stops:
+                return False, False
+            low, high = (block.value(theta, name) for name in ("lower", "upper"))
+            met = bool(x.min() <= low + _AT * (high - low)), bool(x.max() >= high - _AT * (high - low))
+            break
+    travel = _travel(fit)
+    falls = travel is not None and float(np.diff(fit.model.part(fit.theta, travel)[:2])[0]) < 0.0
+    return met[::-1] if falls else met
+
+
 def carried(fit: Fit, estimation: IOData, validation: IOData) -> list[str]:
-    """How much of an actuated joint's travel the estimation part has not seen, and what stands for it there."""
-    seen, new = estimation.y[:, 0], validation.y[:, 0]
-    travel = next((block for block in fit.model.blocks if isinstance(block, TravelMap)), None)
-    low, high = map(float, sorted(fit.model.part(fit.theta, travel)[:2])) if travel else _range(np.append(seen, new))
-    a, b = float(np.clip(seen.min(), low, high)), float(np.clip(seen.max(), low, high))
-    beyond = [f"{f:.1%}".replace("%", " %") for f in ((a - low) / (high - low), (high - b) / (high - low))]
-    if max(a - low, high - b) <= UNVISITED * (high - low):
+    """What an actuated joint's physics carries: ends that the estimation part never met, and how far they are."""
+    travel, met = _travel(fit), ends_met(fit, estimation)
+    if travel is None:
+        return unvisited(estimation, validation)
+    if all(met):
         return []
-    outside = 100 * float(np.mean((new < seen.min()) | (new > seen.max())))
-    return [
-        f"the estimation part has not seen the lowest {beyond[0]} and the highest {beyond[1]} of the travel between "
-        f"the ends, where the validation part is in {outside:.1f} % of its samples: the model is carried there by its "
-        "physics, a map that rises in a straight line and an end stop whose place no data show"
+    seen, new, offset = estimation.y[:, 0], validation.y[:, 0], estimation.y_offset[0]
+    low, high = sorted(map(float, fit.model.part(fit.theta, travel)[:2]))
+    a, b = _range(seen)
+    left = [
+        f"{100 * max(gap, 0.0) / (high - low):.1f} % of the travel to {end + offset:.4g} {estimation.y_unit}".strip()
+        for gap, end, there in ((a - low, low, met[0]), (high - b, high, met[1]))
+        if not there
     ]
+    which = "neither end" if not any(met) else f"not its {'lower' if met[1] else 'upper'} end"
+    outside = 100 * float(np.mean((new < a) | (new > b)))
+    return [
+        f"{estimation.y_name} was seen from {a + offset:.4g} to {b + offset:.4g} {estimation.y_unit}".rstrip()
+        + f" and met {which}; beyond, the model is carried by its physics, a map that goes on as a straight line "
+        f"({' and '.join(left)}) to a stop whose place no data show; the validation part is beyond in {outside:.1f} % "
+        "of its samples"
+    ]
+
+
+def _travel(fit: Fit) -> TravelMap | None:
+    return next((block for block in fit.model.blocks if isinstance(block, TravelMap)), None)
 
 
 def _range(x: np.ndarray) -> tuple[float, float]:

@@ -18,7 +18,7 @@ from twin.cli.console import Rounds, Steps
 from twin.report import sections, style
 from twin.report.page import Grid, to_json
 from twin.report.units import number, percent, poles, shown
-from twin.unvisited import carried, unvisited
+from twin.unvisited import carried, ends_met, unvisited
 
 
 @pytest.mark.parametrize(
@@ -110,22 +110,37 @@ def test_a_signal_that_leaves_the_range_seen_is_named_on_its_own_scale():
 def joint_between(low: float, high: float) -> Fit:
     """An actuated joint with these ends, as if a search had found it."""
     chain = sysid.structures.actuated_joint(knots=2)
-    theta = np.array([{"map.low": low, "map.high": high}.get(name, 0.5) for name in chain.names])
+    values = {"map.low": low, "map.high": high, "motor.gain": 0.02, "motor.lag": 0.5, "motor.rise": 1.0}
+    values |= {"motor.fall": 1.0, "motor.upper": 1.0, "motor.x0": 0.5}
+    theta = np.array([values.get(name, 0.0) for name in chain.names])
     P = len(theta)
     none = Covariance(np.zeros((P, P)), np.zeros(P, dtype=bool), 1.0)
     stop = Stop("", True, 0, 0)
     return Fit(chain, theta, 0.1, criteria(1.0, 400, P), none, stop, (), (), (1.0,), 0.0, "lm", 8)
 
 
+def driven(volts: float, rests: float, fit: Fit) -> IOData:
+    """Ten seconds at these volts, then at others, as the joint would show it."""
+    u = np.where(np.arange(400) < 100, volts, rests)
+    return IOData(u, fit.model.simulate(fit.theta, u), 0.1, y_name="angle", y_unit="rad")
+
+
 @pytest.mark.parametrize(("low", "high"), [(-1.0, 3.0), (3.0, -1.0)])
-def test_what_physics_carries_is_named_with_how_far(low, high):
-    u = np.linspace(-1, 1, 400)
-    seen = IOData(u, np.linspace(0.0, 2.8, 400), 0.1)  # a quarter of the travel at the bottom is never seen
-    new = IOData(u, np.concatenate([np.full(100, -0.5), np.full(300, 1.0)]), 0.1)
-    (note,) = carried(joint_between(low, high), seen, new)
-    assert "lowest 25.0 % and the highest 5.0 % of the travel" in note
-    assert "in 25.0 % of its samples" in note
-    assert carried(joint_between(-0.05, 2.85), seen, new) == []
+def test_an_end_that_was_never_met_is_named_with_how_far_physics_carries(low, high):
+    fit = joint_between(low, high)
+    still, up, both = driven(0.0, 0.0, fit), driven(9.0, 0.0, fit), driven(9.0, -9.0, fit)
+    assert ends_met(fit, still) == (False, False)
+    assert ends_met(fit, up) == ((False, True) if high > low else (True, False))
+    assert ends_met(fit, both) == (True, True)
+    (note,) = carried(fit, still, both)
+    assert "met neither end" in note
+    assert "50.0 % of the travel to -1 rad and 50.0 % of the travel to 3 rad" in note
+    (note,) = carried(fit, up, both)
+    assert f"met not its {'lower' if high > low else 'upper'} end" in note
+    assert f"(50.0 % of the travel to {low:g} rad)" in note
+    beyond = np.mean((both.y > up.y.max()) | (both.y < up.y.min()))
+    assert f"beyond in {100 * beyond:.1f} % of its samples" in note
+    assert carried(fit, both, up) == []
 
 
 def test_a_physical_value_is_shown_in_degrees_with_the_digits_that_its_interval_means():

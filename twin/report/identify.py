@@ -119,7 +119,7 @@ def _column(name: str) -> str:
 def _verdict(result: Identification) -> list[str]:
     e = result.evaluation
     first = (
-        f"A {sections.setting_in_words(e)} model runs free over the validation part with a fit of "
+        f"{sections.model_in_words(e)} runs free over the validation part with a fit of "
         f"{percent(e.validation_fit)} ({percent(e.estimation_fit)} on the part that it was fitted to). "
         f"{_stability(e)} {sections.tests_in_words(e)}"
     )

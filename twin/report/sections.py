@@ -276,6 +276,12 @@ def setting_in_words(evaluation: Evaluation) -> str:
     return ", ".join([f"{s.structure.replace('_', '-').title()} ({orders})", *maps])
 
 
+def model_in_words(evaluation: Evaluation) -> str:
+    """The same as the subject of a sentence."""
+    words = setting_in_words(evaluation)
+    return f"An {words[0].lower()}{words[1:]}" if evaluation.setting.structure == JOINT else f"A {words} model"
+
+
 def sentence(phrase: str) -> str:
     """The phrase with a capital letter and a full stop."""
     return f"{capital(phrase)}."
