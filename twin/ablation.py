@@ -24,6 +24,7 @@ from twin.log import Log
 STEPS = 4  # what `run` announces
 SHARED = tuple(name for name in IMPERFECTIONS if name != "contact")  # a bench leg hangs in the air
 ALL_BUT_STOPS = tuple(name for name in SHARED if name != "end_stops")
+BARE = "all but end stops"  # what is off where the end stops alone are left
 LEFT = 90.0  # [%] ceiling below which a record no longer shows the joint
 LEAST_LAG = 1e-3  # samples: no lag that a record could show
 
@@ -161,7 +162,7 @@ def _alike(whole: Fit, data: IOData) -> Fit:
 
 def without_imperfections(joint: str, trial: Trial, setting: Setting, threads: int = 2) -> list[Row]:
     """The paper's structure fitted to the twin without each imperfection, under the trial's own excitation."""
-    cases = {**{name: (name,) for name in SHARED}, "all but end stops": ALL_BUT_STOPS}
+    cases = {**{name: (name,) for name in SHARED}, BARE: ALL_BUT_STOPS}
     whole = experiment(trial.log)
     logs: dict[str, Log] = {}
     for play in (True, False):  # without play the model has a joint less, and runs side by side must be alike

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.joint_values import JointValue
+from twin import ablation
 from twin.ablation import Ablation, Row
 from twin.beyond import NEAR, RECORDS, Recovered, Trial
 from twin.evaluation import Evaluation
@@ -217,10 +218,12 @@ def ablation_verdict(found: Sequence[Ablation]) -> list[str]:
         most = max((row for row in a.joint if row.fit is not None), key=a.lost)
         single = [row for row in a.paper if row.fit is not None and row.part in a.single]
         best = max(single, key=a.gained)
+        bare = next((row.fit for row in a.paper if row.part == ablation.BARE), None)
+        even = "" if bare is None else f" With all of them off but the end stops it reaches {percent(bare)}."
         sentences.append(
             f"{a.name.capitalize()}, {a.record}: without its {most.part} the actuated joint loses "
             f"{a.lost(most):.1f} points. The paper's structure is {a.behind:.1f} points behind; no "
-            f"single imperfection off the twin gives it more than {max(a.gained(best), 0.0):.1f} ({best.part})."
+            f"single imperfection off the twin gives it more than {max(a.gained(best), 0.0):.1f} ({_words(best.part)}).{even}"
         )
     return sentences
 
