@@ -222,8 +222,8 @@ def ablation_verdict(found: Sequence[Ablation]) -> list[str]:
         even = "" if bare is None else f" With all of them off but the end stops it reaches {percent(bare)}."
         sentences.append(
             f"{a.name.capitalize()}, {a.record}: without its {most.part} the actuated joint loses "
-            f"{a.lost(most):.1f} points. The paper's structure is {a.behind:.1f} points behind; no "
-            f"single imperfection off the twin gives it more than {max(a.gained(best), 0.0):.1f} ({_words(best.part)}).{even}"
+            f"{a.lost(most):.1f} points. The paper's structure is {a.behind:.1f} points behind; no single imperfection "
+            f"off the twin gives it more than {max(a.gained(best), 0.0):.1f} ({_words(best.part)}).{even}"
         )
     return sentences
 
