@@ -8,11 +8,13 @@ import numpy as np
 
 from sysid.errors import InputError, unknown
 from twin.geometry import clearance, end_angles
+from twin.motor import check_rotor
 from twin.parameters import JOINTS, TABLE, Parameters, Row
 
 ROWS = {row.name: row for row in TABLE}
 WHOLE = frozenset({"pwm_bits", "adc_bits"})  # rows that count something
 SHAPE = frozenset({"retracted_length", "stroke", "base_radius", "rod_radius"})  # what a joint's triangle closes or not
+ROTOR = frozenset({"rotor_inertia", "gear_ratio", "lead"})  # what its weight at the output comes from
 TRIES = 100_000  # a joint's triangle closes about every tenth time over the whole box
 
 
@@ -30,7 +32,8 @@ class Draws:
 
     `spread` gives a relative spread: {"thigh.coulomb": 0.2} is uniform within 20 % about the experiment's value, inside
     the row's bounds. `uniform` and `log_uniform` name rows that are drawn over all of their bounds. Rows that count
-    something (pwm_bits, adc_bits) are rounded. Lengths and pins that make no leg are drawn again, joint by joint.
+    something (pwm_bits, adc_bits) are rounded. Lengths and pins that make no leg are drawn again, joint by joint, so
+    are rotors too light to be simulated, and a bench on which the foot would start inside the floor.
 
     The draw of experiment i depends on `seed` and i alone, and that of a row on nothing that other rows do, save for
     the rows of one joint's triangle. Raises InputError for a name that does not exist or stands twice, and for bounds
@@ -94,6 +97,11 @@ class Draws:
                 if not mine or redrawn > TRIES:
                     end_angles(Parameters(values), joint)  # raises, and says why
                 values |= self._values(mine, rng)
+        for joint in JOINTS:
+            mine = {name: span for name, span in limits.items() if name in {f"{joint}.{part}" for part in ROTOR}}
+            while mine and redrawn <= TRIES and not _heavy(values, joint):
+                redrawn += 1
+                values |= self._values(mine, rng)
         floor = {name: span for name, span in limits.items() if name == "bench_height"}
         while floor and clearance(Parameters(values)) < 0.0 and redrawn <= TRIES:  # the foot would start in the floor
             redrawn += 1
@@ -116,6 +124,15 @@ class Draws:
 def whole_box(seed: int = 0) -> Draws:
     """Every row uniform over its bounds."""
     return Draws(uniform=tuple(ROWS), seed=seed)
+
+
+def _heavy(values: Mapping[str, float], joint: str) -> bool:
+    """Whether a joint's rotor is one that can be simulated."""
+    try:
+        check_rotor(Parameters(values), joint)
+    except InputError:
+        return False
+    return True
 
 
 def _closes(values: Mapping[str, float], joint: str) -> bool:

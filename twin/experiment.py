@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from numbers import Integral, Real
 from typing import Any
@@ -16,6 +17,7 @@ from twin.drive import MODES
 from twin.geometry import clearance, end_angles, middle
 from twin.leg import BENCH_LEG, REALISATIONS, bench, check_switches, joints_of
 from twin.log import Log
+from twin.motor import check_rotor
 from twin.parameters import JOINTS, Parameters
 from twin.plant import slots
 from twin.plant.board import circuit, user_data
@@ -101,6 +103,7 @@ class Experiment:
             self._check_level(joint, signal)
         for joint in JOINTS:
             end_angles(self.p, joint)  # and so are pins that the actuator cannot span
+            check_rotor(self.p, joint)
         if "contact" not in self.without and clearance(self.p) < 0.0:
             raise InputError(
                 f"at mid stroke the foot stands {-1e3 * clearance(self.p):.0f} mm inside the floor; raise bench_height "
@@ -285,6 +288,7 @@ def _start(model: mujoco.MjModel, p: Parameters, angles: Mapping[str, float]) ->
     return qpos
 
 
+@cache  # looking it up takes as long as a second of a record
 def _version(name: str) -> str:
     try:
         return version(name)

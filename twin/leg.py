@@ -1,6 +1,7 @@
 """Parameters and model/qpal.xml to a compiled MuJoCo model: the leg bench, or the whole free robot."""
 
 from collections.abc import Collection
+from functools import cache
 from pathlib import Path
 
 import mujoco
@@ -106,9 +107,15 @@ def bench_spec(
     return spec
 
 
+@cache
+def _file() -> mujoco.MjSpec:
+    """The MJCF as it is read; to be copied before anything is written into it."""
+    return mujoco.MjSpec.from_file(str(model_path()))
+
+
 def _spec(p: Parameters, without: tuple[str, ...], suffixes: tuple[str, ...]) -> mujoco.MjSpec:
     """The MJCF with the parameters written over its nominal numbers, in the legs with `suffixes`."""
-    spec = mujoco.MjSpec.from_file(str(model_path()))
+    spec = _file().copy()
     spec.option.gravity[2] = 0.0 if "gravity" in without else -p["gravity"]
     if "contact" in without:
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT

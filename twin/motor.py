@@ -4,7 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.errors import InputError
 from twin.parameters import Parameters
+
+# Below these a drive side is all but massless, and a play's stiff stops throw it about between two simulation steps.
+LIGHTEST = {"shoulder": 0.01, "thigh": 1.0, "shank": 1.0}  # [kg m2], [kg]: rotor at the output
+QUICKEST = 1e-4  # [s]: J R / K^2
 
 
 @dataclass(frozen=True)
@@ -45,3 +50,15 @@ def motor(parameters: Parameters, joint: str) -> Motor:
         gear, stall = 2 * np.pi * p["gear_ratio"] / p["lead"], p["stall_force"]
     constant = p["rated_voltage"] / (p["no_load_speed"] * gear)
     return Motor(constant, constant * p["rated_voltage"] * gear / stall, gear, p["rotor_inertia"])
+
+
+def check_rotor(parameters: Parameters, joint: str) -> None:
+    """Raises InputError where the rotor of `joint` is too light for the simulation's step."""
+    one = motor(parameters, joint)
+    mass, lag = one.reflected_inertia, one.inertia * one.resistance / one.constant**2
+    unit = "kg m2" if joint == "shoulder" else "kg"
+    if mass < LIGHTEST[joint] or lag < QUICKEST:
+        raise InputError(
+            f"the {joint}'s rotor weighs {mass:.2g} {unit} at the output and takes {1e3 * lag:.2g} ms to follow; "
+            f"give rotor_inertia and gear_ratio that make at least {LIGHTEST[joint]:g} {unit} and {1e3 * QUICKEST:g} ms"
+        )

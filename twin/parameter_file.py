@@ -21,6 +21,7 @@ from typing import Any, NoReturn
 from sysid.errors import InputError
 from sysid.files import write_text
 from twin.geometry import end_angles
+from twin.motor import check_rotor
 from twin.parameters import JOINTS, TABLE, Parameters, Row
 
 LARGEST = 1_000_000  # [bytes] a file of every parameter has about ten thousand
@@ -83,6 +84,7 @@ def check_together(parameters: Parameters, source: str | os.PathLike[str]) -> No
     for joint in JOINTS:
         try:
             end_angles(parameters, joint)
+            check_rotor(parameters, joint)
         except InputError as error:
             raise InputError(f"{source}: {joint}: {error}") from None
 

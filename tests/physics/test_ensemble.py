@@ -421,7 +421,7 @@ def test_nothing_explodes_in_the_parameter_box(joint: str) -> None:
 # Of the weight's work over half a metre and the motion at power-off: how much the energy may be above what it was then,
 # and above the least since. The soft stops of play and stroke, which are not counted, give back what they took up. Legs
 # of all joints free are worse than one joint: a heavy link that bounces in its play can creep against its weight.
-GAIN = {"shoulder": (5e-4, 2e-3), "thigh": (5e-4, 2e-3), "shank": (5e-4, 2e-3), "leg": (0.05, 0.05)}
+GAIN = {"shoulder": (5e-4, 2e-3), "thigh": (5e-4, 2e-3), "shank": (5e-4, 2e-3), "leg": (5e-4, 2e-3)}
 OFF = 1.5  # [s]
 
 
