@@ -3,13 +3,15 @@
 import numpy as np
 
 from sysid.block import StaticBlock
-from sysid.blocks import Motor
+from sysid.blocks import Motor, ProfiledMotor
 from sysid.chain import Chain
 from sysid.data import IOData
 from sysid.initial_joint import is_joint
 from sysid.iterate import Options, iterate
 from sysid.problem import ChainProblem
 from sysid.searches import LevenbergMarquardt
+
+_FIRST = 20  # samples that show where a motor begins
 
 
 def estimate_initial(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
@@ -34,10 +36,19 @@ def estimate_initial(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarra
 
 
 def with_initial_states(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
-    """theta (K, P) for K experiments: the same model, the initial state of each fitted where there are several."""
-    if len(data.lengths) == 1:
-        return theta[None, :].copy()
-    return np.array([estimate_initial(chain, theta, e) for e in data.experiments])
+    """theta (K, P) for K experiments: the same model, the initial state of each fitted where there are several.
+
+    Initial states that are all held stay as they are: a state known from elsewhere, the same for every experiment. A
+    motor stands where its first samples are: it integrates, and a state fitted to a whole record would make up for the
+    errors of a start, which a search seldom takes back.
+    """
+    if len(data.lengths) == 1 or not (chain.initial & chain.free).any():
+        return np.tile(theta, (len(data.lengths), 1))
+    if is_joint(chain):
+        return np.array([_on_map(chain, theta, e.y[:, 0]) for e in data.experiments])
+    moves = any(isinstance(b, ProfiledMotor) for b in chain.blocks)
+    firsts = [e.select(0, min(e.N, _FIRST)) if moves else e for e in data.experiments]
+    return np.array([estimate_initial(chain, theta, e) for e in firsts])
 
 
 def _at_rest(chain: Chain, theta: np.ndarray) -> np.ndarray:

@@ -9,11 +9,13 @@ from sysid.blocks import (
     DeadZone,
     DeadZoneSaturation,
     Delay,
+    FrictionLag,
     LimitedIntegrator,
     Motor,
     PiecewiseLinear,
     Play,
     Polynomial,
+    ProfiledMotor,
     Saturation,
     SigmoidNetwork,
     TransferFunction,
@@ -49,6 +51,7 @@ BLOCKS = {
         np.array([-0.9, -0.15, 0.2, 0.8, 3.0, 2.5]),
     ),
     "delay": (Delay(role="map"), np.array([1.37])),
+    "friction_lag": (FrictionLag(role="map"), np.array([0.3, 0.1, 0.2, 0.6, 0.15])),
     "limited_integrator": (LimitedIntegrator(role="map"), np.array([0.3, -0.6, 0.5, 0.1])),
     "motor": (  # gain, lag, rise, fall, load0, delay, lower, upper, x0, v0
         Motor(role="map"),
@@ -60,6 +63,10 @@ BLOCKS = {
     ),
     "play": (Play(role="map"), np.array([0.8, 0.2])),
     "polynomial": (Polynomial(degree=3, role="map"), np.array([0.3, -0.2, 1.1, 0.4])),
+    "profiled_motor": (  # inertia, drag_up, drag_down, rise (3), fall (3), x0, v0
+        ProfiledMotor(knots=3, low=-1.0, high=2.0, role="map"),
+        np.array([3.0, 2.0, 2.4, 0.3, 0.5, 0.2, 0.4, 0.1, 0.35, 0.4, 0.1]),
+    ),
     "saturation": (Saturation(role="map"), np.array([-1.1, 1.3])),
     "sigmoid_network": (
         SigmoidNetwork(units=3, role="map"),

@@ -10,11 +10,13 @@ from sysid.blocks.custom import Custom
 from sysid.blocks.dead_zone import DeadZone
 from sysid.blocks.dead_zone_saturation import DeadZoneSaturation
 from sysid.blocks.delay import Delay
+from sysid.blocks.friction_lag import FrictionLag
 from sysid.blocks.limited_integrator import LimitedIntegrator
 from sysid.blocks.motor import Motor
 from sysid.blocks.piecewise_linear import PiecewiseLinear
 from sysid.blocks.play import Play
 from sysid.blocks.polynomial import Polynomial
+from sysid.blocks.profiled_motor import ProfiledMotor
 from sysid.blocks.saturation import Saturation
 from sysid.blocks.sigmoid_network import SigmoidNetwork
 from sysid.blocks.transfer_function import TransferFunction
@@ -40,9 +42,11 @@ TABLE: dict[str, Callable[..., Block]] = {
     "channels": Channels,
     "custom": Custom,
     "delay": Delay,
+    "friction_lag": FrictionLag,
     "limited_integrator": LimitedIntegrator,
     "motor": Motor,
     "play": Play,
+    "profiled_motor": ProfiledMotor,
     "transfer_function": TransferFunction,
     "transfer_matrix": TransferMatrix,
     "travel_map": TravelMap,
@@ -67,11 +71,13 @@ __all__ = [
     "DeadZone",
     "DeadZoneSaturation",
     "Delay",
+    "FrictionLag",
     "LimitedIntegrator",
     "Motor",
     "PiecewiseLinear",
     "Play",
     "Polynomial",
+    "ProfiledMotor",
     "Saturation",
     "SigmoidNetwork",
     "TransferFunction",

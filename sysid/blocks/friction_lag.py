@@ -1,0 +1,63 @@
+"""Speed of a drive that smooth dry friction slows: voltage in, speed out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.block import Block, Slot, Symmetry
+from sysid.errors import InputError
+
+
+@dataclass(frozen=True)
+class FrictionLag(Block):
+    """v' = gain u - drag v - friction tanh(v / onset), time in samples.
+
+    A first-order lag that is fast and weak while it turns slowly and slow and strong beyond `onset`: what dry friction
+    makes of a motor that keeps turning through zero, seen at its speed. It never sticks; a motor that stands still
+    under voltage needs `Motor`. Each sample is integrated by the midpoint rule in `substeps` parts.
+    """
+
+    substeps: int = 8
+
+    def __post_init__(self) -> None:
+        if self.substeps < 1:
+            raise InputError(f"substeps is {self.substeps}; give at least 1")
+
+    def slots(self) -> tuple[Slot, ...]:
+        return (
+            Slot("gain"),
+            Slot("drag", "1/sample", lower=0.0),
+            Slot("friction", lower=0.0),
+            Slot("onset", lower=1e-3),
+            Slot("v0", initial=True),
+        )
+
+    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
+        from sysid.kernels_profile import friction_lag
+
+        y = np.empty_like(x)
+        gain, drag, friction, onset, v0 = theta
+        friction_lag(gain, drag, friction, onset, v0, self.substeps, x, y, J, q if J.shape[1] else 0)
+        return y
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        """A lag of ten samples with unit gain and a little friction."""
+        size = max(float(np.abs(x).max(initial=0.0)), 1e-9)
+        return np.array([0.1, 0.07, 0.03 * size, 0.3 * size, 0.0])
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        """False where friction drives, or where a part of a sample is too long for the lag at rest."""
+        _, drag, friction, onset, _ = theta
+        return bool(drag >= 0.0 and friction >= 0.0 and onset > 0.0 and drag + friction / onset < self.substeps)
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        gain, _, friction, onset, v0 = theta
+        return [
+            Symmetry(np.array([-gain, 0.0, 0.0, 0.0, 0.0]), in_scale=1.0),
+            Symmetry(np.array([gain, 0.0, friction, onset, v0]), out_scale=1.0),
+        ]
+
+    def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Gain, drag, friction and onset within a factor of two or so, within what the integration follows."""
+        varied = theta * np.concatenate([np.exp(0.5 * rng.normal(size=4)), [1.0]])
+        return varied if self.admissible(varied) else theta

@@ -1,0 +1,102 @@
+"""Motor on a guide whose dry friction and load change along the way: voltage in, position out, no stops."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.block import Block, Slot, Symmetry
+from sysid.errors import InputError
+
+
+@dataclass(frozen=True)
+class ProfiledMotor(Block):
+    """inertia x'' = u - drag x' - friction: time in samples, x in the unit of the output, all forces in volts.
+
+    Against motion up stands rise(x), against motion down fall(x): straight lines between `knots` equal steps from `low`
+    to `high`, constant beyond. Half their difference is a load over position (a pendulum, a spring), half their sum dry
+    friction. Viscous drag has a value of its own each way, drag_up and drag_down, since the drag of a gear or a screw
+    has. At rest the motor stands until the input leaves the band between -fall(x) and rise(x).
+
+    `Motor` holds its load and friction to a few physical numbers and has end stops; this one is for records that go the
+    same way often enough to show where the guide is tight. Over each of `substeps` parts of a sample the profile is
+    that of the part's start and the lag inertia / drag is taken exactly; derivatives at a turn or a knot are those of
+    the branch that is taken.
+    """
+
+    knots: int = 7
+    low: float = 0.0
+    high: float = 1.0
+    substeps: int = 1
+
+    def __post_init__(self) -> None:
+        if self.knots < 1 or self.substeps < 1:
+            raise InputError(f"knots and substeps are {self.knots} and {self.substeps}; give at least 1 of each")
+        if not self.low < self.high:
+            raise InputError(f"the profile goes from {self.low} to {self.high}; give low below high")
+
+    def slots(self) -> tuple[Slot, ...]:
+        plain = [
+            Slot("inertia", "V sample^2", lower=1e-12),
+            *(Slot(name, "V sample", lower=1e-12) for name in ("drag_up", "drag_down")),
+        ]
+        profiles = [Slot(f"{side}{i}", "V") for side in ("rise", "fall") for i in range(self.knots)]
+        return (*plain, *profiles, Slot("x0", initial=True), Slot("v0", "1/sample", initial=True))
+
+    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
+        from sysid.kernels_profile import profiled_motor
+
+        y = np.empty_like(x)
+        profiled_motor(theta, self.knots, self.low, self.high, self.substeps, x, y, J, q if J.shape[1] else 0)
+        return y
+
+    def profiles(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """rise (knots,) and fall (knots,) [V] out of theta."""
+        return theta[3 : 3 + self.knots], theta[3 + self.knots : 3 + 2 * self.knots]
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        """A motor that crosses the profile in a tenth of the record at the largest input."""
+        largest = max(float(np.abs(x).max()), 1e-9)
+        theta = np.zeros(self.n_parameters)
+        theta[1:3] = largest * len(x) / (10.0 * (self.high - self.low))
+        theta[0] = theta[1]
+        theta[-2] = 0.5 * (self.low + self.high)
+        return theta
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        """False without inertia or drag, and where the band that holds a motor at rest is empty: it would drive."""
+        rise, fall = self.profiles(theta)
+        return bool(np.all(theta[:3] > 0.0) and np.all(rise + fall >= -1e-9))
+
+    def repair(self, theta: np.ndarray) -> np.ndarray:
+        """Where friction would drive, both sides give way alike."""
+        rise, fall = self.profiles(theta)
+        less = 0.5 * np.minimum(rise + fall, 0.0)
+        if not less.any():
+            return theta
+        return np.concatenate([theta[:3], rise - less, fall - less, theta[-2:]])
+
+    def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Change of slope of both profiles at each inner knot, in units of their mean friction over one segment."""
+        n, knots = max(self.knots - 2, 0), self.knots
+        D = np.zeros((2 * n, len(theta)))
+        for side in range(2):
+            for i in range(n):
+                D[side * n + i, 3 + side * knots + i : 3 + side * knots + i + 3] = 1.0, -2.0, 1.0
+        bend = D @ theta
+        mean = np.zeros(len(theta))
+        mean[3 : 3 + 2 * knots] = 0.5 / knots
+        level = max(float(mean @ theta), 1e-12)
+        return bend / level, D / level - np.outer(bend, mean) / level**2
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        """Volts are a scale of their own: inertia, drag and friction grow with the input. Positions are held by low."""
+        volts = theta.copy()
+        volts[-2:] = 0.0
+        load = np.zeros(len(theta))
+        load[3 : 3 + self.knots], load[3 + self.knots : 3 + 2 * self.knots] = 1.0, -1.0
+        return [Symmetry(volts, in_scale=1.0), Symmetry(load, in_shift=1.0)]
+
+    def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Inertia, drag and friction within a factor of two or so."""
+        factors = np.repeat(np.exp([0.5, 0.3, 0.3] * rng.normal(size=3)), [1, 2, 2 * self.knots])
+        return np.concatenate([theta[:-2] * factors, theta[-2:]])
