@@ -82,24 +82,27 @@ def shoulder():
 
 
 def test_both_structures_see_the_same_records_and_the_joint_is_far_ahead_where_nothing_repeats(shoulder):
-    sweep, aprbs = shoulder.joints[0].beyond.trials
-    for trial in (sweep, aprbs):
+    sweep, drawn = shoulder.joints[0].beyond.trials
+    for trial in (sweep, drawn):
         scale = trial.paper.estimation.y + trial.paper.estimation.y_offset
         np.testing.assert_allclose(scale, trial.joint.estimation.y, atol=1e-12)
         assert trial.paper.validation_fit < trial.ceiling
         assert trial.joint.validation_fit < trial.ceiling + 0.2
     assert sweep.log is shoulder.joints[0].log
-    assert aprbs.gain > 15.0
+    assert drawn.gain > 15.0
     assert sweep.near
 
 
-def test_the_record_that_does_not_repeat_meets_both_ends_in_both_halves():
-    log = beyond.irregular("thigh", 0, 250.0, 0.1)
-    assert log.meta["options"]["hold_max"] > 5.0  # the default would not do with this seed
-    low, high = twin.truth("thigh").end_angles
-    for half in np.array_split((log.y_true - low) / (high - low), 2):
-        assert half.min() < 0.03
-        assert half.max() > 0.97
+@pytest.mark.parametrize("joint", twin.JOINTS)
+def test_the_record_that_does_not_repeat_meets_both_ends(joint):
+    log = beyond.irregular(joint, 0, 250.0, 0.1)
+    low, high = twin.truth(joint).end_angles
+    travel = (log.y_true - low) / (high - low)
+    assert travel.min() < 0.03
+    assert travel.max() > 0.97
+    assert len(np.unique(log.u)) > 10
+    assert np.abs(log.u).min() >= 6.0
+    assert np.abs(log.u).max() <= 12.0
 
 
 def test_recovered_values_stand_beside_the_truth_in_its_own_units(shoulder):
@@ -122,8 +125,8 @@ def test_the_tables_show_the_papers_row_both_structures_and_every_value(shoulder
         ("the rig, 2016", "paper"),
         ("sweep", "paper's structure"),
         ("sweep", "actuated joint"),
-        ("aprbs", "paper's structure"),
-        ("aprbs", "actuated joint"),
+        ("drawn sweep", "paper's structure"),
+        ("drawn sweep", "actuated joint"),
     ]
     assert grid.rows[0][3] == "71.06 %"
     assert len(report.values_table(shoulder).rows) == len(shoulder.joints[0].beyond.recovered)
@@ -131,8 +134,8 @@ def test_the_tables_show_the_papers_row_both_structures_and_every_value(shoulder
 
 
 def test_without_its_end_stops_or_its_friction_a_joint_is_lost_and_without_what_is_not_there_it_loses_nothing(shoulder):
-    sweep, aprbs = shoulder.joints[0].beyond.trials
-    lost = {row.part: aprbs.joint.validation_fit - row.fit for row in ablation.without_parts(aprbs)}
+    sweep, drawn = shoulder.joints[0].beyond.trials
+    lost = {row.part: drawn.joint.validation_fit - row.fit for row in ablation.without_parts(drawn)}
     assert set(lost) == {*ablation.PARTS, ablation.ALIKE}
     assert lost["end stops"] > 15.0
     assert lost["dry friction"] > 5.0
@@ -160,7 +163,7 @@ def test_ablation_in_the_report(monkeypatch, tmp_path, capsys):
 
 def test_a_fit_below_zero_counts_as_none():
     rows = (ablation.Row("friction", 30.0), ablation.Row("noise", -500.0), ablation.Row("end_stops", None, 20.0, "off"))
-    a = ablation.Ablation("thigh", "aprbs", 98.0, (ablation.Row("play", 97.0),), -200.0, rows)
+    a = ablation.Ablation("thigh", "drawn sweep", 98.0, (ablation.Row("play", 97.0),), -200.0, rows)
     assert [a.gained(row) for row in rows[:2]] == [30.0, 0.0]
     assert np.isnan(a.gained(rows[2]))
     assert a.lost(a.joint[0]) == 1.0

@@ -310,7 +310,7 @@ def test_reproduce_has_every_joint_model_and_check(reproduced):
         assert joint["truth_error"] < 1e-3
     assert list(summary["beyond"]) == list(twin.JOINTS)
     for joint in summary["beyond"].values():
-        for record in ("sweep", "aprbs"):
+        for record in ("sweep", "drawn sweep"):
             assert joint[record]["actuated_joint"]["fit_percent"]["validation"] <= joint[record]["ceiling"] + 0.2
             assert joint[record]["paper_structure"]["setting"]["structure"] == "hammerstein_wiener"
         speed = joint["recovered"]["speed_per_volt"]

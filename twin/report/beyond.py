@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN = {"shoulder": 12.0, "thigh": 60.0, "shank": 60.0}  # [s] of the validation half
-WORDS = {"sweep": "the paper's sweep", "aprbs": "an aprbs that is not periodic"}
-MARKS = {"sweep": ("o", style.INPUT), "aprbs": ("s", style.MODEL)}
+WORDS = {"sweep": "the paper's sweep", "drawn sweep": "a sweep of drawn times and levels"}
+MARKS = {"sweep": ("o", style.INPUT), "drawn sweep": ("s", style.MODEL)}
 FRAME = 4.0  # aims to either side of the truth that the figure of recovered values shows
 
 
@@ -39,9 +39,9 @@ _WHY = (
     "A joint that a voltage drives integrates, and it stops at its ends. No chain of static map, linear block and "
     "static map holds an end stop: on the paper's sweep it runs well because the sweep repeats itself. Here the same "
     "structure, with the paper's orders, maps and search, stands beside an actuated joint: motor with friction between "
-    "two stops, linkage, play. Both are fitted to the first half of the paper's sweep and of an aprbs that does not "
-    "repeat itself and whose halves both meet both ends, and run free over the second half. The actuated joint gets no "
-    "start and no number of the twin."
+    "two stops, linkage, play. Both are fitted to the first half of the paper's sweep and of one whose times and levels "
+    "are drawn, so that it does not repeat itself, and run free over the second half. The actuated joint gets no start "
+    "and no number of the twin."
 )
 _RECOVERY = (
     "What either record says of the twin, less the truth, in units of how near it should come (the column aim of the "
@@ -107,12 +107,12 @@ def values_table(result: ProtocolResult) -> Grid:
 
 def picture(r: JointResult) -> Picture:
     """Free runs of both structures on both records."""
-    sweep, aprbs = r.beyond.trials
+    sweep, drawn = r.beyond.trials
     caption = (
         f"{r.joint.capitalize()}: free runs over the validation half of both records, and the errors on the second. "
         f"The paper's structure falls from {percent(sweep.paper.validation_fit)} to "
-        f"{percent(aprbs.paper.validation_fit)}, the actuated joint reaches {percent(sweep.joint.validation_fit)} and "
-        f"{percent(aprbs.joint.validation_fit)}."
+        f"{percent(drawn.paper.validation_fit)}, the actuated joint reaches {percent(sweep.joint.validation_fit)} and "
+        f"{percent(drawn.joint.validation_fit)}."
     )
     return Picture(f"beyond-{r.joint}", style.png(free_runs(r.beyond.trials, SHOWN[r.joint])), caption)
 
