@@ -23,7 +23,7 @@ NEAR = 0.5  # points of fit below the ceiling at which a model has explained all
 STEPS = 4  # what `run` announces
 RECORDS = ("sweep", "drawn sweep")
 SETTING = Setting(JOINT)
-LONGER = 1.5  # mean half period of the drawn sweep, in the paper's sweep's
+LONGER = 1.25  # mean half period of the drawn sweep, in the paper's sweep's
 
 
 @dataclass(frozen=True)
@@ -115,13 +115,13 @@ def run(
 
 
 def irregular(joint: str, seed: int, duration: float, Ts: float) -> Log:
-    """A sweep whose half periods are drawn within 50 % of a mean and whose levels from 65 % of the supply up.
+    """A sweep whose half periods are drawn within 50 % of a mean and whose levels from 60 % of the supply up.
 
     Somewhat longer than the paper's, so that a slow crossing too may end. It shows speeds at many voltages, and meets
     its ends often enough for a free run to forget what it got wrong.
     """
     mean = round(LONGER * DEFAULTS[joint]["sweep"]["half_period"], 3)
-    options = {"half_period": mean, "jitter": 0.5, "shrink": 0.35}
+    options = {"half_period": mean, "jitter": 0.5, "shrink": 0.4}
     return Experiment(joint, "sweep", duration, Ts, seed, options=options).run()
 
 

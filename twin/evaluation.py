@@ -301,8 +301,12 @@ def _step_response(fit: sysid.Fit, u0: float) -> Curve | None:
     poles = np.abs(fit.poles)
     slowest = min(float(poles.max(initial=0.0)), 0.999)
     samples = int(np.clip(np.ceil(np.log(0.01) / np.log(max(slowest, 0.1))), 20, 2000)) + 10
+    try:
+        tangent = sysid.linearize.tangent(fit, u0)
+    except InputError:  # a model that integrates has no operating point under a constant input
+        return None
     with np.errstate(all="ignore"):
-        response = control.step_response(sysid.linearize.tangent(fit, u0), T=np.arange(samples) * fit.Ts)
+        response = control.step_response(tangent, T=np.arange(samples) * fit.Ts)
     y = np.ravel(response.outputs)
     return Curve(np.ravel(response.time), y) if np.all(np.isfinite(y)) else None
 

@@ -38,9 +38,9 @@ def section(result: ProtocolResult) -> Section:
 _WHY = (
     "A joint that a voltage drives integrates, and it stops at its ends. No chain of static map, linear block and "
     "static map holds an end stop: on the paper's sweep it runs well because the sweep repeats itself. Here the same "
-    "structure, with the paper's orders, maps and search, stands beside an actuated joint: motor with friction between "
-    "two stops, linkage, play. Both are fitted to the first half of the paper's sweep and of one whose times and "
-    "levels are drawn, so that it does not repeat itself, and run free over the second half. The actuated joint gets no start "
+    "structure, with the paper's orders, maps and search, stands beside an actuated joint: motor with friction, "
+    "between two stops, linkage, play. Both are fitted to the first half of the paper's sweep and of one whose times "
+    "and levels are drawn, so that it does not repeat itself, and run free over the second half. The actuated joint gets no start "
     "and no number of the twin."
 )
 _RECOVERY = (
