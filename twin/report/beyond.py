@@ -40,8 +40,8 @@ _WHY = (
     "static map holds an end stop: on the paper's sweep it runs well because the sweep repeats itself. Here the same "
     "structure, with the paper's orders, maps and search, stands beside an actuated joint: motor with friction, "
     "between two stops, linkage, play. Both are fitted to the first half of the paper's sweep and of one whose times "
-    "and levels are drawn, so that it does not repeat itself, and run free over the second half. The actuated joint gets no start "
-    "and no number of the twin."
+    "and levels are drawn, so that it does not repeat itself, and run free over the second half. The actuated joint "
+    "gets no start and no number of the twin."
 )
 _RECOVERY = (
     "What either record says of the twin, less the truth, in units of how near it should come (the column aim of the "
