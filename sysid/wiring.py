@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from sysid.block import Block
+from sysid.block import Block, StaticBlock
 from sysid.blocks import CubicSpline, PiecewiseLinear
 from sysid.chain import Chain
 from sysid.errors import InputError
@@ -62,6 +62,11 @@ def _layer(k: int, block: Block, theta: np.ndarray) -> Layer:
 def entry(table: Mapping[type[Block], Callable[..., T]], unit: Unit, what: str) -> Callable[..., T]:
     """The line of `table` for a unit's block; raises InputError for a block without one."""
     if type(unit.block) not in table:
+        if not isinstance(unit.block, StaticBlock):
+            raise InputError(
+                f"{unit.name} is a {type(unit.block).__name__} block, which cannot be written as {what} yet; save "
+                "the fit as JSON and run it in Python"
+            )
         raise InputError(
             f"{unit.name} is a {type(unit.block).__name__} block, which has no formula to write as {what}; "
             "fit a piecewise linear map or a spline in its place"

@@ -114,6 +114,9 @@ class Motor(Block):
         found = [Symmetry(along(volts), in_scale=1.0)]
         if self.load:
             found.append(Symmetry(np.array([float(name == "load0") for name in names]), in_shift=1.0))
+        if self.load and not self.loss:  # a constant load is a difference between the frictions
+            moves = {"rise": 1.0, "fall": -1.0, "load0": -1.0}
+            found.append(Symmetry(np.array([moves.get(name, 0.0) for name in names])))
         if self.load <= 1:  # a load over position would have to be scaled about `at`
             places = dict.fromkeys(("gain", "stick_speed", "lower", "upper", "x0", "v0"), 1.0)
             found.append(Symmetry(along(places), out_scale=1.0))

@@ -25,6 +25,8 @@ from sysid.uncertainty import Covariance
 
 LINEAR = np.array([0.2, 0.12, -1.2, 0.5])  # nb 2, nf 2
 MAPS = {**{k: v for k, v in BLOCKS.items() if k in STATIC}, **VARIANTS}
+# Blocks of an actuated joint, which only JSON holds so far.
+NOT_YET = ["delay", "friction_lag", "limited_integrator", "motor", "play", "profiled_motor", "travel_map"]
 COMPOSED = (Channels, TransferMatrix)  # taken apart into the blocks that they are made of
 ON_MAPS = {"hammerstein": ("input",), "wiener": ("output",), "wiener_hammerstein": ("middle",)}
 
@@ -216,7 +218,16 @@ def test_the_whole_text_names_every_signal_in_order():
 )
 def test_every_registered_block_can_be_written(table):
     missing = [name for name, made in TABLE.items() if made not in (*table, *COMPOSED, Custom)]
-    assert not missing
+    assert missing == NOT_YET
+
+
+@pytest.mark.parametrize("name", NOT_YET)
+def test_what_cannot_be_written_yet_is_refused_in_a_sentence(name):
+    block, theta = BLOCKS[name]
+    own = made(Chain((replace(block, role="part"),)), theta)
+    for write in (closed_form.text, export_c.source, export_python.source):
+        with pytest.raises(InputError, match=r"cannot be written as|no formula to write"):
+            write(own)
 
 
 def test_what_cannot_be_written_is_refused_in_a_sentence():
