@@ -130,7 +130,7 @@ def free_runs(trials: Sequence[Trial], seconds: float) -> Figure:
             run = np.degrees(e.validation_output[:n] + e.validation.y_offset[0])
             style.line(ax, v.t[:n], run, color=colour, label=f"{name} {percent(e.validation_fit)}", linewidth=1.1)
         pad = 0.25 * float(np.ptp(measured))
-        ax.set(title=f"({'ab'[k]}) {WORDS[t.record]}", ylabel="angle [deg]")
+        ax.set(title=f"({'ab'[k]}) {t.record}", ylabel="angle [deg]")
         ax.set_ylim(measured.min() - pad, measured.max() + pad)
         style.legend(ax)
     last, ax = trials[-1], axes[-1, 0]
