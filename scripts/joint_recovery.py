@@ -46,7 +46,8 @@ def found(joint: str, seed: int) -> dict[str, tuple[bool, bool, float]]:
         twin.Experiment(joint, name, 125.0, seed=seed, options=options).run().io()
         for name, options in (("sweep", moving), ("staircase", slow))
     ]
-    fit = sysid.fit(actuated_joint(**STRUCTURE), IOData.merge(*parts), search="lm", starts=4, seed=seed)
+    data = IOData.merge(*parts)
+    fit = sysid.fit(actuated_joint(**STRUCTURE), data, search="lm", starts=4, seed=seed)
     true = {
         "speed_per_volt": truth.gain,
         "breakaway_down": truth.breakaway_voltage[0],
@@ -58,7 +59,7 @@ def found(joint: str, seed: int) -> dict[str, tuple[bool, bool, float]]:
         "delay": truth.delay,
     }
     out = {}
-    for value in joint_values(fit):
+    for value in joint_values(fit, data=data):
         if value.name in true:
             error = value.value - true[value.name]
             allowed = SHARES.get(value.name, 0.0) * abs(true[value.name])

@@ -8,7 +8,9 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 from sysid.blocks import Motor, Play, TravelMap
+from sysid.certainty import information
 from sysid.chain import Chain
+from sysid.data import IOData
 from sysid.errors import InputError
 from sysid.fitting import Fit
 
@@ -31,36 +33,52 @@ class JointValue:
         return self.low is not None and self.high is not None and self.low <= truth <= self.high
 
 
-def joint_values(fit: Fit, level: float = 0.95) -> tuple[JointValue, ...]:
+def joint_values(fit: Fit, level: float = 0.95, data: IOData | None = None) -> tuple[JointValue, ...]:
     """Physical values of an `actuated_joint`, at mid stroke where they depend on position.
 
     speed_per_volt [y/s/V], time_constant [s], breakaway_up and breakaway_down [V] (input that just starts the joint,
     with load, static friction and the driver's dead zone), coulomb_up and coulomb_down [V] (what friction and load take
     once it moves), end_low and end_high [y], backlash [y], delay [s]; y in the record's unit. Intervals by the delta
-    method from the fit's covariance; a value at a bound of its range (no backlash, no lag) has an interval of one side
-    only in truth, the one given here is symmetric and cut off there. Raises InputError for another structure.
+    method: from the fit's own covariance, which takes residuals as white, or, given the record `data` of the fit, from
+    one that allows for their colour (see `sysid.certainty`), as where the joint does more than the model. Intervals are
+    symmetric, and cut off where a value's range ends; a value that stands there (no backlash), or is held, has none.
+    Without `stribeck` a motor knows one friction, so that break-away is what moving takes. Raises InputError for
+    another structure.
     """
     chain = fit.model
     if not any(isinstance(b, Motor) for b in chain.blocks):
         raise InputError(f"a {chain.structure} has no motor; joint values are those of an actuated_joint")
     if not 0.0 < level < 1.0:
         raise InputError(f"level is {level}; give a probability between 0 and 1, for example 0.95")
-    factor = float(norm.ppf(0.5 + level / 2))
-    covariance, known = fit.covariance.cov, np.isfinite(fit.covariance.std()) | ~chain.free
+    spread_of = _white(fit, level) if data is None else _coloured(fit, level, data)
     found = []
     for name, (unit, read, least) in _readings(chain, fit.Ts).items():
         value = read(fit.theta)
         if not np.isfinite(value):
             continue
-        gradient = _gradient(read, fit.theta)
-        low = high = None
-        if not np.any(np.abs(gradient[~known]) > 0.0) and np.all(np.isfinite(gradient)):
-            spread = factor * float(
-                np.sqrt(max(gradient[known] @ covariance[np.ix_(known, known)] @ gradient[known], 0))
-            )
+        spread, low, high = spread_of(_gradient(read, fit.theta)), None, None
+        if np.isfinite(spread) and spread > 0.0:
             low, high = max(value - spread, least), value + spread
         found.append(JointValue(name, float(value), low, high, unit))
     return tuple(found)
+
+
+def _white(fit: Fit, level: float) -> Callable[[np.ndarray], float]:
+    """Half width of an interval from a gradient (P,), nan where it is undetermined."""
+    factor = float(norm.ppf(0.5 + level / 2))
+    covariance, known = fit.covariance.cov, np.isfinite(fit.covariance.std()) | ~fit.model.free
+
+    def spread(gradient: np.ndarray) -> float:
+        if np.any(np.abs(gradient[~known]) > 0.0):
+            return np.nan
+        return factor * float(np.sqrt(max(gradient[known] @ covariance[np.ix_(known, known)] @ gradient[known], 0.0)))
+
+    return spread
+
+
+def _coloured(fit: Fit, level: float, data: IOData) -> Callable[[np.ndarray], float]:
+    info = information(fit, data, lags="auto")
+    return lambda gradient: info.quantile(level) * float(info.std_of(gradient)[0])
 
 
 Reading = tuple[str, Callable[[np.ndarray], float], float]

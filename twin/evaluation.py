@@ -288,7 +288,7 @@ def _values(fit: sysid.Fit, data: IOData) -> tuple[JointValue, ...]:
     """Physical values with the output's own unit in the place of y; an end that was never met has no interval."""
     unit, met = data.y_unit or "y", dict(zip(("end_low", "end_high"), ends_met(fit, data), strict=True))
     values = []
-    for v in joint_values(fit):
+    for v in joint_values(fit, data=data):
         v = replace(v, unit=unit + v.unit[1:]) if v.unit[0] == "y" else v
         values.append(v if met.get(v.name, True) else replace(v, low=None, high=None))
     return tuple(values)
