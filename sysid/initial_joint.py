@@ -70,45 +70,58 @@ def _read(u: np.ndarray, y: np.ndarray) -> _Record:
 def _draw(chain: Chain, seen: _Record, rng: np.random.Generator, k: int) -> np.ndarray:
     """One candidate; the first is the plainest."""
     theta = np.zeros(len(chain.names))
-    span = max(seen.high - seen.low, 1e-12)
+    ends = _ends(chain, seen, rng)
     mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
-    ends = (seen.low, seen.high) if seen.sign > 0 else (seen.high, seen.low)
-    if chain.block("sensor") is not None:  # what it shows says little of where the ends are: try either side of zero
-        reach = max(abs(seen.low), abs(seen.high))
-        share = rng.uniform(0.0, 1.0) if rng.random() < 0.8 else 1.0
-        ends = (-reach * share, reach) if rng.random() < 0.5 else (-reach, reach * share)
-        span = ends[1] - ends[0]
-    unit = span if mapped else 1.0
-    first = seen.y[: max(1, min(3, len(seen.y)))].mean()
-    begin = float(np.clip((first - ends[0]) / (ends[1] - ends[0] or 1.0), 0.0, 1.0))
-    plain = k == 0
-    friction = seen.volts * (0.15 if plain else np.exp(rng.uniform(np.log(0.01), np.log(0.7))))
-    tilt = 0.0 if plain else rng.uniform(-0.4, 0.4)
-    load = 0.0 if plain else rng.normal() * 0.1 * seen.volts
-    left = max(seen.volts - friction, 0.05 * seen.volts)
-    values = {
-        "gain": seen.speed / left / unit * (1.0 if plain else np.exp(0.15 * rng.normal())),
-        "lag": 0.5 if plain else float(np.exp(rng.uniform(np.log(0.1), np.log(max(3.0, len(seen.y) / 400))))),
-        "rise": friction * (1.0 + tilt),
-        "fall": friction * (1.0 - tilt),
-        "stick": friction * (0.2 if plain else rng.uniform(0.0, 0.6)),
-        "load0": load,
-        "loss": 0.1,
-        "delay": 0.2 if plain else rng.uniform(0.0, 1.0),
-        "lower": 0.0 if mapped else seen.low,
-        "upper": 1.0 if mapped else seen.high,
-        "x0": begin if mapped else first,
-    }
-    values["stick_speed"] = (
-        values["gain"] * seen.volts * (0.03 if plain else np.exp(rng.uniform(*np.log([0.003, 0.3]))))
-    )
-    if not mapped and seen.sign < 0:
-        values["gain"] = 1e-6
+    values = _physics(seen, ends, mapped, None if k == 0 else rng)
+    span = max(abs(ends[1] - ends[0]), 1e-12)
     for b in chain.blocks:
         theta[chain.index(b)] = _values(b, values, ends, span, seen)
     for i, (name, slot) in enumerate(zip(chain.names, chain.slots, strict=True)):
         theta[i] = chain.fixed.get(name, float(np.clip(theta[i], slot.lower, slot.upper)))
     return theta
+
+
+def _ends(chain: Chain, seen: _Record, rng: np.random.Generator) -> tuple[float, float]:
+    """Outputs at the motor's lower and upper end."""
+    if chain.block("sensor") is None:
+        return (seen.low, seen.high) if seen.sign > 0 else (seen.high, seen.low)
+    # What a sensor shows says little of where the ends are: try either side of zero.
+    reach = max(abs(seen.low), abs(seen.high))
+    share = rng.uniform(0.0, 1.0) if rng.random() < 0.8 else 1.0
+    return (-reach * share, reach) if rng.random() < 0.5 else (-reach, reach * share)
+
+
+def _physics(
+    seen: _Record, ends: tuple[float, float], mapped: bool, rng: np.random.Generator | None
+) -> dict[str, float]:
+    """The motor's parameters by name, drawn with `rng`; its position counts in strokes where a travel map follows."""
+    way = ends[1] - ends[0] or 1.0
+    first = float(seen.y[: max(1, min(3, len(seen.y)))].mean())
+    friction, tilt, load, haste, lag, stick, delay, creep = 0.15, 0.0, 0.0, 1.0, 0.5, 0.2, 0.2, 0.03
+    if rng is not None:
+        friction = np.exp(rng.uniform(np.log(0.01), np.log(0.7)))
+        tilt, load = rng.uniform(-0.4, 0.4), rng.normal() * 0.1
+        haste = np.exp(0.15 * rng.normal())
+        lag = np.exp(rng.uniform(np.log(0.1), np.log(max(3.0, len(seen.y) / 400))))
+        stick, delay = rng.uniform(0.0, 0.6), rng.uniform(0.0, 1.0)
+        creep = np.exp(rng.uniform(*np.log([0.003, 0.3])))
+    dry = friction * seen.volts
+    left = max(seen.volts - dry, 0.05 * seen.volts)  # of the volts, for speed
+    gain = seen.speed / left / (abs(way) if mapped else 1.0) * haste
+    return {
+        "gain": gain if mapped or seen.sign > 0 else 1e-6,
+        "lag": lag,
+        "rise": dry * (1.0 + tilt),
+        "fall": dry * (1.0 - tilt),
+        "stick": dry * stick,
+        "stick_speed": gain * seen.volts * creep,
+        "load0": load * seen.volts,
+        "loss": 0.1,
+        "delay": delay,
+        "lower": 0.0 if mapped else seen.low,
+        "upper": 1.0 if mapped else seen.high,
+        "x0": float(np.clip((first - ends[0]) / way, 0.0, 1.0)) if mapped else first,
+    }
 
 
 def _values(b: Block, values: dict[str, float], ends: tuple[float, float], span: float, seen: _Record) -> np.ndarray:
