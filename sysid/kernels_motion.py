@@ -58,6 +58,24 @@ def _direction(m, x, w, at):
 
 
 @njit(cache=True, nogil=True)
+def lag_tangent(dx, dv, dh, c, ds, dlag, lag, speed, off, after, span, spent, decay, turns):
+    """Move entry c of the tangents of position and speed through `span` of a first-order lag towards `speed`.
+
+    ds and dlag are the tangents of that speed and of the lag, off is how far speed is off it at first, after is speed
+    in the end; decay = exp(-span / lag), spent = lag (1 - decay). Where the motor `turns` the tangent dh of the time
+    that is left takes up when that was.
+    """
+    dx[c] += (span - spent) * ds + spent * dv[c] + off * ((1.0 - decay) - span / lag * decay) * dlag
+    change = (1.0 - decay) * ds + decay * dv[c] + off * decay * span / (lag * lag) * dlag
+    if turns:  # speed is zero at the turn, so only the time that is left knows when it was
+        dv[c] = 0.0
+        dh[c] += lag / speed * change
+    else:
+        dx[c] += after * dh[c]
+        dv[c] = change + (speed - after) / lag * dh[c]
+
+
+@njit(cache=True, nogil=True)
 def _stretch(m, x, v, w, h, at, dx, dv, dw, dh, own, column):
     """Position and speed after a time h [samples] of constant input w; tangents dx, dv (n,) move along.
 
@@ -86,14 +104,7 @@ def _stretch(m, x, v, w, h, at, dx, dv, dw, dh, own, column):
         for c in range(n):
             ds = sx * dx[c] + sv * dv[c] + sw * dw[c] + own[c]
             dlag = 1.0 if c == column[LAG] else 0.0
-            dx[c] += (span - spent) * ds + spent * dv[c] + off * ((1.0 - decay) - span / lag * decay) * dlag
-            change = (1.0 - decay) * ds + decay * dv[c] + off * decay * span / (lag * lag) * dlag
-            if turns:  # speed is zero at the turn, so only the time that is left knows when it was
-                dv[c] = 0.0
-                dh[c] += lag / speed * change
-            else:
-                dx[c] += after * dh[c]
-                dv[c] = change + (speed - after) / lag * dh[c]
+            lag_tangent(dx, dv, dh, c, ds, dlag, lag, speed, off, after, span, spent, decay, turns)
         x += speed * span + off * spent
         v = after
         h -= span

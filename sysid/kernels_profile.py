@@ -3,6 +3,8 @@
 import numpy as np
 from numba import njit
 
+from sysid.kernels_motion import lag_tangent
+
 INERTIA, DRAG_UP, DRAG_DOWN, PROFILE = range(4)  # of the block's own parameters; rise and fall at each knot follow
 _EVENTS = 4  # turns within one stretch of constant input
 _TINY = 1e-12
@@ -91,14 +93,7 @@ def profiled_motor(theta, knots, low, high, substeps, u, y, J, q):
                         ds -= sign * (1.0 - f) / drag
                     elif knots > 1 and c == q + start + i + 1:
                         ds -= sign * f / drag
-                    dx[c] += (span - spent) * ds + spent * dv[c] + off * ((1.0 - decay) - span / lag * decay) * dlag
-                    change = (1.0 - decay) * ds + decay * dv[c] + off * decay * span / (lag * lag) * dlag
-                    if turns:  # speed is zero at the turn, so only the time that is left knows when it was
-                        dv[c] = 0.0
-                        dh[c] += lag / speed * change
-                    else:
-                        dx[c] += after * dh[c]
-                        dv[c] = change + (speed - after) / lag * dh[c]
+                    lag_tangent(dx, dv, dh, c, ds, dlag, lag, speed, off, after, span, spent, decay, turns)
                 x += speed * span + off * spent
                 v = after
                 h -= span

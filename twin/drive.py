@@ -47,9 +47,7 @@ class Drive:
         """
         ratio = self.resistance / resistance
         root = self.supply**2 - 4.0 * ratio * volts**2
-        if root < 0.0 or volts == 0.0:
-            if volts == 0.0:
-                return 0.0
+        if root < 0.0:
             raise ValueError(f"a supply of {self.supply} V cannot put {volts} V on the motor")
         duty = 2.0 * volts / (self.supply + np.sqrt(root))
         return float(duty * self.supply + np.sign(volts) * self.dead_band)

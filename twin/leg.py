@@ -13,7 +13,7 @@ from twin.friction import dry_friction
 from twin.geometry import end_angles, middle, stroke
 from twin.motor import motor
 from twin.parameters import JOINTS, LEG, Parameters
-from twin.plant.board import add_sensor
+from twin.plant.board import Circuit, add_sensor, circuit
 
 LEGS = {"front_left": "_00", "rear_left": "_10", "rear_right": "_01", "front_right": "_11"}
 # What each switch removes. "friction" takes all of it, dry and viscous, of actuator and bearing; the three after it
@@ -67,6 +67,11 @@ def robot(parameters: Parameters | None = None, without: Collection[str] = ()) -
     spec = _spec(parameters or Parameters(), check_switches(without), tuple(LEGS.values()))
     add_sensor(spec)
     return spec.compile()
+
+
+def robot_circuits(parameters: Parameters) -> list[Circuit]:
+    """The circuits of the whole robot, in the order of its actuators: four legs alike."""
+    return [circuit(parameters, joint) for joint in JOINTS] * len(LEGS)
 
 
 def bench(

@@ -7,9 +7,9 @@ from typing import Any
 
 import mujoco
 
-from twin.leg import LEGS
-from twin.parameters import JOINTS, Parameters
-from twin.plant.board import circuit, user_data
+from twin.leg import robot_circuits
+from twin.parameters import Parameters
+from twin.plant.board import user_data
 from twin.plant.stepping import boards
 from twin.replay import Replay, moment
 from twin.stills import CAMERA, column, cylinders, shape
@@ -27,7 +27,7 @@ def window(replay: Replay | None, speed: float) -> None:
     data = mujoco.MjData(model)
     data.qpos[:] = pose
     if replay is None:
-        data.userdata[:] = user_data(model, [circuit(Parameters(), joint) for joint in JOINTS] * len(LEGS))
+        data.userdata[:] = user_data(model, robot_circuits(Parameters()))
     clock = Clock()
     panels = {"show_left_ui": False, "show_right_ui": replay is None}  # the motors' voltages are on the right
     with suppress(KeyboardInterrupt), viewer.launch_passive(model, data, key_callback=clock.key, **panels) as handle:

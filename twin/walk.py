@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from twin.leg import LEGS, robot
-from twin.parameters import JOINTS, Parameters
+from twin.leg import LEGS, robot, robot_circuits
+from twin.parameters import Parameters
 from twin.plant import slots
-from twin.plant.board import circuit, user_data
+from twin.plant.board import user_data
 from twin.plant.stepping import TIMESTEP, boards
 
 SETTLE = 1.0  # [s] that the first reference is held before the record starts
@@ -58,7 +58,7 @@ class Walk:
     @property
     def electrical_power(self) -> np.ndarray:
         """Power (N, 12) [W] that each motor takes, V i with i = (V - K w) / R; none goes back into the supply."""
-        circuits = [circuit(self.parameters, joint) for joint in JOINTS] * len(LEGS)
+        circuits = robot_circuits(self.parameters)
         constant, gear, resistance = (
             np.array([getattr(each.motor, name) for each in circuits]) for name in ("constant", "gear", "resistance")
         )
@@ -100,7 +100,7 @@ def drive(
     first = models[0]
     batch = Batch(first, len(robots), threads)
     batch.set_models(models)
-    circuits = [[circuit(parameters, joint) for joint in JOINTS] * len(LEGS) for parameters in robots]
+    circuits = [robot_circuits(parameters) for parameters in robots]
     batch.qpos = np.stack([_pose(model, torso, references[0]) for model in models])
     every = zip(models, circuits, seeds, strict=True)
     batch.userdata = np.stack([user_data(model, row, servo=power, seed=seed) for model, row, seed in every])
