@@ -4,7 +4,6 @@ Static formulas use * and ^ and the functions min, max, exp, so that they can be
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,41 +17,13 @@ from sysid.blocks import (
     Saturation,
     SigmoidNetwork,
     TransferFunction,
+    TravelMap,
     UnitGain,
     WaveletNetwork,
 )
+from sysid.closed_form_motion import FORMULAS as MOTION
 from sysid.fitting import Fit
-from sysid.wiring import break_points, cubics, entry, layers, number
-
-
-@dataclass(frozen=True)
-class Writer:
-    """Names of a unit's input x and output y, and how its numbers are written (None: exactly)."""
-
-    x: str
-    y: str
-    digits: int | None
-
-    def num(self, value: float) -> str:
-        """A number, in brackets where it is negative."""
-        plain = number(value) if self.digits is None else f"{float(value):.{self.digits}g}"
-        return f"({plain})" if plain.startswith("-") else plain
-
-    def sum(self, terms: list[tuple[float, str]]) -> str:
-        """c1*a + c2*b - ... without the terms of weight zero; an empty name stands for the number alone."""
-        parts: list[str] = []
-        for c, name in terms:
-            if c == 0.0:
-                continue
-            sign = ("-" if c < 0 else "") if not parts else (" - " if c < 0 else " + ")
-            size = self.num(abs(c))
-            factor = size if not name else (name if size in ("1", "1.0") else f"{size}*{name}")
-            parts.append(sign + factor)
-        return "".join(parts) or "0"
-
-    def minus(self, value: float) -> str:
-        """(x - value) as a factor."""
-        return self.x if value == 0.0 else f"({self.sum([(1.0, self.x), (-value, '')])})"
+from sysid.wiring import Writer, break_points, cubics, entry, layers, strokes
 
 
 def cubic_spline(block: CubicSpline, theta: np.ndarray, w: Writer) -> list[str]:
@@ -87,10 +58,7 @@ def dead_zone_saturation(block: DeadZoneSaturation, theta: np.ndarray, w: Writer
 
 
 def piecewise_linear(block: PiecewiseLinear, theta: np.ndarray, w: Writer) -> list[str]:
-    x, y = break_points(block, theta)
-    slopes = np.diff(y) / np.diff(x)
-    curves = [w.sum([(y[i], ""), (slopes[i], w.minus(x[i]))]) for i in range(len(slopes))]
-    return _pieces(x[1:-1], curves, w)
+    return _straight(*break_points(block, theta), w)
 
 
 def polynomial(block: Polynomial, theta: np.ndarray, w: Writer) -> list[str]:
@@ -125,6 +93,11 @@ def transfer_function(block: TransferFunction, theta: np.ndarray, w: Writer) -> 
     ]
 
 
+def travel_map(block: TravelMap, theta: np.ndarray, w: Writer) -> list[str]:
+    x, s = strokes(block, theta)
+    return _straight(x, theta[0] + (theta[1] - theta[0]) * s, w)
+
+
 def unit_gain(block: UnitGain, theta: np.ndarray, w: Writer) -> list[str]:
     return [f"{w.y} = {w.x}"]
 
@@ -148,8 +121,10 @@ FORMULAS: dict[type[Block], Callable[..., list[str]]] = {
     Saturation: saturation,
     SigmoidNetwork: sigmoid_network,
     TransferFunction: transfer_function,
+    TravelMap: travel_map,
     UnitGain: unit_gain,
     WaveletNetwork: wavelet_network,
+    **MOTION,
 }
 
 
@@ -200,6 +175,13 @@ def _pieces(edges: np.ndarray, curves: list[str], w: Writer) -> list[str]:
         where = f"   where {above}{w.x}{below}" if above or below else ""
         lines.append(f"{w.y} = {curve}{where}")
     return lines
+
+
+def _straight(x: np.ndarray, y: np.ndarray, w: Writer) -> list[str]:
+    """Straight lines through the points (x, y), the outer ones without end."""
+    slopes = np.diff(y) / np.diff(x)
+    curves = [w.sum([(y[i], ""), (slopes[i], w.minus(x[i]))]) for i in range(len(slopes))]
+    return _pieces(x[1:-1], curves, w)
 
 
 def _roots(roots: np.ndarray) -> str:

@@ -1,5 +1,6 @@
 """A chain with its numbers as a wiring of one-channel units: what exporters and the closed form walk through."""
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -8,20 +9,26 @@ from typing import TypeVar
 import numpy as np
 
 from sysid.block import Block, StaticBlock
-from sysid.blocks import CubicSpline, PiecewiseLinear
+from sysid.blocks import CubicSpline, Motor, PiecewiseLinear, TravelMap
 from sysid.chain import Chain
 from sysid.errors import InputError
 
 T = TypeVar("T")
+SHORTEST = 1e-12  # samples; what is left of a sample below it is over, as in the kernels
+EVENTS = 4  # turns of a motor within one stretch of constant input, as in the kernels
 
 
 @dataclass(frozen=True)
 class Code:
-    """Body of an exported function of `x`: may read tables by name and keep `state` numbers in `s`, zero at rest."""
+    """Body of an exported function of `x`: may read tables by name and keep `state` numbers in `s`.
+
+    `start` holds what the first of these numbers are called and begin with; all others begin with zero.
+    """
 
     body: str
     state: int = 0
     tables: dict[str, np.ndarray] = field(default_factory=dict)
+    start: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,36 @@ class Unit:
     name: str
     block: Block
     theta: np.ndarray
+
+
+@dataclass(frozen=True)
+class Writer:
+    """Names of a unit's input x and output y, and how its numbers are written (None: exactly)."""
+
+    x: str
+    y: str
+    digits: int | None
+
+    def num(self, value: float) -> str:
+        """A number, in brackets where it is negative."""
+        plain = number(value) if self.digits is None else f"{float(value):.{self.digits}g}"
+        return f"({plain})" if plain.startswith("-") else plain
+
+    def sum(self, terms: list[tuple[float, str]]) -> str:
+        """c1*a + c2*b - ... without the terms of weight zero; an empty name stands for the number alone."""
+        parts: list[str] = []
+        for c, name in terms:
+            if c == 0.0:
+                continue
+            sign = ("-" if c < 0 else "") if not parts else (" - " if c < 0 else " + ")
+            size = self.num(abs(c))
+            factor = size if not name else (name if size in ("1", "1.0") else f"{size}*{name}")
+            parts.append(sign + factor)
+        return "".join(parts) or "0"
+
+    def minus(self, value: float) -> str:
+        """(x - value) as a factor."""
+        return self.x if value == 0.0 else f"({self.sum([(1.0, self.x), (-value, '')])})"
 
 
 # A layer is one block of the chain: for each of its outputs, the units that are summed and the input each one reads.
@@ -85,6 +122,24 @@ def cubics(block: CubicSpline, theta: np.ndarray) -> tuple[float, float, np.ndar
     lo, hi = block.span if block.span is not None else theta[:2]
     values = theta if block.span is not None else theta[2:]
     return float(lo), float(hi), block.pieces @ values
+
+
+def strokes(block: TravelMap, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Knots of a travel map (knots,) and the share of the way that each one stands for."""
+    return np.linspace(0.0, 1.0, block.knots), np.concatenate([[0.0], theta[2:], [1.0]])
+
+
+def by_name(block: Block, theta: np.ndarray) -> dict[str, float]:
+    """theta (p,) by the names of the block's parameters."""
+    return {slot.name: float(value) for slot, value in zip(block.slots(), theta, strict=True)}
+
+
+def arrivals(block: Motor, theta: np.ndarray) -> list[tuple[int, float]]:
+    """The stretches of one sample over which a motor's input stands: how many samples old it is, how long it stands."""
+    delay = by_name(block, theta).get("delay", 0.0)
+    whole = math.floor(delay)
+    stretches = [(whole + 1, delay - whole), (whole, 1.0 - (delay - whole))]
+    return [(age, length) for age, length in stretches if length > SHORTEST]
 
 
 def identifier(name: str) -> str:
