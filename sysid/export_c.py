@@ -17,12 +17,19 @@ from sysid.blocks import (
     Saturation,
     SigmoidNetwork,
     TransferFunction,
+    TravelMap,
     UnitGain,
     WaveletNetwork,
 )
+from sysid.export_motion_c import EMITTERS as MOTION
 from sysid.files import write_text
 from sysid.fitting import Fit
-from sysid.wiring import Code, Layer, Unit, break_points, cubics, entry, identifier, layers, number, offsets
+from sysid.wiring import Code, Layer, Unit, break_points, cubics, entry, identifier, layers, number, offsets, strokes
+
+# Segment i that x lies in, the outer ones without end, and the share r of the way through it.
+_LINES = """int i = 0;
+while (i < {last} && KX[i + 1] < x) ++i;
+const double r = (x - KX[i]) / (KX[i + 1] - KX[i]);"""
 
 
 def cubic_spline(block: CubicSpline, theta: np.ndarray) -> Code:
@@ -54,11 +61,7 @@ return 0.0;"""
 
 def piecewise_linear(block: PiecewiseLinear, theta: np.ndarray) -> Code:
     x, y = break_points(block, theta)
-    body = f"""int i = 0;
-while (i < {block.knots - 2} && KX[i + 1] < x) ++i;
-const double r = (x - KX[i]) / (KX[i + 1] - KX[i]);
-return KY[i] + r * (KY[i + 1] - KY[i]);"""
-    return Code(body, tables={"KX": x, "KY": y})
+    return Code(f"{_LINES.format(last=len(x) - 2)}\nreturn KY[i] + r * (KY[i + 1] - KY[i]);", tables={"KX": x, "KY": y})
 
 
 def polynomial(block: Polynomial, theta: np.ndarray) -> Code:
@@ -93,6 +96,13 @@ return y;"""
     return Code(body, n + 1, {"B": B, "F": F[1:]})
 
 
+def travel_map(block: TravelMap, theta: np.ndarray) -> Code:
+    x, s = strokes(block, theta)
+    low, way = number(theta[0]), number(theta[1] - theta[0])
+    body = f"{_LINES.format(last=len(x) - 2)}\nreturn {low} + {way} * (KY[i] + r * (KY[i + 1] - KY[i]));"
+    return Code(body, tables={"KX": x, "KY": s})
+
+
 def unit_gain(block: UnitGain, theta: np.ndarray) -> Code:
     return Code("return x;")
 
@@ -117,8 +127,10 @@ EMITTERS: dict[type[Block], Callable[..., Code]] = {
     Saturation: saturation,
     SigmoidNetwork: sigmoid_network,
     TransferFunction: transfer_function,
+    TravelMap: travel_map,
     UnitGain: unit_gain,
     WaveletNetwork: wavelet_network,
+    **MOTION,
 }
 
 
@@ -130,8 +142,9 @@ def write(fit: Fit, path: str | os.PathLike, name: str = "model", **scale: float
 def source(
     fit: Fit, name: str = "model", u_offset: float | np.ndarray = 0.0, y_offset: float | np.ndarray = 0.0
 ) -> str:
-    """C99 text of the fit's free run from rest; it needs nothing but math.h.
+    """C99 text of the fit's free run; it needs nothing but math.h.
 
+    Filters start from rest, motion (position, speed, rest of a play) where the fit's record began: <name>_init.
     u_offset (nu,) and y_offset (ny,) are what detrending took away (`IOData.u_offset`, `IOData.y_offset`): with them
     the file takes and gives the rig's own scale. With one input and one output `double <name>_step(state, u)`, else
     `void <name>_step(state, u[], y[])`. Compiled with -D<NAME>_MAIN it is a program that reads u from standard input
@@ -141,7 +154,8 @@ def source(
     wired = layers(fit.model, fit.theta)
     n_in, n_out = fit.model.channels
     codes = {u.name: entry(EMITTERS, u, "C")(u.block, u.theta) for layer in wired for row in layer for u, _ in row}
-    fields = [f"    double {unit}[{code.state}];" for unit, code in codes.items() if code.state]
+    fields = [_field(unit, code) for unit, code in codes.items() if code.state] or ["    char none;"]
+    starts = [_start(unit, code) for unit, code in codes.items() if code.start]
     state = f"{name}_state"
     comment = closed_form.text(fit).rstrip().replace("*/", "* /")
     parts = [
@@ -149,13 +163,32 @@ def source(
         "#include <math.h>",
         f"enum {{ {name}_inputs = {n_in}, {name}_outputs = {n_out} }};",
         f"const double {name}_Ts = {number(fit.Ts)}; /* s */",
-        "\n".join(["typedef struct { /* all zero: at rest */", *(fields or ["    char none;"]), f"}} {state};"]),
+        "\n".join([f"typedef struct {{ /* set it with {name}_init */", *fields, f"}} {state};"]),
         *(_function(name, unit, code) for unit, code in codes.items()),
-        f"void {name}_init({state} *s)\n{{\n    static const {state} rest;\n    *s = rest;\n}}",
+        _init(name, starts),
         _step(name, wired, codes, offsets(u_offset, n_in, "u_offset"), offsets(y_offset, n_out, "y_offset")),
         _main(name, n_in, n_out),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _field(unit: str, code: Code) -> str:
+    first = f" /* {', '.join(code.start)}{', ...' if len(code.start) < code.state else ''} */" if code.start else ""
+    return f"    double {unit}[{code.state}];{first}"
+
+
+def _start(unit: str, code: Code) -> str:
+    return f".{unit} = {{{_list(np.array(list(code.start.values())))}}}"
+
+
+def _init(name: str, starts: list[str]) -> str:
+    """What has no value of its own begins with zero, as static memory does."""
+    values = f" = {{{', '.join(starts)}}}" if starts else ""
+    return f"""void {name}_init({name}_state *s)
+{{
+    static const {name}_state start{values};
+    *s = start;
+}}"""
 
 
 def _function(name: str, unit: str, code: Code) -> str:

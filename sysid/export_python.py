@@ -17,12 +17,20 @@ from sysid.blocks import (
     Saturation,
     SigmoidNetwork,
     TransferFunction,
+    TravelMap,
     UnitGain,
     WaveletNetwork,
 )
+from sysid.export_motion_python import EMITTERS as MOTION
 from sysid.files import write_text
 from sysid.fitting import Fit
-from sysid.wiring import Code, Layer, Unit, break_points, cubics, entry, layers, number, offsets
+from sysid.wiring import Code, Layer, Unit, break_points, cubics, entry, layers, number, offsets, strokes
+
+# Segment i that x lies in, the outer ones without end, and the share r of the way through it.
+_LINES = """i = 0
+while i < {last} and KX[i + 1] < x:
+    i += 1
+r = (x - KX[i]) / (KX[i + 1] - KX[i])"""
 
 
 def cubic_spline(block: CubicSpline, theta: np.ndarray) -> Code:
@@ -54,12 +62,7 @@ return 0.0"""
 
 def piecewise_linear(block: PiecewiseLinear, theta: np.ndarray) -> Code:
     x, y = break_points(block, theta)
-    body = f"""i = 0
-while i < {block.knots - 2} and KX[i + 1] < x:
-    i += 1
-r = (x - KX[i]) / (KX[i + 1] - KX[i])
-return KY[i] + r * (KY[i + 1] - KY[i])"""
-    return Code(body, tables={"KX": x, "KY": y})
+    return Code(f"{_LINES.format(last=len(x) - 2)}\nreturn KY[i] + r * (KY[i + 1] - KY[i])", tables={"KX": x, "KY": y})
 
 
 def polynomial(block: Polynomial, theta: np.ndarray) -> Code:
@@ -96,6 +99,13 @@ return y"""
     return Code(body, n + 1, {"B": B, "F": F[1:]})
 
 
+def travel_map(block: TravelMap, theta: np.ndarray) -> Code:
+    x, s = strokes(block, theta)
+    low, way = number(theta[0]), number(theta[1] - theta[0])
+    body = f"{_LINES.format(last=len(x) - 2)}\nreturn {low} + {way} * (KY[i] + r * (KY[i + 1] - KY[i]))"
+    return Code(body, tables={"KX": x, "KY": s})
+
+
 def unit_gain(block: UnitGain, theta: np.ndarray) -> Code:
     return Code("return x")
 
@@ -120,8 +130,10 @@ EMITTERS: dict[type[Block], Callable[..., Code]] = {
     Saturation: saturation,
     SigmoidNetwork: sigmoid_network,
     TransferFunction: transfer_function,
+    TravelMap: travel_map,
     UnitGain: unit_gain,
     WaveletNetwork: wavelet_network,
+    **MOTION,
 }
 
 
@@ -131,8 +143,9 @@ def write(fit: Fit, path: str | os.PathLike, **scale: float) -> Path:
 
 
 def source(fit: Fit, u_offset: float | np.ndarray = 0.0, y_offset: float | np.ndarray = 0.0) -> str:
-    """Python text of the fit's free run from rest: class Model with step(u) -> y, and simulate(u) -> list.
+    """Python text of the fit's free run: class Model with step(u) -> y, and simulate(u) -> list.
 
+    Filters start from rest, motion (position, speed, rest of a play) where the fit's record began: a new Model().
     A sample of several channels is a sequence of numbers. u_offset (nu,) and y_offset (ny,) are what detrending took
     away. Run as a program it reads u from standard input, a sample a line, and prints y. Raises InputError for a block
     without a formula.
@@ -141,10 +154,11 @@ def source(fit: Fit, u_offset: float | np.ndarray = 0.0, y_offset: float | np.nd
     n_in, n_out = fit.model.channels
     codes = {u.name: entry(EMITTERS, u, "Python")(u.block, u.theta) for layer in wired for row in layer for u, _ in row}
     comment = "\n".join(f"# {line}".rstrip() for line in closed_form.text(fit).rstrip().split("\n"))
-    states = [f"        self.{unit} = [0.0] * {code.state}" for unit, code in codes.items() if code.state]
+    states = [_state(unit, code) for unit, code in codes.items() if code.state]
+    begin = "from the fit's first position" if any(code.start for code in codes.values()) else "from rest"
     steps = _step(wired, codes, offsets(u_offset, n_in, "u_offset"), offsets(y_offset, n_out, "y_offset"))
     shown = "model.step(*values)" if n_in == 1 else "model.step(values)"
-    return f'''"""Exported model: Model().step(u) gives y sample by sample, simulate(u) a whole record, from rest."""
+    return f'''"""Exported model: Model().step(u) gives y sample by sample, simulate(u) a whole record, {begin}."""
 
 {comment}
 
@@ -157,7 +171,7 @@ TS = {number(fit.Ts)}  # s
 
 
 class Model:
-    """One run of the model; a new instance is at rest."""
+    """One run of the model; a new instance starts {begin}."""
 
     def __init__(self):
 {_newline.join(states) or "        pass"}
@@ -168,7 +182,7 @@ class Model:
 
 
 def simulate(u):
-    """Free run from rest: a list of y for a sequence of u."""
+    """Free run {begin}: a list of y for a sequence of u."""
     model = Model()
     return [model.step(value) for value in u]
 
@@ -186,6 +200,14 @@ if __name__ == "__main__":
 
 
 _newline, _blank2 = "\n", "\n\n\n"
+
+
+def _state(unit: str, code: Code) -> str:
+    first = [number(value) for value in code.start.values()]
+    others = code.state - len(first)
+    values = [*([f"[{', '.join(first)}]"] if first else []), *([f"[0.0] * {others}"] if others else [])]
+    names = f"  # {', '.join(code.start)}{', ...' if others else ''}" if first else ""
+    return f"        self.{unit} = {' + '.join(values)}{names}"
 
 
 def _function(unit: str, code: Code) -> str:
