@@ -7,6 +7,7 @@ from sysid.data import IOData
 from sysid.initial_joint import is_joint, joint_starts
 from sysid.initial_multi import multi_starts
 from sysid.initial_profile import has_profile, profile_starts
+from sysid.initial_stages import plainer, staged_starts
 from sysid.iterate import Options, iterate
 from sysid.laying import lay_maps
 from sysid.linear_start import denominators, polished, same_poles, solve_linear
@@ -24,7 +25,11 @@ def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray
     """
     record = max(data.experiments, key=lambda e: e.N)
     if is_joint(chain):
-        return joint_starts(chain, record, count, seed)
+        return (
+            joint_starts(chain, record, count, seed)
+            if plainer(chain) is None
+            else staged_starts(chain, data, count, seed)
+        )
     if has_profile(chain):
         return [_with_fixed(chain, theta) for theta in profile_starts(chain, data, count, seed)]
     # One generator a start, so that start k is the same however many are asked for.

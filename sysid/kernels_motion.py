@@ -7,8 +7,8 @@ import numpy as np
 from numba import njit
 
 # Places in the motor's full parameter vector.
-GAIN, LAG, RISE, FALL, STICK, STICK_SPEED, LOAD0, LOAD1, LOAD2, LOSS, DELAY, LOWER, UPPER, X0, V0 = range(15)
-MOTOR = 15
+GAIN, LAG, RISE, FALL, STICK, STICK_SPEED, LOAD0, LOAD1, LOAD2, LOSS, JAM, DELAY, LOWER, UPPER, X0, V0 = range(16)
+MOTOR = 16
 _EVENTS = 4  # reversals within one stretch of constant input: one is usual, two can be
 _TINY = 1e-12
 
@@ -76,20 +76,51 @@ def lag_tangent(dx, dv, dh, c, ds, dlag, lag, speed, off, after, span, spent, de
 
 
 @njit(cache=True, nogil=True)
-def _stretch(m, x, v, w, h, at, dx, dv, dw, dh, own, column):
-    """Position and speed after a time h [samples] of constant input w; tangents dx, dv (n,) move along.
+def _jammed(held, h, dheld, dh):
+    """What is left of the time `held` that a stop keeps the motor, and of h, after the two have passed together."""
+    if held >= h:
+        for c in range(len(dh)):
+            dheld[c] -= dh[c]
+        return held - h, 0.0
+    for c in range(len(dh)):
+        dh[c] -= dheld[c]
+        dheld[c] = 0.0
+    return 0.0, h - held
 
-    dw (n,) is the tangent of w, dh (n,) that of h, which is used up. Between switches the motion is a first-order lag,
-    taken exactly; load and Stribeck's curve are those of the stretch's start.
+
+@njit(cache=True, nogil=True)
+def _strike(m, x, v, place, dx, dv, dheld, column):
+    """The motor has gone beyond a stop to x at speed v: it is put there, and jams for m[JAM] |v| from when it struck."""
+    stop = m[place]
+    held = max(m[JAM] * abs(v) - (x - stop) / v, 0.0) if v != 0.0 else 0.0
+    for c in range(len(dx)):
+        own = 1.0 if c == column[place] else 0.0
+        if held > 0.0:
+            dheld[c] = m[JAM] * np.sign(v) * dv[c] - (dx[c] - own) / v + (x - stop) / (v * v) * dv[c]
+            if c == column[JAM]:
+                dheld[c] += abs(v)
+        dx[c], dv[c] = own, 0.0
+    return stop, 0.0, held
+
+
+@njit(cache=True, nogil=True)
+def _stretch(m, x, v, w, h, held, at, dx, dv, dw, dh, dheld, own, column):
+    """Position, speed and rest of the jam `held` after a time h [samples] of constant input w.
+
+    Their tangents dx, dv, dheld (n,) move along; dw (n,) is the tangent of w, dh (n,) that of h, which is used up.
+    Between switches the motion is a first-order lag, taken exactly; load and Stribeck's curve are those of the
+    stretch's start.
     """
     n = len(dx)
+    if held > 0.0:
+        held, h = _jammed(held, h, dheld, dh)
     for _ in range(_EVENTS):
         if h <= _TINY:
             break
         sign = np.sign(v) if v != 0.0 else _direction(m, x, w, at)
         if sign == 0.0:
             dv[:] = 0.0
-            return x, 0.0
+            return x, 0.0, held
         speed, sx, sv, sw = _pull(m, x, v, w, sign, at, own, column)
         lag = m[LAG]
         decay = np.exp(-h / lag)
@@ -108,20 +139,16 @@ def _stretch(m, x, v, w, h, at, dx, dv, dw, dh, own, column):
         x += speed * span + off * spent
         v = after
         h -= span
-        stop = m[UPPER] if x >= m[UPPER] else m[LOWER]
+        place = UPPER if x >= m[UPPER] else LOWER
         if x >= m[UPPER] or x <= m[LOWER]:
             beyond = x > m[UPPER] or x < m[LOWER]
-            place = column[UPPER] if x >= m[UPPER] else column[LOWER]
             if beyond or v * (x - 0.5 * (m[UPPER] + m[LOWER])) > 0.0:
-                x, v = stop, 0.0
-                dx[:], dv[:] = 0.0, 0.0
-                if 0 <= place < n:
-                    dx[place] = 1.0
+                x, v, held = _strike(m, x, v, place, dx, dv, dheld, column)
                 if not turns:
-                    return x, v
+                    return x, v, held
         if not turns:
             break
-    return x, v
+    return x, v, held
 
 
 @njit(cache=True, nogil=True)
@@ -133,7 +160,7 @@ def motor(m, substeps, at, u, x, J, q, column, p):
     """
     N, n = u.shape[0], (q + p if J.shape[1] else 0)
     W = J[:, :q].copy() if n else np.zeros((0, 0))
-    dx, dv, dw, dh = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    dx, dv, dw, dh, dheld = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     own, places = np.zeros(n + 1 if n else 0), np.full(MOTOR, -1)
     if n:
         for i in range(MOTOR):
@@ -144,7 +171,7 @@ def motor(m, substeps, at, u, x, J, q, column, p):
             dv[places[V0]] = 1.0
     whole = int(np.floor(m[DELAY]))
     late = m[DELAY] - whole
-    place, speed = m[X0], m[V0]
+    place, speed, held = m[X0], m[V0], 0.0
     for k in range(N):
         x[k] = place
         for c in range(n):
@@ -162,7 +189,8 @@ def motor(m, substeps, at, u, x, J, q, column, p):
                     dh[:] = 0.0
                     if places[DELAY] >= 0:
                         dh[places[DELAY]] = (1.0 if part == 0 else -1.0) / substeps
-                place, speed = _stretch(m, place, speed, w, length / substeps, at, dx, dv, dw, dh, own, places)
+                h = length / substeps
+                place, speed, held = _stretch(m, place, speed, w, h, held, at, dx, dv, dw, dh, dheld, own, places)
 
 
 @njit(cache=True, nogil=True)
@@ -192,42 +220,6 @@ def limited_integrator(gain, lower, upper, start, w, x, J, q):
             if n:
                 dx[:] = 0.0
                 dx[q + stop] = 1.0
-
-
-@njit(cache=True, nogil=True)
-def play(width, rest, side, x, y, J, q, sided):
-    """Backlash: y follows x when it has crossed `width`; own columns: width, rest and, if `sided`, side0, side1.
-
-    y starts at x_0 + rest width. With `sided` a load s = side0 + side1 x presses the output against one side: between
-    |s| of 1 and 2 the room that is left shrinks from all to none.
-    """
-    P = J.shape[1]
-    p = (4 if sided else 2) if P else 0
-    n = q + p
-    d = np.zeros(n)
-    place = x[0] + rest * width
-    for t in range(len(x)):
-        s = side[0] + side[1] * x[t] if sided else 0.0
-        up, down = min(max(s - 1.0, 0.0), 1.0), min(max(-s - 1.0, 0.0), 1.0)
-        low, high = x[t] + width * (up - 0.5), x[t] + width * (0.5 - down)
-        if P and t == 0:
-            for c in range(q):
-                d[c] = J[0, c]
-            d[q], d[q + 1] = rest, width
-        if place < low or place > high:
-            lift = (up - 0.5) if place < low else (0.5 - down)
-            grows = (1.0 if 0.0 < up < 1.0 else 0.0) if place < low else (1.0 if 0.0 < down < 1.0 else 0.0)
-            place = low if place < low else high
-            if P:
-                follow = 1.0 + width * grows * side[1] if sided else 1.0
-                for c in range(q):
-                    d[c] = follow * J[t, c]
-                d[q], d[q + 1] = lift, 0.0
-                if sided:
-                    d[q + 2], d[q + 3] = width * grows, width * grows * x[t]
-        y[t] = place
-        for c in range(n if P else 0):
-            J[t, c] = d[c]
 
 
 @njit(cache=True, nogil=True)

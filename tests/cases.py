@@ -4,6 +4,7 @@ import numpy as np
 
 from sysid.blocks import (
     Channels,
+    CoastingPlay,
     CubicSpline,
     Custom,
     DeadZone,
@@ -32,6 +33,7 @@ BLOCKS = {
         Channels(maps=(Saturation(), Polynomial(degree=2)), role="map"),
         np.array([-1.1, 1.3, 0.3, 1.1, 0.4]),
     ),
+    "coasting_play": (CoastingPlay(role="map"), np.array([0.8, 0.2, 0.15, 0.05, 0.1])),
     "cubic_spline": (
         CubicSpline(knots=5, role="map"),
         np.array([-1.6, 1.7, -1.2, -0.4, 0.3, 0.1, 1.5]),
@@ -115,11 +117,14 @@ VARIANTS = {
 # Options of blocks with a memory, which no start makes an identity.
 MOVING = {
     "motor_plain": (Motor(load=0, delayed=False, stops=False, role="map"), np.array([0.15, 0.6, 0.3, 0.4, 0.4, 0.1])),
+    "motor_jams": (  # the same, jam before delay
+        Motor(jams=True, role="map"),
+        np.array([0.4, 0.6, 0.3, 0.4, -0.1, 6.0, 0.37, 0.05, 1.1, 0.4, 0.1]),
+    ),
     "motor_loaded": (  # gain, lag, rise, fall, stick, stick_speed, load0-2, loss, delay, lower, upper, x0, v0
         Motor(load=3, loss=True, stribeck=True, substeps=3, role="map"),
         np.array([0.15, 0.6, 0.3, 0.4, 0.3, 0.1, -0.1, 0.2, 0.15, 0.5, 1.37, 0.05, 1.1, 0.4, 0.1]),
     ),
-    "play_sided": (Play(sided=True, role="map"), np.array([0.8, 0.2, 0.3, 1.1])),
 }
 EXCITATIONS = {
     "aprbs": Aprbs(amplitude=3.0, hold_min=0.4, hold_max=2.0),

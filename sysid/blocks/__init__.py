@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from sysid.block import Block, StaticBlock
 from sysid.blocks.channels import Channels
+from sysid.blocks.coasting_play import CoastingPlay
 from sysid.blocks.cubic_spline import CubicSpline
 from sysid.blocks.custom import Custom
 from sysid.blocks.dead_zone import DeadZone
@@ -40,6 +41,7 @@ STATIC: dict[str, Callable[..., StaticBlock]] = {
 TABLE: dict[str, Callable[..., Block]] = {
     **STATIC,
     "channels": Channels,
+    "coasting_play": CoastingPlay,
     "custom": Custom,
     "delay": Delay,
     "friction_lag": FrictionLag,
@@ -66,6 +68,7 @@ __all__ = [
     "STATIC",
     "TABLE",
     "Channels",
+    "CoastingPlay",
     "CubicSpline",
     "Custom",
     "DeadZone",

@@ -9,6 +9,7 @@ from sysid.errors import InputError
 
 _FASTEST = 1e-3  # samples; a lag below it cannot be told from none
 LONGEST = 20.0  # samples of delay
+MOST_LOSS = 3.0  # of the load: a screw that raises with an efficiency of a quarter
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,8 @@ class Motor(Block):
     as speed falls below stick_speed. At rest the motor stands until the input exceeds friction, load included:
     stick is a state, not a steep slope. L(x) = load0 + load1 (x - at) + load2 (x - at)^2, as many as `load` asks for.
     With `stops` it ends at `lower` and `upper`, where its speed is lost; put x in strokes and hold them at 0 and 1, or
-    leave them free and the map behind fixed. Each input is held for one sample and arrives `delay` samples late.
+    leave them free and the map behind fixed. One that `jams` stays at a stop that it strikes at speed v for a time jam |v|,
+    as a screw does until the blow has left it. Each input is held for one sample and arrives `delay` samples late.
 
     Between switches the lag is taken exactly, so a sample may be longer than the lag; `substeps` parts of a sample
     follow a load or a Stribeck curve that changes within it. Derivatives are exact but for the switches themselves,
@@ -30,6 +32,7 @@ class Motor(Block):
     load: int = 1
     loss: bool = False
     stribeck: bool = False
+    jams: bool = False
     delayed: bool = True
     stops: bool = True
     at: float = 0.5
@@ -40,6 +43,8 @@ class Motor(Block):
             raise InputError(f"load is {self.load}; give 0 to 3 coefficients of the load over position")
         if self.loss and not self.load:
             raise InputError("a loss needs a load; give load from 1 to 3 or loss=False")
+        if self.jams and not self.stops:
+            raise InputError("a motor jams at its stops; give stops=True or jams=False")
         if self.substeps < 1:
             raise InputError(f"substeps is {self.substeps}; give at least 1")
 
@@ -63,7 +68,9 @@ class Motor(Block):
             ]
         found += [(place, Slot(f"load{i}", "V")) for i, place in enumerate((k.LOAD0, k.LOAD1, k.LOAD2)[: self.load])]
         if self.loss:
-            found.append((k.LOSS, Slot("loss", lower=0.0)))
+            found.append((k.LOSS, Slot("loss", lower=0.0, upper=MOST_LOSS)))
+        if self.jams:
+            found.append((k.JAM, Slot("jam", "samples^2", lower=0.0)))
         if self.delayed:
             found.append((k.DELAY, Slot("delay", "samples", lower=0.0, upper=LONGEST)))
         if self.stops:
@@ -118,7 +125,7 @@ class Motor(Block):
             moves = {"rise": 1.0, "fall": -1.0, "load0": -1.0}
             found.append(Symmetry(np.array([moves.get(name, 0.0) for name in names])))
         if self.load <= 1:  # a load over position would have to be scaled about `at`
-            places = dict.fromkeys(("gain", "stick_speed", "lower", "upper", "x0", "v0"), 1.0)
+            places = dict.fromkeys(("gain", "stick_speed", "lower", "upper", "x0", "v0"), 1.0) | {"jam": -1.0}
             found.append(Symmetry(along(places), out_scale=1.0))
             shift = np.array([float(name in ("lower", "upper", "x0")) for name in names])
             found.append(Symmetry(shift, out_shift=1.0))

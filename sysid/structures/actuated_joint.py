@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from sysid.block import Block
-from sysid.blocks import Motor, Play, TravelMap, static
+from sysid.blocks import CoastingPlay, Motor, Play, TravelMap, static
 from sysid.chain import Chain
 from sysid.recipes import Map
 
@@ -14,8 +14,7 @@ def actuated_joint(
     driver: Map | None = None,
     motor: Motor | None = None,
     knots: int | None = 9,
-    play: bool = True,
-    sided: bool = False,
+    play: bool | Play | CoastingPlay = True,
     sensor: Map | None = None,
     fixed: Mapping[str, Any] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
@@ -37,7 +36,7 @@ def actuated_joint(
     if knots is not None:
         blocks.append(TravelMap(knots, role="map"))
     if play:
-        blocks.append(Play(sided, role="play"))
+        blocks.append(replace(Play() if play is True else play, role="play"))
     if sensor is not None:
         blocks.append(static(sensor, "sensor"))
     # At the first sample only position counts: a speed is gone within a lag. A constant load is no more than a
