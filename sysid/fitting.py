@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.blocks import CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledMotor
 from sysid.chain import Chain
 from sysid.criteria import Criteria, fit_percent
 from sysid.data import IOData, siso
@@ -17,6 +18,8 @@ from sysid.iterate import Stop
 from sysid.residuals import ResidualTests, residual_tests
 from sysid.threads import one_blas_thread
 from sysid.uncertainty import Covariance, pole_std
+
+_STANDS = (CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledMotor)  # blocks that are at rest at any position
 
 
 @dataclass(frozen=True)
@@ -52,14 +55,14 @@ class Fit:
 
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
         """Free run: (N,) for one output, else (N, ny). For a record, the initial state of each experiment is fitted to
-        its first `n_init` outputs; for u alone (N,) or (N, nu) the run starts from rest.
+        its first `n_init` outputs; for u alone (N,) or (N, nu) the run starts from rest, see `rested`.
         """
         if isinstance(data, IOData):
             self._same_kind(data)
             y = np.concatenate([self._free_run(e, n_init) for e in data.experiments])
         else:
             u = np.asarray(data, dtype=float)
-            y = self.model.outputs(np.where(self.model.initial, 0.0, self.theta), u)
+            y = self.model.outputs(rested(self.model, self.theta), u)
         return y[:, 0] if self.model.channels[1] == 1 else y
 
     def fit_percent(self, data: IOData, n_init: int | None = None) -> float:
@@ -157,7 +160,7 @@ class Fit:
 
     def _free_run(self, data: IOData, n_init: int | None) -> np.ndarray:
         n = min(self.n_init if n_init is None else n_init, data.N)
-        theta = np.where(self.model.initial, 0.0, self.theta)
+        theta = rested(self.model, self.theta)
         if n >= 2:
             with one_blas_thread():
                 theta = estimate_initial(self.model, theta, data.select(0, n))
@@ -188,6 +191,20 @@ class Fit:
                 f"the record is sampled every {data.Ts} s and the model every {self.Ts} s; resample it first"
             )
         check_channels(self.model, data)
+
+
+def rested(model: Chain, theta: np.ndarray) -> np.ndarray:
+    """theta (P,) at rest: filters and speeds at zero, what integrates (a motor, a play) where theta has it.
+
+    In a fit this is where its record, the first of several, began.
+    """
+    still = np.where(model.initial, 0.0, theta)
+    for block in model.blocks:
+        if isinstance(block, _STANDS):
+            own = model.index(block)
+            speed = np.array([slot.name == "v0" for slot in block.slots()])
+            still[own] = np.where(speed, 0.0, theta[own])
+    return still
 
 
 def check_channels(model: Chain, data: IOData) -> None:
