@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sysid.block import Block
-from sysid.blocks import Delay, FrictionLag, LimitedIntegrator, Motor, Play, ProfiledMotor
+from sysid.blocks import CoastingPlay, Delay, FrictionLag, LimitedIntegrator, Motor, Play, ProfiledMotor
 from sysid.wiring import Writer, by_name
 
 
@@ -41,6 +41,18 @@ def play(block: Play, theta: np.ndarray, w: Writer) -> list[str]:
     return [f"{w.y}(t) = min(max({w.y}(t-1), {w.x}(t) - {half}), {w.x}(t) + {half})"]
 
 
+def coasting_play(block: CoastingPlay, theta: np.ndarray, w: Writer) -> list[str]:
+    width, _, drag, pull, slope = theta.tolist()
+    low, high = f"{w.x}(t) - {w.num(0.5 * width)}", f"{w.x}(t) + {w.num(0.5 * width)}"
+    return [
+        f"v' = -P - {w.num(drag)}*sign(v), {w.y}' = v, time in samples, while {low} <= {w.y}(t) <= {high}",
+        f"  P = {w.sum([(pull, ''), (slope, w.y)])}",
+        f"  v stays 0 where |P| <= {w.num(drag)}",
+        f"  {w.y}(t) = {low} where it would be less, {high} where more; there v = {w.x}(t) - {w.x}(t-1)",
+        _exact("P" if slope else "", 1, "sample"),
+    ]
+
+
 def motor(block: Motor, theta: np.ndarray, w: Writer) -> list[str]:
     m = by_name(block, theta)
     away = f"({w.sum([(1.0, w.y), (-block.at, '')])})"
@@ -51,6 +63,7 @@ def motor(block: Motor, theta: np.ndarray, w: Writer) -> list[str]:
     up = w.num(m["rise"]) + (" + R" if extra else "")
     down = f"-({w.num(m['fall'])} + R)" if extra else w.num(-m["fall"])
     ends = f"  {w.y} ends at {w.num(m['lower'])} and at {w.num(m['upper'])}, where v becomes 0" if block.stops else ""
+    ends += f" and stays 0 for a time {w.num(m['jam'])}*|v| after a blow at speed v" if block.jams else ""
     loss_varies = block.loss and block.load > 1
     varies = [name for name, does in (("L", block.load > 1), ("R", block.stribeck or loss_varies)) if does]
     lines = [
@@ -82,10 +95,10 @@ def profiled_motor(block: ProfiledMotor, theta: np.ndarray, w: Writer) -> list[s
     ]
 
 
-def _exact(frozen: str, substeps: int) -> str:
+def _exact(frozen: str, substeps: int, held: str = "held input") -> str:
     """How the motion is solved, and what is taken for constant meanwhile."""
     solved = "  between these switches the motion is solved exactly"
-    stretch = "each held input" if substeps == 1 else f"each of {substeps} equal parts of a held input"
+    stretch = f"each {held}" if substeps == 1 else f"each of {substeps} equal parts of a {held}"
     return f"{solved}, {frozen} from the start of {stretch}" if frozen else solved
 
 
@@ -94,6 +107,7 @@ def _list(values: np.ndarray, w: Writer) -> str:
 
 
 FORMULAS: dict[type[Block], Callable[..., list[str]]] = {
+    CoastingPlay: coasting_play,
     Delay: delay,
     FrictionLag: friction_lag,
     LimitedIntegrator: limited_integrator,

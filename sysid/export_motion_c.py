@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sysid.block import Block
-from sysid.blocks import Delay, FrictionLag, LimitedIntegrator, Motor, Play, ProfiledMotor
+from sysid.blocks import CoastingPlay, Delay, FrictionLag, LimitedIntegrator, Motor, Play, ProfiledMotor
 from sysid.wiring import EVENTS, SHORTEST, Code, arrivals, by_name, number
 
 # First-order lag towards `speed` over a time h, or up to the turn where speed passes zero on the way.
@@ -22,6 +22,8 @@ _LAG = [
     "v = after;",
     "h -= span;",
 ]
+# What is left of the time that a stop keeps the motor, and of h.
+_JAMMED = ["const double kept = jammed < h ? jammed : h;", "jammed -= kept;", "h -= kept;"]
 _SIGN = "double sign = v > 0.0 ? 1.0 : (v < 0.0 ? -1.0 : 0.0);"
 
 
@@ -64,29 +66,67 @@ return s[0];"""
     return Code(body, 2, start={"rest, later the output": float(theta[1])})
 
 
+def coasting_play(block: CoastingPlay, theta: np.ndarray) -> Code:
+    """Kept: output, its speed, the input before, and whether there is one."""
+    width, _, drag, pull, slope = map(number, theta)
+    half = number(0.5 * theta[0])
+    body = f"""if (s[3] == 0.0) {{
+    s[0] = x + s[0] * {width};
+    s[2] = x;
+    s[3] = 1.0;
+    return s[0];
+}}
+const double pull = {pull} + {slope} * s[0];
+double y = s[0], v = s[1], h = 1.0;
+for (int turn = 0; turn < 2; ++turn) {{ /* free flight: it may come to rest and fall the other way */
+    {_SIGN}
+    if (sign == 0.0 && fabs(pull) > {drag}) sign = pull > 0.0 ? -1.0 : 1.0;
+    if (sign == 0.0) break; /* its bearing holds it */
+    const double rate = -pull - {drag} * sign;
+    const int rests = v != 0.0 && (v + rate * h) * sign < 0.0;
+    const double span = rests ? -v / rate : h;
+    y += (v + 0.5 * rate * span) * span;
+    v = rests ? 0.0 : v + rate * span;
+    if (!rests) break;
+    h -= span;
+}}
+const double low = x - {half}, high = x + {half};
+if (y < low || y > high) {{ /* a side takes it along */
+    y = y < low ? low : high;
+    v = x - s[2];
+}}
+s[0] = y;
+s[1] = v;
+s[2] = x;
+return y;"""
+    return Code(body, 4, start={"rest, later the output": float(theta[1])})
+
+
 def motor(block: Motor, theta: np.ndarray) -> Code:
     m, stretches = by_name(block, theta), arrivals(block, theta)
-    oldest = max(age for age, _ in stretches)
-    before, after = _past(2, oldest) if oldest else ([], [])
+    oldest, own = max(age for age, _ in stretches), 3 if block.jams else 2
+    before, after = _past(own, oldest) if oldest else ([], [])
     (first, long), (last, short), n = stretches[0], stretches[-1], block.substeps
-    inputs, times = [_old(3, first), _old(3, last)], [number(long / n), number(short / n)]
+    inputs, times = [_old(own + 1, first), _old(own + 1, last)], [number(long / n), number(short / n)]
     lines = [
         "const double y = s[0];",
-        "double p = s[0], v = s[1];",
+        f"double p = s[0], v = s[1]{', jammed = s[2]' if block.jams else ''};",
         *before,
         f"for (int part = 0; part < {len(stretches) * n}; ++part) {{",
         f"    const double w = {_either(inputs, n)};",
         f"    double h = {_either(times, n)};",
+        *(_inner(1, _JAMMED) if block.jams else []),
         f"    for (int turn = 0; turn < {EVENTS} && h > {SHORTEST}; ++turn) {{",
-        *_inner(2, [*_speed(block, m), *_LAG, *(_stop(m) if block.stops else []), "if (!turns) break;"]),
+        *_inner(2, [*_speed(block, m), *_LAG, *(_stop(block, m) if block.stops else []), "if (!turns) break;"]),
         "    }",
         "}",
         *after,
         "s[0] = p;",
         "s[1] = v;",
+        *(["s[2] = jammed;"] if block.jams else []),
         "return y;",
     ]
-    return Code("\n".join(lines), 3 + oldest if oldest else 2, start={"position": m["x0"], "speed": m["v0"]})
+    return Code("\n".join(lines), own + 1 + oldest if oldest else own, start={"position": m["x0"], "speed": m["v0"]})
 
 
 def _speed(block: Motor, m: dict[str, float]) -> list[str]:
@@ -113,12 +153,18 @@ def _speed(block: Motor, m: dict[str, float]) -> list[str]:
     ]
 
 
-def _stop(m: dict[str, float]) -> list[str]:
-    """The end stops take the speed away; one that the motor is leaving lets it go."""
+def _stop(block: Motor, m: dict[str, float]) -> list[str]:
+    """The end stops take the speed away, and may jam the motor; one that it is leaving lets it go."""
     lo, hi, middle = (number(v) for v in (m["lower"], m["upper"], 0.5 * (m["upper"] + m["lower"])))
+    jam = [
+        f"    const double since = v != 0.0 ? (p - (p >= {hi} ? {hi} : {lo})) / v : 0.0;",
+        f"    jammed = {number(m.get('jam', 0.0))} * fabs(v) - since;",
+        "    if (jammed < 0.0) jammed = 0.0;",
+    ]
     return [
         f"const int beyond = p > {hi} || p < {lo};",
         f"if (beyond || ((p == {hi} || p == {lo}) && v * (p - ({middle})) > 0.0)) {{",
+        *(jam if block.jams else []),
         f"    p = p >= {hi} ? {hi} : {lo};",
         "    v = 0.0;",
         "}",
@@ -190,6 +236,7 @@ def _inner(depth: int, lines: list[str]) -> list[str]:
 
 
 EMITTERS: dict[type[Block], Callable[..., Code]] = {
+    CoastingPlay: coasting_play,
     Delay: delay,
     FrictionLag: friction_lag,
     LimitedIntegrator: limited_integrator,

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sysid.block import Block
-from sysid.blocks import Delay, FrictionLag, LimitedIntegrator, Motor, Play, ProfiledMotor
+from sysid.blocks import CoastingPlay, Delay, FrictionLag, LimitedIntegrator, Motor, Play, ProfiledMotor
 from sysid.wiring import EVENTS, SHORTEST, Code, arrivals, by_name, number
 
 # First-order lag towards `speed` over a time h, or up to the turn where speed passes zero on the way.
@@ -26,7 +26,8 @@ _LAG = [
 ]
 _SIGN = "sign = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)"
 _AGAIN = [f"if not turns or h <= {SHORTEST}:", "    break"]
-_END = ["s[:2] = p, v", "return y"]
+# What is left of the time that a stop keeps the motor, and of h.
+_JAMMED = ["kept = min(jammed, h)", "jammed, h = jammed - kept, h - kept", f"if h <= {SHORTEST}:", "    continue"]
 
 
 def delay(block: Delay, theta: np.ndarray) -> Code:
@@ -66,23 +67,57 @@ return s[0]"""
     return Code(body, 2, start={"rest, later the output": float(theta[1])})
 
 
+def coasting_play(block: CoastingPlay, theta: np.ndarray) -> Code:
+    """Kept: output, its speed, the input before, and whether there is one."""
+    width, _, drag, pull, slope = map(number, theta)
+    half = number(0.5 * theta[0])
+    body = f"""y, v, before, begun = s
+if not begun:
+    s[:] = x + y * {width}, 0.0, x, 1.0
+    return s[0]
+pull, h = {pull} + {slope} * y, 1.0
+for _ in range(2):  # free flight: it may come to rest and fall the other way
+    {_SIGN}
+    if sign == 0.0 and abs(pull) > {drag}:
+        sign = -1.0 if pull > 0.0 else 1.0
+    if sign == 0.0:  # its bearing holds it
+        break
+    rate = -pull - {drag} * sign
+    rests = v != 0.0 and (v + rate * h) * sign < 0.0
+    span = -v / rate if rests else h
+    y += (v + 0.5 * rate * span) * span
+    v = 0.0 if rests else v + rate * span
+    if not rests:
+        break
+    h -= span
+low, high = x - {half}, x + {half}
+if y < low or y > high:  # a side takes it along
+    y, v = (low if y < low else high), x - before
+s[:3] = y, v, x
+return y"""
+    return Code(body, 4, start={"rest, later the output": float(theta[1])})
+
+
 def motor(block: Motor, theta: np.ndarray) -> Code:
     m, stretches = by_name(block, theta), arrivals(block, theta)
-    oldest = max(age for age, _ in stretches)
-    before, after = _past(2, oldest) if oldest else ([], [])
-    n = block.substeps
-    rows = [f"[({_old(3, age)}, {number(length / n)})]" + (f" * {n}" if n > 1 else "") for age, length in stretches]
+    oldest, own = max(age for age, _ in stretches), 3 if block.jams else 2
+    before, after = _past(own, oldest) if oldest else ([], [])
+    n, kept = block.substeps, "p, v, jammed" if block.jams else "p, v"
+    times = [(_old(own + 1, age), number(length / n)) for age, length in stretches]
+    rows = [f"[({w}, {h})]" + (f" * {n}" if n > 1 else "") for w, h in times]
     lines = [
-        "p, v = s[:2]",
+        f"{kept} = s[:{own}]",
         "y = p",
         *before,
         f"for w, h in {' + '.join(rows)}:",
+        *(_inner(1, _JAMMED) if block.jams else []),
         f"    for _ in range({EVENTS}):",
-        *_inner(2, [*_speed(block, m), *_LAG, *(_stop(m) if block.stops else []), *_AGAIN]),
+        *_inner(2, [*_speed(block, m), *_LAG, *(_stop(block, m) if block.stops else []), *_AGAIN]),
         *after,
-        *_END,
+        f"s[:{own}] = {kept}",
+        "return y",
     ]
-    return Code("\n".join(lines), 3 + oldest if oldest else 2, start={"position": m["x0"], "speed": m["v0"]})
+    return Code("\n".join(lines), own + 1 + oldest if oldest else own, start={"position": m["x0"], "speed": m["v0"]})
 
 
 def _speed(block: Motor, m: dict[str, float]) -> list[str]:
@@ -112,12 +147,18 @@ def _speed(block: Motor, m: dict[str, float]) -> list[str]:
     ]
 
 
-def _stop(m: dict[str, float]) -> list[str]:
-    """The end stops take the speed away; one that the motor is leaving lets it go."""
+def _stop(block: Motor, m: dict[str, float]) -> list[str]:
+    """The end stops take the speed away, and may jam the motor; one that it is leaving lets it go."""
     lo, hi, middle = (number(v) for v in (m["lower"], m["upper"], 0.5 * (m["upper"] + m["lower"])))
+    stop = f"{hi} if p >= {hi} else {lo}"
+    jam = [
+        f"    stop = {stop}",
+        f"    jammed = max({number(m.get('jam', 0.0))} * abs(v) - (p - stop) / v, 0.0) if v != 0.0 else 0.0",
+        "    p, v = stop, 0.0",
+    ]
     return [
         f"if p > {hi} or p < {lo} or (p in ({lo}, {hi}) and v * (p - {middle}) > 0.0):",
-        f"    p, v = {hi} if p >= {hi} else {lo}, 0.0",
+        *(jam if block.jams else [f"    p, v = {stop}, 0.0"]),
     ]
 
 
@@ -149,7 +190,8 @@ def profiled_motor(block: ProfiledMotor, theta: np.ndarray) -> Code:
         f"for h in [{number(1.0 / block.substeps)}] * {block.substeps}:",
         f"    for _ in range({EVENTS}):",
         *_inner(2, part),
-        *_END,
+        "s[:] = p, v",
+        "return y",
     ]
     tables = {"RISE": rise, "FALL": fall}
     return Code("\n".join(lines), 2, tables, {"position": m["x0"], "speed": m["v0"]})
@@ -174,6 +216,7 @@ def _inner(depth: int, lines: list[str]) -> list[str]:
 
 
 EMITTERS: dict[type[Block], Callable[..., Code]] = {
+    CoastingPlay: coasting_play,
     Delay: delay,
     FrictionLag: friction_lag,
     LimitedIntegrator: limited_integrator,

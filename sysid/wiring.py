@@ -99,14 +99,10 @@ def _layer(k: int, block: Block, theta: np.ndarray) -> Layer:
 def entry(table: Mapping[type[Block], Callable[..., T]], unit: Unit, what: str) -> Callable[..., T]:
     """The line of `table` for a unit's block; raises InputError for a block without one."""
     if type(unit.block) not in table:
-        if not isinstance(unit.block, StaticBlock):
-            raise InputError(
-                f"{unit.name} is a {type(unit.block).__name__} block, which cannot be written as {what} yet; save "
-                "the fit as JSON and run it in Python"
-            )
+        static = isinstance(unit.block, StaticBlock)
+        way = "fit a piecewise linear map or a spline in its place" if static else "run the fit itself, in Python"
         raise InputError(
-            f"{unit.name} is a {type(unit.block).__name__} block, which has no formula to write as {what}; "
-            "fit a piecewise linear map or a spline in its place"
+            f"{unit.name} is a {type(unit.block).__name__} block, which has no formula to write as {what}; {way}"
         )
     return table[type(unit.block)]
 

@@ -6,10 +6,9 @@ from pathlib import Path
 import sysid
 from sysid import export_c, export_python
 from sysid.errors import InputError
-from twin.evaluation import JOINT, Evaluation
+from twin.evaluation import Evaluation
 
 SAVED = ("model.json", "the fit; sysid.load reads it again, on the scale of the data without what was removed")
-MOTOR = "C, Python and the closed form are not available for motor blocks yet: of this model there is the JSON alone"
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,7 @@ class Exports:
 def export(evaluation: Evaluation, folder: Path) -> Exports:
     """model.json, model.c and model.py in `folder`; the last two take and give what the record holds, means included.
 
-    A nonlinear ARX model has no such files yet, an actuated joint model.json alone, which `notes` says.
+    A nonlinear ARX model has no such files yet, which `notes` says.
     """
     fit, data = evaluation.fit, evaluation.estimation
     if not isinstance(fit, sysid.Fit):
@@ -31,8 +30,6 @@ def export(evaluation: Evaluation, folder: Path) -> Exports:
     u0, y0 = float(data.u_offset[0]), float(data.y_offset[0])
     try:
         sysid.save(fit, folder / "model.json")
-        if evaluation.setting.structure == JOINT:
-            return Exports((SAVED,), (MOTOR,))
         export_c.write(fit, folder / "model.c", u_offset=u0, y_offset=y0)
         export_python.write(fit, folder / "model.py", u_offset=u0, y_offset=y0)
     except InputError as error:

@@ -1,12 +1,15 @@
 """The actuated joint on the twin: identified from a file, beside the paper's structure, and with parts left out."""
 
 import json
+import runpy
 
 import numpy as np
 import pytest
+from exported import agrees
 
 import sysid
 import twin
+from sysid import export_c
 from twin import ablation, beyond, protocol
 from twin.cli import main
 from twin.evaluation import Setting
@@ -49,17 +52,22 @@ def test_identify_finds_the_physical_values_of_a_joint(plain_log, tmp_path, caps
     assert {v["unit"] for v in summary["values"]} == {"rad/s/V", "s", "V", "rad"}
 
 
-def test_a_joint_is_saved_and_what_cannot_be_exported_is_said(plain_log, tmp_path):
+def test_a_joint_is_written_as_json_c_python_and_text(plain_log, tmp_path):
     out = tmp_path / "out"
     assert main(["identify", str(plain_log), "--structure", "actuated_joint", "--starts", "1", "--out", str(out)]) == 0
-    assert {path.name for path in out.glob("model.*")} == {"model.json"}
+    assert {path.name for path in out.glob("model.*")} == {"model.json", "model.c", "model.py"}
     fit, summary = sysid.load(out / "model.json"), json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert fit.model.structure == "actuated_joint"
     assert dict(zip(fit.model.names, fit.theta.tolist(), strict=True)) == {
         p["name"]: p["value"] for p in summary["parameters"]
     }
+    volts = np.loadtxt(plain_log, delimiter=",", skiprows=1)[:, 1]
+    simulate = runpy.run_path(str(out / "model.py"))["simulate"]
+    agrees(simulate(volts.tolist()), fit.simulate(volts))  # both from where the record began
+    assert (out / "model.c").read_text(encoding="utf-8") == export_c.source(fit)
     html = (out / "report.html").read_text(encoding="utf-8")
-    assert "not available for motor blocks" in html
+    assert "The model in closed form" in html
+    assert "x ends at 0 and at 1, where v becomes 0" in html
     assert "Physical values with 95 % intervals" in html
     names = {path.stem for path in (out / "figures").iterdir()}
     assert {"free-run", "residuals", "static-maps"} <= names

@@ -1,4 +1,4 @@
-"""Exported blocks with a memory and switches against the chain's own run: delays, stops, stick, parts of a sample."""
+"""Exported blocks with a memory and switches against the chain's own run: delays, stops, stick, jam, free flight."""
 
 import re
 
@@ -9,6 +9,7 @@ from exported import agrees, c_run, excitation, made, python_run, python_space
 
 from sysid import closed_form, export_c, export_python
 from sysid.blocks import (
+    CoastingPlay,
     Delay,
     FrictionLag,
     LimitedIntegrator,
@@ -18,32 +19,46 @@ from sysid.blocks import (
     TransferFunction,
     TravelMap,
 )
+from sysid.blocks.motor import MOST_LOSS
 from sysid.chain import Chain
 from sysid.excitations import Sweep
 from sysid.export_motion_c import EMITTERS
 from sysid.structures import actuated_joint
 
-# gain, lag, rise, fall, stick, stick_speed, load0-2, loss, delay, lower, upper, x0, v0
-FULL = np.array([0.08, 0.6, 0.3, 0.4, 0.3, 0.1, -0.1, 0.2, 0.15, 0.5, 1.37, 0.05, 1.1, 0.4, 0.1])
+FULL = {
+    **{"gain": 0.08, "lag": 0.6, "rise": 0.3, "fall": 0.4, "stick": 0.3, "stick_speed": 0.1},
+    **{"load0": -0.1, "load1": 0.2, "load2": 0.15, "loss": 0.5, "jam": 60.0, "delay": 1.37},
+    **{"lower": 0.05, "upper": 1.1, "x0": 0.4, "v0": 0.1},
+}
 
 
-def motor(delay=None, substeps=1, **options):
+def motor(substeps=1, delay=FULL["delay"], **options):
     """A motor with these options and what it takes of FULL."""
     block = Motor(substeps=substeps, role="part", **options)
-    own = dict(zip([s.name for s in Motor(load=3, loss=True, stribeck=True).slots()], FULL, strict=True))
-    if delay is not None:
-        own["delay"] = delay
-    return block, np.array([own[s.name] for s in block.slots()])
+    return block, np.array([{**FULL, "delay": delay}[s.name] for s in block.slots()])
+
+
+def coasting(*values):
+    """A link of this width, rest, drag and pull (2)."""
+    return CoastingPlay(role="part"), np.array(values)
 
 
 # inertia, drag_up, drag_down, rise (5), fall (5), x0, v0: slow enough to stay about the profile, tight in its middle
 PROFILE = np.array([30.0, 20.0, 19.0, 0.3, 0.5, 1.4, 0.5, 0.2, 0.4, 0.1, 1.2, 0.35, 0.3, 0.4, 0.01])
 OPTIONS = {
+    "coasting_play_even": coasting(0.8, 0.2, 0.15, 0.0, 0.0),
+    "coasting_play_free": coasting(0.8, -0.5, 0.0, 0.0, 0.0),
+    "coasting_play_hangs": coasting(0.8, -0.3, 0.1, 0.3, 0.0),
+    "coasting_play_none": coasting(0.0, 0.0, 0.1, 0.1, 0.1),
+    "coasting_play_tips": coasting(0.8, 0.2, 0.1, 0.05, -0.1),
+    "coasting_play_wide": coasting(2.0, 0.4, 0.05, 0.06, 0.02),
     "delay_none": (Delay(role="part"), np.array([0.0])),
     "delay_part": (Delay(role="part"), np.array([0.25])),
     "delay_whole": (Delay(role="part"), np.array([12.0])),
     "friction_lag_coarse": (FrictionLag(substeps=1, role="part"), np.array([-0.3, 0.1, 0.2, 0.6, -0.15])),
     "limited_integrator_beyond": (LimitedIntegrator(role="part"), np.array([-0.3, -0.6, 0.5, 0.7])),
+    "motor_jams_all": motor(jams=True, load=3, loss=True, stribeck=True, substeps=3),
+    "motor_jams_now": motor(jams=True, load=0, delayed=False),
     "motor_lossy": motor(load=1, loss=True),
     "motor_no_delay": motor(delayed=False, load=2),
     "motor_no_stops": motor(stops=False, load=2, loss=True, at=0.3),
@@ -76,10 +91,15 @@ def run(fit, u):
 
 
 def record(block, N=900):
-    """Holds of both signs with standstills between them; a profile is passed in a slow swing."""
-    rng = np.random.default_rng(7)
-    levels = rng.choice([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0], N // 6) * rng.choice([0.0, 1.0, 1.0], N // 6)
-    u = np.repeat(levels, 6) * rng.uniform(0.9, 1.1, N)
+    """Holds of both signs with standstills between them; a profile is passed in a slow swing.
+
+    A motor that jams is turned about before a stop lets it go, a link is driven at these speeds between two stops.
+    """
+    rng, n = np.random.default_rng(7), 3 if isinstance(block, Motor) and block.jams else 6
+    levels = rng.choice([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0], N // n) * rng.choice([0.0, 1.0, 1.0], N // n)
+    u = np.repeat(levels, n) * rng.uniform(0.9, 1.1, N)
+    if isinstance(block, CoastingPlay):
+        return Chain((LimitedIntegrator(),)).simulate(np.array([0.1, -3.0, 3.0, 0.0]), u)
     return 0.3 * u + 3.0 * np.cos(np.arange(N) / 20.0) if isinstance(block, ProfiledMotor) else u
 
 
@@ -114,6 +134,50 @@ def test_the_record_asks_for_what_a_motor_has(name):
         assert np.sum(stands == high) >= 3
 
 
+@pytest.mark.parametrize("name", sorted(k for k, (b, _) in CASES.items() if isinstance(b, Motor) and b.jams))
+def test_the_record_asks_for_a_jam(name):
+    """Both stops keep the motor while the voltage that arrives would have it leave; not so without the jam."""
+    block, theta = CASES[name]
+    u = record(block)
+
+    def kept(theta, stop, towards):
+        """Samples over which it stays at `stop`, though each voltage of the last two draws it away."""
+        x = Chain((block,)).simulate(theta, u)
+        away = towards * u > 1.2
+        return np.sum((x[2:-1] == stop) & (x[3:] == stop) & away[:-3] & away[1:-2] & away[2:-1])
+
+    names = [s.name for s in block.slots()]
+    free = np.where(np.array(names) == "jam", 0.0, theta)
+    for stop, towards in ((block.value(theta, "lower"), 1.0), (block.value(theta, "upper"), -1.0)):
+        assert kept(theta, stop, towards) >= 3
+        assert kept(free, stop, towards) == 0
+
+
+# Samples at the lower and upper side and in flight; how often the link comes to rest and turns about between the sides.
+FLIGHTS = {
+    "coasting_play": (50, 50, 50, 5, 0),
+    "coasting_play_even": (50, 50, 50, 5, 0),
+    "coasting_play_free": (50, 50, 50, 0, 0),
+    "coasting_play_hangs": (50, 0, 50, 0, 0),
+    "coasting_play_tips": (50, 50, 50, 5, 0),
+    "coasting_play_wide": (50, 10, 50, 5, 5),
+}
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_the_record_asks_for_what_a_coasting_link_has(name):
+    block, theta = CASES[name]
+    x = record(block)
+    y, half = Chain((block,)).simulate(theta, x), 0.5 * theta[0]
+    low, high, step = np.isclose(y, x - half), np.isclose(y, x + half), np.diff(y)
+    between = ~low & ~high
+    inside = between[:-2] & between[1:-1] & between[2:]
+    rests = inside & (step[:-1] != 0.0) & (step[1:] == 0.0)
+    turns = inside & (step[:-1] * step[1:] < 0.0)
+    counts = [np.sum(each) for each in (low, high, between[1:] & (step != 0.0), rests, turns)]
+    assert all(count >= least for count, least in zip(counts, FLIGHTS[name], strict=True)), counts
+
+
 @pytest.mark.parametrize("name", ["profiled_motor_fine", "profiled_motor_flat", "profiled_motor_line"])
 def test_the_record_asks_for_what_a_profile_has(name):
     """The motor leaves the profile at both ends, and it sticks."""
@@ -132,8 +196,10 @@ JOINT = {
     **{"map.low": -0.9, "map.high": 0.4, "play.width": 0.012, "play.rest": 0.2},
     **{f"map.s{k}": (k / 8) ** 1.15 for k in range(1, 8)},
     **{"driver.lower": -0.4, "driver.upper": 0.7},
+    **{"motor.jam": 1000.0, "play.drag": 0.02, "play.pull0": 0.005, "play.pull1": 0.01},
 }
 JOINTS = {
+    "coasting": actuated_joint(motor=Motor(load=3, jams=True), play=CoastingPlay()),
     "plain": actuated_joint(),
     "with_everything": actuated_joint(driver="dead_zone", motor=Motor(load=3, loss=True, stribeck=True, substeps=3)),
     "without_stops": actuated_joint(motor=Motor(load=0, delayed=False, stops=False), knots=None, play=False),
@@ -147,12 +213,11 @@ def test_a_whole_joint_on_a_sweep(name, tmp_path):
     u = Sweep(12.0, 10.0, jitter=0.5, shrink=0.6).generate(2500, 0.1, np.random.default_rng([0, 11]))
     u[700:760] = 1.0  # less than friction: it sticks midway
     expected = run(fit, u)
-    stands = still(expected)
     if chain.block("map") is not None:
-        low, high = expected.min(), expected.max()  # the stops, each with half of the play
-        assert high - low == pytest.approx(1.3 - 0.012)
-        assert min(np.sum(stands == low), np.sum(stands == high)) >= 2
-        assert np.sum((stands > low) & (stands < high)) >= 1
+        ahead = chain.blocks[: chain.blocks.index(chain.block("motor")) + 1]
+        stands = still(Chain(ahead).simulate(fit.theta[: chain.index(ahead[-1]).stop], u))
+        assert min(np.sum(stands == 0.0), np.sum(stands == 1.0)) >= 2
+        assert np.sum((stands > 0.0) & (stands < 1.0)) >= 1
     agrees(python_run(fit, u), expected)
     agrees(c_run(fit, u, tmp_path), expected)
 
@@ -179,11 +244,12 @@ def test_a_second_model_knows_nothing_of_the_first():
 def test_any_motor_with_everything(seed):
     """Numbers from far apart: lags from a thousandth of a sample to twenty, delays up to four samples."""
     rng = np.random.default_rng(seed)
-    block = Motor(load=3, loss=True, stribeck=True, substeps=int(rng.integers(1, 4)), role="part")
-    size = np.exp(rng.normal(size=15))
-    theta = FULL * np.where(FULL < 0, -size, size)
-    theta[1], theta[10] = np.exp(rng.uniform(np.log(1e-3), np.log(20.0))), rng.uniform(0.0, 4.0)
-    theta[11:13] = np.sort(theta[11:13])
+    block = Motor(load=3, loss=True, stribeck=True, jams=True, substeps=int(rng.integers(1, 4)), role="part")
+    own = {name: abs(value) * np.exp(rng.normal()) for name, value in FULL.items()}
+    own |= {"lag": np.exp(rng.uniform(np.log(1e-3), np.log(20.0))), "delay": rng.uniform(0.0, 4.0)}
+    own |= {"loss": rng.uniform(0.0, MOST_LOSS), "jam": np.exp(rng.uniform(np.log(0.1), np.log(100.0)))}
+    own["lower"], own["upper"] = sorted((own["lower"], own["upper"]))
+    theta = np.array([own[s.name] for s in block.slots()])
     assert block.admissible(theta)
     fit, u = made(Chain((block,)), theta), excitation()
     agrees(python_run(fit, u), run(fit, u))
@@ -205,12 +271,22 @@ def test_formula_of_a_recursion_evaluates_to_it(name):
 
 def test_motion_in_words():
     """Every number of a motor stands in its text, and what it does not have does not."""
-    block, theta = motor(load=3, loss=True, stribeck=True, substeps=3)
+    block, theta = motor(load=3, loss=True, stribeck=True, jams=True, substeps=3)
     text = closed_form.text(made(Chain((block,)), theta))
     for name, value in zip([s.name for s in block.slots() if not s.initial], theta, strict=False):
         assert re.search(rf"\b{abs(value):g}\b", text), name
     assert "0.6*v' + v = 0.08*(u - L - F), y' = v" in text
     assert "R = 0.3*exp(-(v/0.1)^2) + 0.5*|L|" in text
     assert "L and R from the start of each of 3 equal parts" in text
-    plain = closed_form.text(made(Chain((motor(load=0, delayed=False, stops=False)[0],)), FULL[[0, 1, 2, 3, 13, 14]]))
-    assert not re.search(r"\bL\b|\bR\b|ends|late", plain)
+    assert "becomes 0 and stays 0 for a time 60*|v| after a blow at speed v" in text
+    block, theta = motor(load=0, delayed=False, stops=False)
+    plain = closed_form.text(made(Chain((block,)), theta))
+    assert not re.search(r"\bL\b|\bR\b|ends|late|blow", plain)
+
+
+def test_a_coasting_link_in_words():
+    text = closed_form.text(made(Chain((coasting(0.8, 0.2, 0.15, 0.05, 0.1)[0],)), [0.8, 0.2, 0.15, 0.05, 0.1]))
+    assert "v' = -P - 0.15*sign(v), y' = v, time in samples, while u(t) - 0.4 <= y(t) <= u(t) + 0.4" in text
+    assert "P = 0.05 + 0.1*y" in text
+    assert "v stays 0 where |P| <= 0.15" in text
+    assert "there v = u(t) - u(t-1)" in text
