@@ -12,6 +12,7 @@ import numpy as np
 from sysid.certainty import Information
 from sysid.data import IOData, siso
 from sysid.errors import InputError
+from sysid.fitting import rested
 from sysid.settle import settled, settling
 from sysid.threads import one_blas_thread
 
@@ -124,7 +125,7 @@ def _sensitivity(
         J = chain.tangent(theta, u)[1]
         return (theta, u, *settling(J, initial, n)) if initial.any() else (theta, u, J, np.zeros((len(u), 0)))
     u = np.ascontiguousarray(record, dtype=float).ravel()
-    theta = np.where(initial, 0.0, info.theta)
+    theta = rested(chain, info.theta)
     J = chain.tangent(theta, u)[1]
     J[:, initial] = 0.0
     return theta, u, J, np.zeros((len(u), 0))

@@ -1,6 +1,6 @@
 """The closed form of a fitted chain as text: difference equations with numbers, maps as formulas; a line a block.
 
-Static formulas use * and ^ and the functions min, max, exp, so that they can be pasted into a calculation.
+Static formulas use * and ^ and the functions min, max, exp, floor, so that they can be pasted into a calculation.
 """
 
 from collections.abc import Callable
@@ -14,6 +14,7 @@ from sysid.blocks import (
     DeadZoneSaturation,
     PiecewiseLinear,
     Polynomial,
+    Quantiser,
     Saturation,
     SigmoidNetwork,
     TransferFunction,
@@ -23,11 +24,15 @@ from sysid.blocks import (
 )
 from sysid.closed_form_motion import FORMULAS as MOTION
 from sysid.fitting import Fit
-from sysid.wiring import Writer, break_points, cubics, entry, layers, strokes
+from sysid.wiring import Writer, arcs, break_points, cubics, entry, layers, strokes
 
 
 def cubic_spline(block: CubicSpline, theta: np.ndarray, w: Writer) -> list[str]:
-    lo, hi, c = cubics(block, theta)
+    return _curve(*cubics(block, theta), w)
+
+
+def _curve(lo: float, hi: float, c: np.ndarray, w: Writer) -> list[str]:
+    """A formula for each of the cubics c (m, 4) between lo and hi, and straight lines beyond."""
     edges = np.linspace(lo, hi, len(c) + 1)
     width = (hi - lo) / len(c)
     last = c[-1]
@@ -67,6 +72,10 @@ def polynomial(block: Polynomial, theta: np.ndarray, w: Writer) -> list[str]:
     return [f"{w.y} = {w.sum(list(zip(theta.tolist(), powers, strict=True)))}"]
 
 
+def quantiser(block: Quantiser, theta: np.ndarray, w: Writer) -> list[str]:
+    return [f"{w.y} = {w.num(block.step)}*floor({w.x}/{w.num(block.step)} + 0.5)"]
+
+
 def saturation(block: Saturation, theta: np.ndarray, w: Writer) -> list[str]:
     return [f"{w.y} = min(max({w.x}, {w.num(theta[0])}), {w.num(theta[1])})"]
 
@@ -95,6 +104,8 @@ def transfer_function(block: TransferFunction, theta: np.ndarray, w: Writer) -> 
 
 def travel_map(block: TravelMap, theta: np.ndarray, w: Writer) -> list[str]:
     x, s = strokes(block, theta)
+    if block.curved:
+        return _curve(0.0, 1.0, (theta[1] - theta[0]) * arcs(block, theta) + [theta[0], 0.0, 0.0, 0.0], w)
     return _straight(x, theta[0] + (theta[1] - theta[0]) * s, w)
 
 
@@ -118,6 +129,7 @@ FORMULAS: dict[type[Block], Callable[..., list[str]]] = {
     DeadZoneSaturation: dead_zone_saturation,
     PiecewiseLinear: piecewise_linear,
     Polynomial: polynomial,
+    Quantiser: quantiser,
     Saturation: saturation,
     SigmoidNetwork: sigmoid_network,
     TransferFunction: transfer_function,

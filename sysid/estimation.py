@@ -88,8 +88,8 @@ def fit(
     """Fit a chain to a record, of one or of several merged experiments, by least squares on its free-run output.
 
     search: a name of `sysid.searches.TABLE`; starts: how many starting points, the first from a linear model, the
-    others varied with `seed`; start (P,): a starting point of your own; objective: robust loss, ridge, output
-    weights, and the calm that keeps free maps from bends no data ask for (on by default, see `Objective`).
+    others varied with `seed`; start (P,) or (K, P): one or several starting points of your own; objective: robust loss,
+    ridge, output weights, and the calm that keeps free maps from bends no data ask for (on by default: `Objective`).
     Equal seeds give equal numbers whatever the number of threads. Raises InputError for a record that is too short,
     of other channels than the model, or whose input or output is constant. An Nlarx goes to `sysid.fit_nlarx`.
     """
@@ -105,7 +105,7 @@ def fit(
     if starts < 1:
         raise InputError(f"starts is {starts}; give at least 1")
     with one_blas_thread():
-        points = [_own_start(model, start)] if start is not None else make_starts(model, data, starts, seed)
+        points = _own_starts(model, start) if start is not None else make_starts(model, data, starts, seed)
         problems = _calmed(run, [run.problem(with_initial_states(model, theta, data)) for theta in points])
         outcomes = _race(run, problems)
         costs = [o.cost for o in outcomes]
@@ -193,13 +193,14 @@ def _n_init(model: Chain, data: IOData) -> int:
     return min(max(least, min(N // 20, 1000)), N // 4)
 
 
-def _own_start(model: Chain, start: np.ndarray) -> np.ndarray:
-    theta = np.array(start, dtype=float)
-    if theta.shape != (len(model.names),) or not np.all(np.isfinite(theta)):
+def _own_starts(model: Chain, start: np.ndarray) -> list[np.ndarray]:
+    points = np.array(start, dtype=float, ndmin=2)
+    if points.ndim != 2 or not len(points) or points.shape[1] != len(model.names) or not np.all(np.isfinite(points)):
         raise InputError(
-            f"start has shape {theta.shape}; give {len(model.names)} finite values, one for each parameter"
+            f"start has shape {np.shape(start)}; give {len(model.names)} finite values, one for each parameter, or "
+            "several such rows"
         )
-    return theta
+    return list(points)
 
 
 def _ridge(model: Chain, objective: Objective) -> tuple[np.ndarray | None, np.ndarray | None]:

@@ -14,6 +14,7 @@ from sysid.blocks import (
     DeadZoneSaturation,
     PiecewiseLinear,
     Polynomial,
+    Quantiser,
     Saturation,
     SigmoidNetwork,
     TransferFunction,
@@ -24,7 +25,20 @@ from sysid.blocks import (
 from sysid.export_motion_c import EMITTERS as MOTION
 from sysid.files import write_text
 from sysid.fitting import Fit
-from sysid.wiring import Code, Layer, Unit, break_points, cubics, entry, identifier, layers, number, offsets, strokes
+from sysid.wiring import (
+    Code,
+    Layer,
+    Unit,
+    arcs,
+    break_points,
+    cubics,
+    entry,
+    identifier,
+    layers,
+    number,
+    offsets,
+    strokes,
+)
 
 # Segment i that x lies in, the outer ones without end, and the share r of the way through it.
 _LINES = """int i = 0;
@@ -33,8 +47,13 @@ const double r = (x - KX[i]) / (KX[i + 1] - KX[i]);"""
 
 
 def cubic_spline(block: CubicSpline, theta: np.ndarray) -> Code:
-    lo, hi, c = cubics(block, theta)
+    return _curve(*cubics(block, theta), "{}")
+
+
+def _curve(lo: float, hi: float, c: np.ndarray, of: str) -> Code:
+    """What `of` makes of the curve with coefficients c (m, 4) between lo and hi."""
     m = len(c)
+    value = of.format("p[0] + v * (p[1] + v * (p[2] + v * p[3])) + beyond * slope")
     body = f"""const double r = (x - {number(lo)}) / ({number(hi)} - {number(lo)});
 const double inside = r < 0.0 ? 0.0 : (r > 1.0 ? 1.0 : r);
 int i = 0;
@@ -42,7 +61,7 @@ while (i < {m - 1} && inside * {m}.0 >= i + 1) ++i;
 const double *p = C + 4 * i;
 const double v = inside * {m}.0 - i, beyond = (r - inside) * {m}.0;
 const double slope = p[1] + v * (2.0 * p[2] + v * 3.0 * p[3]);
-return p[0] + v * (p[1] + v * (p[2] + v * p[3])) + beyond * slope;"""
+return {value};"""
     return Code(body, tables={"C": c.ravel()})
 
 
@@ -69,6 +88,10 @@ def polynomial(block: Polynomial, theta: np.ndarray) -> Code:
 for (int i = 0; i < {len(theta)}; ++i) y = y * x + C[i];
 return y;"""
     return Code(body, tables={"C": theta})
+
+
+def quantiser(block: Quantiser, theta: np.ndarray) -> Code:
+    return Code(f"return {number(block.step)} * floor(x / {number(block.step)} + 0.5);")
 
 
 def saturation(block: Saturation, theta: np.ndarray) -> Code:
@@ -99,6 +122,8 @@ return y;"""
 def travel_map(block: TravelMap, theta: np.ndarray) -> Code:
     x, s = strokes(block, theta)
     low, way = number(theta[0]), number(theta[1] - theta[0])
+    if block.curved:
+        return _curve(0.0, 1.0, arcs(block, theta), f"{low} + {way} * ({{}})")
     body = f"{_LINES.format(last=len(x) - 2)}\nreturn {low} + {way} * (KY[i] + r * (KY[i + 1] - KY[i]));"
     return Code(body, tables={"KX": x, "KY": s})
 
@@ -124,6 +149,7 @@ EMITTERS: dict[type[Block], Callable[..., Code]] = {
     DeadZoneSaturation: dead_zone_saturation,
     PiecewiseLinear: piecewise_linear,
     Polynomial: polynomial,
+    Quantiser: quantiser,
     Saturation: saturation,
     SigmoidNetwork: sigmoid_network,
     TransferFunction: transfer_function,

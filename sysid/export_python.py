@@ -14,6 +14,7 @@ from sysid.blocks import (
     DeadZoneSaturation,
     PiecewiseLinear,
     Polynomial,
+    Quantiser,
     Saturation,
     SigmoidNetwork,
     TransferFunction,
@@ -24,7 +25,7 @@ from sysid.blocks import (
 from sysid.export_motion_python import EMITTERS as MOTION
 from sysid.files import write_text
 from sysid.fitting import Fit
-from sysid.wiring import Code, Layer, Unit, break_points, cubics, entry, layers, number, offsets, strokes
+from sysid.wiring import Code, Layer, Unit, arcs, break_points, cubics, entry, layers, number, offsets, strokes
 
 # Segment i that x lies in, the outer ones without end, and the share r of the way through it.
 _LINES = """i = 0
@@ -34,15 +35,20 @@ r = (x - KX[i]) / (KX[i + 1] - KX[i])"""
 
 
 def cubic_spline(block: CubicSpline, theta: np.ndarray) -> Code:
-    lo, hi, c = cubics(block, theta)
+    return _curve(*cubics(block, theta), "{}")
+
+
+def _curve(lo: float, hi: float, c: np.ndarray, of: str) -> Code:
+    """What `of` makes of the curve with coefficients c (m, 4) between lo and hi."""
     m = len(c)
+    value = of.format(f"p0 + v * (p1 + v * (p2 + v * p3)) + (r - inside) * {m} * slope")
     body = f"""r = (x - {number(lo)}) / ({number(hi)} - {number(lo)})
 inside = min(max(r, 0.0), 1.0)
 i = min(int(inside * {m}), {m - 1})
 p0, p1, p2, p3 = C[4 * i : 4 * i + 4]
 v = inside * {m} - i
 slope = p1 + v * (2.0 * p2 + v * 3.0 * p3)
-return p0 + v * (p1 + v * (p2 + v * p3)) + (r - inside) * {m} * slope"""
+return {value}"""
     return Code(body, tables={"C": c.ravel()})
 
 
@@ -71,6 +77,10 @@ for c in C:
     y = y * x + c
 return y"""
     return Code(body, tables={"C": theta})
+
+
+def quantiser(block: Quantiser, theta: np.ndarray) -> Code:
+    return Code(f"return {number(block.step)} * math.floor(x / {number(block.step)} + 0.5)")
 
 
 def saturation(block: Saturation, theta: np.ndarray) -> Code:
@@ -102,6 +112,8 @@ return y"""
 def travel_map(block: TravelMap, theta: np.ndarray) -> Code:
     x, s = strokes(block, theta)
     low, way = number(theta[0]), number(theta[1] - theta[0])
+    if block.curved:
+        return _curve(0.0, 1.0, arcs(block, theta), f"{low} + {way} * ({{}})")
     body = f"{_LINES.format(last=len(x) - 2)}\nreturn {low} + {way} * (KY[i] + r * (KY[i + 1] - KY[i]))"
     return Code(body, tables={"KX": x, "KY": s})
 
@@ -127,6 +139,7 @@ EMITTERS: dict[type[Block], Callable[..., Code]] = {
     DeadZoneSaturation: dead_zone_saturation,
     PiecewiseLinear: piecewise_linear,
     Polynomial: polynomial,
+    Quantiser: quantiser,
     Saturation: saturation,
     SigmoidNetwork: sigmoid_network,
     TransferFunction: transfer_function,

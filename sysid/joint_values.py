@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from sysid.blocks import Motor, Play, TravelMap
+from sysid.blocks import CoastingPlay, Motor, Play, TravelMap
 from sysid.certainty import information
 from sysid.chain import Chain
 from sysid.data import IOData
@@ -33,7 +33,9 @@ class JointValue:
         return self.low is not None and self.high is not None and self.low <= truth <= self.high
 
 
-def joint_values(fit: Fit, level: float = 0.95, data: IOData | None = None) -> tuple[JointValue, ...]:
+def joint_values(
+    fit: Fit, level: float = 0.95, data: IOData | None = None, linearity: float = 0.0
+) -> tuple[JointValue, ...]:
     """Physical values of an `actuated_joint`, at mid stroke where they depend on position.
 
     speed_per_volt [y/s/V], time_constant [s], breakaway_up and breakaway_down [V] (input that just starts the joint,
@@ -42,14 +44,20 @@ def joint_values(fit: Fit, level: float = 0.95, data: IOData | None = None) -> t
     method: from the fit's own covariance, which takes residuals as white, or, given the record `data` of the fit, from
     one that allows for their colour (see `sysid.certainty`), as where the joint does more than the model. Intervals are
     symmetric, and cut off where a value's range ends; a value that stands there (no backlash), or is held, has none.
-    Without `stribeck` a motor knows one friction, so that break-away is what moving takes. Raises InputError for
-    another structure.
+    Without `stribeck` a motor knows one friction, so that break-away is what moving takes.
+
+    linearity [y]: how far the sensor may be off a straight line, by its data sheet. No record taken through a sensor
+    shows what it gets wrong: its share of ends and speed comes in as a deviation that swings between the two limits,
+    of standard uncertainty linearity / sqrt(2) (arcsine distribution, as in JCGM 100:2008, annex H.1). Raises
+    InputError for another structure, and for a level or linearity that is none.
     """
     chain = fit.model
     if not any(isinstance(b, Motor) for b in chain.blocks):
         raise InputError(f"a {chain.structure} has no motor; joint values are those of an actuated_joint")
     if not 0.0 < level < 1.0:
         raise InputError(f"level is {level}; give a probability between 0 and 1, for example 0.95")
+    if not 0.0 <= linearity < np.inf:
+        raise InputError(f"linearity is {linearity}; give how far the sensor may be off a straight line, 0 or more")
     spread_of = _white(fit, level) if data is None else _coloured(fit, level, data)
     found = []
     for name, (unit, read, least) in _readings(chain, fit.Ts).items():
@@ -58,9 +66,28 @@ def joint_values(fit: Fit, level: float = 0.95, data: IOData | None = None) -> t
             continue
         spread, low, high = spread_of(_gradient(read, fit.theta)), None, None
         if np.isfinite(spread) and spread > 0.0:
+            bent = linearity * _bend_share(name, value, chain, fit.theta)
+            spread = float(np.hypot(spread, norm.ppf(0.5 + level / 2) * bent))
             low, high = max(value - spread, least), value + spread
         found.append(JointValue(name, float(value), low, high, unit))
     return tuple(found)
+
+
+def _bend_share(name: str, value: float, chain: Chain, theta: np.ndarray) -> float:
+    """Standard uncertainty of a value for a sensor that is off a straight line by 1 at most."""
+    if name.startswith("end_"):
+        return float(np.sqrt(0.5))
+    travel = next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
+    if name != "speed_per_volt" or travel is None:
+        return 0.0  # a play is a difference between readings at one place
+    ends = _across_middle(travel, chain.part(theta, travel))
+    return abs(value / ends)  # sqrt(2) times 1 / sqrt(2), over the way that the speed is read from
+
+
+def _across_middle(travel: TravelMap, part: np.ndarray) -> float:
+    """What y makes of the middle fifth of the stroke."""
+    ends = travel.propagate(part, np.array([0.4, 0.6]), np.empty((2, 0)), 0)
+    return float(ends[1] - ends[0])
 
 
 def _white(fit: Fit, level: float) -> Callable[[np.ndarray], float]:
@@ -88,7 +115,7 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
     """Unit, function of theta, and least possible value of every quantity that the chain has."""
     motor = next(b for b in chain.blocks if isinstance(b, Motor))
     travel = next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
-    play = next((b for b in chain.blocks if isinstance(b, Play)), None)
+    play = next((b for b in chain.blocks if isinstance(b, Play | CoastingPlay)), None)
 
     def of(name: str) -> Callable[[np.ndarray], float]:
         return lambda theta: motor.value(chain.part(theta, motor), name)
@@ -96,8 +123,7 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
     def speed(theta: np.ndarray) -> float:
         slope = 1.0
         if travel is not None:
-            ends = travel.propagate(chain.part(theta, travel), np.array([0.4, 0.6]), np.empty((2, 0)), 0)
-            slope = float(ends[1] - ends[0]) / 0.2
+            slope = _across_middle(travel, chain.part(theta, travel)) / 0.2
         return of("gain")(theta) * slope / Ts
 
     def held(theta: np.ndarray, direction: int, static: bool) -> float:

@@ -90,7 +90,7 @@ def _jammed(held, h, dheld, dh):
 
 @njit(cache=True, nogil=True)
 def _strike(m, x, v, place, dx, dv, dheld, column):
-    """The motor has gone beyond a stop to x at speed v: it is put there, and jams for m[JAM] |v| from when it struck."""
+    """The motor has gone beyond a stop to x at speed v: it is put there, and jams for jam |v| from when it struck."""
     stop = m[place]
     held = max(m[JAM] * abs(v) - (x - stop) / v, 0.0) if v != 0.0 else 0.0
     for c in range(len(dx)):

@@ -125,6 +125,11 @@ def strokes(block: TravelMap, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.linspace(0.0, 1.0, block.knots), np.concatenate([[0.0], theta[2:], [1.0]])
 
 
+def arcs(block: TravelMap, theta: np.ndarray) -> np.ndarray:
+    """The curve of a smooth travel map's shares as `cubics` has it, from 0 to 1: coefficients (knots - 1, 4)."""
+    return CubicSpline(block.knots, span=(0.0, 1.0)).pieces @ strokes(block, theta)[1]
+
+
 def by_name(block: Block, theta: np.ndarray) -> dict[str, float]:
     """theta (p,) by the names of the block's parameters."""
     return {slot.name: float(value) for slot, value in zip(block.slots(), theta, strict=True)}

@@ -17,6 +17,7 @@ from sysid.blocks import (
     Play,
     Polynomial,
     ProfiledMotor,
+    Quantiser,
     Saturation,
     SigmoidNetwork,
     TransferFunction,
@@ -69,6 +70,7 @@ BLOCKS = {
         ProfiledMotor(knots=3, low=-1.0, high=2.0, role="map"),
         np.array([3.0, 2.0, 2.4, 0.3, 0.5, 0.2, 0.4, 0.1, 0.35, 0.4, 0.1]),
     ),
+    "quantiser": (Quantiser(step=0.3, role="map"), np.empty(0)),
     "saturation": (Saturation(role="map"), np.array([-1.1, 1.3])),
     "sigmoid_network": (
         SigmoidNetwork(units=3, role="map"),
@@ -113,6 +115,7 @@ VARIANTS = {
         PiecewiseLinear(knots=5, free_knots=False, at=(-1.7, -0.6, 0.1, 0.9, 1.6), role="map"),
         np.array([-1.0, -0.9, 0.3, 0.4, 2.0]),
     ),
+    "travel_map_smooth": (TravelMap(knots=5, smooth=True, role="map"), np.array([-0.8, 1.1, 0.3, 0.5, 0.8])),
 }
 # Options of blocks with a memory, which no start makes an identity.
 MOVING = {

@@ -9,11 +9,13 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 import sysid
-from sysid.blocks import Motor, Play, TravelMap
+from sysid.block import Block
+from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, TravelMap
 from sysid.chain import Chain
 from sysid.data import IOData
 from sysid.errors import InputError
 from sysid.fitting import Fit
+from sysid.initial_stages import sub
 from sysid.preprocess import quick_start
 from twin.beyond import Beyond, Trial, ceiling
 from twin.evaluation import Setting
@@ -41,15 +43,23 @@ def _straight(chain: Chain) -> Chain:
     return replace(chain, blocks=tuple(replace(b, knots=2) if isinstance(b, TravelMap) else b for b in chain.blocks))
 
 
-# What is dropped, and the chain that is left.
+def _drop(chain: Chain, *kinds: type[Block]) -> Chain:
+    return sub(chain, tuple(b for b in chain.blocks if not isinstance(b, kinds)))
+
+
+# What is dropped, and the chain that is left: the same one where the joint has no such part.
 PARTS: dict[str, Callable[[Chain], Chain]] = {
-    "end stops": lambda chain: _motor(chain, {}, stops=False),
+    "end stops": lambda chain: _motor(chain, {}, stops=False, jams=False),
     "dry friction": lambda chain: _motor(chain, dict.fromkeys(("motor.rise", "motor.fall", "motor.loss"), 0.0)),
     "load over position": lambda chain: _motor(chain, {}, load=0, loss=False),
+    "friction that falls with speed": lambda chain: _motor(chain, {}, stribeck=False),
+    "screw's loss": lambda chain: _motor(chain, {"motor.load0": 0.0}, loss=False),
+    "jam": lambda chain: _motor(chain, {}, jams=False),
     "lag": lambda chain: _motor(chain, {"motor.lag": LEAST_LAG}),
     "delay": lambda chain: _motor(chain, {}, delayed=False),
     "linkage (straight line)": _straight,
-    "play": lambda chain: replace(chain, blocks=tuple(b for b in chain.blocks if not isinstance(b, Play))),
+    "play": lambda chain: _drop(chain, Play, CoastingPlay),
+    "driver's steps": lambda chain: _drop(chain, Quantiser),
 }
 ALIKE = "load and direction of friction"  # the part that no list of fixed values can drop: both directions alike
 
@@ -135,6 +145,7 @@ def without_parts(trial: Trial) -> list[Row]:
     for part, drop in PARTS.items():
         chain = drop(whole.model)
         if chain == whole.model:
+            rows.append(Row(part, None, reason="the joint grew without it"))
             continue
         fit = sysid.fit(chain, e.estimation, starts=e.setting.starts, seed=e.setting.seed)
         rows.append(Row(part, fit.fit_percent(e.validation)))

@@ -13,6 +13,7 @@ import numpy as np
 from sysid.criteria import fit_percent
 from sysid.joint_values import JointValue
 from sysid.preprocess import quick_start
+from twin.drive import drive
 from twin.evaluation import JOINT, Evaluation, Setting, evaluate
 from twin.experiment import DEFAULTS, Experiment
 from twin.log import Log
@@ -22,7 +23,6 @@ from twin.truth import truth
 NEAR = 0.5  # points of fit below the ceiling at which a model has explained all but noise
 STEPS = 4  # what `run` announces
 RECORDS = ("sweep", "drawn sweep")
-SETTING = Setting(JOINT)
 LONGER = 1.25  # mean half period of the drawn sweep, in the paper's sweep's
 
 
@@ -133,7 +133,9 @@ def ceiling(log: Log, scored: slice) -> float:
 
 def _trial(record: str, log: Log, paper: Evaluation) -> Trial:
     estimation, validation = quick_start(log.io(), kind="none")
-    joint = evaluate(SETTING, estimation, validation)
+    # How fine the bridge is stands in its data sheet; all else is found.
+    setting = Setting(JOINT, driver_step=drive(Parameters(), log.joint).step)
+    joint = evaluate(setting, estimation, validation)
     return Trial(record, log, paper, joint, ceiling(log, slice(estimation.N + joint.fit.n_init, None)))
 
 
@@ -168,15 +170,12 @@ def aim(name: str, true: float, Ts: float) -> float:
 
 
 def recovered(true: Mapping[str, float], trials: list[Trial]) -> tuple[Recovered, ...]:
-    """The physical values of every trial beside the truth; those that have no truth stand without it."""
-    found: dict[str, dict[str, JointValue]] = {}
-    for trial in trials:
-        for value in trial.joint.values:
-            found.setdefault(value.name, {})[trial.record] = value
-    Ts = trials[0].log.Ts
-    rows = []
-    for name, values in found.items():
-        unit = next(iter(values.values())).unit
+    """The physical values of every trial beside the truth; a record whose joint has no such part gives none."""
+    Ts, rows = trials[0].log.Ts, []
+    units = {value.name: value.unit for trial in trials for value in trial.joint.values}
+    for name in [*true, *(name for name in units if name not in true)]:
+        found = {t.record: value for t in trials for value in t.joint.values if value.name == name}
         known = true.get(name)
-        rows.append(Recovered(name, unit, known, np.nan if known is None else aim(name, known, Ts), values))
+        unit = units.get(name, "rad")  # what no record gave is a play
+        rows.append(Recovered(name, unit, known, np.nan if known is None else aim(name, known, Ts), found))
     return tuple(rows)

@@ -40,6 +40,11 @@ class Drive:
     ki: float
     kd: float
 
+    @property
+    def step(self) -> float | None:
+        """How far apart the levels of the bridge are [V], None where there are none."""
+        return self.supply / self.levels if self.levels else None
+
     def command(self, volts: float, resistance: float) -> float:
         """The command [V] that puts `volts` [V] on a stalled motor of `resistance` [Ohm]; PWM levels left out.
 

@@ -13,6 +13,7 @@ from sysid.data import IOData
 from sysid.errors import InputError, unknown
 from sysid.higher_order import HigherOrderTests, higher_order_tests
 from sysid.intervals import Root
+from sysid.joint_growth import Growth, grow_joint
 from sysid.joint_values import JointValue, joint_values
 from sysid.nlarx import FOCUS
 from sysid.residuals import ResidualTests
@@ -31,7 +32,7 @@ class Setting:
 
     A map of None is the structure's own default. Of a nonlinear ARX model nf holds na, and `focus` names the errors
     that it is fitted by. An actuated joint has no orders; its maps are driver and sensor. Raises InputError for names
-    that do not exist, before any work.
+    that do not exist, before any work. `driver_step` [V] is how far apart the levels of a joint's driver are.
     """
 
     structure: str = "hammerstein_wiener"
@@ -44,6 +45,7 @@ class Setting:
     starts: int = 5
     seed: int = 0
     focus: str = "prediction"
+    driver_step: float | None = None
 
     def __post_init__(self) -> None:
         if self.search not in sysid.searches.TABLE:
@@ -53,7 +55,11 @@ class Setting:
         self.model()
 
     def model(self) -> Any:
-        """The model before it is fitted."""
+        """The model before it is fitted; of an actuated joint the plain one, which grows with the data."""
+        if self.structure == JOINT:
+            return sysid.structures.actuated_joint(
+                driver=self.input_map, sensor=self.output_map, driver_step=self.driver_step, play=False
+            )
         model = sysid.structures.build(self.structure, self.nb, self.nf, self.nk, self.input_map, self.output_map)
         return replace(model, focus=self.focus) if self.structure == NLARX else model
 
@@ -71,6 +77,8 @@ class Setting:
         values = {k: v for k, v in asdict(self).items() if k not in ("nb", "nf", "nk")}
         if self.structure != NLARX:
             del values["focus"]
+        if self.structure != JOINT:
+            del values["driver_step"]
         return {"orders": self.orders, **values}
 
 
@@ -108,7 +116,8 @@ class Evaluation:
     tangent linear model (None where there is no such model); `maps` holds the static curves that the structure has,
     in the order of the signal; `tests` and `higher` are None, with the reason in `notes`, where the validation part is
     too short; `roots` are the poles with their intervals, None where the record gives none. A nonlinear ARX model has
-    `one_step` beside its free run, and neither poles nor maps. An actuated joint has `values`, and no poles.
+    `one_step` beside its free run, and neither poles nor maps. An actuated joint has `values` and its
+    `growth`, and no poles.
     """
 
     setting: Setting
@@ -126,6 +135,7 @@ class Evaluation:
     roots: tuple[Root, ...] | None = None
     one_step: OneStep | None = None
     values: tuple[JointValue, ...] = ()
+    growth: Growth | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -177,20 +187,21 @@ class Evaluation:
             summary["one_step_fit_percent"] = self.one_step.as_dict()
         if self.values:
             summary["values"] = [vars(value) for value in self.values]
+        if self.growth is not None:
+            summary["growth"] = self.growth.as_dict()
         return summary
 
 
 def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress: Progress = None) -> Evaluation:
     """Fits `setting` to `estimation` and runs it free over both parts; only `estimation` is ever fitted to."""
     check_parts(estimation, validation)
-    fit = sysid.fit(
-        setting.model(),
-        estimation,
-        search=setting.search,
-        starts=setting.starts,
-        seed=setting.seed,
-        progress=progress,
-    )
+    options: dict[str, Any] = {"starts": setting.starts, "seed": setting.seed, "progress": progress}
+    if setting.structure == JOINT:
+        # A joint's cost bends too much for the changes of method that "auto" makes.
+        search = "lm" if setting.search == "auto" else setting.search
+        growth = grow_joint(estimation, setting.model(), search=search, **options)
+        return replace(evaluate_fit(setting, growth.fit, estimation, validation), growth=growth)
+    fit = sysid.fit(setting.model(), estimation, search=setting.search, **options)
     return evaluate_fit(setting, fit, estimation, validation)
 
 

@@ -104,4 +104,6 @@ def _search(
     found = select(estimation, space, auto.search, auto.seed, journal=auto.journal, progress=candidate)
     c = found.chosen.candidate
     setting = Setting(c.structure, c.nb, c.nf, c.nk, c.input, c.output, auto.search, auto.starts, auto.seed)
+    if c.structure == JOINT:  # the search tried the plain one, which now grows
+        return found, evaluate(setting, c.scale(estimation), c.scale(validation))
     return found, evaluate_fit(setting, found.fit, c.scale(estimation), c.scale(validation))

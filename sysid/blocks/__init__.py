@@ -18,6 +18,7 @@ from sysid.blocks.piecewise_linear import PiecewiseLinear
 from sysid.blocks.play import Play
 from sysid.blocks.polynomial import Polynomial
 from sysid.blocks.profiled_motor import ProfiledMotor
+from sysid.blocks.quantiser import Quantiser
 from sysid.blocks.saturation import Saturation
 from sysid.blocks.sigmoid_network import SigmoidNetwork
 from sysid.blocks.transfer_function import TransferFunction
@@ -49,6 +50,7 @@ TABLE: dict[str, Callable[..., Block]] = {
     "motor": Motor,
     "play": Play,
     "profiled_motor": ProfiledMotor,
+    "quantiser": Quantiser,
     "transfer_function": TransferFunction,
     "transfer_matrix": TransferMatrix,
     "travel_map": TravelMap,
@@ -81,6 +83,7 @@ __all__ = [
     "Play",
     "Polynomial",
     "ProfiledMotor",
+    "Quantiser",
     "Saturation",
     "SigmoidNetwork",
     "TransferFunction",

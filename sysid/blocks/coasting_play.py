@@ -13,8 +13,8 @@ class CoastingPlay(Block):
 
     x moves evenly from sample to sample, and a link that meets a side goes on with it (no rebound). drag [y/sample^2]
     is the friction of the link's own bearing over its inertia, pull0 [y/sample^2] and pull1 [1/sample^2] its weight.
-    With much drag and no pull this is `Play`. With little, a drive that stops finds the link ahead and not behind; with a
-    pull that nothing overcomes the link lies on one side, and the width is not in the data. `rest` says where in the
+    With much drag and no pull this is `Play`. With little, a drive that stops finds the link ahead and not behind; with
+    a pull that nothing overcomes the link lies on one side, and the width is not in the data. `rest` says where in the
     play it starts, at rest, from -1/2 to 1/2. Derivatives at a switch are those of the branch taken.
     """
 

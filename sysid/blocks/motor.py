@@ -21,8 +21,8 @@ class Motor(Block):
     as speed falls below stick_speed. At rest the motor stands until the input exceeds friction, load included:
     stick is a state, not a steep slope. L(x) = load0 + load1 (x - at) + load2 (x - at)^2, as many as `load` asks for.
     With `stops` it ends at `lower` and `upper`, where its speed is lost; put x in strokes and hold them at 0 and 1, or
-    leave them free and the map behind fixed. One that `jams` stays at a stop that it strikes at speed v for a time jam |v|,
-    as a screw does until the blow has left it. Each input is held for one sample and arrives `delay` samples late.
+    leave them free and the map behind fixed. One that `jams` stays at a stop that it strikes at speed v for a time
+    jam |v|, as a screw does until the blow has left it. Each input is held for one sample and arrives `delay` late.
 
     Between switches the lag is taken exactly, so a sample may be longer than the lag; `substeps` parts of a sample
     follow a load or a Stribeck curve that changes within it. Derivatives are exact but for the switches themselves,

@@ -1,13 +1,16 @@
 """Monotone map over a stroke: from 0 at one end stop to 1 at the other, the angles of the ends as parameters."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.blocks.cubic_spline import CubicSpline
 from sysid.errors import InputError
 
 _LEAST = 0.02  # of the mean slope: a segment that is flatter hides where the joint is
+_WITHIN = (0.0, 0.5, 1.0)  # of a segment
 
 
 @dataclass(frozen=True)
@@ -15,10 +18,12 @@ class TravelMap(StaticBlock):
     """y = low + (high - low) s(x) with s(0) = 0, s(1) = 1 and s rising in straight lines between `knots` equal steps.
 
     What a linkage makes of its actuator's travel. `low` and `high` are the outputs at the two ends; s_1, s_2, ... are
-    the shares of the way at the knots between. Where the data never go, the calm of a fit keeps s straight.
+    the shares of the way at the knots between. With `smooth` s is the natural cubic spline through them, straight
+    beyond the ends. Where the data never go, the calm of a fit keeps s straight.
     """
 
     knots: int = 9
+    smooth: bool = False
 
     def __post_init__(self) -> None:
         if self.knots < 2:
@@ -31,32 +36,59 @@ class TravelMap(StaticBlock):
     def _shares(self, theta: np.ndarray) -> np.ndarray:
         return np.concatenate([[0.0], theta[2:], [1.0]])
 
+    @cached_property
+    def _pieces(self) -> np.ndarray:
+        """Coefficients (knots - 1, 4, knots) of the curves of which s is made, one a share."""
+        return CubicSpline(self.knots, span=(0.0, 1.0)).pieces
+
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
         from sysid.kernels import piecewise_linear
+        from sysid.kernels_maps import spline
 
         low, high, knots = theta[0], theta[1], self.knots
         s, slope, own = np.empty_like(x), np.empty_like(x), J.shape[1] > 0
         wide = np.empty((len(x), 2 * knots if own else 0))
-        piecewise_linear(np.linspace(0.0, 1.0, knots), self._shares(theta), x, s, slope, wide, 0, own)
+        if self.curved:
+            spline(self._pieces, 0.0, 1.0, self._shares(theta), x, s, slope, wide, knots, own, False)
+        else:
+            piecewise_linear(np.linspace(0.0, 1.0, knots), self._shares(theta), x, s, slope, wide, 0, own)
         if own:
             J[:, q], J[:, q + 1] = 1.0 - s, s
             J[:, q + 2 : q + knots] = (high - low) * wide[:, knots + 1 : 2 * knots - 1]
         return low + (high - low) * s, (high - low) * slope
 
+    @property
+    def curved(self) -> bool:
+        """Whether s bends between its knots; of two knots there is only a line."""
+        return self.smooth and self.knots > 2
+
     def start(self, x: np.ndarray) -> np.ndarray:
         return np.concatenate([[0.0, 1.0], np.linspace(0.0, 1.0, self.knots)[1:-1]])
 
     def admissible(self, theta: np.ndarray) -> bool:
-        return bool(np.all(np.diff(self._shares(theta)) >= 0.5 * _LEAST / (self.knots - 1)))
+        return bool(self._flattest(self._shares(theta)) >= 0.5 * _LEAST)
+
+    def _flattest(self, shares: np.ndarray) -> float:
+        """The least slope of s that is met at a knot, halfway to the next, or over a segment."""
+        m = self.knots - 1
+        least = float(np.min(np.diff(shares))) * m
+        if self.curved:
+            c = self._pieces @ shares
+            least = min(least, m * float(np.min([c[:, 1] + t * (2.0 * c[:, 2] + t * 3.0 * c[:, 3]) for t in _WITHIN])))
+        return least
 
     def repair(self, theta: np.ndarray) -> np.ndarray:
-        """Segments that fall, or are all but flat, are given a little slope at the cost of the others."""
-        steps = np.diff(self._shares(theta))
-        least = _LEAST / (self.knots - 1)
-        if np.all(steps >= least) or not np.all(np.isfinite(theta)):
+        """Where s falls, or is all but flat, it is drawn towards the straight line."""
+        shares, line = self._shares(theta), np.linspace(0.0, 1.0, self.knots)
+        if not np.all(np.isfinite(theta)) or self._flattest(shares) >= _LEAST:
             return theta
-        steps = np.maximum(steps, least)
-        return np.concatenate([theta[:2], np.cumsum(steps / steps.sum())[:-1]])
+        steps = np.maximum(np.diff(shares), _LEAST / (self.knots - 1))
+        shares = np.concatenate([[0.0], np.cumsum(steps / steps.sum())])
+        for share in np.linspace(0.0, 1.0, 21):
+            drawn = (1.0 - share) * shares + share * line
+            if self._flattest(drawn) >= _LEAST:
+                break
+        return np.concatenate([theta[:2], drawn[1:-1]])
 
     def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Change of slope at each inner knot, in the mean slope."""

@@ -27,12 +27,13 @@ TABLE: dict[str, Callable[..., Any]] = {**CHAINS, "actuated_joint": actuated_joi
 def build(name: str, nb: int, nf: int, nk: int, input: str | None = None, output: str | None = None) -> Any:
     """The structure called `name`: a Chain, or an Nlarx with na = nf. A map it has no place for is an InputError.
 
-    An actuated joint has no orders, and `input` and `output` are its driver and its sensor.
+    An actuated joint has no orders, and `input` and `output` are its driver and its sensor; it is the plain one that
+    `sysid.joint_growth` begins with.
     """
     if name not in TABLE:
         raise unknown("structure", name, TABLE)
     if name == "actuated_joint":
-        return actuated_joint(driver=input, sensor=output)
+        return actuated_joint(driver=input, sensor=output, play=False)
     accepted = inspect.signature(TABLE[name]).parameters
     given = {k: v for k, v in (("input", input), ("output", output)) if v is not None}
     for k, v in given.items():

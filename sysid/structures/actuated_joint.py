@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from sysid.block import Block
-from sysid.blocks import CoastingPlay, Motor, Play, TravelMap, static
+from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, TravelMap, static
 from sysid.chain import Chain
 from sysid.recipes import Map
 
@@ -16,14 +16,16 @@ def actuated_joint(
     knots: int | None = 9,
     play: bool | Play | CoastingPlay = True,
     sensor: Map | None = None,
+    driver_step: float | None = None,
     fixed: Mapping[str, Any] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> Chain:
     """Voltage u to angle y of a joint that a motor drives between two end stops; the parameters are physical.
 
-    u [V] -> driver (a static map, for example "dead_zone_saturation"; None: none) -> `Motor` (lag, dry friction with
-    stick, load over position, delay, end stops) -> `TravelMap` of `knots` (None: none) -> `Play` -> sensor (a static
-    map, a `Custom` absolute value for one that is blind to sign; None: none) -> y. With a travel map the motor's
+    u [V] -> the driver's levels, `driver_step` [V] apart (None: none) -> driver (a static map, for example
+    "dead_zone_saturation"; None: none) -> `Motor` (lag, dry friction with stick, load over position, delay, end stops)
+    -> smooth `TravelMap` of `knots` (None: none) -> `Play`, or the `play` that is given (False: none) -> sensor (a
+    static map, a `Custom` absolute value for one that is blind to sign; None: none) -> y. With a travel map the motor's
     position counts in strokes, its stops are held at 0 and 1, and `map.low` and `map.high` are the angles of the ends.
     Without one it counts in the unit of y and has no stops unless `motor` says so.
 
@@ -31,10 +33,12 @@ def actuated_joint(
     driver's dead zone both take volts, and only a motor that coasts can tell them apart: leave one of them out.
     """
     own = motor if motor is not None else Motor(load=3, stops=knots is not None)
-    blocks: list[Block] = [static(driver, "driver")] if driver is not None else []
+    blocks: list[Block] = [Quantiser(driver_step, role="levels")] if driver_step is not None else []
+    if driver is not None:
+        blocks.append(static(driver, "driver"))
     blocks.append(replace(own, role="motor"))
     if knots is not None:
-        blocks.append(TravelMap(knots, role="map"))
+        blocks.append(TravelMap(knots, smooth=True, role="map"))
     if play:
         blocks.append(replace(Play() if play is True else play, role="play"))
     if sensor is not None:

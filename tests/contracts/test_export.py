@@ -116,7 +116,7 @@ def test_extreme_levels_do_not_overflow(tmp_path):
 
 def evaluated(lines, x, y):
     """What a person gets who types the formulas of one map into a calculation, at one value of x."""
-    space = {"exp": math.exp, "min": min, "max": max}
+    space = {"exp": math.exp, "floor": math.floor, "min": min, "max": max}
     joined = re.sub(r"\n  \+", " +", "\n".join(lines))
     for line in joined.split("\n"):
         formula, _, where = line.partition("   where ")
@@ -127,7 +127,7 @@ def evaluated(lines, x, y):
     raise AssertionError(f"no piece for {x}")
 
 
-@pytest.mark.parametrize("name", [*sorted(MAPS), "travel_map"])
+@pytest.mark.parametrize("name", [*sorted(MAPS), "quantiser", "travel_map"])
 def test_formula_of_a_map_evaluates_to_the_map(name):
     block, theta = {**BLOCKS, **MAPS}[name]
     lines = closed_form.FORMULAS[type(block)](block, theta, closed_form.Writer("x", "w", None))

@@ -16,6 +16,7 @@ from sysid.blocks import (
     Motor,
     Play,
     ProfiledMotor,
+    Quantiser,
     TransferFunction,
     TravelMap,
 )
@@ -77,8 +78,9 @@ OPTIONS = {
         np.array([30.0, 20.0, 21.0, 0.3, 0.9, 1.1, 0.2, 0.4, 0.01]),
     ),
     "travel_map_line": (TravelMap(2, role="part"), np.array([0.7, -0.4])),
+    "travel_map_smooth_line": (TravelMap(2, smooth=True, role="part"), np.array([0.7, -0.4])),
 }
-OWN = (*EMITTERS, TravelMap)
+OWN = (*EMITTERS, Quantiser, TravelMap)
 CASES = {k: v for k, v in {**BLOCKS, **MOVING, **OPTIONS}.items() if type(v[0]) in OWN}
 
 

@@ -42,6 +42,9 @@ def identify(
         str | None, options.name("static map behind it, or an actuated joint's sensor", STATIC)
     ] = None,
     focus: Annotated[str | None, options.name("errors that nlarx is fitted by", FOCUS)] = None,
+    driver_step: Annotated[
+        float | None, options.number("V", "how far apart the levels of an actuated joint's driver are, if known")
+    ] = None,
     search: Annotated[str, options.name("search method", searches.TABLE)] = "auto",
     split: Annotated[float, options.number("PART", "first part of the record, which is fitted to")] = 0.5,
     detrend: Annotated[str | None, options.name("what to remove [mean; none of an actuated joint]", DETREND)] = None,
@@ -57,7 +60,10 @@ def identify(
 
     The columns are found by themselves in a log of `qpal simulate` and in a file of two columns.
     """
-    setting = _setting(structure, orders, input_map, output_map, focus, search, starts, options.seed(seed), resume)
+    if driver_step is not None and structure != JOINT:
+        raise InputError(f"--driver-step is given with --structure {structure}; leave it out or give {JOINT}")
+    maps = (input_map, output_map)
+    setting = _setting(structure, orders, maps, focus, driver_step, search, starts, options.seed(seed), resume)
     from twin.exports import export
     from twin.identification import identify_file
     from twin.report import identify as report
@@ -84,9 +90,9 @@ def identify(
 def _setting(
     structure: str,
     orders: str | None,
-    input_map: str | None,
-    output_map: str | None,
+    maps: tuple[str | None, str | None],
     focus: str | None,
+    driver_step: float | None,
     search: str,
     starts: int,
     seed: int,
@@ -98,7 +104,7 @@ def _setting(
     if focus is not None and structure != NLARX:
         raise InputError(f"--focus is given with --structure {structure}; leave it out or give --structure {NLARX}")
     if structure == AUTO:
-        for option, given in (("--orders", orders), ("--input-map", input_map), ("--output-map", output_map)):
+        for option, given in (("--orders", orders), ("--input-map", maps[0]), ("--output-map", maps[1])):
             if given is not None:
                 raise InputError(
                     f"{option} is given with --structure {AUTO}, which searches it; leave it out or name a structure"
@@ -109,11 +115,10 @@ def _setting(
     if structure == JOINT:
         if orders is not None:
             raise InputError(f"--orders is given with --structure {JOINT}, which has none; leave it out")
-        return Setting(structure, input_map=input_map, output_map=output_map, search=search, starts=starts, seed=seed)
+        return Setting(structure, 0, 0, 0, *maps, search, starts, seed, driver_step=driver_step)
     if structure == NLARX:
         n = options.orders(orders or "2,2,1", options.NLARX_ORDERS, "2,2,1")
     else:
         n = options.orders(orders or "2,3,1", options.CHAIN_ORDERS, "2,3,1")
     poles = n["na" if structure == NLARX else "nf"]
-    maps = (input_map, output_map)
     return Setting(structure, n["nb"], poles, n["nk"], *maps, search, starts, seed, focus or "prediction")

@@ -85,13 +85,16 @@ def _row(joint: str, t: Trial, model: str, e: Evaluation) -> tuple[str, ...]:
     return joint, t.record, model, percent(e.validation_fit), percent(t.ceiling), near, str(e.fit.criteria.d)
 
 
+_NONE = ("–", "–")
+
+
 def values_table(result: ProtocolResult) -> Grid:
     """Truth, aim, and what both records gave with its 95 % interval."""
     rows = []
     for r in result.joints:
         for value in r.beyond.recovered:
             factor, unit = sections.shown_unit(value.unit)
-            cells = [sections.value_cells(value.found[name])[:2] for name in RECORDS]
+            cells = [sections.value_cells(value.found[name])[:2] if name in value.found else _NONE for name in RECORDS]
             rows.append(
                 (
                     r.joint,
@@ -157,7 +160,8 @@ def recovery(result: ProtocolResult) -> Figure:
         ax.axvline(0, color=style.SECOND, linewidth=1.0)
         for row, value in enumerate(values):
             for record, shift in zip(RECORDS, (-0.16, 0.16), strict=True):
-                _dot(ax, value, value.found[record], row + shift, *MARKS[record])
+                if record in value.found:
+                    _dot(ax, value, value.found[record], row + shift, *MARKS[record])
         names = [sections.WORDS.get(value.name, value.name) for value in values]
         ax.set_yticks(range(len(values)), names if ax is axes[0, 0] else [""] * len(values))
         ax.set(xlim=(-FRAME - 0.3, FRAME + 0.3), title=r.joint, xlabel="less the truth, in aims")

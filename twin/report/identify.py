@@ -53,7 +53,8 @@ def terminal_sentences(result: Identification) -> list[str]:
     chosen = [] if result.selection is None else [_found(result.selection)]
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
     notes = [f"Note: {note}." for note in (*result.record.notes, *e.notes)]
-    return [*chosen, sections.tests_in_words(e), sections.search_sentence(e), *advice, *notes]
+    grown = [e.growth.sentence()] if e.growth else []
+    return [*chosen, *grown, sections.tests_in_words(e), sections.search_sentence(e), *advice, *notes]
 
 
 def ranking_grid(result: Identification) -> Grid:
@@ -186,7 +187,11 @@ def _model(e: Evaluation) -> Section:
     ]
     return Section(
         "Model",
-        [*filter(None, [sections.intervals_in_words(e)]), *([_PHYSICS] if e.values else [])],
+        [
+            *filter(None, [sections.intervals_in_words(e)]),
+            *([e.growth.sentence()] if e.growth else []),
+            *([_PHYSICS] if e.values else []),
+        ],
         tables=sections.only([sections.values_grid(e), sections.criteria_grid(e), sections.pole_grid(e)]),
         pictures=sections.only(pictures),
         details=[sections.parameter_grid(e)],
