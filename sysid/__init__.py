@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from sysid.fitting import Fit
     from sysid.higher_order import higher_order_tests
     from sysid.iterate import Options
+    from sysid.joint_growth import grow_joint
+    from sysid.joint_values import joint_values
     from sysid.nlarx_estimation import fit_nlarx
     from sysid.nlarx_fit import NlarxFit
     from sysid.objective import Objective
@@ -55,8 +57,10 @@ _NAMES = {
     "cross_validate": "sysid.validation",
     "fit": "sysid.estimation",
     "fit_nlarx": "sysid.nlarx_estimation",
+    "grow_joint": "sysid.joint_growth",
     "higher_order_tests": "sysid.higher_order",
     "information": "sysid.certainty",
+    "joint_values": "sysid.joint_values",
     "load": "sysid.storage",
     "residual_tests": "sysid.residuals",
     "save": "sysid.storage",
@@ -101,9 +105,11 @@ __all__ = [
     "export_python",
     "fit",
     "fit_nlarx",
+    "grow_joint",
     "higher_order_tests",
     "information",
     "intervals",
+    "joint_values",
     "linearize",
     "load",
     "plots",

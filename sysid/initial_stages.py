@@ -23,6 +23,21 @@ from sysid.searches import LevenbergMarquardt
 _STEPS = Options(max_iterations=60, tolerance=0.01)
 _TRIED = 4  # starts of the plainest joint
 Part = dict[str, float]
+# How far a value is shaken (standard deviation): in parts of itself, or, of those that may be zero, in their own unit.
+_SHAKEN = {
+    "gain": 0.01,
+    "rise": 0.05,
+    "fall": 0.05,
+    "lag": 0.5,
+    "stick": 0.3,
+    "stick_speed": 0.5,
+    "loss": 0.3,
+    "jam": 0.5,
+}
+_SHAKEN |= {"width": 0.2, "drag": 0.5}
+_DELAY = 0.3  # samples
+_LOAD = 0.1  # of the mean dry friction
+_END = 0.003  # of the way between the ends
 
 
 def motor_of(chain: Chain) -> Motor:
@@ -62,6 +77,25 @@ def lifted(chain: Chain, theta: np.ndarray, richer: Chain, more: Part) -> np.nda
     """theta of a richer chain: what both have, what the richer one holds, and `more`."""
     known = dict(zip(chain.names, theta, strict=True)) | more | dict(richer.fixed)
     return np.clip([known.get(name, 0.0) for name in richer.names], *richer.limits)
+
+
+def shaken(chain: Chain, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """theta (P,) with what moves the joint, and where it ends, a little different."""
+    known = dict(zip(chain.names, theta, strict=True))
+    role, _, rise, fall = _read(chain, theta)
+    own = {
+        f"{role}.delay": _DELAY,
+        f"{role}.load1": _LOAD * (rise + fall) / 2,
+        f"{role}.load2": _LOAD * (rise + fall) / 2,
+    }
+    if "map.low" in known:
+        own |= dict.fromkeys(("map.low", "map.high"), _END * abs(known["map.high"] - known["map.low"]))
+    drawn = rng.normal(size=len(theta))
+    out = []
+    for name, value, z in zip(chain.names, theta, drawn, strict=True):
+        step = own.get(name)
+        out.append(value + step * z if step is not None else value * np.exp(_SHAKEN.get(name.split(".")[-1], 0.0) * z))
+    return np.where(chain.free, out, theta)
 
 
 def staged_starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:

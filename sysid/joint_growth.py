@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from sysid.errors import InputError, unknown
 from sysid.estimation import fit as fit_chain
 from sysid.fitting import Fit
 from sysid.initial_play import play_starts
-from sysid.initial_stages import FRICTIONS, friction_starts, lifted, motor_of, plainer, sub
+from sysid.initial_stages import FRICTIONS, friction_starts, lifted, motor_of, plainer, shaken, sub
 from sysid.structures import actuated_joint
 
 # Three times what counts as very strong evidence (Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995, section 3.2):
@@ -35,13 +36,15 @@ WORDS = {
     COASTS: "a play whose link coasts",
 }
 _TRIED = 3  # of the plays that promise most, how many are tried
+_SHAKES = 12  # places near an optimum that are tried
 _SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 
 
 @dataclass(frozen=True)
 class Step:
-    """One part that was tried: BIC with it, and whether it stayed."""
+    """One part that was tried, in which round: BIC with it, and whether it stayed."""
 
+    round: int
     part: str
     bic: float
     kept: bool
@@ -59,6 +62,12 @@ class Growth:
     def parts(self) -> tuple[str, ...]:
         """Names of the parts that stayed."""
         return tuple(step.part for step in self.steps if step.kept)
+
+    @property
+    def earned(self) -> tuple[float, ...]:
+        """By how much each step lowered the BIC of the joint that its round began with."""
+        began = [self.plain_bic, *(step.bic for step in self.steps if step.kept)]
+        return tuple(began[step.round] - step.bic for step in self.steps)
 
     def sentence(self) -> str:
         """What stayed, in words."""
@@ -85,11 +94,9 @@ def grow_joint(
 
     The parts: "stribeck" (friction that falls with speed), "loss" (a screw's share of its load), "jams" (a stop that is
     struck keeps the motor), "screw" (both), "plays" (a play), "coasts" (one whose link has inertia and weight). Each
-    starts from the fit so far. A
-    part must earn `MARGIN` in BIC: residuals of a model that is not quite the joint are coloured, and BIC takes them as
-    white. `plain` is the joint to begin with, an `actuated_joint` of a motor without those parts and without a play;
-    search, starts, seed and progress are those of `sysid.fit`. Raises InputError for a part or a plain joint that does
-    not fit, and what `sysid.fit` raises.
+    starts from the fit so far, and must earn `MARGIN` in BIC. `plain` is the joint to begin with, an `actuated_joint`
+    of a motor without those parts and without a play; search, starts, seed and progress are those of `sysid.fit`.
+    Raises InputError for a part or a plain joint that does not fit, and what `sysid.fit` raises.
     """
     for part in parts:
         if part not in PARTS:
@@ -98,9 +105,9 @@ def grow_joint(
     if not any(isinstance(b, Motor) for b in chain.blocks) or plainer(chain) is not None:
         raise InputError("grow_joint begins with a plain actuated_joint; leave Stribeck, loss, jam and coasting out")
     options: dict[str, Any] = {"search": search, "seed": seed, "progress": progress}
-    fit = fit_chain(chain, data, starts=starts, **options)
+    fit = _shaken(fit_chain(chain, data, starts=starts, **options), data, options)
     first, steps = float(fit.criteria.bic), []
-    while True:
+    for k in count():
         tried = {
             name: fit_chain(richer, data, start=points, **options) for name, richer, points in _more(fit, data, parts)
         }
@@ -108,23 +115,25 @@ def grow_joint(
             break
         best = min(tried, key=lambda name: tried[name].criteria.bic)
         kept = bool(tried[best].criteria.bic < fit.criteria.bic - MARGIN)
-        steps += [Step(name, float(other.criteria.bic), kept and name == best) for name, other in tried.items()]
+        steps += [Step(k, name, float(other.criteria.bic), kept and name == best) for name, other in tried.items()]
         if not kept:
             break
         fit = tried[best]
     growth = Growth(fit, first, tuple(steps))
-    return replace(growth, fit=_reseeded(growth, data, options))
+    return replace(growth, fit=_shaken(fit, data, options, growth.parts)) if growth.parts else growth
 
 
-def _reseeded(growth: Growth, data: IOData, options: dict[str, Any]) -> Fit:
-    """The fit, or a better one with new first values for the part that came first: it grew beside a joint with less."""
-    fit, chain = growth.fit, growth.fit.model
-    if len(growth.parts) < 2 or not PARTS[growth.parts[0]]:
-        return fit
-    points = friction_starts(PARTS[growth.parts[0]], chain, fit.theta, data)
-    other = fit_chain(
-        chain, data, start=np.array([lifted(chain, fit.theta, chain, more) for more in points]), **options
-    )
+def _shaken(fit: Fit, data: IOData, options: dict[str, Any], grown: tuple[str, ...] = ()) -> Fit:
+    """The fit, or a better one from places near it: whether a stop is met in time is yes or no, and bars the way.
+
+    Of several `grown` parts the first has its first values once more: it grew beside a joint that had less.
+    """
+    chain, rng = fit.model, np.random.default_rng([options["seed"], len(fit.theta)])
+    points = [np.clip(shaken(chain, fit.theta, rng), *chain.limits) for _ in range(_SHAKES)]
+    if len(grown) > 1 and PARTS[grown[0]]:
+        again = friction_starts(PARTS[grown[0]], chain, fit.theta, data)
+        points += [lifted(chain, fit.theta, chain, more) for more in again]
+    other = fit_chain(chain, data, start=np.array(points), **options)
     return other if other.criteria.loss < fit.criteria.loss else fit
 
 

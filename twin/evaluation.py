@@ -198,8 +198,8 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     options: dict[str, Any] = {"starts": setting.starts, "seed": setting.seed, "progress": progress}
     if setting.structure == JOINT:
         # A joint's cost bends too much for the changes of method that "auto" makes.
-        search = "lm" if setting.search == "auto" else setting.search
-        growth = grow_joint(estimation, setting.model(), search=search, **options)
+        setting = replace(setting, search="lm" if setting.search == "auto" else setting.search)
+        growth = grow_joint(estimation, setting.model(), search=setting.search, **options)
         return replace(evaluate_fit(setting, growth.fit, estimation, validation), growth=growth)
     fit = sysid.fit(setting.model(), estimation, search=setting.search, **options)
     return evaluate_fit(setting, fit, estimation, validation)

@@ -8,7 +8,7 @@ from twin.evaluation import Evaluation
 from twin.exports import Exports
 from twin.identification import Identification
 from twin.record import Record
-from twin.report import figures, sections, style
+from twin.report import figures, growth, sections, style
 from twin.report.page import Grid, Listing, Page, Picture, Section
 from twin.report.units import Quantity, number, percent, poles
 from twin.versions import versions
@@ -184,6 +184,7 @@ def _model(e: Evaluation) -> Section:
         sections.picture_of_poles("pole-zero", e),
         sections.picture_of_step("step-response", e),
         sections.picture_of_maps("static-maps", e),
+        growth.picture(e.growth),
     ]
     return Section(
         "Model",
