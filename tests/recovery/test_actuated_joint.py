@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import sysid
-from sysid.blocks import Motor
+from sysid.blocks import CoastingPlay, Motor
 from sysid.chain import Chain
 from sysid.data import IOData
 from sysid.errors import InputError
@@ -133,3 +133,67 @@ def test_parts_can_be_dropped_and_frozen():
     linear = sysid.fit(sysid.structures.output_error(1, 1, 1), data, starts=1)
     with pytest.raises(InputError, match="no motor"):
         joint_values(linear)
+
+
+@pytest.fixture(scope="module")
+def fitted() -> tuple[sysid.Fit, IOData]:
+    """A fit near the truth, and its record."""
+    chain = actuated_joint()
+    data, _ = record(chain, 0)
+    return sysid.fit(chain, data, search="lm", start=theta_of(chain)), data
+
+
+def halves(fit: sysid.Fit, **options) -> dict[str, float]:
+    """Half width of every interval, as far as no limit cuts it off."""
+    return {v.name: v.high - v.value for v in joint_values(fit, **options) if v.high is not None}
+
+
+def bent_ends(fit: sysid.Fit, linearity: float, draws: int = 200_000) -> dict[str, float]:
+    """Standard deviations that a sensor leaves in ends and speed whose error is a sine of place, its phase unknown."""
+    value = dict(zip(fit.model.names, fit.theta, strict=True))
+    shares = [0.0, *(value[f"map.s{k}"] for k in range(1, 8)), 1.0]
+    place = CubicSpline(KNOTS, shares, bc_type="natural")
+    rng = np.random.default_rng(1)
+    wrong = linearity * np.sin(rng.uniform(0.0, 2.0 * np.pi, (2, draws)))
+    angle = [value["map.low"] + (value["map.high"] - value["map.low"]) * place(x) for x in (0.4, 0.6)]
+    speeds = value["motor.gain"] / TS * (angle[1] + wrong[1] - angle[0] - wrong[0]) / 0.2
+    return {"end_low": wrong[0].std(), "end_high": wrong[1].std(), "speed_per_volt": speeds.std()}
+
+
+@pytest.mark.parametrize("coloured", [False, True])
+@pytest.mark.parametrize(("level", "quantile"), [(0.95, 1.959964), (0.6826895, 1.0)])
+def test_a_sensor_off_a_straight_line_widens_what_is_said_of_ends_and_speed(
+    fitted: tuple[sysid.Fit, IOData], level: float, quantile: float, coloured: bool
+) -> None:
+    fit, data = fitted
+    options = {"level": level, "data": data if coloured else None}
+    before, after = halves(fit, **options), halves(fit, linearity=0.004, **options)
+    bent = bent_ends(fit, 0.004)
+    for name, half in before.items():
+        share = quantile * bent.get(name, 0.0)
+        # 0.3 %: of 200 000 draws.
+        assert after[name] == pytest.approx(np.sqrt(half**2 + share**2), rel=0.003 if share else 1e-12), name
+    assert all(after[name] > 1.2 * before[name] for name in bent)
+    assert {"backlash", "breakaway_up", "delay"} <= set(before)
+    values = [{v.name: v.value for v in joint_values(fit, linearity=x)} for x in (0.0, 0.004)]
+    assert values[0] == values[1]
+
+
+def test_a_straight_sensor_changes_nothing_and_an_impossible_one_is_refused(fitted: tuple[sysid.Fit, IOData]) -> None:
+    fit, _ = fitted
+    assert joint_values(fit, linearity=0.0) == joint_values(fit)
+    for wrong in (-0.001, np.nan, np.inf):
+        with pytest.raises(InputError, match="how far the sensor may be off a straight line"):
+            joint_values(fit, linearity=wrong)
+
+
+def test_the_width_of_a_coasting_play_is_its_backlash() -> None:
+    chain = actuated_joint(play=CoastingPlay())
+    data, _ = record(actuated_joint(), 0)
+    theta = theta_of(chain)
+    theta[chain.names.index("play.drag")] = 0.002
+    fit = sysid.fit(chain, data, search="lm", start=theta, options=sysid.Options(max_iterations=1))
+    found = {v.name: v for v in joint_values(fit)}
+    assert found["backlash"].value == fit.theta[chain.names.index("play.width")]
+    assert found["backlash"].low < found["backlash"].value < found["backlash"].high
+    assert "backlash" not in {v.name for v in joint_values(sysid.fit(actuated_joint(play=False), data, starts=1))}

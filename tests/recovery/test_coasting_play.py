@@ -1,5 +1,7 @@
 """A link that coasts in its play: against small time steps, against a play without inertia, and against the twin."""
 
+from itertools import pairwise
+
 import mujoco
 import numpy as np
 import pytest
@@ -26,7 +28,7 @@ def in_small_steps(theta: list[float], x: np.ndarray) -> tuple[np.ndarray, int]:
     width, rest, drag, pull0, pull1 = theta
     place, speed, loose = x[0] + rest * width, 0.0, 0
     shown = [place]
-    for before, after in zip(x[:-1], x[1:], strict=True):
+    for before, after in pairwise(x):
         for k in range(1, STEPS + 1):
             force = -(pull0 + pull1 * place)
             if speed != 0.0 or abs(force) > drag:
