@@ -18,6 +18,7 @@ from twin.evaluation import JOINT, Evaluation, Setting, evaluate
 from twin.experiment import DEFAULTS, Experiment
 from twin.log import Log
 from twin.parameters import Parameters
+from twin.pot import potentiometer
 from twin.truth import truth
 
 NEAR = 0.5  # points of fit below the ceiling at which a model has explained all but noise
@@ -133,8 +134,9 @@ def ceiling(log: Log, scored: slice) -> float:
 
 def _trial(record: str, log: Log, paper: Evaluation) -> Trial:
     estimation, validation = quick_start(log.io(), kind="none")
-    # How fine the bridge is stands in its data sheet; all else is found.
-    setting = Setting(JOINT, driver_step=drive(Parameters(), log.joint).step)
+    # How fine the bridge is and how straight the potentiometer stand in their data sheets; all else is found.
+    p = Parameters()
+    setting = Setting(JOINT, driver_step=drive(p, log.joint).step, sensor_linearity=potentiometer(p).bend)
     joint = evaluate(setting, estimation, validation)
     return Trial(record, log, paper, joint, ceiling(log, slice(estimation.N + joint.fit.n_init, None)))
 

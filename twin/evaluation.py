@@ -32,7 +32,8 @@ class Setting:
 
     A map of None is the structure's own default. Of a nonlinear ARX model nf holds na, and `focus` names the errors
     that it is fitted by. An actuated joint has no orders; its maps are driver and sensor. Raises InputError for names
-    that do not exist, before any work. `driver_step` [V] is how far apart the levels of a joint's driver are.
+    that do not exist, before any work. Of an actuated joint, from data sheets: `driver_step` [V] is how far apart its
+    driver's levels are, `sensor_linearity` [unit of the output] how far its sensor may be off a straight line.
     """
 
     structure: str = "hammerstein_wiener"
@@ -46,12 +47,17 @@ class Setting:
     seed: int = 0
     focus: str = "prediction"
     driver_step: float | None = None
+    sensor_linearity: float = 0.0
 
     def __post_init__(self) -> None:
         if self.search not in sysid.searches.TABLE:
             raise unknown("search", self.search, sysid.searches.TABLE)
         if self.focus not in FOCUS:
             raise unknown("focus", self.focus, FOCUS)
+        if not 0.0 <= self.sensor_linearity < np.inf:
+            raise InputError(
+                f"the sensor's linearity is {self.sensor_linearity}; give how far it may be off, 0 or more"
+            )
         self.model()
 
     def model(self) -> Any:
@@ -78,7 +84,7 @@ class Setting:
         if self.structure != NLARX:
             del values["focus"]
         if self.structure != JOINT:
-            del values["driver_step"]
+            del values["driver_step"], values["sensor_linearity"]
         return {"orders": self.orders, **values}
 
 
@@ -252,7 +258,7 @@ def evaluate_fit(
         maps=_maps(chain, estimation) if chain else {},
         roots=_roots(chain, estimation, coloured=tests is not None and not tests.white) if chain else None,
         one_step=_one_step(network, estimation, validation) if network else None,
-        values=_values(chain, estimation) if chain and joint else (),
+        values=_values(chain, estimation, setting.sensor_linearity) if chain and joint else (),
         notes=tuple(notes),
     )
 
@@ -295,11 +301,11 @@ def _check_can_be_scored(data: IOData, part: str) -> None:
             )
 
 
-def _values(fit: sysid.Fit, data: IOData) -> tuple[JointValue, ...]:
+def _values(fit: sysid.Fit, data: IOData, linearity: float) -> tuple[JointValue, ...]:
     """Physical values with the output's own unit in the place of y; an end that was never met has no interval."""
     unit, met = data.y_unit or "y", dict(zip(("end_low", "end_high"), ends_met(fit, data), strict=True))
     values = []
-    for v in joint_values(fit, data=data):
+    for v in joint_values(fit, data=data, linearity=linearity):
         v = replace(v, unit=unit + v.unit[1:]) if v.unit[0] == "y" else v
         values.append(v if met.get(v.name, True) else replace(v, low=None, high=None))
     return tuple(values)

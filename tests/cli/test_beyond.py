@@ -81,6 +81,40 @@ def test_identify_takes_driver_and_sensor(plain_log, tmp_path):
     assert {"driver.upper", "sensor.c1"} <= {p["name"] for p in summary["parameters"]}
 
 
+def test_data_sheets_come_in_by_options_and_bad_ones_end_in_a_sentence(plain_log, tmp_path, capsys):
+    joint = ["identify", str(plain_log), "--structure", "actuated_joint", "--starts", "1"]
+    wide = tmp_path / "wide"
+    assert main([*joint, "--driver-step", "0.05", "--sensor-linearity", "0.01", "--out", str(wide)]) == 0
+    assert main([*joint, "--driver-step", "0.05", "--out", str(tmp_path / "narrow")]) == 0
+    ends = []
+    for name in ("wide", "narrow"):
+        summary = json.loads((tmp_path / name / "summary.json").read_text(encoding="utf-8"))
+        assert summary["setting"]["driver_step"] == 0.05
+        ends.append(next(v for v in summary["values"] if v["name"] == "end_high"))
+    assert ends[0]["value"] == ends[1]["value"]
+    half = [0.5 * (end["high"] - end["low"]) for end in ends]
+    assert half[0] == pytest.approx(np.hypot(half[1], 1.959964 * 0.01 / np.sqrt(2)), rel=1e-6)
+    capsys.readouterr()
+    for bad, word in (("--driver-step", "step is -1"), ("--sensor-linearity", "linearity is -1")):
+        assert main([*joint, bad, "-1", "--out", str(tmp_path / "bad")]) == 2
+        assert word in capsys.readouterr().err
+        assert main(["identify", str(plain_log), bad, "0.1", "--out", str(tmp_path / "bad")]) == 2
+        assert f"{bad} is given with --structure hammerstein_wiener" in capsys.readouterr().err
+    assert not (tmp_path / "bad").exists()
+
+
+def test_the_report_shows_what_the_joint_was_tried_with(plain_log, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["identify", str(plain_log), "--structure", "actuated_joint", "--starts", "1", "--out", str(out)]) == 0
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    growth, names = summary["growth"], {p["name"] for p in summary["parameters"]}
+    assert summary["setting"]["search"] == "lm"
+    assert {step["part"] for step in growth["steps"] if step["round"] == 0} >= {"stribeck", "loss", "jams", "coasts"}
+    assert ("play.width" in names) == bool({"plays", "coasts"} & set(growth["parts"]))
+    assert (out / "figures" / "growth.png").exists()
+    assert "dry friction and a load over position" in capsys.readouterr().out
+
+
 @pytest.fixture(scope="module")
 def shoulder():
     """The paper's protocol on the shoulder alone, and beyond."""

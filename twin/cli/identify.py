@@ -1,7 +1,7 @@
 """`qpal identify`: fit a model to a recorded file."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -45,6 +45,9 @@ def identify(
     driver_step: Annotated[
         float | None, options.number("V", "how far apart the levels of an actuated joint's driver are, if known")
     ] = None,
+    sensor_linearity: Annotated[
+        float | None, options.number("Y", "how far an actuated joint's sensor may be off a straight line, if known")
+    ] = None,
     search: Annotated[str, options.name("search method", searches.TABLE)] = "auto",
     split: Annotated[float, options.number("PART", "first part of the record, which is fitted to")] = 0.5,
     detrend: Annotated[str | None, options.name("what to remove [mean; none of an actuated joint]", DETREND)] = None,
@@ -60,10 +63,11 @@ def identify(
 
     The columns are found by themselves in a log of `qpal simulate` and in a file of two columns.
     """
-    if driver_step is not None and structure != JOINT:
-        raise InputError(f"--driver-step is given with --structure {structure}; leave it out or give {JOINT}")
-    maps = (input_map, output_map)
-    setting = _setting(structure, orders, maps, focus, driver_step, search, starts, options.seed(seed), resume)
+    for option, given in (("--driver-step", driver_step), ("--sensor-linearity", sensor_linearity)):
+        if given is not None and structure != JOINT:
+            raise InputError(f"{option} is given with --structure {structure}; leave it out or give {JOINT}")
+    maps, sheets = (input_map, output_map), {"driver_step": driver_step, "sensor_linearity": sensor_linearity or 0.0}
+    setting = _setting(structure, orders, maps, focus, sheets, search, starts, options.seed(seed), resume)
     from twin.exports import export
     from twin.identification import identify_file
     from twin.report import identify as report
@@ -92,7 +96,7 @@ def _setting(
     orders: str | None,
     maps: tuple[str | None, str | None],
     focus: str | None,
-    driver_step: float | None,
+    sheets: dict[str, Any],
     search: str,
     starts: int,
     seed: int,
@@ -115,7 +119,7 @@ def _setting(
     if structure == JOINT:
         if orders is not None:
             raise InputError(f"--orders is given with --structure {JOINT}, which has none; leave it out")
-        return Setting(structure, 0, 0, 0, *maps, search, starts, seed, driver_step=driver_step)
+        return Setting(structure, 0, 0, 0, *maps, search, starts, seed, **sheets)
     if structure == NLARX:
         n = options.orders(orders or "2,2,1", options.NLARX_ORDERS, "2,2,1")
     else:
