@@ -15,7 +15,7 @@ from sysid.errors import InputError, unknown
 from sysid.estimation import fit as fit_chain
 from sysid.fitting import Fit
 from sysid.initial_play import play_starts
-from sysid.initial_stages import FRICTIONS, friction_starts, lifted, motor_of, plainer, shaken, sub
+from sysid.initial_stages import FRICTIONS, friction_starts, lifted, motor_of, shaken, sub
 from sysid.structures import actuated_joint
 
 # Three times what counts as very strong evidence (Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995, section 3.2):
@@ -98,12 +98,13 @@ def grow_joint(
     of a motor without those parts and without a play; search, starts, seed and progress are those of `sysid.fit`.
     Raises InputError for a part or a plain joint that does not fit, and what `sysid.fit` raises.
     """
+    parts = tuple(parts)
     for part in parts:
         if part not in PARTS:
             raise unknown("part of a joint", part, PARTS)
     chain = actuated_joint(play=False) if plain is None else plain
-    if not any(isinstance(b, Motor) for b in chain.blocks) or plainer(chain) is not None:
-        raise InputError("grow_joint begins with a plain actuated_joint; leave Stribeck, loss, jam and coasting out")
+    if not _is_plain(chain):
+        raise InputError("grow_joint begins with a plain actuated_joint; leave Stribeck, loss, jam and play out")
     options: dict[str, Any] = {"search": search, "seed": seed, "progress": progress}
     fit = _shaken(fit_chain(chain, data, starts=starts, **options), data, options)
     first, steps = float(fit.criteria.bic), []
@@ -154,6 +155,13 @@ def _more(fit: Fit, data: IOData, parts: Iterable[str]) -> Iterator[tuple[str, C
             richer = _with_options(chain, motor, options)
             found = friction_starts(options, chain, theta, data)
         yield name, richer, np.array([lifted(chain, theta, richer, more) for more in found])
+
+
+def _is_plain(chain: Chain) -> bool:
+    """Whether the chain has a motor, and none of the parts that may grow."""
+    motors = [b for b in chain.blocks if isinstance(b, Motor)]
+    richer = any(getattr(b, option) for b in motors for option in FRICTIONS)
+    return bool(motors) and not richer and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks)
 
 
 def _possible(motor: Motor, option: str) -> bool:
