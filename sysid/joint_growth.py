@@ -119,7 +119,7 @@ def grow_joint(
         steps += [Step(k, name, float(other.criteria.bic), kept and name == best) for name, other in tried.items()]
         if not kept:
             break
-        fit = tried[best]
+        fit = _shaken(tried[best], data, options)  # from beside its optimum the next part would make up for that
     growth = Growth(fit, first, tuple(steps))
     return replace(growth, fit=_shaken(fit, data, options, growth.parts)) if growth.parts else growth
 
