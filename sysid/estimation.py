@@ -194,7 +194,10 @@ def _n_init(model: Chain, data: IOData) -> int:
 
 
 def _own_starts(model: Chain, start: np.ndarray) -> list[np.ndarray]:
-    points = np.array(start, dtype=float, ndmin=2)
+    try:
+        points = np.array(start, dtype=float, ndmin=2)
+    except (TypeError, ValueError):
+        raise InputError(f"start is {start!r}; give {len(model.names)} numbers, or several such rows") from None
     if points.ndim != 2 or not len(points) or points.shape[1] != len(model.names) or not np.all(np.isfinite(points)):
         raise InputError(
             f"start has shape {np.shape(start)}; give {len(model.names)} finite values, one for each parameter, or "

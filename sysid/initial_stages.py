@@ -157,11 +157,11 @@ def _loss(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
 
 
 def _jam(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
-    """A stop that is struck at full speed keeps the motor for a sample and a half, or for four."""
+    """A stop that is struck at full speed keeps the motor for a sample and a half, for four or for ten."""
     role, gain, rise, fall = _read(chain, theta)
     dry = 0.5 * (rise + fall)
     fastest = max(gain * max(float(np.abs(data.u).max()) - dry, 0.1 * dry), 1e-12)
-    return [{f"{role}.jam": samples / fastest} for samples in (1.5, 4.0)]
+    return [{f"{role}.jam": samples / fastest} for samples in (1.5, 4.0, 10.0)]
 
 
 # What a motor's friction may have besides, by the option's name, and first values for it beside a plainer optimum.

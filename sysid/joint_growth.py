@@ -42,11 +42,12 @@ _SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 
 @dataclass(frozen=True)
 class Step:
-    """One part that was tried, in which round: BIC with it, and whether it stayed."""
+    """One part that was tried, in which round: BIC with it, by how much it lowered BIC, and whether it stayed."""
 
     round: int
     part: str
     bic: float
+    earned: float
     kept: bool
 
 
@@ -62,12 +63,6 @@ class Growth:
     def parts(self) -> tuple[str, ...]:
         """Names of the parts that stayed."""
         return tuple(step.part for step in self.steps if step.kept)
-
-    @property
-    def earned(self) -> tuple[float, ...]:
-        """By how much each step lowered the BIC of the joint that its round began with."""
-        began = [self.plain_bic, *(step.bic for step in self.steps if step.kept)]
-        return tuple(began[step.round] - step.bic for step in self.steps)
 
     def sentence(self) -> str:
         """What stayed, in words."""
@@ -115,8 +110,12 @@ def grow_joint(
         if not tried:
             break
         best = min(tried, key=lambda name: tried[name].criteria.bic)
-        kept = bool(tried[best].criteria.bic < fit.criteria.bic - MARGIN)
-        steps += [Step(k, name, float(other.criteria.bic), kept and name == best) for name, other in tried.items()]
+        earned = {name: float(fit.criteria.bic - other.criteria.bic) for name, other in tried.items()}
+        kept = earned[best] > MARGIN
+        steps += [
+            Step(k, name, float(other.criteria.bic), earned[name], kept and name == best)
+            for name, other in tried.items()
+        ]
         if not kept:
             break
         fit = _shaken(tried[best], data, options)  # from beside its optimum the next part would make up for that
@@ -144,10 +143,14 @@ def _more(fit: Fit, data: IOData, parts: Iterable[str]) -> Iterator[tuple[str, C
     motor = motor_of(chain)
     for name in parts:
         if name in (PLAYS, COASTS):
-            if any(b.role == "play" for b in chain.blocks):
+            kinds = (
+                (Play, CoastingPlay) if name == PLAYS else CoastingPlay
+            )  # a link that coasts may take a play's place
+            if any(isinstance(b, kinds) for b in chain.blocks):
                 continue
-            richer = _with_play(chain, CoastingPlay(role="play") if name == COASTS else Play(role="play"))
-            found = play_starts(richer, chain, theta, data)[:_TRIED]
+            bare = sub(chain, tuple(b for b in chain.blocks if not isinstance(b, Play)))
+            richer = _with_play(bare, CoastingPlay(role="play") if name == COASTS else Play(role="play"))
+            found = play_starts(richer, bare, lifted(chain, theta, bare, {}), data)[:_TRIED]
         else:
             options = PARTS[name]
             if any(getattr(motor, option) or not _possible(motor, option) for option in options):

@@ -10,7 +10,6 @@ from sysid.blocks.cubic_spline import CubicSpline
 from sysid.errors import InputError
 
 _LEAST = 0.02  # of the mean slope: a segment that is flatter hides where the joint is
-_WITHIN = (0.0, 0.5, 1.0)  # of a segment
 
 
 @dataclass(frozen=True)
@@ -69,12 +68,14 @@ class TravelMap(StaticBlock):
         return bool(self._flattest(self._shares(theta)) >= 0.5 * _LEAST)
 
     def _flattest(self, shares: np.ndarray) -> float:
-        """The least slope of s that is met at a knot, halfway to the next, or over a segment."""
+        """The least slope of s: over a segment, or of a curve at a segment's ends or where its slope is least."""
         m = self.knots - 1
         least = float(np.min(np.diff(shares))) * m
         if self.curved:
             c = self._pieces @ shares
-            least = min(least, m * float(np.min([c[:, 1] + t * (2.0 * c[:, 2] + t * 3.0 * c[:, 3]) for t in _WITHIN])))
+            turn = np.divide(-c[:, 2], 3.0 * c[:, 3], out=np.zeros(m), where=c[:, 3] != 0.0).clip(0.0, 1.0)
+            slopes = [c[:, 1] + t * (2.0 * c[:, 2] + t * 3.0 * c[:, 3]) for t in (0.0, 1.0, turn)]
+            least = min(least, m * float(np.min(slopes)))
         return least
 
     def repair(self, theta: np.ndarray) -> np.ndarray:

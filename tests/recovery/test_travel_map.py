@@ -62,7 +62,6 @@ def test_a_map_that_falls_is_repaired_into_one_that_a_search_may_take(knots: int
             np.testing.assert_array_equal(again, theta)  # what rises well is left alone
 
 
-@pytest.mark.xfail(strict=True, reason="a segment's slope is looked at in three places and may fall between them")
 @pytest.mark.parametrize("knots", [5, 9])
 def test_a_map_that_a_search_may_take_never_falls(knots: int) -> None:
     block, fine = TravelMap(knots, smooth=True), np.linspace(0.0, 1.0, 4001)

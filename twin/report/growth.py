@@ -36,15 +36,15 @@ def bars(growth: Growth) -> Figure:
     rounds = 1 + max(step.round for step in growth.steps)
     figure, axes = style.sheet(1, rounds, height=2.8)
     for k, ax in enumerate(axes[0]):
-        shown = [(step, gain) for step, gain in zip(growth.steps, growth.earned, strict=True) if step.round == k]
+        shown = [step for step in growth.steps if step.round == k]
         places = np.arange(len(shown))
-        for place, (step, gain) in zip(places, shown, strict=True):
+        for place, step in zip(places, shown, strict=True):
             colour = style.MODEL if step.kept else "none"
-            ax.barh(place, gain, 0.6, color=colour, edgecolor=style.MODEL, linewidth=1.0)
+            ax.barh(place, step.earned, 0.6, color=colour, edgecolor=style.MODEL, linewidth=1.0)
         ax.axvline(0, color=style.SECOND, linewidth=0.8)
         ax.axvline(MARGIN, color=style.INK, linewidth=0.8, linestyle="--")
         ax.set_xscale("symlog", linthresh=10.0)
-        ax.set_yticks(places, [NAMES[step.part] for step, _ in shown])
+        ax.set_yticks(places, [NAMES[step.part] for step in shown])
         ax.set(title=f"round {k + 1}", xlabel="fall of BIC")
         ax.invert_yaxis()
     return figure
