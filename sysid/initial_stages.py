@@ -25,16 +25,9 @@ _TRIED = 4  # starts of the plainest joint
 Part = dict[str, float]
 # How far a value is shaken (standard deviation): in parts of itself, or, of those that may be zero, in their own unit.
 _SHAKEN = {
-    "gain": 0.01,
-    "rise": 0.05,
-    "fall": 0.05,
-    "lag": 0.5,
-    "stick": 0.3,
-    "stick_speed": 0.5,
-    "loss": 0.3,
-    "jam": 0.5,
+    **{"gain": 0.01, "rise": 0.05, "fall": 0.05, "lag": 0.5, "stick": 0.3, "stick_speed": 0.5, "loss": 0.3, "jam": 0.5},
+    **{"width": 0.2, "drag": 0.5},
 }
-_SHAKEN |= {"width": 0.2, "drag": 0.5}
 _DELAY = 0.3  # samples
 _LOAD = 0.1  # of the mean dry friction
 _END = 0.003  # of the way between the ends
@@ -90,9 +83,8 @@ def shaken(chain: Chain, theta: np.ndarray, rng: np.random.Generator) -> np.ndar
     }
     if "map.low" in known:
         own |= dict.fromkeys(("map.low", "map.high"), _END * abs(known["map.high"] - known["map.low"]))
-    drawn = rng.normal(size=len(theta))
     out = []
-    for name, value, z in zip(chain.names, theta, drawn, strict=True):
+    for name, value, z in zip(chain.names, theta, rng.normal(size=len(theta)), strict=True):
         step = own.get(name)
         out.append(value + step * z if step is not None else value * np.exp(_SHAKEN.get(name.split(".")[-1], 0.0) * z))
     return np.where(chain.free, out, theta)
