@@ -28,6 +28,8 @@ SHARED = tuple(name for name in IMPERFECTIONS if name != "contact")  # a bench l
 ALL_BUT_STOPS = tuple(name for name in SHARED if name != "end_stops")
 BARE = "all but end stops"  # what is off where the end stops alone are left
 LEFT = 90.0  # [%] ceiling below which a record no longer shows the joint
+LEAST = -1e4  # [%] fit below which a free run has nothing to do with its joint
+DIVERGES = "diverges"
 LEAST_LAG = 1e-3  # samples: no lag that a record could show
 
 
@@ -148,7 +150,9 @@ def without_parts(trial: Trial) -> list[Row]:
             rows.append(Row(part, None, reason="the joint grew without it"))
             continue
         fit = sysid.fit(chain, e.estimation, starts=e.setting.starts, seed=e.setting.seed)
-        rows.append(Row(part, fit.fit_percent(e.validation)))
+        with np.errstate(over="ignore", invalid="ignore"):  # without stops a free run may leave all numbers
+            left = fit.fit_percent(e.validation)
+        rows.append(Row(part, left) if left > LEAST else Row(part, None, reason=DIVERGES))
     rows.insert(3, Row(ALIKE, _alike(whole, e.estimation).fit_percent(e.validation)))
     return rows
 

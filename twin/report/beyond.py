@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid.joint_values import JointValue
 from twin import ablation
-from twin.ablation import Ablation, Row
+from twin.ablation import DIVERGES, Ablation, Row
 from twin.beyond import NEAR, RECORDS, Recovered, Trial
 from twin.evaluation import Evaluation
 from twin.protocol import JointResult, ProtocolResult
@@ -255,6 +255,8 @@ def _headings(found: Sequence[Ablation]) -> tuple[str, ...]:
 
 def _points(a: Ablation, rows: Sequence[Row], part: str, points) -> str:
     row = next((row for row in rows if row.part == part), None)
+    if row is not None and row.reason == DIVERGES:
+        return DIVERGES
     return "–" if row is None or row.fit is None else f"{points(row):.2f}".replace("-", "−")
 
 
