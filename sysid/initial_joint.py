@@ -31,6 +31,11 @@ def is_joint(chain: Chain) -> bool:
     return any(isinstance(b, Motor) for b in chain.blocks)
 
 
+def motor_of(chain: Chain) -> Motor:
+    """The chain's motor."""
+    return next(b for b in chain.blocks if isinstance(b, Motor))
+
+
 def joint_starts(chain: Chain, record: IOData, count: int, seed: int) -> list[np.ndarray]:
     """`count` starting points theta (P,): the best of many draws in free run, then others that differ from it.
 
@@ -148,6 +153,6 @@ def _cost(chain: Chain, theta: np.ndarray, seen: _Record) -> float:
 
 def _apart(chain: Chain, a: np.ndarray, b: np.ndarray) -> bool:
     """Whether two candidates differ by a tenth or more in a parameter of the motor."""
-    motor = next(part for part in chain.blocks if isinstance(part, Motor))
+    motor = motor_of(chain)
     x, y = chain.part(a, motor), chain.part(b, motor)
     return bool(np.any(np.abs(x - y) > 0.2 * np.maximum(np.abs(x), np.abs(y)) + 1e-12))

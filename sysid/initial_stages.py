@@ -3,7 +3,7 @@
 A cost over friction curves and plays has many valleys, and which one is right shows only where all else fits already.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import product
 
@@ -13,7 +13,7 @@ from sysid.block import Block
 from sysid.blocks import CoastingPlay, Motor
 from sysid.chain import Chain
 from sysid.data import IOData
-from sysid.initial_joint import joint_starts
+from sysid.initial_joint import joint_starts, motor_of
 from sysid.initial_play import play_starts
 from sysid.initial_state import with_initial_states
 from sysid.iterate import Options, iterate
@@ -33,11 +33,6 @@ _LOAD = 0.1  # of the mean dry friction
 _END = 0.003  # of the way between the ends
 
 
-def motor_of(chain: Chain) -> Motor:
-    """The chain's motor."""
-    return next(b for b in chain.blocks if isinstance(b, Motor))
-
-
 def plainer(chain: Chain) -> Chain | None:
     """The chain with a motor that knows dry friction only, and without a play that coasts; None if it is so."""
     motor = motor_of(chain)
@@ -52,13 +47,13 @@ def without_play(chain: Chain) -> Chain:
     return chain if len(blocks) == len(chain.blocks) else sub(chain, blocks)
 
 
-def sub(chain: Chain, blocks: tuple[Block, ...]) -> Chain:
-    """A chain of other blocks, with what of `fixed` and `bounds` it still has.
+def sub(chain: Chain, blocks: tuple[Block, ...], hold: Mapping[str, float] | None = None) -> Chain:
+    """A chain of other blocks, with what of `fixed`, `hold` and `bounds` it still has.
 
     A constant load is held at zero where it can't be told from a difference between the frictions up and down.
     """
     names = Chain(blocks).names
-    fixed = {name: value for name, value in chain.fixed.items() if name in names}
+    fixed = {name: value for name, value in {**chain.fixed, **(hold or {})}.items() if name in names}
     for b in blocks:
         if isinstance(b, Motor) and b.load and not b.loss:
             fixed.setdefault(f"{b.role}.load0", 0.0)

@@ -3,10 +3,10 @@
 import numpy as np
 
 from sysid.block import StaticBlock
-from sysid.blocks import Motor, ProfiledMotor
+from sysid.blocks import ProfiledMotor
 from sysid.chain import Chain
 from sysid.data import IOData
-from sysid.initial_joint import is_joint
+from sysid.initial_joint import is_joint, motor_of
 from sysid.iterate import Options, iterate
 from sysid.problem import ChainProblem
 from sysid.searches import LevenbergMarquardt
@@ -82,7 +82,7 @@ def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np
 
 def _on_map(chain: Chain, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
     """The motor at rest where the chain behind it shows y's first values."""
-    motor = next(b for b in chain.blocks if isinstance(b, Motor))
+    motor = motor_of(chain)
     rest, k = _at_rest(chain, theta), chain.blocks.index(motor)
     names = [slot.name for slot in motor.slots()]
     part = rest[chain.index(motor)]

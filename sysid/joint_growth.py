@@ -14,8 +14,9 @@ from sysid.data import IOData
 from sysid.errors import InputError, unknown
 from sysid.estimation import fit as fit_chain
 from sysid.fitting import Fit
+from sysid.initial_joint import motor_of
 from sysid.initial_play import play_starts
-from sysid.initial_stages import FRICTIONS, friction_starts, lifted, motor_of, shaken, sub
+from sysid.initial_stages import FRICTIONS, friction_starts, lifted, shaken, sub
 from sysid.structures import actuated_joint
 
 # Three times what counts as very strong evidence (Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995, section 3.2):
@@ -23,10 +24,8 @@ from sysid.structures import actuated_joint
 MARGIN = 30.0
 PLAYS, COASTS = "plays", "coasts"
 # A self-locking screw both loses a share of its load and jams, and one of the two alone may explain nothing.
-PARTS: dict[str, tuple[str, ...]] = {**{name: (name,) for name in FRICTIONS}, "screw": ("loss", "jams")} | {
-    PLAYS: (),
-    COASTS: (),
-}
+PARTS: dict[str, tuple[str, ...]] = {name: (name,) for name in FRICTIONS}
+PARTS |= {"screw": ("loss", "jams"), PLAYS: (), COASTS: ()}
 WORDS = {
     "stribeck": "friction that falls with speed",
     "loss": "a screw's share of its load",
@@ -143,10 +142,9 @@ def _more(fit: Fit, data: IOData, parts: Iterable[str]) -> Iterator[tuple[str, C
     motor = motor_of(chain)
     for name in parts:
         if name in (PLAYS, COASTS):
-            kinds = (
-                (Play, CoastingPlay) if name == PLAYS else CoastingPlay
-            )  # a link that coasts may take a play's place
-            if any(isinstance(b, kinds) for b in chain.blocks):
+            # A link that coasts may take the place of a play.
+            held = CoastingPlay if name == COASTS else Play | CoastingPlay
+            if any(isinstance(b, held) for b in chain.blocks):
                 continue
             bare = sub(chain, tuple(b for b in chain.blocks if not isinstance(b, Play)))
             richer = _with_play(bare, CoastingPlay(role="play") if name == COASTS else Play(role="play"))

@@ -7,12 +7,13 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from sysid.blocks import CoastingPlay, Motor, Play, TravelMap
+from sysid.blocks import CoastingPlay, Play, TravelMap
 from sysid.certainty import information
 from sysid.chain import Chain
 from sysid.data import IOData
 from sysid.errors import InputError
 from sysid.fitting import Fit
+from sysid.initial_joint import is_joint, motor_of
 
 _LARGEST = 1e3  # [V] within which a driver is inverted
 _STEP = 1e-6
@@ -52,7 +53,7 @@ def joint_values(
     InputError for another structure, and for a level or linearity that is none.
     """
     chain = fit.model
-    if not any(isinstance(b, Motor) for b in chain.blocks):
+    if not is_joint(chain):
         raise InputError(f"a {chain.structure} has no motor; joint values are those of an actuated_joint")
     if not 0.0 < level < 1.0:
         raise InputError(f"level is {level}; give a probability between 0 and 1, for example 0.95")
@@ -113,7 +114,7 @@ Reading = tuple[str, Callable[[np.ndarray], float], float]
 
 def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
     """Unit, function of theta, and least possible value of every quantity that the chain has."""
-    motor = next(b for b in chain.blocks if isinstance(b, Motor))
+    motor = motor_of(chain)
     travel = next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
     play = next((b for b in chain.blocks if isinstance(b, Play | CoastingPlay)), None)
 

@@ -35,10 +35,7 @@ LEAST_LAG = 1e-3  # samples: no lag that a record could show
 
 def _motor(chain: Chain, hold: dict[str, float], **options: Any) -> Chain:
     """The chain with its motor changed, and with those of `hold` fixed that it still has."""
-    blocks = tuple(replace(b, **options) if isinstance(b, Motor) else b for b in chain.blocks)
-    names = {f"{b.role}.{slot.name}" for b in blocks for slot in b.slots()}
-    fixed = {name: value for name, value in {**chain.fixed, **hold}.items() if name in names}
-    return Chain(blocks, chain.structure, fixed, {k: v for k, v in chain.bounds.items() if k in names})
+    return sub(chain, tuple(replace(b, **options) if isinstance(b, Motor) else b for b in chain.blocks), hold)
 
 
 def _straight(chain: Chain) -> Chain:
