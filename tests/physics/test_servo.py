@@ -66,6 +66,22 @@ def test_what_friction_leaves_of_the_error(joint: str) -> None:
     assert np.ptp(rest[:, ANGLE]) > 0.35 * (hi - lo)  # it did go there
 
 
+@pytest.mark.parametrize("joint", JOINTS)
+def test_the_integral_does_not_grow_while_the_supply_limits_the_voltage(joint: str) -> None:
+    """A joint waits at its end for a goal beyond it. However long, it turns back at once, and in the same way."""
+    p = P.replace({f"{joint}.servo_ki": 400.0})
+    lo, hi = end_angles(p, joint)
+    ways = []
+    for wait in (100, 250):
+        goals = np.concatenate([np.full(wait, hi + 1.0), np.full(40, 0.5 * (lo + hi))])
+        ways.append(shown(joint, SCALE * goals, mode="servo", Ts=0.1, parameters=p)[wait:])
+    for way in ways:
+        assert way[1, VOLTS] < -0.9 * 12.0  # one sample later; the supply sags a little
+        assert way[5, READING] < way[0, READING] - np.deg2rad(2.0)
+    # 0.01 deg: at its end a joint rests, and creeps by less than this.
+    np.testing.assert_allclose(ways[0][:, READING], ways[1][:, READING], atol=np.deg2rad(0.01))
+
+
 def test_the_loop_sees_its_own_noise_and_repeats_it() -> None:
     def volts(seed: int, without: tuple[str, ...] = ("adc",)) -> np.ndarray:
         experiment = Experiment("shoulder", Ts=0.01, seed=seed, without=without, mode="servo")

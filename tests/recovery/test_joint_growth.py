@@ -125,6 +125,25 @@ def test_friction_that_falls_with_speed_is_found_with_what_it_makes_of_break_awa
     assert growth.fit.criteria.loss == pytest.approx(NOISE**2, rel=0.1)
 
 
+def test_a_part_must_earn_thirty_in_bic() -> None:
+    """One record under more and more noise: what Stribeck friction earns falls from far above 30 to below 0.
+
+    Between the two it lowers BIC and yet does not stay.
+    """
+    chain, more, _ = PLANTS["stribeck"]
+    rng, n = np.random.default_rng(24), 600
+    u = Staircase(amplitude=7.0, hold=0.1, steps=120, order="stairs").generate(n, TS, rng)
+    y, noise = chain.simulate(theta_of(chain, more | {"motor.x0": 0.45}), u), rng.normal(size=n)
+    steps = []
+    for k in range(5):  # 1.5 times the noise earns less than half: one at least lies between 0 and 30
+        growth = grow_joint(IOData(u, y + NOISE * 1.5**k * noise, TS), parts=("stribeck",), starts=2)
+        steps.append(growth.steps[0])
+        assert bool(growth.parts) == growth.steps[0].kept
+    assert [step.kept for step in steps] == [step.earned > 30.0 for step in steps]
+    assert steps[0].kept
+    assert any(0.0 < step.earned < 30.0 for step in steps), [step.earned for step in steps]
+
+
 def judged(plant: str, seed: int) -> dict[str, bool]:
     """By name: whether the parts are the plant's, whether knowing the plant would have said no more, and the values."""
     data, (chain, more, parts) = record(plant, seed), PLANTS[plant]

@@ -7,6 +7,7 @@ import pytest
 import sysid
 from sysid.iterate import Options
 from sysid.nlarx import Network
+from sysid.nlarx_choice import choices
 from sysid.nlarx_estimation import fit_nlarx
 from sysid.nlarx_fit import FREE_RUN, ONE_STEP
 from sysid.nlarx_linearize import findop, findops, tangent
@@ -134,6 +135,26 @@ def test_automatic_size_beats_the_linear_model_by_far():
     assert {c.units for c in fit.choice} >= {0, 1, 2}
     # The error falls to less than a third.
     assert 100.0 - fit.fit_percent(validation) < (100.0 - linear.fit_percent(validation)) / 3.0
+
+
+def test_a_size_is_judged_on_blocks_that_it_was_not_fitted_to():
+    """Without units a network is least squares, and its error of choice that of threefold cross-validation by numpy."""
+    N = 240
+    rng = np.random.default_rng(15)
+    u, y = rng.uniform(-1, 1, N), np.zeros(N)
+    for t in range(2, N):
+        y[t] = 0.6 * y[t - 1] - 0.2 * y[t - 2] + u[t - 1] ** 2 + 0.3 * u[t - 2] + 0.05 * rng.normal()
+    tried = choices(nlarx(2, 2, 1, nonlinear=("u1",)), sysid.IOData(u, y, 0.1), (1e-4,), "lm")
+    t = np.arange(2, N)
+    X = np.column_stack([np.ones(N - 2), y[t - 1], y[t - 2], u[t - 1], u[t - 2]])
+    squares = []
+    for start in range(0, N, N // 3):
+        held = (t >= start) & (t < start + N // 3)
+        kept = (t < start) | (t >= start + N // 3 + 2)  # after the block the first two have their past in it
+        law = np.linalg.lstsq(X[kept], y[t][kept], rcond=None)[0]
+        squares.append(np.mean((y[t] - X @ law)[held] ** 2))
+    assert tried[0].units == 0
+    assert tried[0].error == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-6)
 
 
 def test_free_run_and_one_step_are_told_apart():

@@ -85,35 +85,41 @@ def test_ridge_ends_at_the_nominal_point_and_starts_at_least_squares():
 
 
 @pytest.mark.parametrize(
-    "objective", [Objective(), Objective(robust=1.0), Objective(ridge=0.1), Objective(weights=(3.0,))]
+    "on_top",
+    [
+        {},
+        {"corner": 0.1},
+        {"pull": np.full(16, 0.3)},
+        {"weights": np.array([3.0])},
+        {"calm": 2.0},
+        {"corner": 0.1, "pull": np.full(16, 0.3), "weights": np.array([3.0]), "calm": 2.0},
+    ],
+    ids=["squares", "robust", "ridge", "weights", "calm", "all"],
 )
-def test_problem_jacobian_agrees_with_finite_differences(objective):
-    """All that can stand around the free run at once: two experiments, gaps, robust corner, ridge, weights."""
+def test_problem_jacobian_agrees_with_finite_differences(on_top):
+    """What can stand around the free run, alone and at once: two experiments, gaps, robust corner, ridge, weights,
+    calm."""
     rng = np.random.default_rng(3)
     plant = system("textbook")
     a, b = plant.record(200, 0.1, rng), plant.record(150, 0.1, rng)
     b = IOData(b.u, b.y, b.Ts, missing=rng.uniform(size=150) < 0.3)
-    chain, P = plant.chain, len(plant.theta)
-    problem = ChainProblem(
-        chain,
-        np.array([plant.theta, plant.theta]),
-        (a, b),
-        chain.free,
-        corner=0.1 if objective.robust else np.inf,
-        pull=np.full(P, 0.3) if objective.ridge else None,
-        calm=objective.calm - 1.0,
-        weights=np.array(objective.weights or (1.0,)),
-    )
+    start = np.array([plant.theta, plant.theta])
+    problem = ChainProblem(plant.chain, start, (a, b), plant.chain.free, **on_top)
     p = 0.01 * rng.normal(size=len(problem.start))
     e, J = problem.linearise(p)
     np.testing.assert_array_equal(e, problem.residual(p))
+    samples = 200 + int(b.observed.sum())
+    # A row for each pull, and two bends of a map of four knots.
+    assert len(e) == samples + 16 * ("pull" in on_top) + 2 * ("calm" in on_top)
     h = 1e-6
     for i in range(len(p)):
         step = np.zeros_like(p)
         step[i] = h
         numeric = (problem.residual(p - step) - problem.residual(p + step)) / (2 * h)
-        # Quantile over rows: a sample within h of a kink has no two-sided derivative.
-        assert np.quantile(np.abs(J[:, i] - numeric), 0.98) < 1e-6 * max(1.0, np.abs(J).max())
+        off = np.abs(J[:, i] - numeric)
+        # Quantile over samples: one within h of a kink has no two-sided derivative. What is put on top has no kinks.
+        assert np.quantile(off[:samples], 0.98) < 1e-6 * max(1.0, np.abs(J).max())
+        np.testing.assert_allclose(off[samples:], 0.0, atol=1e-6 * max(1.0, np.abs(J[samples:]).max(initial=0.0)))
 
 
 def test_two_inputs_and_two_outputs():

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import sysid
 import sysid.joint_values
@@ -45,6 +46,18 @@ def test_larger_equals_are_named_and_passed_over():
     assert found.chosen.candidate.nf == 2
     linear = next(r for r in found.rows if r.candidate.structure == "output_error")
     assert not linear.equal
+
+
+def test_every_half_is_judged_by_the_model_of_the_other():
+    """The plant turns its sign after half the record, noise-free: a model of one half says the other's negative, an
+    error of twice the output and so -100 %; on its own half it would reach 100 %."""
+    u = np.repeat(np.random.default_rng(2).choice([-1.0, 1.0], 240) * np.tile([1.0, 2.0], 120), 5)
+    first, second = np.split(u, 2)
+    y = np.concatenate([lfilter([0, 0.5], [1, -0.8], first), lfilter([0, -0.5], [1, -0.8], second)])
+    space = Space(nb=(1,), nf=(1,), nk=(1,), input=("unit_gain",), output=("unit_gain",), joint=False)
+    found = select(sysid.IOData(u, y, 0.1), space, jobs=1)
+    row = next(r for r in found.rows if r.candidate == Candidate("output_error", 1, 1, 1))
+    assert row.fit_percent == pytest.approx(-100.0, abs=10.0)
 
 
 def joint_record(N=1000, seed=0):

@@ -278,6 +278,46 @@ def test_few_samples_widen_by_student_and_not_less():
     assert (pole.real.upper - pole.real.value) / pole.real.std == pytest.approx(2.3646, abs=1e-4)
 
 
+def regression(bounds=None):
+    """A plant that is linear in its parameters, fitted with the pole known: the fit, its record, and the regressors
+    (N, 4) that b0, b1 and the two initial states multiply."""
+    rng, N = np.random.default_rng(12), 400
+    u = np.repeat(rng.normal(size=N // 2), 2)  # neighbouring samples are alike: b0 and b1 are correlated
+    data = sysid.IOData(u, lfilter([0, 0.5, 0.3], [1, -0.9], u) + 0.2 * rng.normal(size=N), 1.0)
+    chain = sysid.structures.output_error(2, 1, 1, fixed={"linear.f1": -0.9}, bounds=bounds or {})
+    signals = (np.r_[0.0, u[:-1]], np.r_[0.0, 0.0, u[:-2]], np.eye(N)[0], np.eye(N)[1])
+    return sysid.fit(chain, data), data, np.column_stack([lfilter([1], [1, -0.9], s) for s in signals])
+
+
+def test_covariance_of_a_linear_regression_is_the_textbooks():
+    """s^2 (X'X)^-1 with s^2 = e'e / (N - 4), by numpy alone."""
+    fit, data, X = regression()
+    y = data.y[:, 0]
+    e = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    expected = e @ e / (len(y) - 4) * np.linalg.inv(X.T @ X)
+    moving = [0, 1, 3, 4]  # all but the pole
+    assert fit.covariance.noise_variance == pytest.approx(e @ e / (len(y) - 4), rel=1e-6)
+    for cov in (fit.covariance.cov, sysid.information(fit, data).cov):
+        np.testing.assert_allclose(cov[np.ix_(moving, moving)], expected, rtol=1e-6, atol=1e-12)
+        np.testing.assert_array_equal(cov[2], 0.0)
+
+
+def test_a_parameter_at_its_limit_is_known_and_narrows_what_depends_on_it():
+    """b1 is pushed against 0.1: what is left is the regression on the others, three columns of X."""
+    fit, data, X = regression({"linear.b1": (-1.0, 0.1)})
+    assert fit.theta[1] == 0.1
+    X, y = X[:, [0, 2, 3]], data.y[:, 0] - 0.1 * X[:, 1]
+    e = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    expected = e @ e / (len(y) - 3) * np.linalg.inv(X.T @ X)
+    moving = [0, 3, 4]
+    for cov in (fit.covariance.cov, sysid.information(fit, data).cov):
+        # 1 part in 396: whether b1 counts among what was estimated is not the matter here.
+        np.testing.assert_allclose(cov[np.ix_(moving, moving)], expected, rtol=3e-3, atol=1e-12)
+        np.testing.assert_array_equal(cov[1], 0.0)
+    free, _, _ = regression()
+    assert fit.covariance.std()[0] < 0.5 * free.covariance.std()[0]
+
+
 def test_merged_experiments_count_together():
     """Twice the same experiment: stds fall by sqrt 2, up to the degrees of freedom."""
     plant = system("textbook")
