@@ -9,13 +9,16 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Slot:
-    """One parameter of a block: name, unit, bounds; `initial` marks what belongs to a record and not to the model."""
+    """One parameter of a block: name, unit, bounds. `initial` marks what belongs to a record and not to the model,
+    `knot` a place on the input axis of a map.
+    """
 
     name: str
     unit: str = ""
     lower: float = -np.inf
     upper: float = np.inf
     initial: bool = False
+    knot: bool = False
 
 
 @dataclass(frozen=True)

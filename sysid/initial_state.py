@@ -64,9 +64,9 @@ def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np
     span = np.ptp(x) + abs(float(np.mean(x))) + 1e-12
     spans = [span]
     last = chain.blocks[-1]
-    if isinstance(last, StaticBlock) and any(s.name.startswith("x") for s in last.slots()):
-        knots = chain.part(theta, last)[: last.n_parameters // 2]
-        spans.append(float(np.max(np.abs(knots))))
+    places = [s.knot for s in last.slots()]
+    if any(places):
+        spans.append(float(np.max(np.abs(chain.part(theta, last)[places]))))
     levels = np.linspace(-2.0, 2.0, 401) * max(spans)
     shown = levels
     for b in chain.blocks[k + 1 :]:
