@@ -54,6 +54,11 @@ class Block(ABC):
         q..q+p-1 are filled with dy/dtheta. With P = 0 only the output is wanted.
         """
 
+    def output(self, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Output (N,) alone, for input x (N,) of a block of one channel."""
+        x = np.ascontiguousarray(x, dtype=float)
+        return self.propagate(theta, x, np.empty((len(x), 0)), 0)
+
     def propagate_all(
         self, theta: np.ndarray, xs: list[np.ndarray], Js: list[np.ndarray], q: int
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
