@@ -28,9 +28,9 @@ def draw() -> Figure:
             twin.Experiment(joint, "sweep", 125.0, seed=0, options=options, without=QUIET, pot_side=side).run().y_true
             for side in ("drive", "link")
         )
-        width, none = twin.truth(joint).backlash, np.empty((len(drive), 0))
-        plain = Play().propagate(np.array([width, 0.0]), drive, none, 0)
-        coasting = CoastingPlay().propagate(np.array([width, 0.0, *link_values]), drive, none, 0)
+        width = twin.truth(joint).backlash
+        plain = Play().output(np.array([width, 0.0]), drive)
+        coasting = CoastingPlay().output(np.array([width, 0.0, *link_values]), drive)
         t, n = np.arange(len(drive)) * 0.1, round(seconds / 0.1)
         column[0].plot(t[:n], np.rad2deg(drive[:n]), color=style.INK)
         column[0].set(title=joint, ylabel="drive [deg]")

@@ -250,7 +250,7 @@ def start(chain: Chain, model: Parametric, data: IOData) -> np.ndarray:
             own = np.concatenate([model.b, model.f, np.zeros(linear.n_parameters - linear.nb - linear.nf)])
         else:
             own = block.start(x)
-        x = block.propagate(own, x, np.empty((len(x), 0)), 0)
+        x = block.output(own, x)
         theta.append(own)
     return np.concatenate(theta)
 

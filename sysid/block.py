@@ -9,13 +9,16 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Slot:
-    """One parameter of a block: name, unit, bounds; `initial` marks what belongs to a record and not to the model."""
+    """One parameter of a block: name, unit, bounds. `initial` marks what belongs to a record and not to the model,
+    `knot` a place on the input axis of a map.
+    """
 
     name: str
     unit: str = ""
     lower: float = -np.inf
     upper: float = np.inf
     initial: bool = False
+    knot: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,11 @@ class Block(ABC):
         J (N, P) holds the tangent of x in its first q columns and is overwritten by the tangent of y; the columns
         q..q+p-1 are filled with dy/dtheta. With P = 0 only the output is wanted.
         """
+
+    def output(self, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Output (N,) alone, for input x (N,) of a block of one channel."""
+        x = np.ascontiguousarray(x, dtype=float)
+        return self.propagate(theta, x, np.empty((len(x), 0)), 0)
 
     def propagate_all(
         self, theta: np.ndarray, xs: list[np.ndarray], Js: list[np.ndarray], q: int

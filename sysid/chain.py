@@ -1,6 +1,7 @@
 """Chain: blocks in series. Simulation, exact sensitivities and the bookkeeping of parameters."""
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -177,7 +178,7 @@ class Chain:
 
     def outputs(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Free run: outputs (N, ny) for inputs u (N, nu) or (N,)."""
-        xs, _ = self._run(theta, u, 0)
+        xs = deque(self._signals(theta, u), maxlen=1).pop()
         return np.column_stack(xs) if len(xs) > 1 else xs[0][:, None]
 
     def sensitivities(
@@ -187,8 +188,22 @@ class Chain:
 
         `out` (N, P) may take the Jacobian of one input and output: fresh memory costs a long record as much as its use.
         """
-        xs, Js = self._run(theta, u, len(theta), out)
+        xs, Js = self._run(theta, u, out)
         return np.column_stack(xs), Js[0] if len(Js) == 1 else np.concatenate(Js)
+
+    def signals(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Every signal of the free run for u (N, nu) or (N,): entry k goes into block k, the last one is the output.
+
+        Each is (N,) where it has one channel, else (N, channels).
+        """
+        return tuple(xs[0] if len(xs) == 1 else np.column_stack(xs) for xs in self._signals(theta, u))
+
+    def through(self, theta: np.ndarray, x: np.ndarray, start: int = 0, stop: int | None = None) -> np.ndarray:
+        """x (N,) through blocks[start:stop], each of one channel."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            for b in self.blocks[start:stop]:
+                x = b.output(self.part(theta, b), x)
+        return x
 
     def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Bends of all maps (k,) and their derivative (k, P), see `Block.bends`."""
@@ -211,19 +226,32 @@ class Chain:
         """d of the criteria: free parameters after the gauge, initial states counted."""
         return int(self.free.sum()) - self.gauge(theta).shape[1]
 
+    def _signals(self, theta: np.ndarray, u: np.ndarray) -> Iterator[list[np.ndarray]]:
+        """The channels of every signal in turn, each an array (N,): a long record need not keep them all."""
+        xs, none = _columns(u), np.empty((len(u), 0))
+        yield xs
+        for b in self.blocks:
+            with np.errstate(over="ignore", invalid="ignore"):  # an unstable trial overflows; its cost is then infinite
+                xs = b.propagate_all(self.part(theta, b), xs, [none] * len(xs), 0)[0]
+            yield xs
+
     def _run(
-        self, theta: np.ndarray, u: np.ndarray, P: int, out: np.ndarray | None = None
+        self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        u = np.asarray(u, dtype=float)
-        u = u[:, None] if u.ndim == 1 else u
-        xs, q = [np.ascontiguousarray(u[:, i]) for i in range(u.shape[1])], 0
+        xs, q, shape = _columns(u), 0, (len(u), len(theta))
         # Of several channels, each leaves the columns of the others' parameters at zero.
         if self.channels == (1, 1):
-            Js = [np.empty((len(u), P)) if out is None or out.shape != (len(u), P) else out]
+            Js = [np.empty(shape) if out is None or out.shape != shape else out]
         else:
-            Js = [np.zeros((len(u), P)) for _ in xs]
-        with np.errstate(over="ignore", invalid="ignore"):  # an unstable trial overflows; its cost is then infinite
+            Js = [np.zeros(shape) for _ in xs]
+        with np.errstate(over="ignore", invalid="ignore"):
             for b in self.blocks:
                 xs, Js = b.propagate_all(self.part(theta, b), xs, Js, q)
                 q += b.n_parameters
         return xs, Js
+
+
+def _columns(u: np.ndarray) -> list[np.ndarray]:
+    """The channels of u (N, nu) or (N,), each contiguous."""
+    u = np.asarray(u, dtype=float)
+    return [np.ascontiguousarray(column) for column in (u[None, :] if u.ndim == 1 else u.T)]

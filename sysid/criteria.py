@@ -1,6 +1,7 @@
-"""How good a fit is: fit %, loss, FPE, AIC, AICc, nAIC, BIC (Ljung, System Identification, 2nd ed., chapter 16)."""
+"""How good a fit is: fit %, loss, MSE, FPE, AIC, AICc, nAIC, BIC (Ljung, System Identification, 2nd ed., ch. 16)."""
 
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,40 +10,66 @@ import numpy as np
 class Criteria:
     """Criteria of one fit: N samples, d free parameters after the gauge, initial states counted.
 
-    loss V = e'e / N, in the unit of y squared; mse is the same for one output without weights. A criterion that N does
-    not allow (N <= d for FPE, N <= d + 1 for AICc) is infinite.
+    loss is what the search minimised, over N and without what is put on top of the data (ridge, calm): weighted errors
+    count by their weights, and errors beyond Huber's corner by less. mse is V = e'e / N of the errors as they are, in
+    the unit of y squared, over all observed samples of all outputs; plain least squares has loss = mse. All criteria of
+    `TABLE` follow from V, so that fits with different objectives can be compared by them; they are attributes too. A
+    criterion that N does not allow (N <= d for FPE, N <= d + 1 for AICc) is infinite, one whose V is unknown is nan.
     """
 
     loss: float
     mse: float
-    fpe: float
-    aic: float
-    aicc: float
-    naic: float
-    bic: float
     N: int
     d: int
 
     def as_dict(self) -> dict[str, float]:
         """All values by name."""
-        return asdict(self)
+        return {"loss": self.loss, "mse": self.mse, **{n: f(self) for n, f in TABLE.items()}, "N": self.N, "d": self.d}
+
+    def __getattr__(self, name: str) -> float:
+        if name not in TABLE:
+            raise AttributeError(f"criteria have no {name!r}; they have {', '.join(TABLE)}, loss, mse, N and d")
+        return TABLE[name](self)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *TABLE]
 
 
-def criteria(loss: float, N: int, d: int) -> Criteria:
-    """Criteria from the loss V = e'e / N, the number of samples N and of parameters d."""
-    log_loss = float(np.log(loss)) if loss > 0 else -np.inf
-    aic = N * log_loss + 2 * d + N * (np.log(2 * np.pi) + 1)
-    return Criteria(
-        loss=loss,
-        mse=loss,
-        fpe=loss * (1 + d / N) / (1 - d / N) if d < N else np.inf,
-        aic=aic,
-        aicc=aic + 2 * d * (d + 1) / (N - d - 1) if d + 1 < N else np.inf,
-        naic=log_loss + 2 * d / N,
-        bic=N * log_loss + N * (np.log(2 * np.pi) + 1) + d * np.log(N),
-        N=N,
-        d=d,
-    )
+def _log(c: Criteria) -> float:
+    return float(np.log(c.mse)) if c.mse != 0.0 else -np.inf
+
+
+def _likelihood(c: Criteria) -> float:
+    """-2 ln of the largest likelihood of Gaussian white errors."""
+    return c.N * _log(c) + c.N * (np.log(2 * np.pi) + 1)
+
+
+def _fpe(c: Criteria) -> float:
+    return c.mse * (1 + c.d / c.N) / (1 - c.d / c.N) if c.d < c.N else np.inf
+
+
+def _aic(c: Criteria) -> float:
+    return _likelihood(c) + 2 * c.d
+
+
+def _aicc(c: Criteria) -> float:
+    return _aic(c) + 2 * c.d * (c.d + 1) / (c.N - c.d - 1) if c.d + 1 < c.N else np.inf
+
+
+def _naic(c: Criteria) -> float:
+    return _log(c) + 2 * c.d / c.N
+
+
+def _bic(c: Criteria) -> float:
+    return _likelihood(c) + c.d * float(np.log(c.N))
+
+
+TABLE: dict[str, Callable[[Criteria], float]] = {"fpe": _fpe, "aic": _aic, "aicc": _aicc, "naic": _naic, "bic": _bic}
+
+
+def criteria(loss: float, N: int, d: int, mse: float | None = None) -> Criteria:
+    """Criteria from the loss, the number of samples N and of parameters d; the loss is the mse where none is given."""
+    return Criteria(loss, loss if mse is None else mse, N, d)
 
 
 def fit_percent(y: np.ndarray, yhat: np.ndarray) -> float:

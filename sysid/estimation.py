@@ -119,13 +119,14 @@ def fit(
         problem, outcome = _settle(run, problem, outcome)
         theta, cov, d = problem.thetas(outcome.p)[0], problem.covariance(outcome.p), problem.count(outcome.p)
     N = int(data.observed.sum())
-    e = problem.bare.residual(outcome.p)
+    e, plain = problem.bare.residual(outcome.p), problem.plain.residual(outcome.p)
     assert e is not None
+    assert plain is not None
     return Fit(
         model=model,
         theta=theta,
         Ts=data.Ts,
-        criteria=criteria(float(e @ e) / N, N, d),
+        criteria=criteria(float(e @ e) / N, N, d, mse=float(plain @ plain) / N),
         covariance=cov,
         stop=outcome.stop,
         history=outcome.history,

@@ -128,8 +128,7 @@ class Fit:
         block = self.model.block(role)
         if block is None or block.n_parameters == 0:
             return None
-        x = np.ascontiguousarray(x, dtype=float)
-        return block.propagate(self.model.part(self.theta, block), x, np.empty((len(x), 0)), 0)
+        return block.output(self.model.part(self.theta, block), x)
 
     def save(self, path: str | PathLike) -> Path:
         """Write the fit as JSON that a person can read; `sysid.load` reads it again."""

@@ -110,7 +110,7 @@ def _finish(chain: Chain, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> No
         part[linear.nb + linear.nf :] = solution[:n]
         offset = float(solution[n]) if can_shift else 0.0
     theta[chain.index(linear)] = part
-    x = linear.propagate(part, w, np.empty((len(w), 0)), 0)
+    x = linear.output(part, w)
     lay_maps(chain, theta, after, x, x + offset)
 
 
@@ -122,7 +122,7 @@ def _variation(chain: Chain, first: np.ndarray, u: np.ndarray, y: np.ndarray, rn
     for b in chain.blocks[:k]:
         part = b.vary(chain.part(theta, b), rng)
         theta[chain.index(b)] = part
-        w = b.propagate(part, w, np.empty((len(w), 0)), 0)
+        w = b.output(part, w)
     part = chain.part(theta, linear).copy()
     if linear.nf:
         part = linear.vary(part, rng)

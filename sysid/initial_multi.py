@@ -66,7 +66,7 @@ def _dealt(
     part[first.nb : first.nb + first.nf] = F[1:]
     part[0] = F.sum() if abs(F.sum()) > 1e-9 else 1.0  # gain 1, so that the map between sees the scale of u
     theta[at_first] = part
-    x = first.propagate(part, u, np.empty((len(u), 0)), 0)
+    x = first.output(part, u)
     between = chain.blocks[chain.blocks.index(first) + 1 : chain.blocks.index(second)]
     x = lay_maps(chain, theta, between, x, x - x.mean())
     if rng is not None:

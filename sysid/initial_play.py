@@ -35,15 +35,15 @@ def play_starts(chain: Chain, middle: Chain, theta: np.ndarray, data: IOData) ->
     Q = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0]
     left = e - Q @ (Q.T @ e)
     runs = list(zip(problem.theta0, problem.records, strict=True))
-    shown = [_through(middle, row, r.u[:, 0], 0, k) for row, r in runs]
-    plain = [_through(middle, row, x, k, None) for (row, _), x in zip(runs, shown, strict=True)]
+    shown = [middle.through(row, r.u[:, 0], 0, k) for row, r in runs]
+    plain = [middle.through(row, x, k, None) for (row, _), x in zip(runs, shown, strict=True)]
     low, high = min(x.min() for x in shown), max(x.max() for x in shown)
     ranked = []
     for part in _links(low, high) if isinstance(play, CoastingPlay) else _widths(high - low):
         moved = []
         for (row, r), x, y in zip(runs, shown, plain, strict=True):
-            z = play.propagate(np.array(part), x, np.empty((len(x), 0)), 0)
-            change = _through(middle, row, z, k, None) - y
+            z = play.output(np.array(part), x)
+            change = middle.through(row, z, k, None) - y
             moved.append(change if r.missing is None else change[r.observed[:, 0]])
         cost, share = _judged(np.concatenate(moved), left, Q)
         ranked.append((cost, (share * part[0], *part[1:])))
@@ -58,13 +58,6 @@ def _judged(change: np.ndarray, left: np.ndarray, Q: np.ndarray) -> tuple[float,
     size = float(change @ change)
     share = float(np.clip(change @ left / size, 0.2, 5.0)) if size > 0.0 else 1.0
     return float(np.sum((left - share * change) ** 2)), share
-
-
-def _through(chain: Chain, theta: np.ndarray, x: np.ndarray, first: int, last: int | None) -> np.ndarray:
-    """x (N,) through some of the chain's blocks."""
-    for b in chain.blocks[first:last]:
-        x = b.propagate(chain.part(theta, b), x, np.empty((len(x), 0)), 0)
-    return x
 
 
 def _widths(reach: float) -> Iterator[tuple[float, ...]]:

@@ -60,17 +60,15 @@ def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np
     linear = chain.linear
     k = chain.blocks.index(linear)
     rest = _at_rest(chain, theta)
-    x = chain.simulate(rest, u) if k == len(chain.blocks) - 1 else _tail_input(chain, rest, u)
+    x = chain.through(rest, u, 0, k + 1)
     span = np.ptp(x) + abs(float(np.mean(x))) + 1e-12
     spans = [span]
     last = chain.blocks[-1]
-    if isinstance(last, StaticBlock) and any(s.name.startswith("x") for s in last.slots()):
-        knots = chain.part(theta, last)[: last.n_parameters // 2]
-        spans.append(float(np.max(np.abs(knots))))
+    places = [s.knot for s in last.slots()]
+    if any(places):
+        spans.append(float(np.max(np.abs(chain.part(theta, last)[places]))))
     levels = np.linspace(-2.0, 2.0, 401) * max(spans)
-    shown = levels
-    for b in chain.blocks[k + 1 :]:
-        shown = b.propagate(chain.part(theta, b), shown, np.empty((len(shown), 0)), 0)
+    shown = chain.through(theta, levels, k + 1)
     level = float(levels[np.argmin(np.abs(shown - float(np.mean(y[:3]))))])
     # x_t stays at `level` without input if c_t = level * (1 + f1 + ... + ft).
     _, F = linear.padded(chain.part(theta, linear))
@@ -91,12 +89,7 @@ def _on_map(chain: Chain, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
     shown = levels
     for b in chain.blocks[k + 1 :]:
         if isinstance(b, StaticBlock):
-            shown = b.propagate(chain.part(theta, b), shown, np.empty((len(shown), 0)), 0)
+            shown = b.output(chain.part(theta, b), shown)
     part[names.index("x0")] = levels[np.argmin(np.abs(shown - float(np.mean(y[:3]))))]
     rest[chain.index(motor)] = part
     return rest
-
-
-def _tail_input(chain: Chain, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
-    k = chain.blocks.index(chain.linear)
-    return Chain(chain.blocks[: k + 1]).simulate(theta[: chain.index(chain.linear).stop], u)

@@ -87,7 +87,7 @@ def _bend_share(name: str, value: float, chain: Chain, theta: np.ndarray) -> flo
 
 def _across_middle(travel: TravelMap, part: np.ndarray) -> float:
     """What y makes of the middle fifth of the stroke."""
-    ends = travel.propagate(part, np.array([0.4, 0.6]), np.empty((2, 0)), 0)
+    ends = travel.output(part, np.array([0.4, 0.6]))
     return float(ends[1] - ends[0])
 
 
@@ -161,7 +161,7 @@ def _through_driver(chain: Chain, theta: np.ndarray, volts: float) -> float:
         return volts
 
     def excess(u: float) -> float:
-        return float(driver.propagate(chain.part(theta, driver), np.array([u]), np.empty((1, 0)), 0)[0]) - volts
+        return float(driver.output(chain.part(theta, driver), np.array([u]))[0]) - volts
 
     if excess(-_LARGEST) * excess(_LARGEST) > 0:
         return np.nan

@@ -14,7 +14,7 @@ def lay_maps(chain: Chain, theta: np.ndarray, blocks: tuple, x: np.ndarray, targ
             raise InputError(f"block {b.role!r} has no automatic start in this place; give fit() a start")
         part = _shifted(b, b.start(x), x, target)
         theta[chain.index(b)] = part
-        x = b.propagate(part, x, np.empty((len(x), 0)), 0)
+        x = b.output(part, x)
     return x
 
 
@@ -22,6 +22,6 @@ def _shifted(block: StaticBlock, theta: np.ndarray, x: np.ndarray, target: np.nd
     """theta moved along the block's own output shift, if it has one, so that its mean meets the target's."""
     for s in block.symmetries(theta):
         if s.out_shift == 1.0 and s.in_shift == 0.0:
-            y = block.propagate(theta, x, np.empty((len(x), 0)), 0)
+            y = block.output(theta, x)
             return theta + s.d_theta * float(np.mean(target - y))
     return theta

@@ -48,7 +48,7 @@ def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iteratio
         theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ yf, rcond=1e-12)[0]
         f = _mirrored(theta[:nf])
         with np.errstate(over="ignore", invalid="ignore"):
-            x = linear.propagate(np.concatenate([theta[nf:], f]), w, np.empty((len(w), 0)), 0)
+            x = linear.output(np.concatenate([theta[nf:], f]), w)
             cost = float(np.sum((y - x) ** 2))
         if not np.isfinite(cost):
             break

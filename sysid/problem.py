@@ -138,6 +138,11 @@ class ChainProblem:
         """The same without what is put on top of the data."""
         return replace(self, pull=None, calm=0.0)
 
+    @property
+    def plain(self) -> "ChainProblem":
+        """The same with every error as it is: no weight, no corner, nothing on top."""
+        return replace(self.bare, corner=np.inf, weights=np.ones(1))
+
     def covariance(self, p: np.ndarray) -> Covariance:
         """Covariance of theta (of the first experiment) at p; a direction that a limit holds counts as known."""
         e, J = self.bare.linearise(p)

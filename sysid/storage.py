@@ -1,27 +1,33 @@
 """A fit as JSON that a person can read: written whole, checked on load, and bit for bit the same model again.
 
 The layout follows the dataclasses of `Fit` (see `sysid.layout`): a field added there or in a block needs no line here,
-and a file from before takes the field's default. `VERSION` rises when older code would misread a newer file.
+and a file from before takes the field's default. Criteria that follow from others stand in the file for who reads it;
+on load they are worked out again, so that a file may hold fewer of them or more. What is renamed gets a line in
+`sysid.migrations`, and with it the version rises.
 """
 
 import json
 import os
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 
+from sysid.criteria import Criteria
 from sysid.errors import InputError
 from sysid.files import write_text
 from sysid.fitting import Fit
 from sysid.layout import build, encode, lines
+from sysid.migrations import VERSION, migrate
 
-FORMAT, VERSION = "sysid fit", 1
+FORMAT = "sysid fit"
 
 
 def save(fit: Fit, path: str | os.PathLike) -> Path:
     """Write a fit as JSON; raises InputError for a model that text cannot hold or a place that cannot be written."""
     document = {"format": FORMAT, "version": VERSION, **encode(fit, "the fit")}
+    document["criteria"] = encode(fit.criteria.as_dict(), "the fit, criteria")
     document["theta"] = dict(zip(fit.model.names, document["theta"], strict=True))
     return write_text(path, lines(document) + "\n")
 
@@ -62,13 +68,22 @@ def _fit(document: Any) -> Fit:
             f"saved by a newer version of this library (file version {version}, this one reads up to {VERSION}); "
             "update the library"
         )
+    document = migrate(document, version)
     theta = document.get("theta")
     if not isinstance(theta, dict):
         raise InputError("theta is not a table of parameter names and values; save the fit again")
     body = {k: v for k, v in document.items() if k not in ("format", "version")}
+    if isinstance(body.get("criteria"), dict):
+        body["criteria"] = _criteria(body["criteria"])
     fit: Fit = build(Fit, {**body, "theta": list(theta.values())})
     _check(fit, list(theta))
     return fit
+
+
+def _criteria(saved: dict[str, Any]) -> dict[str, Any]:
+    """What the criteria are worked out from, without those that are; nan for a loss that an older file lacks."""
+    known = {"loss": "nan", "mse": "nan", **saved}
+    return {f.name: known[f.name] for f in fields(Criteria) if f.name in known}
 
 
 def _check(fit: Fit, names: list[str]) -> None:

@@ -47,7 +47,8 @@ class Comparison:
         """All values, ready for JSON."""
         from sysid.fitting import plain
 
-        return plain(asdict(self))
+        rows = [{**asdict(r), "criteria": r.criteria.as_dict()} for r in self.rows]
+        return plain({**asdict(self), "rows": rows})
 
     def __str__(self) -> str:
         unit = f" [{self.y_unit}]" if self.y_unit else ""

@@ -75,6 +75,52 @@ def test_every_exported_name_exists(name):
         assert getattr(module, exported, None) is not None, f"{name}.__all__ names {exported}"
 
 
+def stub() -> dict[str, str | None]:
+    """Public names of sysid and the modules that the stub says they come from, None for modules themselves."""
+    tree = ast.parse(Path(sysid.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    found = [(node.module, alias) for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names]
+    assert all(alias.asname == alias.name for _, alias in found)  # else a type checker does not see it
+    return {alias.name: module for module, alias in found}
+
+
+def test_sysid_offers_every_public_name_and_nothing_else():
+    assert dir(sysid) == sorted(sysid.__all__) == sorted(stub())
+    assert {"blocks", "select", "fit", "structures"} <= set(dir(sysid))
+
+
+@pytest.mark.parametrize("name", sorted(stub()))
+def test_every_name_of_the_stub_resolves_where_it_says(name):
+    """By attribute access; where a function bears its module's name, the function, whoever imported the module."""
+    where = stub()[name]
+    module = importlib.import_module(f"sysid.{where or name}")
+    assert getattr(sysid, name) is (getattr(module, name) if where else module)
+
+
+def test_importing_sysid_is_light():
+    code = "import sys, sysid; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert not loaded & {"numpy", "scipy", "numba", "control", "pydantic"}
+    assert {name for name in loaded if name.startswith("sysid")} == {"sysid"}
+
+
+def test_a_type_checker_sees_every_public_name(tmp_path):
+    api = pytest.importorskip("mypy.api", reason="mypy is in the dev extra")
+    lines = ["import sysid", *(f"sysid.{name}" for name in sorted(stub())), "sysid.nowhere"]
+    script = tmp_path / "names.py"
+    script.write_text("\n".join(lines) + "\n")
+    root = Path(sysid.__file__).parents[1]
+    said = api.run(["--config-file", str(root / "pyproject.toml"), "--follow-imports=silent", str(script)])[0]
+    errors = [line for line in said.splitlines() if "error:" in line]
+    assert len(errors) == 1, said
+    assert 'Module has no attribute "nowhere"' in errors[0]
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda p: p.__name__)
+def test_packages_say_that_they_are_typed(package):
+    assert (Path(package.__file__).parent / "py.typed").is_file()  # PEP 561
+
+
 @pytest.mark.parametrize("path", [p for package in PACKAGES for p in sources(package)], ids=lambda p: p.name)
 def test_no_module_is_a_second_house(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST

@@ -330,12 +330,11 @@ def _step_response(fit: sysid.Fit, u0: float) -> Curve | None:
 
 def _maps(fit: sysid.Fit, data: IOData) -> dict[str, Curve]:
     """The static maps over the range that the estimation data visited, by role."""
-    maps, x = {}, np.ascontiguousarray(data.u[:, 0])
-    for block in fit.model.blocks:
+    maps = {}
+    for block, x in zip(fit.model.blocks, fit.model.signals(fit.theta, data.u), strict=False):
         if isinstance(block, StaticBlock):
             grid = np.linspace(x.min(), x.max(), 201)
             y = fit.curve(block.role, grid)
             if y is not None:
                 maps[block.role] = Curve(grid, y)
-        x = block.propagate(fit.model.part(fit.theta, block), x, np.empty((len(x), 0)), 0)
     return maps

@@ -30,13 +30,12 @@ def unvisited(estimation: IOData, validation: IOData) -> list[str]:
 
 def ends_met(fit: Fit, estimation: IOData) -> tuple[bool, bool]:
     """Whether an actuated joint stood at its lower and at its upper end in the record that it was fitted to."""
-    x = np.ascontiguousarray(estimation.u[:, 0])
-    for block in fit.model.blocks:
-        theta = fit.model.part(fit.theta, block)
-        x = block.propagate(theta, x, np.empty((len(x), 0)), 0)
+    outputs = fit.model.signals(fit.theta, estimation.u)[1:]
+    for block, x in zip(fit.model.blocks, outputs, strict=True):
         if isinstance(block, Motor):
             if not block.stops:
                 return False, False
+            theta = fit.model.part(fit.theta, block)
             low, high = (block.value(theta, name) for name in ("lower", "upper"))
             met = bool(x.min() <= low + _AT * (high - low)), bool(x.max() >= high - _AT * (high - low))
             break

@@ -41,7 +41,7 @@ class PiecewiseLinear(StaticBlock):
 
     def slots(self) -> tuple[Slot, ...]:
         n = range(1, self.knots + 1)
-        places = tuple(Slot(f"x{i}") for i in n) if self.free_knots else ()
+        places = tuple(Slot(f"x{i}", knot=True) for i in n) if self.free_knots else ()
         return (*places, *(Slot(f"y{i}") for i in n))
 
     def _points(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sysid.blocks import PiecewiseLinear
-from sysid.structures import hammerstein_wiener
+from sysid.structures.hammerstein_wiener import hammerstein_wiener
 from sysid.system import System
 
 

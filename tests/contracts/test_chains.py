@@ -5,8 +5,9 @@ import itertools
 import numpy as np
 import pytest
 from cases import BLOCKS, STRUCTURES
+from scipy.signal import lfilter
 
-from sysid.blocks import STATIC, TransferFunction
+from sysid.blocks import STATIC, Polynomial, TransferFunction
 from sysid.chain import Chain
 from sysid.data import IOData
 from sysid.errors import InputError
@@ -36,6 +37,26 @@ def test_gauge_is_all_and_only_what_is_redundant(first, last):
     assert np.sum(s > 1e-9 * s[0]) == len(theta) - G.shape[1]
     if G.shape[1]:
         assert np.abs(J @ G).max() < 1e-9 * norm.max() * np.abs(G).max()
+
+
+def test_signals_of_a_chain_by_hand():
+    """Clip, filter, parabola, each by its own formula; two channels, whose filter adds them up."""
+    chain = hammerstein_wiener(2, 2, 1, "saturation", Polynomial(degree=2))
+    u = np.random.default_rng(5).uniform(-3, 3, 50)
+    clipped = np.clip(u, -1.1, 1.3)
+    theta = np.concatenate([[-1.1, 1.3], LINEAR[:4], [0.0, 0.0], [0.3, 1.1, 0.4]])
+    filtered = lfilter([0, 0.2, 0.12], [1, -1.2, 0.5], clipped)
+    expected = (u, clipped, filtered, 0.3 * filtered**2 + 1.1 * filtered + 0.4)
+    for found, by_hand in zip(chain.signals(theta, u), expected, strict=True):
+        np.testing.assert_allclose(found, by_hand, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(chain.through(theta, clipped, 1, 2), filtered, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(chain.blocks[2].output(theta[-3:], [2, 0]), [0.3 * 4 + 1.1 * 2 + 0.4, 0.4])
+    pair = hammerstein_wiener(1, 0, 0, "saturation", "unit_gain", nu=2, ny=1)
+    both = np.column_stack([u, -2 * u])
+    signals = pair.signals(np.array([-1.0, 1.0, -2.0, 2.0, 3.0, 5.0]), both)
+    limited = np.column_stack([np.clip(u, -1, 1), np.clip(-2 * u, -2, 2)])
+    np.testing.assert_array_equal(signals[1], limited)
+    np.testing.assert_allclose(signals[-1], limited @ [3.0, 5.0], rtol=0, atol=1e-12)
 
 
 def test_a_fixed_gain_takes_its_gauge_away():

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import correlate
 
 from sysid import InputError, residual_tests
-from sysid.criteria import criteria, fit_percent
+from sysid.criteria import TABLE, criteria, fit_percent
 
 
 def test_criteria_of_a_worked_example():
@@ -21,6 +21,21 @@ def test_criteria_of_a_worked_example():
 def test_criteria_that_N_does_not_allow_are_infinite():
     assert criteria(1.0, 6, 6).fpe == np.inf
     assert criteria(1.0, 7, 6).aicc == np.inf
+
+
+def test_criteria_follow_from_the_errors_as_they_are_not_from_the_loss():
+    heavy, plain = criteria(165.75, 300, 6, mse=1.6575), criteria(1.6575, 300, 6)
+    assert heavy.as_dict() == {**plain.as_dict(), "loss": 165.75}
+
+
+def test_a_criterion_enters_by_one_line(monkeypatch):
+    """Hannan and Quinn 1979: N ln V + 2 d ln ln N. By name, as an attribute, in what a fit says, and offered."""
+    monkeypatch.setitem(TABLE, "hqic", lambda c: c.N * np.log(c.mse) + 2 * c.d * np.log(np.log(c.N)))
+    c = criteria(1.6575, 300, 6)
+    assert c.hqic == c.as_dict()["hqic"] == pytest.approx(151.5931 + 20.8936, abs=1e-3)
+    assert {"hqic", "bic", "loss"} <= set(dir(c))
+    with pytest.raises(AttributeError, match="no 'bick'; they have fpe, aic"):
+        _ = c.bick
 
 
 def test_fit_percent_by_hand():

@@ -13,10 +13,12 @@ import sysid
 from sysid import InputError, IOData
 from sysid.blocks import TABLE, TransferFunction
 from sysid.chain import Chain
+from sysid.criteria import TABLE as TABLE_OF_CRITERIA
 from sysid.criteria import criteria
 from sysid.fitting import Fit
 from sysid.iterate import Options, Stop
 from sysid.joint_values import joint_values
+from sysid.migrations import VERSION, Step
 from sysid.storage import load, save
 from sysid.uncertainty import Covariance
 
@@ -122,7 +124,7 @@ def test_a_person_can_read_it(searched, tmp_path):
     fit, _ = searched
     text = save(fit, tmp_path / "fit.json").read_text()
     document = json.loads(text)
-    assert document["version"] == 1
+    assert document["version"] == VERSION
     assert document["theta"] == dict(zip(fit.model.names, fit.theta.tolist(), strict=True))
     filter_text = {"kind": "transfer_function", "role": "linear", "nb": 2, "nf": 2, "nk": 1}
     assert document["model"]["blocks"][1].items() >= filter_text.items()
@@ -184,11 +186,11 @@ def drop(*keys):
 
 
 DAMAGES = {
-    "newer": (put("version", 2), "newer version of this library .file version 2, this one reads up to 1"),
+    "newer": (put("version", VERSION + 1), f"newer version of this library .file version {VERSION + 1}, this"),
     "no version": (put("version", "1"), "version is '1'"),
     "other json": (drop("format"), "no saved fit"),
     "missing field": (drop("covariance"), "covariance is missing"),
-    "missing in a field": (drop("criteria", "aic"), "criteria: aic is missing"),
+    "missing in a field": (drop("criteria", "d"), "criteria: d is missing"),
     "unknown field": (put("colour", 1), "colour is not known to this version"),
     "word for number": (put("Ts", "fast"), "Ts: input should be a valid number"),
     "true for a number": (put("stop", "iterations", True), "iterations: input should be a valid integer"),
@@ -265,6 +267,48 @@ def test_a_flipped_byte_gives_a_fit_or_an_input_error(searched, tmp_path_factory
 def test_a_field_that_a_file_from_before_lacks_takes_its_default(searched, tmp_path):
     path = damaged(save(searched[0], tmp_path / "fit.json"), drop("u_span"))
     assert load(path).u_span == (0.0, 0.0)
+
+
+def test_a_file_with_fewer_criteria_or_more_loads(searched, tmp_path, monkeypatch):
+    """Both directions: today's file where a criterion was added since, and where one is known no more."""
+    fit = searched[0]
+    path = save(fit, tmp_path / "fit.json")
+    monkeypatch.setitem(TABLE_OF_CRITERIA, "hqic", lambda c: c.mse + c.d)
+    assert load(path).criteria.as_dict() == {**fit.criteria.as_dict(), "hqic": fit.criteria.mse + fit.criteria.d}
+    path = save(load(path), tmp_path / "richer.json")
+    assert "hqic" in json.loads(path.read_text())["criteria"]
+    monkeypatch.undo()
+    same(load(path), fit)
+    bare = load(damaged(path, drop("criteria", "mse")))
+    assert np.isnan(bare.criteria.fpe)
+    assert bare.summary()["criteria"]["bic"] is None
+    assert bare.criteria.loss == fit.criteria.loss
+
+
+def test_a_renamed_kind_option_and_parameter_take_a_line_each(searched, tmp_path, monkeypatch):
+    """A file in other words, told from today's by replacing them in its text, loads through one step."""
+    fit = searched[0]
+    path = save(fit, tmp_path / "fit.json")
+    text = path.read_text()
+    for new, old in (
+        ("transfer_function", "filter"), ('"nk"', '"late"'), ("linear.f", "linear.a"), ("output.c", "output.k"),
+        ('"losses"', '"costs"'), ('"structure"', '"recipe"'),
+    ):  # fmt: skip
+        assert new in text
+        text = text.replace(new, old)
+    path.write_text(text.replace(f'"version": {VERSION}', '"version": 1'))
+    with pytest.raises(InputError):
+        load(path)
+    step = Step(
+        kinds={"filter": "transfer_function"},
+        fields={"transfer_function": {"late": "nk"}, "fit": {"costs": "losses"}, "model": {"recipe": "structure"}},
+        parameters={
+            "transfer_function": {"a1": "f1", "a2": "f2"},
+            "polynomial": {f"k{i}": f"c{i}" for i in range(1, 9)},
+        },
+    )
+    monkeypatch.setattr("sysid.migrations.STEPS", (step,))
+    same(load(path), fit)
 
 
 def test_a_block_of_one_s_own_class_is_refused(tmp_path):

@@ -171,6 +171,7 @@ def test_free_run_and_one_step_are_told_apart():
     assert np.abs(fit.predict(other) - step)[401] > 0.1
     assert fit.summary()["criteria_of"] == ONE_STEP
     np.testing.assert_allclose(fit.criteria.loss, np.mean(fit.residuals(data) ** 2))
+    assert fit.criteria.mse == fit.criteria.loss
 
 
 def test_free_run_is_the_recursion_written_out():

@@ -175,3 +175,41 @@ def test_wiener_hammerstein_poles_are_dealt_to_the_right_filter():
     found = match(fit.poles, np.array([0.9, 0.5 + 0.4j, 0.5 - 0.4j]), 0.1)
     assert max(m.s_error for m in found) < 0.02
     np.testing.assert_allclose(fit.poles[0], 0.9, atol=0.005)
+
+
+OBJECTIVES = {
+    "weights": (Objective(weights=(10.0,)), 100.0),
+    "huber": (Objective(robust=1.0), None),
+    "ridge and calm": (Objective(ridge=1e-3, calm=5.0), 1.0),
+}
+
+
+@pytest.mark.parametrize("name", sorted(OBJECTIVES))
+def test_mse_is_of_the_errors_as_they_are_whatever_was_minimised(name):
+    """Against the free run worked out beside the fit; the loss keeps the factor of the weights, which is known."""
+    rng = np.random.default_rng(8)
+    u = rng.uniform(-2, 2, 400)
+    y = lag(np.clip(u, -1, 1)) + 0.05 * rng.standard_t(2, size=400)
+    lost = np.isin(np.arange(400), [50, 51, 300])
+    chain = sysid.structures.hammerstein(1, 1, 1, input="piecewise_linear")
+    objective, factor = OBJECTIVES[name]
+    fit = sysid.fit(chain, IOData(u, np.where(lost, np.nan, y), 1.0, missing=lost), starts=1, objective=objective)
+    errors = (y - chain.simulate(fit.theta, u))[~lost]
+    V, N, d = np.mean(errors**2), 397, fit.criteria.d
+    assert fit.criteria.mse == pytest.approx(V, rel=1e-12)
+    assert fit.criteria.fpe == pytest.approx(V * (N + d) / (N - d), rel=1e-12)
+    if factor is None:
+        assert fit.criteria.loss < 0.8 * V  # heavy tails cost less than their squares
+    else:
+        assert fit.criteria.loss == pytest.approx(factor * V, rel=1e-12)
+
+
+def test_weights_of_several_outputs_are_not_in_the_mse():
+    rng = np.random.default_rng(9)
+    u = rng.normal(size=300)
+    y = np.column_stack([lag(u), 2 * lag(u)]) + [0.1, 0.01] * rng.normal(size=(300, 2))
+    chain = sysid.structures.output_error(1, 1, 1, nu=1, ny=2)
+    fit = sysid.fit(chain, IOData(u, y, 1.0), starts=1, objective=Objective(weights=(1.0, 10.0)))
+    errors = y - chain.outputs(fit.theta, u)
+    assert fit.criteria.mse == pytest.approx(np.mean(errors**2), rel=1e-12)
+    assert fit.criteria.loss == pytest.approx(np.mean((errors * [1.0, 10.0]) ** 2), rel=1e-12)

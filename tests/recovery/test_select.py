@@ -7,7 +7,6 @@ import pytest
 from scipy.signal import lfilter
 
 import sysid
-import sysid.joint_values
 from sysid.errors import InputError
 from sysid.preprocess import detrend
 from sysid.select import JOINT, Candidate, Space, select
@@ -76,7 +75,7 @@ def test_a_joint_is_tried_and_wins_where_the_record_integrates_and_stops():
     found = select(detrend(record), SMALL, jobs=1)
     assert found.chosen.candidate == JOINT
     assert str(JOINT) == "actuated_joint"
-    ends = {v.name: v.value for v in sysid.joint_values.joint_values(found.fit) if v.name.startswith("end_")}
+    ends = {v.name: v.value for v in sysid.joint_values(found.fit) if v.name.startswith("end_")}
     assert ends == pytest.approx({"end_low": 2.0, "end_high": 5.0}, abs=0.02)  # on the record's own scale
     assert found.fit.fit_percent(record) > 97.0
 

@@ -1,0 +1,87 @@
+"""What earlier versions of a saved fit called otherwise: one step a version, so that every old file still loads."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+Names = Mapping[str, str]  # old name -> new name
+
+
+@dataclass(frozen=True)
+class Step:
+    """From one version of the file to the next. Renames need a line here and no code; `then` does what is left.
+
+    kinds: kinds of block. fields: the options of a kind of block (by its new name), of 'fit' or of 'model'. parameters:
+    the slots of a kind of block, wherever parameters are named. then: a change of the whole document, after the names.
+    """
+
+    kinds: Names = field(default_factory=dict)
+    fields: Mapping[str, Names] = field(default_factory=dict)
+    parameters: Mapping[str, Names] = field(default_factory=dict)
+    then: Callable[[dict[str, Any]], dict[str, Any]] | None = None
+
+    def apply(self, document: dict[str, Any]) -> dict[str, Any]:
+        """The document of this version as one of the next. What is no part of a saved fit stays for the loader."""
+        found = _renamed({k: self._blocks(v) for k, v in document.items()}, self.fields.get("fit", {}))
+        model = found.get("model")
+        if isinstance(model, dict):
+            model = _renamed(model, self.fields.get("model", {}))
+            found["model"] = model
+            names = self._by_parameter(model.get("blocks"), found.get("theta"))
+            for table, key in ((found, "theta"), (model, "fixed"), (model, "bounds")):
+                if isinstance(table.get(key), dict):
+                    table[key] = _renamed(table[key], names)
+        return self.then(found) if self.then is not None else found
+
+    def _blocks(self, value: Any) -> Any:
+        """The same with every block in it, however deep, under its new kind and with its new options."""
+        if isinstance(value, list):
+            return [self._blocks(v) for v in value]
+        if not isinstance(value, dict):
+            return value
+        found = {k: self._blocks(v) for k, v in value.items()}
+        if isinstance(found.get("kind"), str):
+            found["kind"] = self.kinds.get(found["kind"], found["kind"])
+            found = _renamed(found, self.fields.get(found["kind"], {}))
+        return found
+
+    def _by_parameter(self, blocks: Any, theta: Any) -> Names:
+        """Full names of parameters that are called otherwise now: 'role.old', of channels 'role.1.old'."""
+        found = {}
+        for block in (b for b in blocks if isinstance(b, dict)) if isinstance(blocks, list) else ():
+            slots = {old: new for kind in _kinds(block) for old, new in self.parameters.get(kind, {}).items()}
+            for name in theta if isinstance(theta, dict) else []:
+                front, _, slot = name.rpartition(".")
+                if slot in slots and (front + ".").startswith(f"{block.get('role')}."):
+                    found[name] = f"{front}.{slots[slot]}"
+        return found
+
+
+def _renamed(table: dict[str, Any], names: Names) -> dict[str, Any]:
+    return {names.get(k, k): v for k, v in table.items()}
+
+
+def _kinds(value: Any) -> set[str]:
+    """Kinds of block in a value, however deep."""
+    if isinstance(value, list):
+        return {kind for v in value for kind in _kinds(v)}
+    if not isinstance(value, dict):
+        return set()
+    own = {value["kind"]} if isinstance(value.get("kind"), str) else set()
+    return own | {kind for v in value.values() for kind in _kinds(v)}
+
+
+# Step k takes version k + 1 to version k + 2; a file goes through all that are newer than it is.
+STEPS: tuple[Step, ...] = (
+    # Version 1 wrote the loss as mse, which is true of plain least squares alone. It did not say what was minimised,
+    # so its mse is kept; fits with weights or a robust loss show theirs, and what follows from it, as they did then.
+    Step(),
+)
+VERSION = len(STEPS) + 1
+
+
+def migrate(document: dict[str, Any], version: int) -> dict[str, Any]:
+    """The document of a file of this version as one that is written today."""
+    for step in STEPS[version - 1 :]:
+        document = step.apply(document)
+    return document
