@@ -51,21 +51,14 @@ def guarded(serve: Callable[..., Any]) -> Callable[..., Any]:
 
         def request_first(connection: Any, request: Any) -> Any:
             reason = refusal(request.path, request.headers, port)
-            if reason is not None:
-                return connection.respond(403, reason + "\n")
-            return _closed_to_others(process_request(connection, request))
+            return process_request(connection, request) if reason is None else connection.respond(403, reason + "\n")
 
         def response_last(connection: Any, request: Any, response: Any) -> Any:
-            changed = process_response(connection, request, response)
-            return _closed_to_others(response if changed is None else changed)
+            answer = process_response(connection, request, response) or response
+            if OPEN_TO_ALL in answer.headers:
+                del answer.headers[OPEN_TO_ALL]  # it lets pages of any site read the answer
+            return answer
 
         return serve(handler, sock=sock, process_request=request_first, process_response=response_last, **options)
 
     return checked
-
-
-def _closed_to_others(response: Any) -> Any:
-    """A response, if there is one, without the header that lets pages of any site read it."""
-    if response is not None and OPEN_TO_ALL in response.headers:
-        del response.headers[OPEN_TO_ALL]
-    return response

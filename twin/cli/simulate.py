@@ -10,9 +10,8 @@ from sysid import excitations
 from twin.cli import console, options
 from twin.cli.output import check_writable_file, run_folder
 from twin.drive import MODES
-from twin.experiment import POT_SIDES
-from twin.leg import REALISATIONS
-from twin.parameters import LEG
+from twin.parameters import LEG, REALISATIONS
+from twin.pot import SIDES
 
 STROKE = ("stays inside its stroke (inside)", "surely meets both ends (ends)")
 
@@ -33,7 +32,7 @@ def simulate(
     without: Annotated[
         str, typer.Option(metavar="A,B", help=f"imperfections to leave out, of {', '.join(twin.IMPERFECTIONS)}")
     ] = "",
-    pot_side: Annotated[str, options.name("side of the play on which the potentiometer sits", POT_SIDES)] = "link",
+    pot_side: Annotated[str, options.name("side of the play on which the potentiometer sits", SIDES)] = "link",
     realisation: Annotated[str, options.name("how linear actuators are built", REALISATIONS)] = "tendon",
     params: options.Params = None,
     log: Annotated[
