@@ -20,8 +20,8 @@ from sysid.preprocess import quick_start
 from twin.beyond import Beyond, Trial, ceiling
 from twin.evaluation import Setting
 from twin.experiment import Experiment, run_all
-from twin.leg import IMPERFECTIONS
 from twin.log import Log
+from twin.parameters import IMPERFECTIONS
 
 STEPS = 4  # what `run` announces
 SHARED = tuple(name for name in IMPERFECTIONS if name != "contact")  # a bench leg hangs in the air

@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 
 SIDE_BY_SIDE = 64  # experiments in a part, at most
 SAMPLES = 2**19  # in a part, all joints counted, at most where that leaves two experiments
-# Rows that the motor board, the potentiometer or the logger reads, and the compiled model does not.
-OUTSIDE = ("drive:", "pot:", "limit switches:", "servo mode:")
-IN_MODEL = tuple(row.name for row in TABLE if not row.enters.startswith(OUTSIDE))
+COMPILED = tuple(row.name for row in TABLE if row.compiled)  # experiments that agree in these share one compiled model
 RANGE = ("angle_min_rad", "angle_max_rad")
 SIGNALS = ("voltage_V", "angle_rad", "angle_true_rad")
 
@@ -209,7 +207,7 @@ class Ensemble:
         row |= {} if self.draws is None else {name: parameters[name] for name in self.draws.names}
         try:
             experiment = replace(self.experiment, seed=self.seeds[number], parameters=parameters)
-            key = tuple(parameters[name] for name in IN_MODEL)
+            key = tuple(parameters[name] for name in COMPILED)
             if key not in models:
                 models[key] = _model(experiment)
             return _Case(row, experiment, experiment.prepare(models[key]), "")

@@ -15,14 +15,14 @@ from sysid.errors import InputError, unknown
 from twin.closed_loop import assembled
 from twin.drive import MODES
 from twin.geometry import clearance, end_angles, middle
-from twin.leg import BENCH_LEG, REALISATIONS, bench, check_switches, joints_of
+from twin.leg import BENCH_LEG, bench, check_switches, joints_of
 from twin.log import Log
 from twin.motor import check_rotor
-from twin.parameters import JOINTS, Parameters
+from twin.parameters import JOINTS, REALISATIONS, Parameters
 from twin.plant import slots
 from twin.plant.board import circuit, user_data
 from twin.plant.stepping import TIMESTEP, Run, step
-from twin.pot import potentiometer
+from twin.pot import SIDES, potentiometer
 
 # What an excitation gets where the caller gives nothing. A sweep's half period leaves about 22 % of it as rest at an
 # end (the first trials on the paper's protocol); an aprbs holds its levels for a fraction of the travel to all of it.
@@ -51,7 +51,6 @@ DEFAULTS: dict[str, dict[str, dict[str, Any]]] = {
 }
 SETTLE = 0.5  # [s] at rest before the record starts, for the link to lie against one side of its play
 SHORTEST = 10  # samples; a shorter record identifies nothing
-POT_SIDES = ("link", "drive")
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ class Experiment:
             raise InputError(f"parameters is a {type(self.parameters).__name__}; give a twin.Parameters")
         if isinstance(self.seed, bool) or not isinstance(self.seed, Integral) or self.seed < 0:
             raise InputError(f"seed is {self.seed!r}; give a whole number from 0 up")
-        for name, allowed in (("mode", MODES), ("pot_side", POT_SIDES), ("realisation", REALISATIONS)):
+        for name, allowed in (("mode", MODES), ("pot_side", SIDES), ("realisation", REALISATIONS)):
             if getattr(self, name) not in allowed:
                 raise unknown(name.replace("_", " "), getattr(self, name), allowed)
         self._check_times()

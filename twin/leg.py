@@ -12,19 +12,10 @@ from twin.closed_loop import close_loop
 from twin.friction import dry_friction
 from twin.geometry import end_angles, middle, stroke
 from twin.motor import motor
-from twin.parameters import JOINTS, LEG, Parameters
+from twin.parameters import IMPERFECTIONS, JOINTS, LEG, REALISATIONS, Parameters
 from twin.plant.board import Circuit, add_sensor, circuit
 
 LEGS = {"front_left": "_00", "rear_left": "_10", "rear_right": "_01", "front_right": "_11"}
-# What each switch removes. "friction" takes all of it, dry and viscous, of actuator and bearing; the three after it
-# take a part of the dry friction. "end_stops" takes hard stops and limit switches, "contact" the foot's with the floor.
-IMPERFECTIONS = (
-    *("friction", "asymmetry", "stribeck", "load_friction", "end_stops", "backlash"),
-    *("pwm", "dead_band", "sag", "delay"),
-    *("nonlinearity", "noise", "adc", "jitter", "dropouts"),
-    *("gravity", "contact"),
-)
-REALISATIONS = ("tendon", "closed_loop")
 BENCH_LEG = LEGS["front_left"]
 LEAST = 1e-9  # [N or N m]
 

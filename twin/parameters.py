@@ -10,6 +10,23 @@ from sysid.errors import InputError, unknown
 
 JOINTS = ("shoulder", "thigh", "shank")
 LEG = "leg"  # in place of a joint: all three of them at once
+# What each switch removes. "friction" takes all of it, dry and viscous, of actuator and bearing; the three after it
+# take a part of the dry friction. "end_stops" takes hard stops and limit switches, "contact" the foot's with the floor.
+IMPERFECTIONS = (
+    *("friction", "asymmetry", "stribeck", "load_friction", "end_stops", "backlash"),
+    *("pwm", "dead_band", "sag", "delay"),
+    *("nonlinearity", "noise", "adc", "jitter", "dropouts"),
+    *("gravity", "contact"),
+)
+REALISATIONS = ("tendon", "closed_loop")
+# Rows, of any joint, that the motor board, the potentiometer or the logger reads; the others enter the compiled model.
+OUTSIDE_MODEL = frozenset(
+    {
+        *("supply_voltage", "supply_resistance", "pwm_bits", "dead_band", "switch_period", "delay", "switch_margin"),
+        *("pot_noise", "pot_range", "adc_bits", "pot_supply", "pot_linearity", "sample_jitter", "dropout_rate"),
+        *("servo_kp", "servo_ki", "servo_kd"),
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -23,6 +40,11 @@ class Row:
     unit: str
     source: str
     enters: str
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the model that MuJoCo compiles depends on this row."""
+        return self.name.rpartition(".")[2] not in OUTSIDE_MODEL
 
 
 PAPER = "Guni and Irawan 2016, section III"

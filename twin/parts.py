@@ -112,7 +112,7 @@ class Parts:
             if not path.is_file():
                 continue
             try:
-                yield polars.read_parquet(path, columns=columns)
+                yield polars.read_parquet(path, columns=columns, glob=False)
             except (OSError, polars.exceptions.PolarsError) as error:
                 said = str(error).splitlines()[0]
                 raise InputError(

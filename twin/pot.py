@@ -7,6 +7,7 @@ import numpy as np
 
 from twin.parameters import Parameters
 
+SIDES = ("link", "drive")  # of the play, on which a potentiometer may sit
 WAVES = 3  # of the deviation from a straight line, over the electrical angle
 
 

@@ -11,9 +11,9 @@ from sysid.errors import InputError, unknown
 from twin.drive import MODES, drive
 from twin.friction import dry_friction
 from twin.geometry import end_angles, linkage, middle
-from twin.leg import BENCH_LEG, IMPERFECTIONS, bench, check_joint
+from twin.leg import BENCH_LEG, bench, check_joint
 from twin.motor import motor
-from twin.parameters import Parameters
+from twin.parameters import IMPERFECTIONS, Parameters
 from twin.pot import potentiometer
 
 # What the linearisation leaves out, besides the Coulomb friction.

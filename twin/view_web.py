@@ -14,6 +14,7 @@ from mujoco.studio import app, launch_web, messages, plugin, sim, viewer_protoco
 
 from twin.replay import Replay, moment
 from twin.stills import column, cylinders, shape
+from twin.view_guard import guarded
 from twin.view_pictures import standing_robot
 
 FRAME = 1 / 60  # [s] between poses that go to the viewer
@@ -94,13 +95,14 @@ def _aim(model: mujoco.MjModel, camera: Mapping[str, Any]) -> None:
 
 @contextmanager
 def on_this_machine_only() -> Iterator[None]:
-    """Inside, the web viewer listens on the loopback alone.
+    """Inside, the web viewer listens on the loopback alone, and to its own page alone (see `twin.view_guard`).
 
     MuJoCo 4.0 offers no such choice: it listens on every interface, without a password, to anyone who wants to steer,
-    to load a model, or to read the paths of files.
+    to load a model, or to read the paths of files. The server starts inside, and stays as it was started.
     """
     server, banner = web_viewer.web_server, web_viewer._print_url_banner
-    bind = server.bind_public_socket
+    bind, listen = server.bind_public_socket, server.serve
+    server.serve = guarded(listen)
     server.bind_public_socket = lambda host, port=0: bind("127.0.0.1", port)
     web_viewer._print_url_banner = lambda host, port: print(
         f"The viewer is at http://localhost:{port}/ for browsers on this machine; Ctrl-C ends it.", flush=True
@@ -108,4 +110,4 @@ def on_this_machine_only() -> Iterator[None]:
     try:
         yield
     finally:
-        server.bind_public_socket, web_viewer._print_url_banner = bind, banner
+        server.bind_public_socket, server.serve, web_viewer._print_url_banner = bind, listen, banner

@@ -10,10 +10,9 @@ from exported import agrees
 import sysid
 import twin
 from sysid import export_c
-from twin import ablation, beyond, protocol
+from twin import IMPERFECTIONS, ablation, beyond, protocol
 from twin.cli import main
 from twin.evaluation import Setting
-from twin.leg import IMPERFECTIONS
 from twin.report import beyond as report
 
 # What an actuated joint can say exactly: a motor with dry friction between two stops, read with noise.

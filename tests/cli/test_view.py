@@ -189,12 +189,68 @@ def test_web_serves_page_and_model_on_this_machine_until_ctrl_c(arguments, logs)
         assert b"shank_rod" in model
         if sys.platform.startswith("linux"):
             assert listeners(int(found[1])) == {"0100007F"}  # 127.0.0.1 alone, as the kernel writes it
+        assert_answers_its_own_page_alone(int(found[1]))
         time.sleep(0.5)  # some frames, which would end it if one failed
         server.send_signal(signal.SIGINT)
         assert server.wait(30) == 0
     finally:
         server.kill()
         server.communicate()
+
+
+def assert_answers_its_own_page_alone(port: int) -> None:
+    own = f"localhost:{port}"
+    for host in (own, own.upper(), f"127.0.0.1:{port}", f"[::1]:{port}"):
+        for target in ("/", "/model", "/model?total_bytes"):
+            status, headers = ask(port, target, [f"Host: {host}"])
+            assert status == 200
+            assert "access-control-allow-origin" not in headers  # which would let any page read it
+        assert ask(port, "/model", [f"Host: {host}", f"Origin: http://{host}"])[0] == 200
+        for target in ("/state?sid=a", "/ui?sid=a"):
+            status, headers = ask(port, target, [f"Host: {host}", f"Origin: http://{host}", *UPGRADE])
+            assert status == 101
+            assert "access-control-allow-origin" not in headers
+    for target, more in [("/", []), ("/model", []), ("/state?sid=b", UPGRADE), ("/ui?sid=b", UPGRADE)]:
+        for host in (
+            *("rebound.example", f"rebound.example:{port}", f"localhost.rebound.example:{port}", f"localhost.:{port}"),
+            *(f"127.0.0.1.nip.io:{port}", f"0.0.0.0:{port}", f"x@localhost:{port}", "localhost", "localhost:1", ""),
+        ):
+            assert ask(port, target, [f"Host: {host}", *more])[0] == 403, host
+        assert ask(port, target, [f"Host: {own}", "Host: rebound.example", *more])[0] == 403
+        assert ask(port, target, more)[0] == 403  # no Host at all
+        for origin in (
+            *("http://evil.example", f"http://evil.example:{port}", "null", "http://localhost", "http://localhost:1"),
+            *(f"https://localhost:{port}", f"http://localhost:{port}.evil.example", "file://", ""),
+        ):
+            assert ask(port, target, [f"Host: {own}", f"Origin: {origin}", *more])[0] == 403, origin
+        assert ask(port, target, [f"Host: {own}", "Sec-Fetch-Site: cross-site", *more])[0] == 403
+        assert (
+            ask(port, target, [f"Host: {own}", "Sec-Fetch-Site: same-site", "Sec-Fetch-Mode: no-cors", *more])[0] == 403
+        )
+    followed = ["Sec-Fetch-Site: cross-site", "Sec-Fetch-Mode: navigate"]
+    assert ask(port, "/", [f"Host: {own}", *followed, "Sec-Fetch-Dest: document"])[0] == 200  # a link to it
+    assert ask(port, "/", [f"Host: {own}", *followed, "Sec-Fetch-Dest: iframe"])[0] == 403
+    for target in ("/drop", "/drop?sid=a"):  # a model from elsewhere, which could name files of this machine
+        assert ask(port, target, [f"Host: {own}", f"Origin: http://{own}", *UPGRADE])[0] == 403
+
+
+UPGRADE = [
+    *("Connection: Upgrade", "Upgrade: websocket", "Sec-WebSocket-Version: 13"),
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
+]
+
+
+def ask(port: int, target: str, headers: list[str]) -> tuple[int, dict[str, str]]:
+    """Status and headers of the answer to a GET with exactly these headers."""
+    with socket.create_connection(("127.0.0.1", port), timeout=30) as line:
+        line.sendall("\r\n".join([f"GET {target} HTTP/1.1", *headers, "", ""]).encode())
+        answer = b""
+        while b"\r\n\r\n" not in answer:
+            part = line.recv(4096)
+            assert part, f"closed after {answer!r}"
+            answer += part
+    first, *rest = answer.partition(b"\r\n\r\n")[0].decode().split("\r\n")
+    return int(first.split()[1]), {name.lower(): value for name, _, value in (row.partition(": ") for row in rest)}
 
 
 def fetch(address: str) -> bytes:

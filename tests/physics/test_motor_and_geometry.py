@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from rig import record
 
-from twin import JOINTS, Parameters
+from twin import IMPERFECTIONS, JOINTS, Parameters
 from twin.friction import dry_friction
 from twin.geometry import clearance, end_angles, linkage, middle, stroke
-from twin.leg import BENCH_LEG, IMPERFECTIONS, LEGS, bench, model_path, robot
+from twin.leg import BENCH_LEG, LEGS, bench, model_path, robot
 from twin.motor import motor
 from twin.plant import layout
 from twin.plant.board import circuit, user_data

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from rig import ANGLE, IDEAL_BRIDGE, QUIET, READING, VOLTS, record, shown
 
-from twin import JOINTS, Experiment, Parameters, truth
+from twin import IMPERFECTIONS, JOINTS, Experiment, Parameters, truth
 from twin.drive import drive
 from twin.experiment import respond
 from twin.geometry import end_angles, middle
-from twin.leg import IMPERFECTIONS
 from twin.motor import motor
 from twin.pot import potentiometer
 from twin.truth import LINEAR

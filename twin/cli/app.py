@@ -19,6 +19,7 @@ def build() -> typer.Typer:
         help="Digital twin of a robot leg, and identification that is checked against it.",
         add_completion=False,
         pretty_exceptions_enable=False,
+        rich_markup_mode=None,  # help is shown as it is written: rich takes words in brackets for its own marks
     )
     for verb in VERBS:
         app.command()(verb)

@@ -1,12 +1,11 @@
 """`qpal crawl`: the whole quadruped stands and walks."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from twin.cli import console, options
-from twin.cli.output import default_folder, output_folder
+from twin.cli.output import run_folder
 
 
 def crawl(
@@ -27,8 +26,7 @@ def crawl(
     from twin.stills import NoRenderer
 
     gait, parameters = Gait(cycles=walking.cycles(steps)), options.parameters(params)
-    folder = Path(out) if out is not None else default_folder("crawl")
-    with output_folder(folder) as scratch, console.progress(walking.STEPS + 2) as step:
+    with run_folder(out, "crawl") as (folder, scratch), console.progress(walking.STEPS + 2) as step:
         result = walking.run(gait, parameters, duration, robots, options.seed(seed), threads=0, steps=step)
         step("pictures of the robot")
         seen: Pictures | str

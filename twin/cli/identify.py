@@ -11,7 +11,7 @@ from sysid.errors import InputError
 from sysid.nlarx import FOCUS
 from sysid.preprocess import DETREND
 from twin.cli import console, options
-from twin.cli.output import default_folder, output_folder
+from twin.cli.output import run_folder
 from twin.logs import TABLE as READERS
 
 if TYPE_CHECKING:
@@ -73,8 +73,7 @@ def identify(
     from twin.report import identify as report
     from twin.report.page import write
 
-    folder = Path(out) if out is not None else default_folder("identify")
-    with output_folder(folder) as scratch, console.progress(3) as step:
+    with run_folder(out, "identify") as (folder, scratch), console.progress(3) as step:
         step(f"reading {file}")
         rounds = console.Rounds(step, ROUNDS)
         try:

@@ -7,7 +7,7 @@ import typer
 
 import twin
 from twin.cli import console, options
-from twin.cli.output import check_writable_file, default_folder, output_folder
+from twin.cli.output import check_writable_file, run_folder
 
 
 def info(
@@ -33,14 +33,16 @@ def info(
     from twin.signatures import signatures as measured
 
     parameters = options.parameters(params) or twin.Parameters()
-    folder = Path(out) if out is not None else default_folder("info")
     target = None if write_params is None else Path(write_params)
-    inside = target is not None and target.parent.resolve() == folder.resolve()
     if target is not None:
         parameter_file.check_suffix(target)
-        if not inside:
+    with (
+        run_folder(out, "info") as (folder, scratch),
+        console.progress(2 + len(SIGNATURES) * signatures) as step,
+    ):
+        inside = target is not None and target.parent.resolve() == folder.resolve()
+        if target is not None and not inside:
             check_writable_file(target)
-    with output_folder(folder) as scratch, console.progress(2 + len(SIGNATURES) * signatures) as step:
         step("linearising the joints")
         result = inform(joint, ts, parameters, params)
         found = measured(parameters, lambda name: step(f"signature of {name}")) if signatures else ()

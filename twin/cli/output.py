@@ -3,32 +3,66 @@
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
+from itertools import count
 from pathlib import Path
 
 from sysid.errors import InputError
 
-
-def default_folder(verb: str) -> Path:
-    """runs/<stamp>-<verb>, with a number behind it when two runs start within a second."""
-    base = Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-{verb}"
-    folder, n = base, 1
-    while folder.exists():
-        n += 1
-        folder = base.with_name(f"{base.name}-{n}")
-    return folder
+RUNS = Path("runs")
 
 
 @contextmanager
-def output_folder(folder: Path) -> Iterator[Path]:
+def run_folder(out: str | None, verb: str) -> Iterator[tuple[Path, Path]]:
+    """Where a run writes, and the scratch folder that becomes it: `out`, or a new runs/<stamp>-<verb>.
+
+    The new folder is made at once, so no other run has it, also not one that starts in the same second: its name gets
+    a number then. A run that fails removes it.
+    """
+    if out is not None:
+        with output_folder(Path(out)) as scratch:
+            yield Path(out), scratch
+        return
+    first = not RUNS.exists()
+    folder = _claim(verb)
+    try:
+        with output_folder(folder, claimed=True) as scratch:
+            yield folder, scratch
+    except BaseException:
+        _remove_empty(folder, *([RUNS] if first else []))
+        raise
+
+
+def _claim(verb: str) -> Path:
+    """A folder runs/<stamp>-<verb> that this call has made."""
+    base = RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-{verb}"
+    for n in count(1):
+        folder = base if n == 1 else base.with_name(f"{base.name}-{n}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            if RUNS.is_dir():
+                continue
+            raise _not_writable(folder, NotADirectoryError(0, f"{RUNS} is a file")) from None
+        except OSError as error:
+            raise _not_writable(folder, error) from None
+        return folder
+    raise AssertionError
+
+
+@contextmanager
+def output_folder(folder: Path, claimed: bool = False) -> Iterator[Path]:
     """A scratch folder beside `folder`, whose content becomes `folder`'s when the block ends well.
 
     A block that fails or is interrupted leaves nothing, not even a parent that was made for it. A folder that is there
-    already keeps its other files; those of the same name are replaced, each in one step. Raises InputError, at once and
+    already keeps its other files; those of the same name are replaced, each in one step. One that is `claimed` was made
+    for this block alone, and is replaced as a whole. Raises InputError, at once and
     not after the work, where the place cannot be written to.
     """
     made: list[Path] = []
+    if folder.name in ("", ".."):  # . and .. have no name of their own
+        folder = folder.resolve()
     scratch = folder.with_name(f".{folder.name}-{os.getpid()}.part")
     try:
         try:
@@ -40,14 +74,12 @@ def output_folder(folder: Path) -> Iterator[Path]:
             raise _not_writable(folder, error) from None
         yield scratch
         try:
-            _move_into_place(scratch, folder)
+            _move_into_place(scratch, folder, claimed)
         except OSError as error:
             raise _not_writable(folder, error) from None
     except BaseException:
         shutil.rmtree(scratch, ignore_errors=True)
-        for parent in reversed(made):
-            if parent.is_dir() and not any(parent.iterdir()):
-                parent.rmdir()
+        _remove_empty(*reversed(made))
         raise
 
 
@@ -76,7 +108,17 @@ def _make_parents(folder: Path) -> list[Path]:
     return missing
 
 
-def _move_into_place(scratch: Path, folder: Path) -> None:
+def _remove_empty(*folders: Path) -> None:
+    for folder in folders:
+        with suppress(OSError):  # another run's are in it
+            folder.rmdir()
+
+
+def _move_into_place(scratch: Path, folder: Path, claimed: bool) -> None:
+    if claimed:
+        with suppress(OSError):  # Windows renames onto no folder, not even an empty one
+            os.rename(scratch, folder)
+            return
     if not folder.exists():
         os.rename(scratch, folder)
         return

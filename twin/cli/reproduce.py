@@ -1,12 +1,11 @@
 """`qpal reproduce`: the paper's protocol on the three joints of the twin."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from twin.cli import console, options
-from twin.cli.output import default_folder, output_folder
+from twin.cli.output import run_folder
 
 
 def reproduce(
@@ -25,8 +24,7 @@ def reproduce(
     from twin.report.reproduce import Stills
     from twin.stills import NoRenderer, leg_stills
 
-    folder = Path(out) if out is not None else default_folder("reproduce")
-    with output_folder(folder) as scratch, console.progress(protocol.steps(ablation) + 2) as step:
+    with run_folder(out, "reproduce") as (folder, scratch), console.progress(protocol.steps(ablation) + 2) as step:
         result = protocol.run(options.seed(seed), duration, step, ablation)
         step("3-D stills of the leg")
         stills: Stills

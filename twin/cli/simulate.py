@@ -8,11 +8,10 @@ import typer
 import twin
 from sysid import excitations
 from twin.cli import console, options
-from twin.cli.output import check_writable_file, default_folder, output_folder
+from twin.cli.output import check_writable_file, run_folder
 from twin.drive import MODES
-from twin.experiment import POT_SIDES
-from twin.leg import REALISATIONS
-from twin.parameters import LEG
+from twin.parameters import LEG, REALISATIONS
+from twin.pot import SIDES
 
 STROKE = ("stays inside its stroke (inside)", "surely meets both ends (ends)")
 
@@ -33,7 +32,7 @@ def simulate(
     without: Annotated[
         str, typer.Option(metavar="A,B", help=f"imperfections to leave out, of {', '.join(twin.IMPERFECTIONS)}")
     ] = "",
-    pot_side: Annotated[str, options.name("side of the play on which the potentiometer sits", POT_SIDES)] = "link",
+    pot_side: Annotated[str, options.name("side of the play on which the potentiometer sits", SIDES)] = "link",
     realisation: Annotated[str, options.name("how linear actuators are built", REALISATIONS)] = "tendon",
     params: options.Params = None,
     log: Annotated[
@@ -64,12 +63,11 @@ def simulate(
         from twin.design import fit_stroke
 
         experiment = fit_stroke(experiment, stroke)
-    folder = Path(out) if out is not None else default_folder("simulate")
-    target = Path(log) if log is not None else folder / "log.csv"
-    inside = target.parent.resolve() == folder.resolve()
-    if not inside:
-        check_writable_file(target)
-    with output_folder(folder) as scratch, console.progress(2) as step:
+    with run_folder(out, "simulate") as (folder, scratch), console.progress(2) as step:
+        target = Path(log) if log is not None else folder / "log.csv"
+        inside = target.parent.resolve() == folder.resolve()
+        if not inside:
+            check_writable_file(target)
         step(f"{joint}: {duration:g} s of {excitation}")
         result = run(experiment)
         summary = {"file": str(target), **result.as_dict()}

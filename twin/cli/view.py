@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,7 +11,9 @@ import twin
 from sysid.errors import InputError
 from twin.cli import console, options
 from twin.cli.output import check_writable_file, output_folder
-from twin.replay import Movement, Replay, movement
+
+if TYPE_CHECKING:
+    from twin.replay import Movement, Replay
 
 File = Annotated[str | None, typer.Argument(metavar="[LOG]", help="log to replay (.csv, .parquet, .mat)")]
 Ghost = Annotated[str | None, typer.Option(metavar="LOG", help="another log, such as the rig's, as a ghost leg")]
@@ -66,7 +68,7 @@ def view(
 
 def _replay(
     log: str | None, ghost: str | None, joint: str | None, start: float | None, stop: float | None
-) -> tuple[Replay | None, list[str]]:
+) -> tuple["Replay | None", list[str]]:
     """The replay and what its legs are called; none without a log."""
     if log is None:
         for option, given in (("--joint", joint), ("--ghost", ghost), ("--start", start), ("--stop", stop)):
@@ -75,6 +77,8 @@ def _replay(
                     f"{option} is given without a LOG; give the log to replay first: qpal view LOG {option} ..."
                 )
         return None, []
+    from twin.replay import Replay
+
     first = twin.Log.load(log)
     leg = _movement(log, first, joint)
     shadow = None
@@ -87,14 +91,16 @@ def _replay(
     return replay, [Path(path).name for path in (log, ghost) if path is not None]
 
 
-def _movement(path: str, log: twin.Log, joint: str | None) -> Movement:
+def _movement(path: str, log: twin.Log, joint: str | None) -> "Movement":
+    from twin.replay import movement
+
     try:
         return movement(log, joint)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def _write_strip(replay: Replay | None, names: list[str], count: int, path: Path) -> None:
+def _write_strip(replay: "Replay | None", names: list[str], count: int, path: Path) -> None:
     from twin import view_pictures as pictures
     from twin.report.style import png
 
@@ -102,7 +108,7 @@ def _write_strip(replay: Replay | None, names: list[str], count: int, path: Path
     path.write_bytes(png(figure))
 
 
-def _write_frames(replay: Replay, names: list[str], speed: float, frames: str | None, gif: str | None) -> None:
+def _write_frames(replay: "Replay", names: list[str], speed: float, frames: str | None, gif: str | None) -> None:
     from twin import view_pictures as pictures
 
     times = pictures.frame_times(replay, speed)

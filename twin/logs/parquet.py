@@ -14,7 +14,7 @@ class Parquet:
         import polars
 
         try:
-            frame = polars.read_parquet(path)
+            frame = polars.read_parquet(path, glob=False)  # a name may hold [ or *
         except OSError:
             raise
         except Exception as error:  # polars has an exception class of its own for each way of being damaged

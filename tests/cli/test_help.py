@@ -1,0 +1,34 @@
+"""What `qpal VERB --help` shows is what the code says, brackets included."""
+
+import re
+
+import pytest
+import typer
+
+from twin.cli import main
+from twin.cli.app import VERBS, build
+
+
+@pytest.mark.parametrize("verb", [verb.__name__ for verb in VERBS])
+def test_help_of_every_option_is_shown_whole(verb, capsys):
+    command = typer.main.get_command(build()).commands[verb]
+    assert main([verb, "--help"]) == 0
+    shown = _solid(capsys.readouterr().out)
+    assert _solid(command.help) in shown
+    helps = [parameter.help for parameter in command.params if parameter.name != "help"]
+    assert helps
+    for text in helps:
+        assert text, "every option says what it is for"
+        assert _solid(text) in shown
+
+
+def test_brackets_are_not_swallowed(capsys):
+    assert main(["identify", "--help"]) == 0
+    shown = _solid(capsys.readouterr().out)
+    assert _solid("what to remove [mean; none of an actuated joint]: ") in shown
+    assert _solid("of nlarx na,nb,nk [2,3,1; 2,2,1]") in shown
+
+
+def _solid(text: str) -> str:
+    """Without white space and frames: lines may break anywhere."""
+    return re.sub(r"[\s│]", "", text)

@@ -1,0 +1,67 @@
+"""What a verb loads: identifying a record needs no robot and so no MuJoCo."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import twin
+
+LOADED = """
+import sys
+from twin.cli import main
+code = main(sys.argv[1:])
+print("LOADED", *sorted({name.split(".")[0] for name in sys.modules}), *(n for n in sys.modules if "twin." in n))
+sys.exit(code)
+"""
+
+
+def loaded(arguments: list[str], folder) -> set[str]:
+    """Modules that are loaded after `qpal` has run with these arguments."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", LOADED, *arguments], cwd=folder, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.rpartition("LOADED")[2].split())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1"],
+        ["--ts", "0.1", "--structure", "actuated_joint", "--starts", "1"],
+        ["--ts", "0.1", "--structure", "nlarx", "--starts", "1"],
+    ],
+    ids=["chain", "joint", "nlarx"],
+)
+def test_identify_loads_no_mujoco(arguments, tmp_path):
+    rng = np.random.default_rng(0)
+    u = np.repeat(rng.uniform(-1.0, 1.0, 30), 10)
+    y = np.zeros(len(u))
+    for k in range(1, len(y)):
+        y[k] = np.clip(y[k - 1] + 0.1 * u[k - 1], -1.0, 1.0)
+    np.savetxt(tmp_path / "log.csv", np.column_stack([u, y + 0.001 * rng.standard_normal(len(u))]), delimiter=",")
+    names = loaded(["identify", "log.csv", *arguments], tmp_path)
+    assert {"sysid", "twin", "twin.evaluation"} <= names
+    assert "mujoco" not in names
+    assert not {"twin.leg", "twin.experiment", "twin.ensemble", "twin.plant"} & names
+
+
+def test_help_of_every_verb_loads_no_mujoco(tmp_path):
+    for verb in ("identify", "simulate", "view", "reproduce", "info", "crawl"):
+        assert "mujoco" not in loaded([verb, "--help"], tmp_path)
+
+
+@pytest.mark.parametrize("first", ["twin.truth", "twin.log", "twin.experiment", "twin.signatures.mechanics"])
+def test_a_name_is_itself_whatever_was_imported_before(first):
+    code = f"import {first}, twin; print(callable(twin.truth), twin.Log.__name__, len(twin.IMPERFECTIONS))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "Log", "17"]
+
+
+def test_the_public_names_of_twin_are_the_stubs():
+    names = ["Draws", "Ensemble", "Experiment", "IMPERFECTIONS", "JOINTS", "Log", "Parameters", "truth"]
+    assert sorted(dir(twin)) == sorted(twin.__all__) == sorted(names)
+    for name in names:
+        assert getattr(twin, name) is not None

@@ -1,0 +1,64 @@
+"""Who may talk to the web viewer: pages that it served itself, under this machine's own names, and nobody else.
+
+A browser on this machine runs pages of other sites, and those can reach the loopback too. Their requests say so: a name
+that was pointed at 127.0.0.1 stands in Host (DNS rebinding), a foreign page in Origin, and browsers add Sec-Fetch-Site.
+"""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+OWN = ("localhost", "127.0.0.1", "[::1]")
+CLOSED = ("/drop",)  # a model dropped on the page: its MJCF can name, and so show, any file of this machine
+OPEN_TO_ALL = "Access-Control-Allow-Origin"
+
+
+class Headers(Protocol):
+    """The headers of a request; names in any case."""
+
+    def get_all(self, key: str) -> list[str]:
+        """Every value of a header."""
+        ...
+
+
+def refusal(path: str, headers: Headers, port: int) -> str | None:
+    """Why a request for `path` at `port` is refused; None where it is not."""
+    hosts = {f"{name}:{port}" for name in OWN} | ({*OWN} if port == 80 else set())
+    asked = headers.get_all("Host")
+    if len(asked) != 1 or asked[0].lower() not in hosts:
+        return f"This viewer answers to http://localhost:{port}/ alone."
+    origins = {f"http://{host}" for host in hosts}
+    if any(origin.lower() not in origins for origin in headers.get_all("Origin")):
+        return f"This viewer answers to its own page at http://localhost:{port}/ alone."
+    if not _own_page_or_person(headers):
+        return f"This viewer is not part of other pages; open http://localhost:{port}/."
+    if path.partition("?")[0] in CLOSED:
+        return "This viewer loads no other model."
+    return None
+
+
+def _own_page_or_person(headers: Headers) -> bool:
+    """Whether the viewer's own page asks, or a person who opens that page; an old browser does not say."""
+    sites = headers.get_all("Sec-Fetch-Site")
+    opened = headers.get_all("Sec-Fetch-Mode") == ["navigate"] and headers.get_all("Sec-Fetch-Dest") == ["document"]
+    return all(site in ("same-origin", "none") for site in sites) or opened
+
+
+def guarded(serve: Callable[..., Any]) -> Callable[..., Any]:
+    """`websockets.asyncio.server.serve` that checks every request, also for a WebSocket: a refused one gets 403."""
+
+    def checked(handler: Any, *, sock: Any, process_request: Any, process_response: Any, **options: Any) -> Any:
+        port = sock.getsockname()[1]
+
+        def request_first(connection: Any, request: Any) -> Any:
+            reason = refusal(request.path, request.headers, port)
+            return process_request(connection, request) if reason is None else connection.respond(403, reason + "\n")
+
+        def response_last(connection: Any, request: Any, response: Any) -> Any:
+            answer = process_response(connection, request, response) or response
+            if OPEN_TO_ALL in answer.headers:
+                del answer.headers[OPEN_TO_ALL]  # it lets pages of any site read the answer
+            return answer
+
+        return serve(handler, sock=sock, process_request=request_first, process_response=response_last, **options)
+
+    return checked
