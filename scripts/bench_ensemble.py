@@ -21,8 +21,8 @@ from collections.abc import Callable
 import numpy as np
 from mujoco.batch import Batch
 
-from twin.draws import Draws
-from twin.ensemble import Ensemble
+from twin.ensemble.draws import Draws
+from twin.ensemble.ensemble import Ensemble
 from twin.experiment import SETTLE, Experiment
 from twin.plant.stepping import TIMESTEP
 
@@ -30,9 +30,9 @@ FRICTION = {f"thigh.{row}": 0.3 for row in ("coulomb", "viscous", "bearing_coulo
 DRIVE = {"supply_voltage": 0.2, "dead_band": 0.5, "delay": 0.5, "pot_noise": 0.5}
 MEMORY = """
 import resource, sys, tempfile
-from twin.ensemble import Ensemble
+from twin.ensemble.ensemble import Ensemble
 from twin.experiment import Experiment
-from twin.draws import Draws
+from twin.ensemble.draws import Draws
 with tempfile.TemporaryDirectory() as folder:
     draws = Draws({"thigh.coulomb": 0.3})
     ensemble = Ensemble(Experiment("thigh", "aprbs", 5.0), range(int(sys.argv[1])), draws, folder)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import twin
 from sysid.blocks import CoastingPlay, Play
-from twin.report import style
+from sysid.report import style
 
 QUIET = ("noise", "adc", "jitter", "dropouts", "nonlinearity")
 FILE = Path(__file__).resolve().parent.parent / "docs" / "joint-play.png"

@@ -5,7 +5,7 @@
 Fit: 2 x 125 s of the paper's sweep, and of one whose times and levels are drawn, estimated on the first half and run
 free over the second; with --lead also how far the paper's structure stays behind. Values: 125 s each of the paper's
 sweep, of a drawn one and of slow stairs of 7 V, fitted as three experiments: sweeps show ends and speeds, the stairs
-what voltage starts the joint. The joint grows part by part (`sysid.joint_growth`); how fine the bridge is and how
+what voltage starts the joint. The joint grows part by part (`sysid.joint.growth`); how fine the bridge is and how
 straight the potentiometer stand in their data sheets.
 The thigh's weight holds its link against one side of the play, so its backlash is looked for once more with the leg
 laid on its side, where nothing pulls.
@@ -18,15 +18,15 @@ from joblib import Parallel, delayed
 
 import sysid
 import twin
-from sysid.criteria import fit_percent
-from sysid.data import IOData
-from sysid.joint_growth import Growth, grow_joint
-from sysid.joint_values import joint_values
-from sysid.preprocess import quick_start
+from sysid.base.criteria import fit_percent
+from sysid.data.preprocess import quick_start
+from sysid.data.record import IOData
+from sysid.joint.growth import Growth, grow_joint
+from sysid.joint.values import joint_values
 from sysid.structures import actuated_joint
-from twin.beyond import aim, irregular, twin_truth
-from twin.drive import drive
-from twin.protocol import PAPER
+from twin.hardware.drive import drive
+from twin.studies.beyond import aim, irregular, twin_truth
+from twin.studies.protocol import PAPER
 
 RECORDS = {
     "sweep": ("sweep", {}),

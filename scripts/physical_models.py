@@ -12,10 +12,10 @@ import numpy as np
 import sysid
 from sysid import IOData
 from sysid.blocks import Custom, FrictionLag, Motor, ProfiledMotor, TransferFunction
-from sysid.chain import Chain
-from sysid.fitting import Fit
-from sysid.hedge import with_gains
-from sysid.initial_profile import first_state
+from sysid.data.gain_variants import with_gains
+from sysid.estimation.result import Fit
+from sysid.estimation.starts.profile import first_state
+from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
 FULL_DUTY = 885.0  # of an XL330's PWM, 100 % (ROBOTIS e-manual, XL330-M288-T, "Present PWM")

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from twin import protocol
+from sysid.report.page import Grid
 from twin.report import beyond, reproduce
-from twin.report.page import Grid
-from twin.stills import leg_stills
+from twin.studies import protocol
+from twin.view.stills import leg_stills
 
 ROOT = Path(__file__).resolve().parent.parent
 MARK, END = "<!-- {}: made by scripts/readme.py -->\n", "<!-- end of {} -->\n"

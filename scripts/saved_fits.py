@@ -25,7 +25,7 @@ from sysid.blocks import (
     UnitGain,
     WaveletNetwork,
 )
-from sysid.chain import Chain
+from sysid.model.chain import Chain
 from sysid.structures import actuated_joint, hammerstein_wiener, output_error, wiener_hammerstein
 
 N, Ts = 200, 0.1

@@ -10,7 +10,7 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from twin.report.page import Grid
+from sysid.report.page import Grid
 from twin.report.signatures import draw, sizes
 from twin.signatures import Signature, signatures
 

@@ -1,40 +1,45 @@
-"""Every public name of sysid and where it is defined: `sysid/__init__.py` reads this, and so do type checkers."""
+"""Every public name of sysid and where it is defined: `sysid/__init__.py` reads this, and so do type checkers.
+
+A room is a folder of the house; its own `__init__.py` says what is in it.
+"""
 
 from . import (
-    bands as bands,
-    bla as bla,
     blocks as blocks,
-    closed_form as closed_form,
-    curves as curves,
+    data as data,
+    diagnosis as diagnosis,
+    estimation as estimation,
     excitations as excitations,
-    export_c as export_c,
-    export_python as export_python,
-    intervals as intervals,
-    linearize as linearize,
-    nlarx_linearize as nlarx_linearize,
+    export as export,
+    formats as formats,
+    joint as joint,
+    linear as linear,
+    model as model,
+    nlarx as nlarx,
     plots as plots,
-    poles as poles,
-    preprocess as preprocess,
-    responses as responses,
-    searches as searches,
-    select as select,
+    report as report,
+    selection as selection,
+    solver as solver,
     structures as structures,
     systems as systems,
+    uncertainty as uncertainty,
+    validation as validation,
+    workflow as workflow,
 )
-from .advice import Advice as Advice, advise as advise
-from .certainty import information as information
-from .chain import Chain as Chain
-from .data import IOData as IOData
-from .errors import InputError as InputError
-from .estimation import fit as fit
-from .fitting import Fit as Fit
-from .higher_order import higher_order_tests as higher_order_tests
-from .iterate import Options as Options
-from .joint_growth import grow_joint as grow_joint
-from .joint_values import joint_values as joint_values
-from .nlarx_estimation import fit_nlarx as fit_nlarx
-from .nlarx_fit import NlarxFit as NlarxFit
-from .objective import Objective as Objective
-from .residuals import residual_tests as residual_tests
-from .storage import load as load, save as save
-from .validation import compare as compare, cross_validate as cross_validate
+from .base.errors import InputError as InputError
+from .data.record import IOData as IOData
+from .diagnosis.advice import Advice as Advice, advise as advise
+from .diagnosis.higher_order import higher_order_tests as higher_order_tests
+from .diagnosis.residuals import residual_tests as residual_tests
+from .estimation.fit import fit as fit
+from .estimation.objective import Objective as Objective
+from .estimation.result import Fit as Fit
+from .estimation.storage import load as load, save as save
+from .joint.growth import grow_joint as grow_joint
+from .joint.values import joint_values as joint_values
+from .model.chain import Chain as Chain
+from .nlarx.fit import fit_nlarx as fit_nlarx
+from .nlarx.result import NlarxFit as NlarxFit
+from .selection.select import select as select
+from .solver.iterate import Options as Options
+from .uncertainty.information import information as information
+from .validation.compare import compare as compare, cross_validate as cross_validate

@@ -6,11 +6,12 @@ import subprocess
 import numpy as np
 import pytest
 
-from sysid import export_c, export_python
-from sysid.criteria import criteria
-from sysid.fitting import Fit
-from sysid.iterate import Stop
-from sysid.uncertainty import Covariance
+from sysid.base.criteria import criteria
+from sysid.estimation.result import Fit
+from sysid.export import c as export_c
+from sysid.export import python as export_python
+from sysid.solver.covariance import Covariance
+from sysid.solver.iterate import Stop
 
 
 def made(chain, theta):

@@ -14,7 +14,14 @@ import sysid
 import twin
 
 PACKAGES = (sysid, twin)
-FOLDERS = ("sysid.blocks", "sysid.excitations", "sysid.searches", "sysid.structures", "sysid.systems", "twin.logs")
+FOLDERS = (
+    "sysid.blocks",
+    "sysid.excitations",
+    "sysid.formats",
+    "sysid.solver.searches",
+    "sysid.structures",
+    "sysid.systems",
+)
 NOT_FOR_SYSID = ("twin", "mujoco")
 LONGEST = 400
 

@@ -1,8 +1,17 @@
-from .draws import Draws as Draws
-from .ensemble import Ensemble as Ensemble
+"""Every public name of twin and where it is defined: `twin/__init__.py` reads this, and so do type checkers."""
+
+from . import (
+    design as design,
+    hardware as hardware,
+    parameter_file as parameter_file,
+    robot as robot,
+    signatures as signatures,
+    studies as studies,
+    view as view,
+)
+from .ensemble.draws import Draws as Draws
+from .ensemble.ensemble import Ensemble as Ensemble
 from .experiment import Experiment as Experiment
 from .log import Log as Log
-from .parameters import IMPERFECTIONS as IMPERFECTIONS
-from .parameters import JOINTS as JOINTS
-from .parameters import Parameters as Parameters
+from .parameters import IMPERFECTIONS as IMPERFECTIONS, JOINTS as JOINTS, Parameters as Parameters
 from .truth import truth as truth

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.errors import InputError, unknown
+from sysid.base.errors import InputError, unknown
 from twin.experiment import Experiment
 from twin.parameters import JOINTS
 from twin.truth import Truth, truth

@@ -11,18 +11,18 @@ import mujoco
 import numpy as np
 
 from sysid import excitations
-from sysid.errors import InputError, unknown
-from twin.closed_loop import assembled
-from twin.drive import MODES
-from twin.geometry import clearance, end_angles, middle
-from twin.leg import BENCH_LEG, bench, check_switches, joints_of
+from sysid.base.errors import InputError, unknown
+from twin.hardware.drive import MODES
+from twin.hardware.linkage import clearance, end_angles, middle
+from twin.hardware.motor import check_rotor
+from twin.hardware.potentiometer import SIDES, potentiometer
 from twin.log import Log
-from twin.motor import check_rotor
 from twin.parameters import JOINTS, REALISATIONS, Parameters
 from twin.plant import slots
 from twin.plant.board import circuit, user_data
+from twin.plant.closed_loop import assembled
+from twin.plant.leg import BENCH_LEG, bench, check_switches, joints_of
 from twin.plant.stepping import TIMESTEP, Run, step
-from twin.pot import SIDES, potentiometer
 
 # What an excitation gets where the caller gives nothing. A sweep's half period leaves about 22 % of it as rest at an
 # end (the first trials on the paper's protocol); an aprbs holds its levels for a fraction of the travel to all of it.

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from sysid.data import IOData
-from sysid.errors import InputError, unknown
-from twin.logs import read_table
+from sysid.base.errors import InputError, unknown
+from sysid.data.record import IOData
+from sysid.formats import read_table
 from twin.parameters import JOINTS, LEG
 
 TIME = "time_s"

@@ -18,10 +18,10 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn
 
-from sysid.errors import InputError
-from sysid.files import write_text
-from twin.geometry import end_angles
-from twin.motor import check_rotor
+from sysid.base.errors import InputError
+from sysid.base.files import write_text
+from twin.hardware.linkage import end_angles
+from twin.hardware.motor import check_rotor
 from twin.parameters import JOINTS, TABLE, Parameters, Row
 
 LARGEST = 1_000_000  # [bytes] a file of every parameter has about ten thousand

@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from sysid.errors import InputError, unknown
+from sysid.base.errors import InputError, unknown
 
 JOINTS = ("shoulder", "thigh", "shank")
 LEG = "leg"  # in place of a joint: all three of them at once

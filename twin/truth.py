@@ -7,14 +7,14 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sysid.errors import InputError, unknown
-from twin.drive import MODES, drive
-from twin.friction import dry_friction
-from twin.geometry import end_angles, linkage, middle
-from twin.leg import BENCH_LEG, bench, check_joint
-from twin.motor import motor
+from sysid.base.errors import InputError, unknown
+from twin.hardware.drive import MODES, drive
+from twin.hardware.friction import dry_friction
+from twin.hardware.linkage import end_angles, linkage, middle
+from twin.hardware.motor import motor
+from twin.hardware.potentiometer import potentiometer
 from twin.parameters import IMPERFECTIONS, Parameters
-from twin.pot import potentiometer
+from twin.plant.leg import BENCH_LEG, bench, check_joint
 
 # What the linearisation leaves out, besides the Coulomb friction.
 LINEAR = tuple(name for name in IMPERFECTIONS if name != "friction")

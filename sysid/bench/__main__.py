@@ -5,11 +5,11 @@ import json
 import sys
 from pathlib import Path
 
+from sysid.base.errors import InputError
 from sysid.bench.report import table
 from sysid.bench.runner import read, run
 from sysid.bench.scenarios import cases
 from sysid.bench.speed import speed
-from sysid.errors import InputError
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -6,9 +6,9 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from sysid.base.errors import InputError
 from sysid.bench.scenarios import Case
 from sysid.bench.score import FIELDS, score
-from sysid.errors import InputError
 
 
 def run(cases: list[Case], path: Path, progress: Callable[[int, int], None] | None = None) -> int:

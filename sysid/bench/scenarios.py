@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 from sysid.blocks import TransferFunction
-from sysid.chain import Chain
+from sysid.model.chain import Chain
+from sysid.model.system import System
 from sysid.structures import hammerstein_wiener
-from sysid.system import System
 from sysid.systems import TABLE
 
 N, NOISE = 4000, 0.01

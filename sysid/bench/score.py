@@ -3,12 +3,12 @@
 import numpy as np
 
 from sysid import fit
+from sysid.base.criteria import fit_percent
 from sysid.bench.scenarios import NOISE, Case, N, chain
-from sysid.certainty import information_at
-from sysid.criteria import fit_percent
-from sysid.intervals import poles
-from sysid.system import System
+from sysid.model.system import System
 from sysid.systems import system
+from sysid.uncertainty.information import information_at
+from sysid.uncertainty.intervals import poles
 
 FIELDS = (
     "plant", "structure", "starts", "seed", "fit", "oracle", "gap", "pole_errors_crb", "seconds", "iterations",
@@ -46,7 +46,7 @@ def score(case: Case) -> dict[str, str]:
 
 def pole_bound(plant: System, u: np.ndarray) -> np.ndarray:
     """Cramer-Rao bound on sqrt(E |error|^2) of each pole, for this input and the noise of the scenarios."""
-    from sysid.data import IOData
+    from sysid.data.record import IOData
 
     y = plant.truth(u)
     data = IOData(u, y, plant.Ts)

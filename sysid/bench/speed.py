@@ -13,14 +13,14 @@ from typing import TypeVar
 import numpy as np
 
 from sysid import fit
+from sysid.base.threads import one_blas_thread
 from sysid.bench.scenarios import NOISE, N
-from sysid.chain import Chain
-from sysid.iterate import Linearisation
-from sysid.problem import ChainProblem
+from sysid.estimation.problem import ChainProblem
+from sysid.model.chain import Chain
+from sysid.model.system import System
+from sysid.solver.iterate import Linearisation
 from sysid.structures import hammerstein_wiener
-from sysid.system import System
 from sysid.systems import system
-from sysid.threads import one_blas_thread
 
 T = TypeVar("T")
 

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from sysid.block import Block, StaticBlock
+from sysid.base.errors import unknown
+from sysid.block.block import Block, StaticBlock
 from sysid.blocks.channels import Channels
 from sysid.blocks.coasting_play import CoastingPlay
 from sysid.blocks.cubic_spline import CubicSpline
@@ -26,7 +27,6 @@ from sysid.blocks.transfer_matrix import TransferMatrix
 from sysid.blocks.travel_map import TravelMap
 from sysid.blocks.unit_gain import UnitGain
 from sysid.blocks.wavelet_network import WaveletNetwork
-from sysid.errors import unknown
 
 STATIC: dict[str, Callable[..., StaticBlock]] = {
     "cubic_spline": CubicSpline,

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.block import Block, Slot, StaticBlock, Symmetry
-from sysid.errors import InputError
+from sysid.base.errors import InputError
+from sysid.block.block import Block, Slot, StaticBlock, Symmetry
 
 
 @dataclass(frozen=True)

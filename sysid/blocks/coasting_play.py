@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot
+from sysid.block.block import Block, Slot
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class CoastingPlay(Block):
         )
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_play import coasting_play
+        from sysid.block.kernels_play import coasting_play
 
         y = np.empty_like(x)
         width, rest, drag, pull0, pull1 = (float(value) for value in theta)

@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
-from sysid.errors import InputError
+from sysid.base.errors import InputError
+from sysid.block.block import Slot, StaticBlock, Symmetry
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class CubicSpline(StaticBlock):
         return (*self.span, theta) if self.span is not None else (theta[0], theta[1], theta[2:])
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        from sysid.kernels_maps import spline
+        from sysid.block.kernels_maps import spline
 
         y, slope = np.empty_like(x), np.empty_like(x)
         lo, hi, v = self._ends(theta)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
-from sysid.errors import InputError
+from sysid.base.errors import InputError
+from sysid.block.block import Slot, StaticBlock, Symmetry
 
 _STEP = float(np.finfo(float).eps) ** (1.0 / 3.0)  # of central differences, relative to the size of the variable
 

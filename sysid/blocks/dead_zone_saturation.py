@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.block.block import Slot, StaticBlock, Symmetry
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot, Symmetry
+from sysid.block.block import Block, Slot, Symmetry
 
 LONGEST = 1000.0  # samples
 
@@ -21,7 +21,7 @@ class Delay(Block):
         return (Slot("delay", "samples", lower=0.0, upper=LONGEST),)
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_motion import fractional_delay
+        from sysid.block.kernels_motion import fractional_delay
 
         y = np.empty_like(x)
         fractional_delay(float(theta[0]), x, y, J, q if J.shape[1] else 0)

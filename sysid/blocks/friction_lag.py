@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot, Symmetry
-from sysid.errors import InputError
+from sysid.base.errors import InputError
+from sysid.block.block import Block, Slot, Symmetry
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class FrictionLag(Block):
         )
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_profile import friction_lag
+        from sysid.block.kernels_profile import friction_lag
 
         y = np.empty_like(x)
         gain, drag, friction, onset, v0 = theta

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot, Symmetry
+from sysid.block.block import Block, Slot, Symmetry
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class LimitedIntegrator(Block):
         return (Slot("gain"), Slot("lower"), Slot("upper"), Slot("x0", initial=True))
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_motion import limited_integrator
+        from sysid.block.kernels_motion import limited_integrator
 
         y = np.empty_like(x)
         gain, lower, upper, start = (float(value) for value in theta)

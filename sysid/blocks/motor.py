@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot, Symmetry
-from sysid.errors import InputError
+from sysid.base.errors import InputError
+from sysid.block.block import Block, Slot, Symmetry
 
 _FASTEST = 1e-3  # samples; a lag below it cannot be told from none
 LONGEST = 20.0  # samples of delay
@@ -53,7 +53,7 @@ class Motor(Block):
 
     def _kept(self) -> list[tuple[int, Slot]]:
         """Place in the kernel's full vector, and slot, of every parameter that this motor has."""
-        from sysid import kernels_motion as k
+        from sysid.block import kernels_motion as k
 
         found = [
             (k.GAIN, Slot("gain", "1/V/sample", lower=0.0)),
@@ -79,7 +79,7 @@ class Motor(Block):
 
     def _full(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The kernel's parameters (MOTOR,) and where each stands in theta, -1 for none."""
-        from sysid import kernels_motion as k
+        from sysid.block import kernels_motion as k
 
         full, column = np.zeros(k.MOTOR), np.full(k.MOTOR, -1)
         full[k.STICK_SPEED], full[k.LOWER], full[k.UPPER] = 1.0, -np.inf, np.inf
@@ -88,7 +88,7 @@ class Motor(Block):
         return full, column
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_motion import motor
+        from sysid.block.kernels_motion import motor
 
         full, column = self._full(theta)
         y = np.empty_like(x)

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
-from sysid.errors import InputError
+from sysid.base.errors import InputError
+from sysid.block.block import Slot, StaticBlock, Symmetry
 
 _GAP = 0.01  # of the knots' span: nearer knots make a jump, and its slope says nothing beyond it
 
@@ -49,7 +49,7 @@ class PiecewiseLinear(StaticBlock):
         return (theta[: self.knots], theta[self.knots :]) if self.free_knots else (np.array(self.at), theta)
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        from sysid.kernels import piecewise_linear
+        from sysid.block.kernels import piecewise_linear
 
         y, slope, own = np.empty_like(x), np.empty_like(x), J.shape[1] > 0
         kx, ky = self._points(theta)

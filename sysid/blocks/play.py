@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot
+from sysid.block.block import Block, Slot
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Play(Block):
         return Slot("width", lower=0.0), Slot("rest", lower=-0.5, upper=0.5, initial=True)
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_play import play
+        from sysid.block.kernels_play import play
 
         y = np.empty_like(x)
         play(float(theta[0]), float(theta[1]), x, y, J, q if J.shape[1] else 0)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot, Symmetry
-from sysid.errors import InputError
+from sysid.base.errors import InputError
+from sysid.block.block import Block, Slot, Symmetry
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class ProfiledMotor(Block):
         return (*plain, *profiles, Slot("x0", initial=True), Slot("v0", "1/sample", initial=True))
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_profile import profiled_motor
+        from sysid.block.kernels_profile import profiled_motor
 
         y = np.empty_like(x)
         profiled_motor(theta, self.knots, self.low, self.high, self.substeps, x, y, J, q if J.shape[1] else 0)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
-from sysid.errors import InputError
+from sysid.base.errors import InputError
+from sysid.block.block import Slot, StaticBlock, Symmetry
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class SigmoidNetwork(StaticBlock):
         return (Slot("y0"), Slot("L"), *(Slot(f"{letter}{k}") for letter in "sbc" for k in n))
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        from sysid.kernels import sigmoid_network
+        from sysid.block.kernels import sigmoid_network
 
         y, slope = np.empty_like(x), np.empty_like(x)
         sigmoid_network(theta, x, y, slope, J, q, J.shape[1] > 0)

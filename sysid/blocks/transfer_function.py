@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot, Symmetry
-from sysid.errors import InputError
+from sysid.base.errors import InputError
+from sysid.block.block import Block, Slot, Symmetry
 
 _CLUSTER = 1e-6  # a double integrator's computed poles stand about this far from 1, inside or outside
 STABILITY = ("stable", "free")
@@ -110,7 +110,7 @@ class TransferFunction(Block):
         return repaired
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels import all_pole, filter_tangent, lagged
+        from sysid.block.kernels import all_pole, filter_tangent, lagged
 
         B, F = self.padded(theta)
         _, f, x0 = self.split(theta)

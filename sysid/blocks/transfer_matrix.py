@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.block import Block, Slot, Symmetry
+from sysid.base.errors import InputError
+from sysid.block.block import Block, Slot, Symmetry
 from sysid.blocks.transfer_function import TransferFunction
-from sysid.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.base.errors import InputError
+from sysid.block.block import Slot, StaticBlock, Symmetry
 from sysid.blocks.cubic_spline import CubicSpline
-from sysid.errors import InputError
 
 _LEAST = 0.02  # of the mean slope: a segment that is flatter hides where the joint is
 
@@ -41,8 +41,8 @@ class TravelMap(StaticBlock):
         return CubicSpline(self.knots, span=(0.0, 1.0)).pieces
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        from sysid.kernels import piecewise_linear
-        from sysid.kernels_maps import spline
+        from sysid.block.kernels import piecewise_linear
+        from sysid.block.kernels_maps import spline
 
         low, high, knots = theta[0], theta[1], self.knots
         s, slope, own = np.empty_like(x), np.empty_like(x), J.shape[1] > 0

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
-from sysid.errors import InputError
+from sysid.base.errors import InputError
+from sysid.block.block import Slot, StaticBlock, Symmetry
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class WaveletNetwork(StaticBlock):
         return (Slot("y0"), Slot("L"), *(Slot(f"{letter}{k}") for letter in "sbc" for k in n))
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        from sysid.kernels_maps import wavelet_network
+        from sysid.block.kernels_maps import wavelet_network
 
         y, slope = np.empty_like(x), np.empty_like(x)
         wavelet_network(theta, self.wavelets, x, y, slope, J, q, J.shape[1] > 0)

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sysid.errors import unknown
+from sysid.base.errors import unknown
 from sysid.excitations.aprbs import Aprbs
 from sysid.excitations.chirp import Chirp
 from sysid.excitations.multisine import Multisine

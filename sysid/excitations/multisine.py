@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from sysid.errors import InputError
-from sysid.levels import check, check_band, check_name, half_way, samples
-from sysid.threads import one_blas_thread
+from sysid.base.errors import InputError
+from sysid.base.levels import check, check_band, check_name, half_way, samples
+from sysid.base.threads import one_blas_thread
 
 GRIDS = ("full", "odd", "odd_odd", "random_odd")
 PHASES = ("optimised", "schroeder", "random")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import max_len_seq
 
-from sysid.levels import check, check_name, check_whole, half_way, samples
+from sysid.base.levels import check, check_name, check_whole, half_way, samples
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.levels import check, check_name, check_whole, samples
+from sysid.base.levels import check, check_name, check_whole, samples
 
 
 @dataclass(frozen=True)

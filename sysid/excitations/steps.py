@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.levels import check, check_from_zero, check_name, samples, within_reach
+from sysid.base.levels import check, check_from_zero, check_name, samples, within_reach
 
 
 @dataclass(frozen=True)

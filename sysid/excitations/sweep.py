@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.errors import InputError
-from sysid.levels import check, check_from_zero
+from sysid.base.errors import InputError
+from sysid.base.levels import check, check_from_zero
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-from sysid.chain import Chain
-from sysid.errors import InputError, unknown
+from sysid.base.errors import InputError, unknown
+from sysid.model.chain import Chain
 from sysid.structures.actuated_joint import actuated_joint
 from sysid.structures.hammerstein import hammerstein
 from sysid.structures.hammerstein_wiener import hammerstein_wiener
@@ -28,7 +28,7 @@ def build(name: str, nb: int, nf: int, nk: int, input: str | None = None, output
     """The structure called `name`: a Chain, or an Nlarx with na = nf. A map it has no place for is an InputError.
 
     An actuated joint has no orders, and `input` and `output` are its driver and its sensor; it is the plain one that
-    `sysid.joint_growth` begins with.
+    `sysid.joint.growth` begins with.
     """
     if name not in TABLE:
         raise unknown("structure", name, TABLE)

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from sysid.block import Block
+from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, TravelMap, static
-from sysid.chain import Chain
-from sysid.recipes import Map
+from sysid.model.chain import Chain
+from sysid.model.recipes import Map
 
 
 def actuated_joint(

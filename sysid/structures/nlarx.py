@@ -1,6 +1,6 @@
 """Nonlinear ARX: a function of past outputs and inputs."""
 
-from sysid.nlarx import Nlarx
+from sysid.nlarx.model import Nlarx
 
 
 def nlarx(

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from sysid.chain import Chain
-from sysid.recipes import Order, filters
+from sysid.model.chain import Chain
+from sysid.model.recipes import Order, filters
 
 
 def output_error(nb: Order = 2, nf: Order = 3, nk: Order = 1, nu: int = 1, ny: int = 1, **limits: Any) -> Chain:

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from sysid.chain import Chain
-from sysid.recipes import Map, Order, filters, maps
+from sysid.model.chain import Chain
+from sysid.model.recipes import Map, Order, filters, maps
 
 
 def wiener(

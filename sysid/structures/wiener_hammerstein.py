@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from sysid.block import StaticBlock
+from sysid.block.block import StaticBlock
 from sysid.blocks import TransferFunction, static
-from sysid.chain import Chain
+from sysid.model.chain import Chain
 
 
 def wiener_hammerstein(

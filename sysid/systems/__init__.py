@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from sysid.errors import unknown
-from sysid.system import System
+from sysid.base.errors import unknown
+from sysid.model.system import System
 from sysid.systems.paper_shank import paper_shank
 from sysid.systems.paper_shoulder import paper_shoulder
 from sysid.systems.paper_thigh import paper_thigh

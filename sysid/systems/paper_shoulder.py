@@ -3,8 +3,8 @@
 import numpy as np
 
 from sysid.blocks import PiecewiseLinear
+from sysid.model.system import System
 from sysid.structures.hammerstein_wiener import hammerstein_wiener
-from sysid.system import System
 
 
 def paper_shoulder() -> System:

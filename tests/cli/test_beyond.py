@@ -9,11 +9,12 @@ from exported import agrees
 
 import sysid
 import twin
-from sysid import export_c
-from twin import IMPERFECTIONS, ablation, beyond, protocol
+from sysid.export import c as export_c
+from sysid.workflow.evaluation import Setting
+from twin import IMPERFECTIONS
 from twin.cli import main
-from twin.evaluation import Setting
 from twin.report import beyond as report
+from twin.studies import ablation, beyond, protocol
 
 # What an actuated joint can say exactly: a motor with dry friction between two stops, read with noise.
 EXACT = tuple(name for name in IMPERFECTIONS if name not in ("friction", "asymmetry", "end_stops", "delay", "noise"))

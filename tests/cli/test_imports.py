@@ -43,9 +43,9 @@ def test_identify_loads_no_mujoco(arguments, tmp_path):
         y[k] = np.clip(y[k - 1] + 0.1 * u[k - 1], -1.0, 1.0)
     np.savetxt(tmp_path / "log.csv", np.column_stack([u, y + 0.001 * rng.standard_normal(len(u))]), delimiter=",")
     names = loaded(["identify", "log.csv", *arguments], tmp_path)
-    assert {"sysid", "twin", "twin.evaluation"} <= names
+    assert {"sysid", "twin", "sysid.workflow.evaluation"} <= names
     assert "mujoco" not in names
-    assert not {"twin.leg", "twin.experiment", "twin.ensemble", "twin.plant"} & names
+    assert not {"twin.plant.leg", "twin.experiment", "twin.ensemble.ensemble", "twin.plant"} & names
 
 
 def test_help_of_every_verb_loads_no_mujoco(tmp_path):

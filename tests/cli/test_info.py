@@ -11,9 +11,9 @@ import pytest
 import twin
 from twin import parameter_file
 from twin.cli import main
-from twin.information import Information, Joint, inform
 from twin.parameters import TABLE, Parameters
 from twin.report import info as report
+from twin.studies.information import Information, Joint, inform
 from twin.truth import Truth
 
 IDEAL = {row.name: 0.0 for row in TABLE if row.lower == 0}  # no friction, gravity, dead band, noise

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sysid.errors import InputError
+from sysid.base.errors import InputError
 from twin.cli import main, output
 from twin.cli.output import run_folder
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sysid import files
-from sysid.errors import InputError
+from sysid.base import files
+from sysid.base.errors import InputError
 from twin.cli.options import parameters as from_option
 from twin.parameter_file import LARGEST, read, write
 from twin.parameters import TABLE, Parameters

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 import sysid
-from sysid.criteria import criteria
-from sysid.data import IOData
-from sysid.fitting import Fit
-from sysid.iterate import Stop
-from sysid.joint_values import JointValue
-from sysid.preprocess import detrend
-from sysid.uncertainty import Covariance
+from sysid.base.criteria import criteria
+from sysid.data.preprocess import detrend
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+from sysid.joint.values import JointValue
+from sysid.report import sections, style
+from sysid.report.page import Grid, to_json
+from sysid.report.units import number, percent, poles, shown
+from sysid.solver.covariance import Covariance
+from sysid.solver.iterate import Stop
+from sysid.workflow.extrapolation import carried, ends_met, unvisited
 from twin.cli.console import Rounds, Steps
-from twin.report import sections, style
-from twin.report.page import Grid, to_json
-from twin.report.units import number, percent, poles, shown
-from twin.unvisited import carried, ends_met, unvisited
 
 
 @pytest.mark.parametrize(

@@ -17,12 +17,13 @@ import scipy.signal
 
 import sysid
 import twin
-from sysid.preprocess import quick_start
-from twin import protocol, stills
+from sysid.data.preprocess import quick_start
+from sysid.report.page import Page
+from sysid.workflow.evaluation import Setting, evaluate
+from sysid.workflow.record import read_record
 from twin.cli import main
-from twin.evaluation import Setting, evaluate
-from twin.record import read_record
-from twin.report.page import Page
+from twin.studies import protocol
+from twin.view import stills
 
 TS = 0.05
 POLES = np.array([0.9, 0.6])

@@ -16,10 +16,10 @@ import pytest
 from PIL import Image
 
 import twin
-from twin import stills
 from twin.cli import main
-from twin.geometry import end_angles
-from twin.view import check_port
+from twin.hardware.linkage import end_angles
+from twin.view import stills
+from twin.view.open import check_port
 
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="about X11 and /proc")
 
@@ -152,7 +152,7 @@ def test_no_display_is_one_sentence_and_no_wait(display, arguments, logs):
 
 
 def test_a_web_viewer_that_is_not_installed_is_a_sentence(logs, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "twin.view_web", None)
+    monkeypatch.setitem(sys.modules, "twin.view.web", None)
     assert main(["view", "thigh.parquet", "--web"]) == 2
     assert "pip install mujoco-studio" in capsys.readouterr().err
 

@@ -2,10 +2,10 @@
 
 import pytest
 
+from sysid.base.errors import InputError
 from sysid.bench import runner, scenarios
 from sysid.bench.report import table
 from sysid.bench.score import FIELDS
-from sysid.errors import InputError
 from sysid.systems import TABLE
 
 

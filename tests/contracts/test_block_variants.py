@@ -6,9 +6,9 @@ from cases import BLOCKS, MOVING, VARIANTS
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sysid.base.errors import InputError
 from sysid.blocks import CubicSpline, Custom, DeadZoneSaturation, PiecewiseLinear, TransferFunction, WaveletNetwork
-from sysid.chain import Chain
-from sysid.errors import InputError
+from sysid.model.chain import Chain
 from sysid.structures import hammerstein_wiener
 
 LINEAR = np.array([0.2, 0.12, -1.2, 0.5, 0.3, -0.4])

@@ -6,7 +6,7 @@ from cases import BLOCKS
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sysid.block import StaticBlock
+from sysid.block.block import StaticBlock
 from sysid.blocks import STATIC, TABLE, Channels
 
 

@@ -7,11 +7,11 @@ import pytest
 from cases import BLOCKS, STRUCTURES
 from scipy.signal import lfilter
 
+from sysid.base.errors import InputError
 from sysid.blocks import STATIC, Polynomial, TransferFunction
-from sysid.chain import Chain
-from sysid.data import IOData
-from sysid.errors import InputError
-from sysid.initial import starts
+from sysid.data.record import IOData
+from sysid.estimation.starts.deal import starts
+from sysid.model.chain import Chain
 from sysid.structures import CHAINS, build, hammerstein_wiener
 
 LINEAR = np.array([0.2, 0.12, -1.2, 0.5, 0.3, -0.4])  # nb 2, nf 2, nk 1: gain about 1, poles 0.6 +- 0.37i

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sysid import InputError, IOData
-from sysid.preprocess import detrend, quick_start, retrend
+from sysid.data.preprocess import detrend, quick_start, retrend
 
 
 @pytest.mark.parametrize(

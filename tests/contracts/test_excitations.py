@@ -8,7 +8,7 @@ from cases import EXCITATIONS
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sysid.errors import InputError
+from sysid.base.errors import InputError
 from sysid.excitations import TABLE, Aprbs, Chirp, Multisine, Prbs, Staircase, Steps, Sweep, excitation
 
 NAMES = sorted(TABLE)

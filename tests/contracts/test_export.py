@@ -12,10 +12,13 @@ import pytest
 from cases import BLOCKS, VARIANTS
 from exported import agrees, c_run, excitation, made, python_run
 
-from sysid import InputError, closed_form, export_c, export_python
-from sysid.block import StaticBlock
+from sysid import InputError
+from sysid.block.block import StaticBlock
 from sysid.blocks import STATIC, TABLE, Channels, Custom, Delay, TransferFunction, TransferMatrix
-from sysid.chain import Chain
+from sysid.export import c as export_c
+from sysid.export import closed_form
+from sysid.export import python as export_python
+from sysid.model.chain import Chain
 from sysid.structures import TABLE as STRUCTURES
 from sysid.structures import build
 

@@ -7,7 +7,6 @@ import pytest
 from cases import BLOCKS, MOVING
 from exported import agrees, c_run, excitation, made, python_run, python_space
 
-from sysid import closed_form, export_c, export_python
 from sysid.blocks import (
     CoastingPlay,
     Delay,
@@ -21,9 +20,12 @@ from sysid.blocks import (
     TravelMap,
 )
 from sysid.blocks.motor import MOST_LOSS
-from sysid.chain import Chain
 from sysid.excitations import Sweep
-from sysid.export_motion_c import EMITTERS
+from sysid.export import c as export_c
+from sysid.export import closed_form
+from sysid.export import python as export_python
+from sysid.export.motion_c import EMITTERS
+from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
 FULL = {

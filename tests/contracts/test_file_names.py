@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import twin
-from twin.logs import TABLE, read_table
+from sysid.formats import TABLE, read_table
 
 NAMES = ["log[1]", "log[!a]", *([] if sys.platform == "win32" else ["log*", "log?", "*"])]
 OTHERS = ["log1", "logb", "log"]  # what those would choose as patterns

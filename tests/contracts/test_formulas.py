@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import correlate
 
 from sysid import InputError, residual_tests
-from sysid.criteria import TABLE, criteria, fit_percent
+from sysid.base.criteria import TABLE, criteria, fit_percent
 
 
 def test_criteria_of_a_worked_example():

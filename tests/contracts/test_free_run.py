@@ -8,8 +8,8 @@ from cases import BLOCKS, MOVING
 from exported import agrees, excitation, made, python_run
 
 import sysid
-from sysid.chain import Chain
 from sysid.excitations import Sweep
+from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
 CASES = {**BLOCKS, **MOVING}

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 import sysid
-from sysid import bands, curves, intervals, plots, responses
+from sysid.plots import figures as plots
 from sysid.systems import system
+from sysid.uncertainty import bands, curves, intervals, responses
 
 mpl.use("Agg")
 

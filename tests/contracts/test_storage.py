@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 
 import sysid
 from sysid import InputError, IOData
+from sysid.base.criteria import TABLE as TABLE_OF_CRITERIA
+from sysid.base.criteria import criteria
 from sysid.blocks import TABLE, TransferFunction
-from sysid.chain import Chain
-from sysid.criteria import TABLE as TABLE_OF_CRITERIA
-from sysid.criteria import criteria
-from sysid.fitting import Fit
-from sysid.iterate import Options, Stop
-from sysid.joint_values import joint_values
-from sysid.migrations import VERSION, Step
-from sysid.storage import load, save
-from sysid.uncertainty import Covariance
+from sysid.estimation.migrations import VERSION, Step
+from sysid.estimation.result import Fit
+from sysid.estimation.storage import load, save
+from sysid.joint.values import joint_values
+from sysid.model.chain import Chain
+from sysid.solver.covariance import Covariance
+from sysid.solver.iterate import Options, Stop
 
 SAVED = {**{k: v for k, v in BLOCKS.items() if k != "custom"}, **VARIANTS, **MOVING}
 
@@ -307,7 +307,7 @@ def test_a_renamed_kind_option_and_parameter_take_a_line_each(searched, tmp_path
             "polynomial": {f"k{i}": f"c{i}" for i in range(1, 9)},
         },
     )
-    monkeypatch.setattr("sysid.migrations.STEPS", (step,))
+    monkeypatch.setattr("sysid.estimation.migrations.STEPS", (step,))
     same(load(path), fit)
 
 

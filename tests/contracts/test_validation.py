@@ -33,7 +33,7 @@ def even(seed, N=2000):
     rng = np.random.default_rng(seed)
     u = rng.uniform(-1.0, 1.0, N)
     y = lfilter([0, 0.5, 0.2], [1, -1.2, 0.5], u + 0.1 * (u**2 - 1 / 3)) + 0.2 * rng.standard_normal(N)
-    data = sysid.preprocess.detrend(sysid.IOData(u, y, 1.0))
+    data = sysid.data.preprocess.detrend(sysid.IOData(u, y, 1.0))
     return data, sysid.fit(sysid.structures.output_error(2, 2, 1), data, search="lm", starts=1)
 
 

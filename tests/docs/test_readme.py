@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from twin import protocol
 from twin.cli import main
 from twin.report import beyond, reproduce
+from twin.studies import protocol
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

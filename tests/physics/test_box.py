@@ -8,11 +8,11 @@ import pytest
 from mujoco.batch import Batch
 
 from twin import Ensemble, Experiment
-from twin.draws import whole_box
-from twin.geometry import end_angles
-from twin.leg import bench
+from twin.ensemble.draws import whole_box
+from twin.hardware.linkage import end_angles
 from twin.parameters import JOINTS, Parameters
 from twin.plant import slots, stepping
+from twin.plant.leg import bench
 from twin.plant.stepping import attempt, boards
 
 FULL = os.environ.get("QPAL_FULL") == "1"

@@ -6,18 +6,19 @@ import json
 import numpy as np
 import pytest
 
-from sysid.errors import InputError
-from twin import crawl, crawl_pictures
+from sysid.base.errors import InputError
 from twin.cli import main
-from twin.gait import Gait, plan
-from twin.kinematics import body
-from twin.leg import LEGS, robot
 from twin.parameters import JOINTS, Parameters
+from twin.plant.leg import LEGS, robot
 from twin.report import crawl as report
-from twin.shaping import shaped
-from twin.statics import Statics, stability_margin
-from twin.stills import NoRenderer
-from twin.walk import drive
+from twin.robot import crawl
+from twin.robot.gait import Gait, plan
+from twin.robot.kinematics import body
+from twin.robot.shaping import shaped
+from twin.robot.statics import Statics, stability_margin
+from twin.robot.walk import drive
+from twin.view import crawl as crawl_pictures
+from twin.view.stills import NoRenderer
 
 CYCLE = Gait(cycles=1)
 

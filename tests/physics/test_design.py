@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sysid.errors import InputError
+from sysid.base.errors import InputError
 from sysid.excitations import TABLE
 from twin import JOINTS, Experiment, Parameters, truth
 from twin.design import QUIET, fit_stroke

@@ -6,7 +6,7 @@ from rig import VOLTS, shown
 
 from sysid.blocks import Quantiser
 from twin import JOINTS, Parameters
-from twin.drive import drive
+from twin.hardware.drive import drive
 
 # What else stands between a command and the motor, and what the motor could do to it in return.
 ELSE = ("dead_band", "sag", "delay", "friction", "end_stops")

@@ -19,15 +19,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mujoco.batch import MODEL_FIELDS, Batch, SimulationError
 
-from sysid.errors import InputError
+from sysid.base.errors import InputError
 from twin import Ensemble, Experiment
-from twin.draws import ROWS, WHOLE, Draws, whole_box
-from twin.ensemble import COMPILED
-from twin.geometry import end_angles
-from twin.leg import bench
+from twin.ensemble.draws import ROWS, WHOLE, Draws, whole_box
+from twin.ensemble.ensemble import COMPILED
+from twin.hardware.linkage import end_angles
 from twin.log import Log
 from twin.parameters import JOINTS, OUTSIDE_MODEL, Parameters, Row
 from twin.plant import stepping
+from twin.plant.leg import bench
 from twin.plant.stepping import attempt, step
 
 FULL = os.environ.get("QPAL_FULL") == "1"
@@ -265,7 +265,7 @@ def test_a_damaged_part_is_named(tmp_path: Path) -> None:
 KILLED = """
 import sys
 from twin import Ensemble, Experiment
-from twin.draws import Draws
+from twin.ensemble.draws import Draws
 Ensemble(Experiment("thigh", "aprbs", 5.0), range(60), Draws({"thigh.coulomb": 0.3}), sys.argv[1], 3).run(1)
 """
 
@@ -391,7 +391,7 @@ def test_an_error_in_one_simulation_is_not_the_others(monkeypatch: pytest.Monkey
 LARGEST = """
 import resource, sys
 from twin import Ensemble, Experiment
-from twin.draws import Draws
+from twin.ensemble.draws import Draws
 draws = Draws({"thigh.coulomb": 0.3})
 whole = Ensemble(Experiment("thigh", "aprbs", 1.0), range(int(sys.argv[1])), draws, sys.argv[2], 16).run(2)
 assert sum(log.N for log in whole) == 10 * len(whole)

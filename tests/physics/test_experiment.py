@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from rig import record
 
-from sysid.errors import InputError
+from sysid.base.errors import InputError
 from twin import IMPERFECTIONS, JOINTS, Experiment, Log, Parameters, truth
-from twin.geometry import middle
-from twin.leg import bench, robot
-from twin.stills import NoRenderer, leg_stills
+from twin.hardware.linkage import middle
+from twin.plant.leg import bench, robot
+from twin.view.stills import NoRenderer, leg_stills
 
 
 def same(a: Log, b: Log) -> bool:
@@ -205,7 +205,7 @@ def test_places_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_machine_that_cannot_draw_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("twin.stills.BACKENDS", ("no-such-backend",))
+    monkeypatch.setattr("twin.view.stills.BACKENDS", ("no-such-backend",))
     with pytest.raises(NoRenderer, match="no-such-backend: RuntimeError: invalid value"):
         leg_stills()
 

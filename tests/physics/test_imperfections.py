@@ -6,10 +6,10 @@ import pytest
 from rig import IDEAL_BRIDGE, QUIET, VOLTS, record, shown
 
 from twin import JOINTS, Experiment, Parameters, truth
-from twin.geometry import end_angles, linkage, middle, stroke
-from twin.leg import bench
+from twin.hardware.linkage import end_angles, linkage, middle, stroke
+from twin.hardware.potentiometer import potentiometer
+from twin.plant.leg import bench
 from twin.plant.stepping import step
-from twin.pot import potentiometer
 
 P = Parameters()
 CROSSING = {"shoulder": 4.0, "thigh": 16.0, "shank": 16.0}  # [s] that surely take a joint at 6 V from end to end

@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from sysid.errors import InputError
-from twin.geometry import end_angles
-from twin.kinematics import body
-from twin.leg import LEGS, robot
+from sysid.base.errors import InputError
+from twin.hardware.linkage import end_angles
 from twin.parameters import JOINTS, Parameters
+from twin.plant.leg import LEGS, robot
+from twin.robot.kinematics import body
 
 EXACT = 1e-9  # [m or rad]
 

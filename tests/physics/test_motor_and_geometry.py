@@ -8,12 +8,12 @@ import pytest
 from rig import record
 
 from twin import IMPERFECTIONS, JOINTS, Parameters
-from twin.friction import dry_friction
-from twin.geometry import clearance, end_angles, linkage, middle, stroke
-from twin.leg import BENCH_LEG, LEGS, bench, model_path, robot
-from twin.motor import motor
+from twin.hardware.friction import dry_friction
+from twin.hardware.linkage import clearance, end_angles, linkage, middle, stroke
+from twin.hardware.motor import motor
 from twin.plant import layout
 from twin.plant.board import circuit, user_data
+from twin.plant.leg import BENCH_LEG, LEGS, bench, model_path, robot
 from twin.plant.stepping import boards
 
 P = Parameters()

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sysid.errors import InputError
+from sysid.base.errors import InputError
 from twin import JOINTS, Log, Parameters
-from twin.geometry import end_angles, linkage, middle, stroke
-from twin.leg import BENCH_LEG, LEGS
-from twin.replay import GHOST_LEG, Movement, Replay, moment, movement
-from twin.stills import NoRenderer, cylinders, draw, draw_robot, mid_stroke
-from twin.view_pictures import standing_robot
-from twin.view_window import Clock, simulate, window
+from twin.hardware.linkage import end_angles, linkage, middle, stroke
+from twin.plant.leg import BENCH_LEG, LEGS
+from twin.view.pictures import standing_robot
+from twin.view.replay import GHOST_LEG, Movement, Replay, moment, movement
+from twin.view.stills import NoRenderer, cylinders, draw, draw_robot, mid_stroke
+from twin.view.window import Clock, simulate, window
 
 T = np.arange(40) * 0.1
 OTHER = Parameters({"thigh.base_radius": 0.11, "thigh.stroke": 0.05})  # a leg with other pins

@@ -5,11 +5,11 @@ import pytest
 from rig import ANGLE, IDEAL_BRIDGE, QUIET, READING, VOLTS, record, shown
 
 from twin import IMPERFECTIONS, JOINTS, Experiment, Parameters, truth
-from twin.drive import drive
 from twin.experiment import respond
-from twin.geometry import end_angles, middle
-from twin.motor import motor
-from twin.pot import potentiometer
+from twin.hardware.drive import drive
+from twin.hardware.linkage import end_angles, middle
+from twin.hardware.motor import motor
+from twin.hardware.potentiometer import potentiometer
 from twin.truth import LINEAR
 
 P = Parameters()

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from rig import ANGLE, QUIET
 
-from sysid.errors import InputError
+from sysid.base.errors import InputError
 from twin import IMPERFECTIONS, JOINTS, Experiment, Parameters, truth
 from twin.experiment import SETTLE
-from twin.geometry import middle
-from twin.leg import BENCH_LEG, bench
+from twin.hardware.linkage import middle
+from twin.plant.leg import BENCH_LEG, bench
 from twin.plant.stepping import step
 from twin.truth import LINEAR, channel, closed_form, linearised
 

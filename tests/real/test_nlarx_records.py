@@ -3,7 +3,7 @@
 import numpy as np
 
 import sysid
-from sysid.iterate import Options
+from sysid.solver.iterate import Options
 from sysid.structures import nlarx
 
 

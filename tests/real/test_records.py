@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import sysid
-from sysid.preprocess import detrend, quick_start
+from sysid.data.preprocess import detrend, quick_start
 
 
 def rmse(fit, data, drop):

@@ -5,12 +5,12 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import sysid
+from sysid.base.errors import InputError
 from sysid.blocks import CoastingPlay, Motor
-from sysid.chain import Chain
-from sysid.data import IOData
-from sysid.errors import InputError
+from sysid.data.record import IOData
 from sysid.excitations import Sweep
-from sysid.joint_values import joint_values
+from sysid.joint.values import joint_values
+from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
 TS, N, NOISE = 0.1, 1250, np.deg2rad(0.2)

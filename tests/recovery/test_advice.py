@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData, signals
-from sysid.advice import LEVEL, Advice, advise
+from sysid import IOData
+from sysid.base.threads import one_blas_thread
+from sysid.diagnosis import signals
+from sysid.diagnosis.advice import LEVEL, Advice, advise
+from sysid.diagnosis.whitening import delay, drift, feedback, nonlinearity, whiten
 from sysid.excitations import Aprbs, Sweep
 from sysid.systems import system
-from sysid.threads import one_blas_thread
-from sysid.whitening import delay, drift, feedback, nonlinearity, whiten
 
 RUNS = 1000 if os.environ.get("QPAL_FULL") == "1" else 200
 N = 500

@@ -5,8 +5,9 @@ import pytest
 from scipy.signal import freqz, lfilter
 
 import sysid
-from sysid import InputError, IOData, bla
-from sysid.poles import match
+from sysid import InputError, IOData
+from sysid.diagnosis import bla
+from sysid.linear.poles import match
 
 B, F = [0.0, 0.5, 0.2], [1.0, -1.2, 0.5]
 N, LINES = 512, np.arange(1, 161)

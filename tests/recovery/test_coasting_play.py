@@ -8,7 +8,7 @@ import pytest
 
 import twin
 from sysid.blocks import CoastingPlay, Play
-from twin.leg import bench
+from twin.plant.leg import bench
 from twin.truth import link_inertia
 
 STEPS = 500  # a sample of the drive, in the runs that the block is held against

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sysid.bla import find_period
+from sysid.diagnosis.bla import find_period
 from sysid.excitations import Chirp, Multisine, Prbs
 from sysid.excitations.multisine import GROUP, crest_factor
 

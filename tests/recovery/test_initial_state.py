@@ -5,8 +5,8 @@ import pytest
 
 from sysid import IOData
 from sysid.blocks import Custom, PiecewiseLinear, TransferFunction
-from sysid.chain import Chain
-from sysid.initial_state import estimate_initial
+from sysid.estimation.initial_state import estimate_initial
+from sysid.model.chain import Chain
 
 
 def well(names: tuple[str, str]) -> Custom:

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import sysid
+from sysid.base.errors import InputError
 from sysid.blocks import CoastingPlay, Motor
-from sysid.chain import Chain
-from sysid.data import IOData
-from sysid.errors import InputError
+from sysid.data.record import IOData
 from sysid.excitations import Staircase, Sweep
-from sysid.joint_growth import MARGIN, Growth, grow_joint
-from sysid.joint_values import joint_values
+from sysid.joint.growth import MARGIN, Growth, grow_joint
+from sysid.joint.values import joint_values
+from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
 TS, N, NOISE = 0.1, 1000, np.deg2rad(0.2)

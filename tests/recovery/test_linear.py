@@ -6,9 +6,9 @@ import pytest
 from scipy.signal import dlsim, lfilter
 
 import sysid
-from sysid.linear_start import refined_iv
-from sysid.linearize import findop, linapp, tangent, tangent_ss
-from sysid.poles import match
+from sysid.estimation.starts.linear import refined_iv
+from sysid.linear.linearize import findop, linapp, tangent, tangent_ss
+from sysid.linear.poles import match
 from sysid.systems import system
 
 

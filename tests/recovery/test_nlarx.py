@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 import sysid
-from sysid.iterate import Options
-from sysid.nlarx import Network
-from sysid.nlarx_choice import choices
-from sysid.nlarx_estimation import fit_nlarx
-from sysid.nlarx_fit import FREE_RUN, ONE_STEP
-from sysid.nlarx_linearize import findop, findops, tangent
-from sysid.nlarx_problem import Piece, PredictionProblem, SimulationProblem, rows
-from sysid.nlarx_start import laid, network_start
+from sysid.nlarx.choice import choices
+from sysid.nlarx.fit import fit_nlarx
+from sysid.nlarx.linearize import findop, findops, tangent
+from sysid.nlarx.model import Network
+from sysid.nlarx.problem import Piece, PredictionProblem, SimulationProblem, rows
+from sysid.nlarx.result import FREE_RUN, ONE_STEP
+from sysid.nlarx.start import laid, network_start
+from sysid.solver.iterate import Options
 from sysid.structures import nlarx
 
 

@@ -5,10 +5,10 @@ import pytest
 
 import sysid
 from sysid import IOData
+from sysid.base.errors import InputError
 from sysid.blocks import FrictionLag, Motor, ProfiledMotor
-from sysid.chain import Chain
-from sysid.errors import InputError
-from sysid.hedge import with_gains
+from sysid.data.gain_variants import with_gains
+from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
 RISE, FALL = np.array([0.5, 0.8, 0.4]), np.array([0.6, 0.3, 0.5])

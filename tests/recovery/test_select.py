@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import lfilter
 
 import sysid
-from sysid.errors import InputError
-from sysid.preprocess import detrend
-from sysid.select import JOINT, Candidate, Space, select
+from sysid.base.errors import InputError
+from sysid.data.preprocess import detrend
+from sysid.selection.select import JOINT, Candidate, Space, select
 from sysid.systems import system
 
 SMALL = Space(

@@ -7,11 +7,11 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 import sysid
-from sysid.criteria import fit_percent
-from sysid.initial import starts
-from sysid.poles import match
-from sysid.problem import ChainProblem
-from sysid.searches import TABLE as SEARCHES
+from sysid.base.criteria import fit_percent
+from sysid.estimation.problem import ChainProblem
+from sysid.estimation.starts.deal import starts
+from sysid.linear.poles import match
+from sysid.solver.searches import TABLE as SEARCHES
 from sysid.systems import TABLE, system
 
 
@@ -128,7 +128,7 @@ def test_equal_seeds_give_equal_numbers_at_any_thread_count(monkeypatch):
     data = plant.record(1000, 0.02, np.random.default_rng(3))
     chain = sysid.structures.hammerstein_wiener(3, 3, 1)
     first = sysid.fit(chain, data, seed=4)
-    monkeypatch.setattr("sysid.estimation.available", lambda: 1)
+    monkeypatch.setattr("sysid.estimation.fit.available", lambda: 1)
     second = sysid.fit(chain, data, seed=4)
     np.testing.assert_array_equal(first.theta, second.theta)
     assert sysid.fit(chain, data, seed=5).losses != first.losses

@@ -11,9 +11,9 @@ import pytest
 from scipy.signal import lfilter
 
 import sysid
-from sysid import bands, curves, intervals, responses
-from sysid.certainty import GAUGE, UNEXCITED, information_at
 from sysid.systems import TABLE, system
+from sysid.uncertainty import bands, curves, intervals, responses
+from sysid.uncertainty.information import GAUGE, UNEXCITED, information_at
 
 N, NOISE, LEVEL = 2000, 0.01, 0.95
 PER_SEED = 5  # records for each seed of the fixture: 60 by default, 500 with QPAL_FULL=1

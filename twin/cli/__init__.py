@@ -12,7 +12,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     from typer.exceptions import TyperException
 
-    from sysid.errors import InputError
+    from sysid.base.errors import InputError
     from twin.cli.app import build
     from twin.cli.console import Stopped
 

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from twin.report.page import Grid, to_json
+from sysid.report.page import Grid, to_json
 
 
 class Stopped(Exception):  # noqa: N818 - a person stopped it: no error

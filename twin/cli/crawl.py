@@ -18,12 +18,12 @@ def crawl(
     as_json: options.Json = False,
 ) -> None:
     """Let the quadruped stand, and walk a slow crawl with its twelve joints in servo mode."""
-    from twin import crawl as walking
-    from twin.crawl_pictures import Pictures, pictures
-    from twin.gait import Gait
+    from sysid.report.page import write
     from twin.report import crawl as report
-    from twin.report.page import write
-    from twin.stills import NoRenderer
+    from twin.robot import crawl as walking
+    from twin.robot.gait import Gait
+    from twin.view.crawl import Pictures, pictures
+    from twin.view.stills import NoRenderer
 
     gait, parameters = Gait(cycles=walking.cycles(steps)), options.parameters(params)
     with run_folder(out, "crawl") as (folder, scratch), console.progress(walking.STEPS + 2) as step:

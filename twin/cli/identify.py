@@ -5,18 +5,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sysid import searches, structures
+from sysid import structures
+from sysid.base.errors import InputError
 from sysid.blocks import STATIC
-from sysid.errors import InputError
-from sysid.nlarx import FOCUS
-from sysid.preprocess import DETREND
+from sysid.data.preprocess import DETREND
+from sysid.formats import TABLE as READERS
+from sysid.nlarx.model import FOCUS
+from sysid.solver import searches
 from twin.cli import console, options
 from twin.cli.output import run_folder
-from twin.logs import TABLE as READERS
 
 if TYPE_CHECKING:
-    from twin.evaluation import Setting
-    from twin.identification import Auto
+    from sysid.workflow.evaluation import Setting
+    from sysid.workflow.identification import Auto
 
 AUTO, NLARX, JOINT = "auto", "nlarx", "actuated_joint"
 ROUNDS = 4  # of a structure search
@@ -68,10 +69,10 @@ def identify(
             raise InputError(f"{option} is given with --structure {structure}; leave it out or give {JOINT}")
     maps, sheets = (input_map, output_map), {"driver_step": driver_step, "sensor_linearity": sensor_linearity or 0.0}
     setting = _setting(structure, orders, maps, focus, sheets, search, starts, options.seed(seed), resume)
-    from twin.exports import export
-    from twin.identification import identify_file
-    from twin.report import identify as report
-    from twin.report.page import write
+    from sysid.report import identify as report
+    from sysid.report.page import write
+    from sysid.workflow.exports import export
+    from sysid.workflow.identification import identify_file
 
     with run_folder(out, "identify") as (folder, scratch), console.progress(3) as step:
         step(f"reading {file}")
@@ -101,8 +102,8 @@ def _setting(
     seed: int,
     resume: str | None,
 ) -> "Setting | Auto":
-    from twin.evaluation import Setting
-    from twin.identification import Auto
+    from sysid.workflow.evaluation import Setting
+    from sysid.workflow.identification import Auto
 
     if focus is not None and structure != NLARX:
         raise InputError(f"--focus is given with --structure {structure}; leave it out or give --structure {NLARX}")

@@ -24,13 +24,13 @@ def info(
     as_json: options.Json = False,
 ) -> None:
     """Show the twin's parameters with their sources, and the truth that an identifier should find."""
+    from sysid.report.page import write
     from twin import parameter_file
-    from twin.information import inform
     from twin.report import info as report
     from twin.report import signatures as drawn
-    from twin.report.page import write
     from twin.signatures import TABLE as SIGNATURES
     from twin.signatures import signatures as measured
+    from twin.studies.information import inform
 
     parameters = options.parameters(params) or twin.Parameters()
     target = None if write_params is None else Path(write_params)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sysid.errors import InputError
+from sysid.base.errors import InputError
 
 if TYPE_CHECKING:
     from twin.parameters import Parameters

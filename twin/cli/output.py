@@ -8,7 +8,7 @@ from datetime import datetime
 from itertools import count
 from pathlib import Path
 
-from sysid.errors import InputError
+from sysid.base.errors import InputError
 
 RUNS = Path("runs")
 

@@ -18,11 +18,11 @@ def reproduce(
     as_json: options.Json = False,
 ) -> None:
     """Run the paper's protocol on the three joints and compare with the paper and with truth."""
-    from twin import protocol
+    from sysid.report.page import write
     from twin.report import reproduce as report
-    from twin.report.page import write
     from twin.report.reproduce import Stills
-    from twin.stills import NoRenderer, leg_stills
+    from twin.studies import protocol
+    from twin.view.stills import NoRenderer, leg_stills
 
     with run_folder(out, "reproduce") as (folder, scratch), console.progress(protocol.steps(ablation) + 2) as step:
         result = protocol.run(options.seed(seed), duration, step, ablation)

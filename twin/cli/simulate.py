@@ -9,9 +9,9 @@ import twin
 from sysid import excitations
 from twin.cli import console, options
 from twin.cli.output import check_writable_file, run_folder
-from twin.drive import MODES
+from twin.hardware.drive import MODES
+from twin.hardware.potentiometer import SIDES
 from twin.parameters import LEG, REALISATIONS
-from twin.pot import SIDES
 
 STROKE = ("stays inside its stroke (inside)", "surely meets both ends (ends)")
 
@@ -42,9 +42,9 @@ def simulate(
     as_json: options.Json = False,
 ) -> None:
     """Run an excitation experiment on one joint of the twin, or on all three, and write its log."""
+    from sysid.report.page import write
     from twin.report import simulate as report
-    from twin.report.page import write
-    from twin.simulation import simulate as run
+    from twin.studies.simulation import simulate as run
 
     experiment = twin.Experiment(
         joint,

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import twin
-from sysid.errors import InputError
+from sysid.base.errors import InputError
 from twin.cli import console, options
 from twin.cli.output import check_writable_file, output_folder
 
 if TYPE_CHECKING:
-    from twin.replay import Movement, Replay
+    from twin.view.replay import Movement, Replay
 
 File = Annotated[str | None, typer.Argument(metavar="[LOG]", help="log to replay (.csv, .parquet, .mat)")]
 Ghost = Annotated[str | None, typer.Option(metavar="LOG", help="another log, such as the rig's, as a ghost leg")]
@@ -49,11 +49,11 @@ def view(
         raise InputError(f"--port is {port} without --web; add --web, or leave --port out")
     replay, names = _replay(log, ghost, joint, start, stop)
     if not (strip or frames or gif):
-        from twin.view import show
+        from twin.view.open import show
 
         show(replay, speed=speed, web=web, port=port)
         return
-    from twin.stills import NoRenderer
+    from twin.view.stills import NoRenderer
 
     try:
         if strip:
@@ -77,7 +77,7 @@ def _replay(
                     f"{option} is given without a LOG; give the log to replay first: qpal view LOG {option} ..."
                 )
         return None, []
-    from twin.replay import Replay
+    from twin.view.replay import Replay
 
     first = twin.Log.load(log)
     leg = _movement(log, first, joint)
@@ -92,7 +92,7 @@ def _replay(
 
 
 def _movement(path: str, log: twin.Log, joint: str | None) -> "Movement":
-    from twin.replay import movement
+    from twin.view.replay import movement
 
     try:
         return movement(log, joint)
@@ -101,15 +101,15 @@ def _movement(path: str, log: twin.Log, joint: str | None) -> "Movement":
 
 
 def _write_strip(replay: "Replay | None", names: list[str], count: int, path: Path) -> None:
-    from twin import view_pictures as pictures
-    from twin.report.style import png
+    from sysid.report.style import png
+    from twin.view import pictures
 
     figure = pictures.standing() if replay is None else pictures.strip(replay, pictures.Names(*names), count)
     path.write_bytes(png(figure))
 
 
 def _write_frames(replay: "Replay", names: list[str], speed: float, frames: str | None, gif: str | None) -> None:
-    from twin import view_pictures as pictures
+    from twin.view import pictures
 
     times = pictures.frame_times(replay, speed)
     with console.progress(1) as step:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from twin.drive import Drive, drive
-from twin.friction import DryFriction, dry_friction
-from twin.motor import Motor, motor
+from twin.hardware.drive import Drive, drive
+from twin.hardware.friction import DryFriction, dry_friction
+from twin.hardware.motor import Motor, motor
+from twin.hardware.potentiometer import Potentiometer, potentiometer
 from twin.parameters import Parameters
 from twin.plant import slots
-from twin.pot import Potentiometer, potentiometer
 
 SENSOR = "board"
 LOAD_LAG = 0.005  # [s] over which the axial load is averaged before friction follows it

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sysid.joint_values import JointValue
-from twin import ablation
-from twin.ablation import DIVERGES, Ablation, Row
-from twin.beyond import NEAR, RECORDS, Recovered, Trial
-from twin.evaluation import Evaluation
-from twin.protocol import JointResult, ProtocolResult
-from twin.report import sections, style
-from twin.report.page import Grid, Picture, Section
-from twin.report.style import styled
-from twin.report.units import number, percent
+from sysid.joint.values import JointValue
+from sysid.report import sections, style
+from sysid.report.page import Grid, Picture, Section
+from sysid.report.style import styled
+from sysid.report.units import number, percent
+from sysid.workflow.evaluation import Evaluation
+from twin.studies import ablation
+from twin.studies.ablation import DIVERGES, Ablation, Row
+from twin.studies.beyond import NEAR, RECORDS, Recovered, Trial
+from twin.studies.protocol import JointResult, ProtocolResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.crawl import SPREAD, Crawl, margins
-from twin.crawl_pictures import FILM_SECONDS, Pictures
-from twin.leg import LEGS
+from sysid.base.versions import versions
+from sysid.report import style
+from sysid.report.page import Grid, Page, Picture, Section
+from sysid.report.style import styled
+from sysid.report.units import number
 from twin.parameters import JOINTS
-from twin.report import style
-from twin.report.page import Grid, Page, Picture, Section
-from twin.report.style import styled
-from twin.report.units import number
-from twin.versions import versions
+from twin.plant.leg import LEGS
+from twin.robot.crawl import SPREAD, Crawl, margins
+from twin.view.crawl import FILM_SECONDS, Pictures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

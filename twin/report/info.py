@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.information import Information, Joint, Value
+from sysid.report import style
+from sysid.report.page import Grid, Page, Picture, Section
+from sysid.report.style import styled
+from sysid.report.units import Quantity, number
 from twin.parameters import TABLE
-from twin.report import style
-from twin.report.page import Grid, Page, Picture, Section
-from twin.report.style import styled
-from twin.report.units import Quantity, number
+from twin.studies.information import Information, Joint, Value
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,13 +4,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from twin.beyond import RECORDS
-from twin.evaluation import Evaluation
-from twin.protocol import TS, JointResult, ProtocolResult
-from twin.report import beyond, figures, sections, style
-from twin.report.page import Grid, Page, Picture, Section
-from twin.report.units import number, percent, poles
-from twin.versions import versions
+from sysid.base.versions import versions
+from sysid.report import figures, sections, style
+from sysid.report.page import Grid, Page, Picture, Section
+from sysid.report.units import number, percent, poles
+from sysid.workflow.evaluation import Evaluation
+from twin.report import beyond
+from twin.studies.beyond import RECORDS
+from twin.studies.protocol import TS, JointResult, ProtocolResult
 
 # The paper's number of each figure, by joint. The twin's figure of the same number shows the same thing.
 NUMBERS = {

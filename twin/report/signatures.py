@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.report import style
+from sysid.report import style
+from sysid.report.page import Grid, Picture, Section
+from sysid.report.style import styled
+from sysid.report.units import Quantity, number
 from twin.report.info import shown_unit
-from twin.report.page import Grid, Picture, Section
-from twin.report.style import styled
-from twin.report.units import Quantity, number
 from twin.signatures import Axis, Mark, Signature
 
 if TYPE_CHECKING:

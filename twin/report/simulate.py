@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from twin.report import figures, style
-from twin.report.page import Grid, Page, Picture, Section
-from twin.report.units import number
-from twin.simulation import Part, Simulation
-from twin.versions import versions
+from sysid.base.versions import versions
+from sysid.report import figures, style
+from sysid.report.page import Grid, Page, Picture, Section
+from sysid.report.units import number
+from twin.studies.simulation import Part, Simulation
 
 
 def page(result: Simulation) -> Page:

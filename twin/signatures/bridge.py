@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from twin.motor import motor
+from twin.hardware.motor import motor
 from twin.parameters import TABLE, Parameters
 from twin.plant.stepping import TIMESTEP
 from twin.signatures.signature import (

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from twin.motor import Motor, motor
+from twin.hardware.motor import Motor, motor
+from twin.hardware.potentiometer import potentiometer
 from twin.parameters import Parameters
 from twin.plant.stepping import TIMESTEP
-from twin.pot import potentiometer
 from twin.signatures.signature import (
     Axis,
     Line,

@@ -3,12 +3,12 @@
 import numpy as np
 
 from twin.experiment import SETTLE
-from twin.geometry import end_angles, middle
-from twin.kinematics import body
-from twin.leg import robot
-from twin.motor import motor
+from twin.hardware.linkage import end_angles, middle
+from twin.hardware.motor import motor
+from twin.hardware.potentiometer import potentiometer
 from twin.parameters import Parameters
-from twin.pot import potentiometer
+from twin.plant.leg import robot
+from twin.robot.kinematics import body
 from twin.signatures.signature import Axis, Line, Mark, Signature, Size, Trial, lag, line_fit, pair
 from twin.truth import arm, truth
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from twin.geometry import end_angles
+from twin.hardware.linkage import end_angles
+from twin.hardware.potentiometer import potentiometer
 from twin.parameters import Parameters
-from twin.pot import potentiometer
 from twin.signatures.signature import Axis, Line, Mark, Signature, Size, Trial, lag, line_fit, pair
 
 JOINT = "shoulder"

@@ -1,0 +1,79 @@
+"""What excitations share: settings that make sense, times as whole samples, and a running sum that stays bounded."""
+
+from collections.abc import Iterable
+from numbers import Integral, Real
+
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+
+
+def check(owner: str, positive: dict[str, float], finite: dict[str, float] | None = None) -> None:
+    """Raises InputError where a value is no number, not finite, or not above zero though it has to be."""
+    for name, value in positive.items():
+        if not _number(value) or not 0 < value < np.inf:
+            raise InputError(f"{name} of {owner} is {value!r}; give a number above 0")
+    for name, value in (finite or {}).items():
+        if not _number(value) or not np.isfinite(value):
+            raise InputError(f"{name} of {owner} is {value!r}; give a finite number")
+
+
+def check_from_zero(owner: str, values: dict[str, float]) -> None:
+    """Raises InputError where a value is no finite number from 0 up."""
+    for name, value in values.items():
+        if not _number(value) or not 0 <= value < np.inf:
+            raise InputError(f"{name} of {owner} is {value!r}; give a number from 0 up")
+
+
+def check_whole(owner: str, name: str, value: float, lowest: int, highest: int) -> None:
+    """Raises InputError where a value is no whole number from `lowest` to `highest`."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or not lowest <= value <= highest:
+        raise InputError(f"{name} of {owner} is {value!r}; give a whole number from {lowest} to {highest}")
+
+
+def check_name(owner: str, name: str, value: str, allowed: Iterable[str]) -> None:
+    """Raises InputError where a value is not one of the allowed names."""
+    if value not in tuple(allowed):
+        raise unknown(f"{name} of {owner}", value, allowed)
+
+
+def samples(owner: str, name: str, seconds: float, Ts: float) -> int:
+    """`seconds` as the nearest whole number of samples of Ts [s]; raises InputError where that is less than one."""
+    count = round(seconds / Ts)
+    if count < 1:
+        raise InputError(f"{name} of {owner} is {seconds:g} s, less than one sample of {Ts:g} s; give {Ts:g} s or more")
+    return count
+
+
+def check_band(owner: str, f_min: float, f_max: float, Ts: float) -> None:
+    """Raises InputError where the band [Hz] does not end below half the sampling rate."""
+    if f_max >= 0.5 / Ts:
+        raise InputError(
+            f"f_max of {owner} is {f_max:g} Hz, and samples of {Ts:g} s end at {0.5 / Ts:g} Hz; give f_max below that, "
+            f"or a shorter Ts"
+        )
+
+
+def within_reach(total: float, step: float, most: float) -> tuple[float, float]:
+    """Sign and share of a `step` of a running sum that keep |total + sign share step| <= most.
+
+    The sign turns where the step as drawn would lead out; where it leads out on the other side too, it is cut short.
+    """
+    if abs(total + step) <= most:
+        return 1.0, 1.0
+    room = most + abs(total)
+    return -float(np.sign(total * step) or 1.0), min(1.0, room / abs(step))
+
+
+def half_way(u: np.ndarray) -> np.ndarray:
+    """Indices of a periodic u (P,) from which its running sum moves as far down as up, to within one step.
+
+    An integrating plant that is driven from there stays centred on where it starts.
+    """
+    total = np.cumsum(u - u.mean()) - (u - u.mean())
+    distance = np.abs(total - (total.min() + total.max()) / 2)
+    return np.flatnonzero(distance <= max(distance.min(), np.abs(u).max() / 2))
+
+
+def _number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)

@@ -1,0 +1,144 @@
+"""What a block of a chain is: an output, an exact tangent, and the symmetries that make parameters redundant."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One parameter of a block: name, unit, bounds. `initial` marks what belongs to a record and not to the model,
+    `knot` a place on the input axis of a map.
+    """
+
+    name: str
+    unit: str = ""
+    lower: float = -np.inf
+    upper: float = np.inf
+    initial: bool = False
+    knot: bool = False
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """A change of the block's parameters that undoes, or causes, an affine change of its signals.
+
+    If the input moves by (in_scale * x + in_shift) * eps and theta by d_theta * eps, then the output moves by
+    (out_scale * y + out_shift) * eps, to first order.
+    """
+
+    d_theta: np.ndarray
+    in_scale: float | np.ndarray = 0.0  # one value for each channel, a number for one
+    in_shift: float | np.ndarray = 0.0
+    out_scale: float | np.ndarray = 0.0
+    out_shift: float | np.ndarray = 0.0
+
+
+@dataclass(frozen=True)
+class Block(ABC):
+    """One link of a chain. Blocks hold structure only; parameter values theta (p,) are handed in."""
+
+    role: str = field(default="block", kw_only=True)
+
+    @abstractmethod
+    def slots(self) -> tuple[Slot, ...]:
+        """The parameters in the order of theta."""
+
+    @abstractmethod
+    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
+        """Output y (N,) for input x (N,).
+
+        J (N, P) holds the tangent of x in its first q columns and is overwritten by the tangent of y; the columns
+        q..q+p-1 are filled with dy/dtheta. With P = 0 only the output is wanted.
+        """
+
+    def output(self, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Output (N,) alone, for input x (N,) of a block of one channel."""
+        x = np.ascontiguousarray(x, dtype=float)
+        return self.propagate(theta, x, np.empty((len(x), 0)), 0)
+
+    def propagate_all(
+        self, theta: np.ndarray, xs: list[np.ndarray], Js: list[np.ndarray], q: int
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """The same for a list of channels, each with a J of its own; blocks of one channel need not know of it."""
+        return [self.propagate(theta, xs[0], Js[0], q)], Js
+
+    def parts(self) -> list[tuple[slice, "Block"]]:
+        """The blocks of one channel that this block is made of, and where their parameters stand in theta."""
+        return [(slice(0, self.n_parameters), self)]
+
+    @property
+    def channels(self) -> tuple[int, int]:
+        """Number of inputs and of outputs."""
+        return 1, 1
+
+    @abstractmethod
+    def start(self, x: np.ndarray) -> np.ndarray:
+        """theta (p,) that makes this block the identity on the range of x (N,), or as near as it can be."""
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        """The block's symmetries at theta."""
+        return []
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        """False where theta makes no usable block (an unstable filter, knots out of order)."""
+        return True
+
+    def repair(self, theta: np.ndarray) -> np.ndarray:
+        """The admissible theta that a search tries instead of an inadmissible one; theta where it knows none."""
+        return theta
+
+    def at_low(self, theta: np.ndarray) -> np.ndarray:
+        """True (p,) for directions of `basis` that stand at a lower limit which the block's own nature sets."""
+        return np.zeros(self.n_parameters, dtype=bool)
+
+    def basis(self) -> np.ndarray:
+        """Columns (p, p): the directions in which a search sees this block's parameters."""
+        return np.eye(self.n_parameters)
+
+    def coarser(self) -> "Block | None":
+        """A smaller block that is easier to find a way with, or None; `refine` leads back."""
+        return None
+
+    def refine(self, theta: np.ndarray) -> np.ndarray:
+        """theta (p,) of this block that draws the very curve of its coarser block at theta."""
+        return theta
+
+    def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How sharply the map bends at each of its knots (k,), in its own mean slope, and the derivative (k, p).
+
+        No gauge may change it. A fit holds each bend with the weight of one sample, see `Objective.calm`.
+        """
+        return np.empty(0), np.empty((0, len(theta)))
+
+    def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Another start near theta for the multi-start."""
+        return theta
+
+    @cached_property
+    def has_basis(self) -> bool:
+        """True where `basis` is not the identity."""
+        return not np.array_equal(self.basis(), np.eye(self.n_parameters))
+
+    @cached_property
+    def n_parameters(self) -> int:
+        """Number of parameters p."""
+        return len(self.slots())
+
+
+class StaticBlock(Block):
+    """A memoryless map: subclasses give value, slope and own Jacobian, the chain rule is here."""
+
+    @abstractmethod
+    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
+        """f(x) (N,) and f'(x) (N,); fills columns q..q+p-1 of J (N, P) with df/dtheta unless P = 0."""
+
+    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
+        y, slope = self.evaluate(theta, x, J, q)
+        if J.shape[1] and q:
+            from sysid.block.kernels import scale_columns
+
+            scale_columns(J, q, slope)
+        return y

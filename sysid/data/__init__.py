@@ -1,0 +1,6 @@
+"""Records: `IOData`, and what is done to one before a model is fitted."""
+
+from sysid.data.preprocess import detrend, quick_start, retrend
+from sysid.data.record import IOData
+
+__all__ = ["IOData", "detrend", "quick_start", "retrend"]

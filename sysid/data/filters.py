@@ -1,0 +1,65 @@
+"""Butterworth filters on a record: the same on input and output, so that the dynamics between them stay."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+from sysid.data.record import IOData
+
+KINDS = {"low": "lowpass", "high": "highpass", "band": "bandpass", "stop": "bandstop"}
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """The filtered record and what was done."""
+
+    data: IOData
+    sentence: str
+
+
+def butterworth(
+    data: IOData, cutoff: float | tuple[float, float], kind: str = "low", order: int = 4, causal: bool = False
+) -> Filtered:
+    """Filter u and y alike; `cutoff` [Hz], two for 'band' and 'stop'.
+
+    Zero phase runs the filter forth and back: no delay, twice the order, and half the power gone at the cutoff twice.
+    Causal starts from the steady state of each experiment's first sample. A linear model is the same for filtered
+    signals; a static map is not: filter before a nonlinear fit only what the map does not need (drift, hum), and not
+    the input's levels away. Missing outputs are filtered as the straight lines that bridge them, and stay marked.
+    """
+    from scipy.signal import butter
+
+    if kind not in KINDS:
+        raise unknown("filter", kind, KINDS)
+    edges = np.atleast_1d(np.asarray(cutoff, dtype=float))
+    half = 0.5 / data.Ts
+    wanted = 2 if kind in ("band", "stop") else 1
+    if edges.shape != (wanted,) or not np.all((edges > 0) & (edges < half)) or np.any(np.diff(edges) <= 0):
+        raise InputError(
+            f"cutoff is {cutoff} Hz for a {kind} filter; give {wanted} frequency(ies) above 0 and below {half:g} Hz, "
+            "half the sampling rate, in rising order"
+        )
+    if not isinstance(order, (int, np.integer)) or order < 1:
+        raise InputError(f"order is {order}; give a whole number of at least 1")
+    sos = butter(order, edges if wanted == 2 else edges[0], KINDS[kind], fs=1.0 / data.Ts, output="sos")
+    parts = [(_run(sos, e.u, causal), _run(sos, e.y, causal)) for e in data.experiments]
+    u, y = (np.concatenate([p[i] for p in parts]) for i in (0, 1))
+    way = "causal, it delays both alike" if causal else "forth and back, without delay"
+    shown = " to ".join(f"{f:g}" for f in edges)
+    sentence = f"{KINDS[kind]} Butterworth of order {order} at {shown} Hz on u and y, {way}"
+    if data.missing is not None:
+        sentence += f"; {int(data.missing.sum())} missing outputs entered as straight lines"
+    return Filtered(replace(data, u=u, y=y), sentence)
+
+
+def _run(sos: np.ndarray, x: np.ndarray, causal: bool) -> np.ndarray:
+    from scipy.signal import sosfilt, sosfilt_zi, sosfiltfilt
+
+    if causal:
+        state = sosfilt_zi(sos)[:, :, None] * x[0]
+        return np.asarray(sosfilt(sos, x, axis=0, zi=state)[0])
+    padding = 3 * (2 * len(sos) + 1)
+    if len(x) <= padding:
+        raise InputError(f"an experiment of {len(x)} samples is too short for this filter; give more than {padding}")
+    return np.asarray(sosfiltfilt(sos, x, axis=0))

@@ -1,0 +1,85 @@
+"""Missing data: short gaps filled, long ones left for `IOData(missing=...)` or for a cut."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.data.record import IOData
+
+
+@dataclass(frozen=True)
+class Filled:
+    """Values (N,) with short gaps filled; `filled` (N,) says where, `open` (N,) what is still missing (nan)."""
+
+    values: np.ndarray
+    filled: np.ndarray
+    open: np.ndarray
+    sentence: str
+
+
+def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None, hold: bool = False) -> Filled:
+    """Fill gaps of up to `longest` samples in values (N,): a straight line between neighbours, or the last one held.
+
+    Missing is what is not finite or marked in `missing` (N,). A line suits a measured output, hold an input that a
+    controller holds. Longer gaps, and gaps at an end (a line has one end there), stay nan: a value made up over many
+    samples would count as data.
+    """
+    x = np.array(values, dtype=float).ravel()
+    lost = ~np.isfinite(x)
+    if missing is not None:
+        mask = np.asarray(missing, dtype=bool).ravel()
+        if mask.shape != x.shape:
+            raise InputError(f"missing has {len(mask)} marks for {len(x)} samples; give one for each")
+        lost |= mask
+    if longest < 0:
+        raise InputError(f"longest is {longest}; give the longest gap to fill, in samples")
+    if lost.all():
+        raise InputError("every sample is missing; there is nothing to fill from")
+    filled, gaps = np.zeros(len(x), dtype=bool), runs(lost)
+    for start, stop in gaps:
+        inside = stop < len(x) and start > 0
+        if stop - start <= longest and (inside or (hold and start > 0)):
+            filled[start:stop] = True
+    seen, k = np.flatnonzero(~lost), np.arange(len(x))
+    bridge = x[seen[np.maximum(np.searchsorted(seen, k, "right") - 1, 0)]] if hold else np.interp(k, seen, x[seen])
+    x = np.where(filled, bridge, np.where(lost, np.nan, x))
+    return Filled(x, filled, lost & ~filled, _sentence(gaps, filled, lost, longest, hold))
+
+
+def record(u: np.ndarray, y: np.ndarray, Ts: float, longest: int = 3, **names: Any) -> tuple[IOData, str]:
+    """IOData from u (N,) and y (N,) with nan in them: short gaps filled, long ones of y marked as missing.
+
+    Raises InputError for a long gap of u, which a free run cannot skip: cut the record there into experiments.
+    """
+    held, line = fill(u, longest, hold=True), fill(y, longest)
+    if held.open.any():
+        start, stop = runs(held.open)[0]
+        raise InputError(
+            f"u is missing from sample {start} to {stop - 1} (from 0), longer than {longest} samples or at an end; "
+            "split the record there and merge the parts as experiments"
+        )
+    data = IOData(held.values, line.values, Ts, missing=line.open if line.open.any() else None, **names)
+    return data, f"u: {held.sentence}; y: {line.sentence}"
+
+
+def runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    """Stretches of True in mask (N,) as (start, stop), stop excluded."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _sentence(gaps: list[tuple[int, int]], filled: np.ndarray, lost: np.ndarray, longest: int, hold: bool) -> str:
+    if not gaps:
+        return "no sample is missing"
+    way = "the last value held" if hold else "straight lines"
+    said = f"{int(filled.sum())} of {int(lost.sum())} missing samples filled by {way}"
+    left = [(a, b) for a, b in gaps if not filled[a]]
+    if left:
+        worst = max(left, key=lambda g: g[1] - g[0])
+        said += (
+            f"; {len(left)} gap(s) stay open, the longest with {worst[1] - worst[0]} samples from {worst[0]} (limit "
+            f"{longest}): mark them by IOData(missing=...) or cut them out"
+        )
+    return said

@@ -1,0 +1,57 @@
+"""Preprocessing in one place: means off and halves (the 'quick start' of the paper's section III.B), and re-exports.
+
+Trends with kinks are in `sysid.data.trends`, filters in `sysid.data.filters`, other rates in `sysid.data.resampling`,
+outliers in `sysid.data.outliers`, missing data in `sysid.data.missing`. Each returns what it did in a sentence.
+"""
+
+from dataclasses import replace
+
+from sysid.base.errors import unknown
+from sysid.data.filters import butterworth
+from sysid.data.missing import fill, record
+from sysid.data.outliers import hampel, outliers
+from sysid.data.record import IOData
+from sysid.data.resampling import resample
+from sysid.data.trends import Trend
+
+DETREND = ("mean", "none")
+
+
+def detrend(data: IOData, kind: str = "mean") -> IOData:
+    """The record without its means ('mean') or as it is ('none'); what went off is added to `u_offset`, `y_offset`.
+
+    Lines are in `Trend`: they are no offset, so a record cannot carry them along.
+    """
+    if kind not in DETREND:
+        raise unknown("detrend", kind, DETREND)
+    return Trend.of(data, "mean").remove(data) if kind == "mean" else data
+
+
+def retrend(data: IOData) -> IOData:
+    """The record on its own scale again: what `detrend` took away is added back."""
+    return replace(
+        data,
+        u=data.u + data.u_offset,
+        y=data.y + data.y_offset,
+        u_offset=0 * data.u_offset,
+        y_offset=0 * data.y_offset,
+    )
+
+
+def quick_start(data: IOData, split: float = 0.5, kind: str = "mean") -> tuple[IOData, IOData]:
+    """Means of the whole record off, then the first part for estimation and the rest for validation."""
+    return detrend(data, kind).split(split)
+
+
+__all__ = [
+    "Trend",
+    "butterworth",
+    "detrend",
+    "fill",
+    "hampel",
+    "outliers",
+    "quick_start",
+    "record",
+    "resample",
+    "retrend",
+]

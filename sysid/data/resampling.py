@@ -1,0 +1,84 @@
+"""A record at another sampling time: anti-aliased, and true to an input that is held between samples."""
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+from sysid.data.record import IOData
+
+INPUTS = ("filtered", "held")
+
+
+@dataclass(frozen=True)
+class Resampled:
+    """The record at its new rate, `up` samples for every `down` of the old, and what was done."""
+
+    data: IOData
+    up: int
+    down: int
+    sentence: str
+
+
+def resample(data: IOData, Ts: float, input: str = "filtered") -> Resampled:
+    """The record sampled every Ts [s]; Ts / data.Ts must be a ratio of whole numbers up to 1000.
+
+    y goes through scipy.signal.resample_poly's zero-phase anti-alias filter. The input 'filtered' goes through the
+    same one, which keeps a linear model between them but smears a held input's levels: for a linear fit. 'held' gives
+    each new sample the mean of u while it is held, exact for what a zero-order hold delivers, and keeps levels that a
+    static input map needs; the filter's edge (half the new rate) is then in y alone. At a higher rate u is held either
+    way. A new output is missing where one that it leans on was.
+    """
+    if input not in INPUTS:
+        raise unknown("input", input, INPUTS)
+    if not (np.isfinite(Ts) and Ts > 0):
+        raise InputError(f"Ts is {Ts}; give the new sampling time as a positive number of seconds")
+    ratio = Fraction(data.Ts / Ts).limit_denominator(1000)
+    if ratio == 0 or abs(float(ratio) * Ts / data.Ts - 1.0) > 1e-9 or ratio.numerator > 1000:
+        raise InputError(
+            f"Ts goes from {data.Ts} to {Ts} s, no ratio of whole numbers up to 1000; choose a Ts near it that is one"
+        )
+    up, down = ratio.numerator, ratio.denominator
+    parts = [_experiment(e, up, down, input) for e in data.experiments]
+    u, y, missing = (np.concatenate([p[i] for p in parts]) for i in range(3))
+    fresh = replace(data, u=u, y=y, missing=missing, Ts=float(Ts), lengths=tuple(len(p[0]) for p in parts))
+    way = "u held" if input == "held" or down <= up else "u through the same filter"
+    sentence = (
+        f"resampled from {data.Ts:g} to {Ts:g} s ({up} for {down} samples) with a zero-phase anti-alias filter, {way}; "
+        f"{data.N} samples became {fresh.N}"
+    )
+    return Resampled(fresh, up, down, sentence)
+
+
+def _experiment(e: IOData, up: int, down: int, input: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    n = -(-e.N * up // down)
+    if n < 2:
+        raise InputError(f"{e.N} samples become {n} at the new rate; give a shorter Ts")
+    y = _poly(e.y, up, down)
+    u = _held(e.u, up, down, n) if input == "held" or down <= up else _poly(e.u, up, down)
+    lost = np.zeros(y.shape, dtype=bool)
+    if e.missing is not None:
+        # The filter's main lobe reaches about one sample of the lower rate to either side.
+        reach = max(1.0, down / up)
+        for k in range(n):
+            centre = k * down / up
+            lo, hi = max(0, int(np.ceil(centre - reach))), int(np.floor(centre + reach)) + 1
+            lost[k] = e.missing[lo:hi].any(axis=0)
+    return u, y, lost
+
+
+def _poly(x: np.ndarray, up: int, down: int) -> np.ndarray:
+    from scipy.signal import resample_poly
+
+    # 'line' goes on with each end's own level, so that an offset does not ring at the ends.
+    return np.asarray(resample_poly(x, up, down, axis=0, padtype="line"))
+
+
+def _held(u: np.ndarray, up: int, down: int, n: int) -> np.ndarray:
+    """Mean of the held u over each new sample's time (n, nu): the integral of u is the same at both rates."""
+    integral = np.concatenate([np.zeros((1, u.shape[1])), np.cumsum(u, axis=0)])
+    edges = np.minimum(np.arange(n + 1) * (down / up), len(u))
+    areas = np.column_stack([np.interp(edges, np.arange(len(u) + 1), column) for column in integral.T])
+    widths = np.diff(edges)
+    return np.diff(areas, axis=0) / widths[:, None]

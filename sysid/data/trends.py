@@ -1,0 +1,103 @@
+"""Trends: means, straight lines or lines that bend at given samples, taken off a record and put back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+from sysid.data.record import IOData
+
+KINDS = ("mean", "linear")
+
+
+@dataclass(frozen=True)
+class Trend:
+    """What was found in a record: u (N, nu) and y (N, ny), sample by sample, for the record that it was fitted to.
+
+    `remove` and `restore` work on that record and on model outputs over it; a mean also serves records of any length.
+    """
+
+    u: np.ndarray
+    y: np.ndarray
+    kind: str
+    breaks: tuple[int, ...]
+    sentence: str
+
+    @classmethod
+    def of(cls, data: IOData, kind: str = "linear", breaks: Sequence[int] = ()) -> "Trend":
+        """Least squares over the measured samples: 'mean', or 'linear' with bends at the samples `breaks` (from 0).
+
+        Lines meet at the bends, unlike scipy.signal.detrend's, whose jumps a model would have to explain. Every
+        experiment has lines of its own (breaks then count from its own start); a mean is taken over all. Raises
+        InputError for breaks out of the record or out of order.
+        """
+        if kind not in KINDS:
+            raise unknown("trend", kind, KINDS)
+        breaks = tuple(int(b) for b in breaks)
+        if breaks and (kind == "mean" or sorted(set(breaks)) != list(breaks)):
+            raise InputError(f"breaks are {breaks}; give rising sample numbers, and only with kind 'linear'")
+        if breaks and (breaks[0] < 1 or breaks[-1] > min(data.lengths) - 2):
+            raise InputError(f"breaks are {breaks}; give samples between 1 and {min(data.lengths) - 2}")
+        if kind == "mean":
+            observed = data.observed
+            y = np.array([data.y[observed[:, j], j].mean() for j in range(data.y.shape[1])])
+            u = data.u.mean(axis=0)
+            fitted_u, fitted_y = np.broadcast_to(u, data.u.shape), np.broadcast_to(y, data.y.shape)
+        else:
+            parts = [_lines(e, breaks) for e in data.experiments]
+            fitted_u, fitted_y = (np.concatenate([p[i] for p in parts]) for i in (0, 1))
+        return cls(fitted_u, fitted_y, kind, breaks, _sentence(data, fitted_y, kind, breaks))
+
+    def remove(self, data: IOData) -> IOData:
+        """The record without the trend; a constant part is noted in `u_offset`, `y_offset` as `detrend` does."""
+        u, y = self._at(data)
+        offsets = {}
+        if self.kind == "mean":
+            offsets = {"u_offset": data.u_offset + u[0], "y_offset": data.y_offset + y[0]}
+        return replace(data, u=data.u - u, y=data.y - y, **offsets)
+
+    def restore(self, data: IOData) -> IOData:
+        """The record with the trend put back."""
+        u, y = self._at(data)
+        offsets = {}
+        if self.kind == "mean":
+            offsets = {"u_offset": data.u_offset - u[0], "y_offset": data.y_offset - y[0]}
+        return replace(data, u=data.u + u, y=data.y + y, **offsets)
+
+    def restore_output(self, yhat: np.ndarray) -> np.ndarray:
+        """A model's output (N,) or (N, ny) on the scale of the measurement."""
+        y = self.y[:, 0] if np.ndim(yhat) == 1 else self.y
+        if len(yhat) != len(y):
+            raise InputError(f"the output has {len(yhat)} samples and the trend {len(y)}; give the same record")
+        return np.asarray(yhat) + y
+
+    def _at(self, data: IOData) -> tuple[np.ndarray, np.ndarray]:
+        if self.kind == "mean":
+            return np.broadcast_to(self.u[0], data.u.shape), np.broadcast_to(self.y[0], data.y.shape)
+        if (self.u.shape, self.y.shape) != (data.u.shape, data.y.shape):
+            raise InputError(
+                f"the record has {data.N} samples and the trend {len(self.u)}; give the record it was found in"
+            )
+        return self.u, self.y
+
+
+def _lines(e: IOData, breaks: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    t = np.arange(e.N) / e.N  # of order one, so that the columns are well scaled
+    hinges = [np.maximum(t - b / e.N, 0.0) for b in breaks]
+    X = np.column_stack([np.ones(e.N), t, *hinges])
+    seen = e.observed
+    y = [X @ np.linalg.lstsq(X[seen[:, j]], e.y[seen[:, j], j], rcond=None)[0] for j in range(e.y.shape[1])]
+    return X @ np.linalg.lstsq(X, e.u, rcond=None)[0], np.column_stack(y)
+
+
+def _sentence(data: IOData, y: np.ndarray, kind: str, breaks: tuple[int, ...]) -> str:
+    if kind == "mean":
+        return f"means taken off: {_list(y[0], data.y_unit)} of the output"
+    span = _list(np.ptp(y, axis=0), data.y_unit)
+    bends = f" with bends at samples {', '.join(map(str, breaks))}" if breaks else ""
+    return f"lines{bends} taken off {len(data.lengths)} experiment(s); the output's ran over {span}"
+
+
+def _list(values: np.ndarray, unit: str) -> str:
+    return ", ".join(f"{v:.4g}" for v in values) + (f" {unit}" if unit else "")

@@ -1,0 +1,1 @@
+"""What a record or a row of residuals shows by itself: advice, whitening, residual tests, best linear approximation."""

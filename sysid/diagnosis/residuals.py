@@ -1,0 +1,105 @@
+"""Residual tests: are the errors white, and independent of the input?"""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.special import bdtr, ndtri
+
+from sysid.base.errors import InputError
+
+
+@dataclass(frozen=True)
+class ResidualTests:
+    """Correlations of the residuals e with themselves (lags 0..L) and with the input (lags -L..L), with their bounds.
+
+    Whiteness: |r_e(k)| <= z / sqrt(N) for lags 1..L. Independence: |r_eu(k)| within z sqrt(sum R_e R_u / N), in the
+    same scale (Ljung, System Identification, section 16.6). At level p a share 1 - p of lags falls outside by chance.
+    """
+
+    lags: np.ndarray
+    autocorrelation: np.ndarray
+    whiteness_bound: float
+    cross_lags: np.ndarray
+    cross_correlation: np.ndarray
+    independence_bound: float
+    level: float
+
+    @property
+    def whiteness_outside(self) -> int:
+        """How many lags above 0 leave the bound."""
+        return int(np.sum(np.abs(self.autocorrelation[1:]) > self.whiteness_bound))
+
+    @property
+    def independence_outside(self) -> int:
+        """How many lags of the cross-correlation leave the bound."""
+        return int(np.sum(np.abs(self.cross_correlation) > self.independence_bound))
+
+    @property
+    def white(self) -> bool:
+        """True where chance explains every lag outside the bound (see `chance`)."""
+        return chance(self.autocorrelation[1:], self.whiteness_bound, self.level)
+
+    @property
+    def independent(self) -> bool:
+        """True where chance explains every lag outside the bound (see `chance`)."""
+        return chance(self.cross_correlation, self.independence_bound, self.level)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Numbers and verdicts, ready for JSON."""
+        values = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(self).items()}
+        names = ("whiteness_outside", "independence_outside", "white", "independent")
+        return {**values, **{n: getattr(self, n) for n in names}}
+
+
+def chance(r: np.ndarray, bound: float, level: float) -> bool:
+    """Whether chance explains correlations r (n,) whose single-lag bound of this level is `bound`.
+
+    Not more lags outside than one record in a hundred would show, and none outside the bound widened so that all n
+    lags together keep the level (Bonferroni).
+    """
+    n = len(r)
+    widened = bound * float(ndtri(1.0 - (1.0 - level) / (2 * n)) / ndtri(0.5 + level / 2))
+    outside = int(np.sum(np.abs(r) > bound))
+    return bool(outside <= _allowed(n, level) and np.all(np.abs(r) <= widened))
+
+
+def _allowed(n: int, level: float) -> int:
+    """Smallest k with P(at most k of n lags outside) >= 0.99."""
+    counts = np.arange(n + 1)
+    return int(np.argmax(bdtr(counts, n, 1.0 - level) >= 0.99))
+
+
+def residual_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
+    """Tests on residuals e (N,) for the input u (N,); raises InputError where N does not exceed 2 max_lag.
+
+    A residual of zero everywhere (an exact model) passes both tests.
+    """
+    e, u = np.asarray(e, dtype=float).ravel(), np.asarray(u, dtype=float).ravel()
+    N = len(e)
+    if len(u) != N:
+        raise InputError(f"residuals have {N} samples and the input {len(u)}; give both the same length")
+    if 2 * max_lag >= N:
+        raise InputError(f"{N} residuals are too few for lags up to {max_lag}; give more than {2 * max_lag}")
+    e, u = e - e.mean(), u - u.mean()
+    Re, Ru = _covariance(e, e, max_lag), _covariance(u, u, max_lag)
+    scale_e, scale_u = Re[max_lag] or 1.0, Ru[max_lag] or 1.0
+    z = float(ndtri(0.5 + level / 2.0))
+    both = np.sqrt(scale_e * scale_u)
+    return ResidualTests(
+        lags=np.arange(max_lag + 1),
+        autocorrelation=Re[max_lag:] / scale_e,
+        whiteness_bound=z / np.sqrt(N),
+        cross_lags=np.arange(-max_lag, max_lag + 1),
+        cross_correlation=_covariance(e, u, max_lag) / both,
+        independence_bound=z * float(np.sqrt(max(np.sum(Re * Ru), 0.0) / N)) / both,
+        level=level,
+    )
+
+
+def _covariance(a: np.ndarray, b: np.ndarray, max_lag: int) -> np.ndarray:
+    """1/N sum_t a_t b_{t-k} for k = -max_lag..max_lag (2 max_lag + 1,)."""
+    N = len(a)
+    positive = [a[k:] @ b[: N - k] for k in range(max_lag + 1)]
+    negative = [a[: N - k] @ b[k:] for k in range(max_lag, 0, -1)]
+    return np.array(negative + positive) / N

@@ -1,0 +1,229 @@
+"""Tests on a record by whitening regression: one output on its own past and on the inputs' past, and what is added.
+
+A high-order ARX model whitens the output noise of any linear system, an integrating one too; then a coefficient
+beyond its bound means something (Ljung, System Identification, 2nd ed. 1999, sections 10.3 and 16.5). Covariances are
+robust to errors whose size changes along the record (White 1980, in the form HC3 of MacKinnon and White 1985), which
+the error of a linear model of a bent plant does.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import fdtrc, stdtrit
+
+from sysid.data.record import IOData
+
+ORDERS = (2, 4, 8, 12, 16, 24, 32, 48)
+LONGEST = 20_000  # samples; more make every test sharper than any model is
+_LEAST = 30  # rows beyond the coefficients that a test needs
+
+
+@dataclass(frozen=True)
+class Regression:
+    """Coefficients c (n,) by least squares with their robust covariance (n, n), and errors e (M,)."""
+
+    c: np.ndarray
+    covariance: np.ndarray
+    e: np.ndarray
+
+    @property
+    def freedom(self) -> int:
+        """Rows less coefficients."""
+        return len(self.e) - len(self.c)
+
+    def z(self, k: int) -> float:
+        """Coefficient k in its own standard deviations."""
+        return float(self.c[k] / np.sqrt(self.covariance[k, k])) if self.covariance[k, k] > 0 else 0.0
+
+    def p_value(self, which: slice) -> float:
+        """Probability that chance alone moves these coefficients as far from zero together (Wald, F)."""
+        c, C = self.c[which], self.covariance[which, which]
+        scale = np.sqrt(np.diag(C))
+        if not len(c) or not np.all(scale > 0):
+            return 1.0
+        values, vectors = np.linalg.eigh(C / np.outer(scale, scale))
+        keep = values > 1e-8 * values[-1]
+        wald = float(np.sum((vectors[:, keep].T @ (c / scale)) ** 2 / values[keep]))
+        return float(fdtrc(keep.sum(), max(self.freedom, 1), wald / keep.sum()))
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """Output j of a record on its past: order p, where each input's lags 0..p stand, and the regression."""
+
+    data: IOData
+    output: int
+    order: int
+    regression: Regression
+    X: np.ndarray  # columns: one, y(t-1)..y(t-p), then lags 0..p of every input
+    y: np.ndarray
+    times: np.ndarray  # sample number of each row
+    rows: tuple[np.ndarray, ...]  # rows of each experiment in its own numbers
+
+    def lags(self, i: int) -> slice:
+        """Columns of input i, lags 0..p."""
+        start = 1 + self.order + i * (self.order + 1)
+        return slice(start, start + self.order + 1)
+
+    def with_columns(self, extra: np.ndarray, use: np.ndarray | None = None) -> tuple[Regression, slice]:
+        """The regression with further columns (M, k) over the rows `use`; columns that the others explain are left out.
+
+        The slice says where the further ones stand.
+        """
+        X = self.X if use is None else self.X[use]
+        y = self.y if use is None else self.y[use]
+        extra = extra if use is None else extra[use]
+        n = X.shape[1]
+        size = np.linalg.norm(extra - extra.mean(axis=0), axis=0)
+        left = extra - X @ np.linalg.lstsq(X, extra, rcond=1e-10)[0]
+        extra = extra[:, (np.linalg.norm(left, axis=0) > 1e-4 * size) & (size > 0)]
+        return regress(np.column_stack([X, extra]), y), slice(n, n + extra.shape[1])
+
+    def shifted(self, i: int, ahead: int) -> tuple[np.ndarray, np.ndarray]:
+        """Input i `ahead` samples after each row's own (M,), and which rows have that sample."""
+        values, has = [], []
+        for e, rows in zip(_pieces(self.data), self.rows, strict=True):
+            k = rows + ahead
+            ok = k < e.N
+            values.append(np.where(ok, e.u[np.minimum(k, e.N - 1), i], 0.0))
+            has.append(ok)
+        return np.concatenate(values), np.concatenate(has)
+
+
+def regress(X: np.ndarray, y: np.ndarray) -> Regression:
+    """Least squares of y (M,) on X (M, n) with covariance HC3; directions that X leaves open get no variance."""
+    norm = np.linalg.norm(X, axis=0)
+    norm = np.where(norm > 0, norm, 1.0)
+    U, s, Vt = np.linalg.svd(X / norm, full_matrices=False)
+    keep = s > 1e-10 * s[0]
+    U, V = U[:, keep], Vt[keep].T / s[keep]
+    c = V @ (U.T @ y)
+    e = y - (X / norm) @ c
+    leverage = np.minimum(np.sum(U**2, axis=1), 0.99)
+    meat = U * (e / (1.0 - leverage))[:, None]
+    half = meat @ V.T / norm
+    return Regression(c / norm, half.T @ half, e)
+
+
+def whiten(data: IOData, output: int = 0) -> Whitened | None:
+    """The output on its past at the order that AIC prefers; None where the record is too short or does not move."""
+    if np.ptp(data.y[:, output]) == 0.0 or np.all(np.ptp(data.u, axis=0) == 0.0):
+        return None
+    lags_of = data.u.shape[1] + 1
+    usable = [p for p in ORDERS if p * lags_of * 8 + _LEAST <= min(data.N, LONGEST)]
+    if not usable:
+        return None
+    # All orders over the same rows, or AIC would compare different data.
+    first, best, best_aic = usable[-1], None, np.inf
+    for p in usable:
+        X, y, times, rows = _design(data, output, p, first)
+        if len(y) < X.shape[1] + _LEAST:
+            break
+        c = np.linalg.lstsq(X, y, rcond=1e-10)[0]
+        loss = float(np.mean((y - X @ c) ** 2))
+        floor = (1e-12 * float(np.ptp(y))) ** 2  # a noise-free record is explained to rounding by more than one order
+        aic = len(y) * np.log(max(loss, floor)) + 2 * X.shape[1]
+        if aic < best_aic - 1e-9:
+            best, best_aic = p, aic
+    if best is None:
+        return None
+    X, y, times, rows = _design(data, output, best, best)
+    return Whitened(data, output, best, regress(X, y), X, y, times, rows)
+
+
+def _pieces(data: IOData) -> list[IOData]:
+    """The experiments up to `LONGEST` samples in all."""
+    left, found = LONGEST, []
+    for e in data.experiments:
+        if left >= 2:
+            found.append(e.select(0, min(e.N, left)))
+            left -= e.N
+    return found
+
+
+def _design(
+    data: IOData, output: int, p: int, first: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
+    """Columns, output, sample numbers and rows of each experiment, from its sample `first` on, without gaps."""
+    blocks, ys, times, rows, start = [], [], [], [], 0
+    for e in _pieces(data):
+        t = np.arange(first, e.N)
+        seen = e.observed[:, output]
+        for k in range(p + 1):
+            t = t[seen[t - k]]
+        past = [e.y[t - k, output] for k in range(1, p + 1)]
+        inputs = [e.u[t - k, i] for i in range(e.u.shape[1]) for k in range(p + 1)]
+        blocks.append(np.column_stack([np.ones(len(t)), *past, *inputs]))
+        ys.append(e.y[t, output])
+        times.append(start + t)
+        rows.append(t)
+        start += e.N
+    return np.concatenate(blocks), np.concatenate(ys), np.concatenate(times), tuple(rows)
+
+
+@dataclass(frozen=True)
+class Delay:
+    """First input lag whose coefficient leaves the bound: nk, or None; z (p + 1,) of every lag in its own spreads."""
+
+    nk: int | None
+    z: np.ndarray
+    bound: float
+
+
+def delay(white: Whitened, i: int = 0, level: float = 0.01) -> Delay:
+    """Delay from input i. `level` is the chance that any of the lags 0..p of an input without effect leaves the bound.
+
+    With feedback, lag 0 may answer for the controller and not for the plant.
+    """
+    lags = white.lags(i)
+    z = np.array([white.regression.z(k) for k in range(lags.start, lags.stop)])
+    bound = float(-stdtrit(max(white.regression.freedom, 1), level / (2 * len(z))))
+    beyond = np.flatnonzero(np.abs(z) > bound)
+    return Delay(int(beyond[0]) if len(beyond) else None, z, bound)
+
+
+def feedback(white: Whitened, i: int = 0, ahead: int = 5) -> float | None:
+    """p-value that later inputs, 1..ahead samples on, say nothing about this output beyond its past.
+
+    They do say something where a controller answers to the output (Sims' test in the form of Geweke, Meese and Dent
+    1983). An answer within the same sample is not seen here but in lag 0 of `delay`. None where later inputs follow
+    from earlier ones exactly.
+    """
+    columns, has = zip(*(white.shifted(i, k) for k in range(1, ahead + 1)), strict=True)
+    regression, extra = white.with_columns(np.column_stack(columns), np.all(has, axis=0))
+    return regression.p_value(extra) if extra.stop > extra.start else None
+
+
+@dataclass(frozen=True)
+class Nonlinearity:
+    """p-value that squares and cubes explain nothing, and the share of the one-step error's variance that they do."""
+
+    p_value: float
+    share: float
+
+
+def nonlinearity(white: Whitened, nk: int = 1) -> Nonlinearity | None:
+    """Squares and cubes of the inputs at lags nk..nk+2 and of the output's last two samples, added to the linear model.
+
+    A regression test of misspecification (Ramsey 1969; for systems Haber and Keviczky 1999, chapter 5). None where
+    they say nothing new, as the squares of an input of two levels.
+    """
+    p = white.order
+    lags = [
+        white.lags(i).start + k for i in range(white.data.u.shape[1]) for k in range(min(nk, p), min(nk + 2, p) + 1)
+    ]
+    signals = [white.X[:, k] for k in (*lags, 1, 2)]
+    scaled = [(s - s.mean()) / (s.std() or 1.0) for s in signals]
+    regression, extra = white.with_columns(np.column_stack([f for s in scaled for f in (s**2, s**3)]))
+    if extra.stop == extra.start:
+        return None
+    before = float(np.sum(white.regression.e**2))
+    share = 1.0 - float(np.sum(regression.e**2)) / before if before > 0 else 0.0
+    return Nonlinearity(regression.p_value(extra), share)
+
+
+def drift(white: Whitened) -> float:
+    """p-value that the output does not drift along a straight line beyond what its past and the inputs explain."""
+    t = (white.times - white.times.mean()) / max(np.ptp(white.times), 1)
+    regression, extra = white.with_columns(t[:, None])
+    return regression.p_value(extra) if extra.stop > extra.start else 1.0

@@ -1,0 +1,172 @@
+"""Frozen dataclasses as plain JSON values and back, by their own fields and type hints; checked by pydantic."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import cache
+from types import NoneType, UnionType
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Strict, ValidationError, create_model
+from pydantic import Field as Entry
+
+from sysid.base.errors import InputError, unknown
+from sysid.block.block import Block
+from sysid.blocks import TABLE
+
+T = TypeVar("T")
+_WIDTH = 110
+
+
+def encode(value: Any, where: str) -> Any:
+    """Lists, dicts, numbers and strings; numbers that JSON does not know become 'inf', '-inf', 'nan'.
+
+    Raises InputError for what has no text, naming it by `where`.
+    """
+    if is_dataclass(value) and not isinstance(value, type):
+        plain = {f.name: encode(getattr(value, f.name), f"{where}, {f.name}") for f in fields(value) if f.init}
+        return {"kind": _kind(value, where), **plain} if isinstance(value, Block) else plain
+    if isinstance(value, Mapping):
+        return {str(k): encode(v, f"{where}, {k}") for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return encode(value.tolist(), where)
+    if isinstance(value, (list, tuple)):
+        return [encode(v, where) for v in value]
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else str(float(value))
+    if value is None or isinstance(value, str):
+        return value
+    raise InputError(
+        f"{where} is a {type(value).__name__}, which a text file cannot hold; put a piecewise linear map or a spline "
+        "in place of a function of your own"
+    )
+
+
+def build(kind: type[T], values: Any) -> T:
+    """The dataclass from what `encode` made of it; raises InputError where a value is missing, wrong or not known."""
+    if not isinstance(values, dict):
+        raise InputError(f"this should be a table of {', '.join(f.name for f in fields(kind))}")  # type: ignore[arg-type]
+    try:
+        checked = _schema(kind).model_validate(values)  # type: ignore[arg-type]
+    except ValidationError as e:
+        raise InputError(_sentence(e)) from None
+    return kind(**{f.name: getattr(checked, f.name) for f in fields(kind) if f.init})  # type: ignore[arg-type]
+
+
+def lines(value: Any, indent: int = 0) -> str:
+    """JSON as a person would lay it out: what fits on a line stands on one, and rows of numbers always do."""
+    flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    inside = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
+    row = isinstance(value, list) and not any(isinstance(v, (dict, list, str)) for v in value)
+    if not inside or row or len(flat) + 2 * indent <= _WIDTH:
+        return flat
+    pad, close = "  " * (indent + 1), "  " * indent
+    if isinstance(value, dict):
+        rows = [f"{pad}{json.dumps(k, ensure_ascii=False)}: {lines(v, indent + 1)}" for k, v in value.items()]
+        return "{\n" + ",\n".join(rows) + f"\n{close}}}"
+    return "[\n" + ",\n".join(f"{pad}{lines(v, indent + 1)}" for v in value) + f"\n{close}]"
+
+
+def _kind(block: Block, where: str) -> str:
+    for name, made in TABLE.items():
+        if made is type(block):
+            return name
+    raise InputError(f"{where} is a {type(block).__name__}, not a block of sysid.blocks; it cannot be saved")
+
+
+def _block(values: Any) -> Block:
+    if not isinstance(values, dict) or not isinstance(values.get("kind"), str):
+        raise InputError(f"a block is a table with its kind; known kinds are {', '.join(TABLE)}")
+    if values["kind"] not in TABLE:
+        raise unknown("block", values["kind"], TABLE)
+    return build(TABLE[values["kind"]], {k: v for k, v in values.items() if k != "kind"})  # type: ignore[arg-type]
+
+
+def _number(value: Any) -> Any:
+    """Undoes what `encode` does to numbers that JSON does not know."""
+    return float(value) if value in ("inf", "-inf", "nan") else value
+
+
+def _loose(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _loose(v) for k, v in value.items()}
+    return [_loose(v) for v in value] if isinstance(value, list) else _number(value)
+
+
+def _array(value: Any) -> np.ndarray:
+    if not isinstance(value, list):
+        raise InputError("this should be a list of numbers")
+    try:
+        array = np.array(_loose(value))
+    except ValueError:
+        raise InputError("the rows of this table have different lengths") from None
+    if array.dtype.kind not in "bif":
+        raise InputError("this list holds something that is not a number")
+    return array if array.size else array.astype(float)
+
+
+_STRICT: dict[Any, Any] = {float: Annotated[float, Strict(), BeforeValidator(_number)], int: Annotated[int, Strict()]}
+_STRICT |= {bool: Annotated[bool, Strict()], str: Annotated[str, Strict()], NoneType: NoneType}
+
+
+def _annotation(hint: Any) -> Any:
+    """The hint of a dataclass's field as pydantic shall read it from JSON."""
+    if hint in _STRICT:
+        return _STRICT[hint]
+    if hint is Any:
+        return Annotated[Any, BeforeValidator(_loose)]
+    if hint is np.ndarray:
+        return Annotated[Any, BeforeValidator(_array)]
+    if isinstance(hint, type) and issubclass(hint, Block):
+        return Annotated[Any, BeforeValidator(_block)]
+    if isinstance(hint, type) and is_dataclass(hint):
+        return Annotated[Any, BeforeValidator(_builder(hint))]
+    origin, args = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return Union[tuple(_annotation(a) for a in args)]  # noqa: UP007 - made at run time
+    if origin is tuple:
+        return tuple[tuple(a if a is Ellipsis else _annotation(a) for a in args)]  # type: ignore[misc]
+    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):
+        return dict[_annotation(args[0]), _annotation(args[1])]  # type: ignore[misc]
+    return Annotated[Any, BeforeValidator(_nothing)]
+
+
+def _builder(kind: type) -> Callable[[Any], Any]:
+    return lambda values: build(kind, values)
+
+
+def _nothing(value: Any) -> Any:
+    """Only None can stand where the hint is a function."""
+    if value is not None:
+        raise InputError("this cannot be read from text")
+    return value
+
+
+@cache
+def _schema(kind: type) -> type[BaseModel]:
+    hints = get_type_hints(kind)
+    entries: dict[str, Any] = {f.name: (_annotation(hints[f.name]), _default(f)) for f in fields(kind) if f.init}
+    return create_model(kind.__name__, __config__=ConfigDict(extra="forbid", arbitrary_types_allowed=True), **entries)
+
+
+def _default(f: Field) -> Any:
+    if f.default_factory is not MISSING:
+        return Entry(default_factory=f.default_factory)
+    return ... if f.default is MISSING else f.default
+
+
+def _sentence(error: ValidationError) -> str:
+    """The first thing that is wrong, and where."""
+    first = error.errors(include_url=False)[0]
+    place = " ".join(str(p) for p in first["loc"])
+    if first["type"] == "missing":
+        return f"{place} is missing; the file is not complete"
+    if first["type"] == "extra_forbidden":
+        return f"{place} is not known to this version of the library; update it, or remove the entry"
+    said = str(first["ctx"]["error"]) if "error" in first.get("ctx", {}) else first["msg"]
+    return f"{place}: {said[0].lower()}{said[1:]}" if said else place

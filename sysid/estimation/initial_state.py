@@ -1,0 +1,95 @@
+"""The initial state of a free run, fitted to the first outputs of a record."""
+
+import numpy as np
+
+from sysid.block.block import StaticBlock
+from sysid.blocks import ProfiledMotor
+from sysid.data.record import IOData
+from sysid.estimation.problem import ChainProblem
+from sysid.estimation.starts.joint import is_joint, motor_of
+from sysid.model.chain import Chain
+from sysid.solver.iterate import Options, iterate
+from sysid.solver.searches import LevenbergMarquardt
+
+_FIRST = 20  # samples that show where a motor begins
+
+
+def estimate_initial(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
+    """theta (P,) with its initial states fitted to a record, everything else kept.
+
+    The search starts from rest and from the steady state that comes nearest to y; the better end counts.
+    """
+    if not chain.initial.any():
+        return theta
+    candidates = [_at_rest(chain, theta)]
+    if is_joint(chain):
+        candidates = [_on_map(chain, theta, data.y[:, 0])]
+    elif chain.channels == (1, 1) and len(chain.dynamics) == 1:
+        candidates.append(_steady(chain, theta, data.u[:, 0], data.y[:, 0]))
+    best, best_cost = theta, np.inf
+    for candidate in candidates:
+        problem = ChainProblem.initial_state(chain, candidate, data)
+        out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=50))
+        if out.cost < best_cost:
+            best, best_cost = problem.thetas(out.p)[0], out.cost
+    return best
+
+
+def with_initial_states(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
+    """theta (K, P) for K experiments: the same model, the initial state of each fitted where there are several.
+
+    Initial states that are all held stay as they are: a state known from elsewhere, the same for every experiment. A
+    motor stands where its first samples are: it integrates, and a state fitted to a whole record would make up for the
+    errors of a start, which a search seldom takes back.
+    """
+    if len(data.lengths) == 1 or not (chain.initial & chain.free).any():
+        return np.tile(theta, (len(data.lengths), 1))
+    if is_joint(chain):
+        return np.array([_on_map(chain, theta, e.y[:, 0]) for e in data.experiments])
+    moves = any(isinstance(b, ProfiledMotor) for b in chain.blocks)
+    firsts = [e.select(0, min(e.N, _FIRST)) if moves else e for e in data.experiments]
+    return np.array([estimate_initial(chain, theta, e) for e in firsts])
+
+
+def _at_rest(chain: Chain, theta: np.ndarray) -> np.ndarray:
+    return np.where(chain.initial, 0.0, theta)
+
+
+def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Initial states as if the linear block's output had stood at the level where the chain shows y's first value."""
+    linear = chain.linear
+    k = chain.blocks.index(linear)
+    rest = _at_rest(chain, theta)
+    x = chain.through(rest, u, 0, k + 1)
+    span = np.ptp(x) + abs(float(np.mean(x))) + 1e-12
+    spans = [span]
+    last = chain.blocks[-1]
+    places = [s.knot for s in last.slots()]
+    if any(places):
+        spans.append(float(np.max(np.abs(chain.part(theta, last)[places]))))
+    levels = np.linspace(-2.0, 2.0, 401) * max(spans)
+    shown = chain.through(theta, levels, k + 1)
+    level = float(levels[np.argmin(np.abs(shown - float(np.mean(y[:3]))))])
+    # x_t stays at `level` without input if c_t = level * (1 + f1 + ... + ft).
+    _, F = linear.padded(chain.part(theta, linear))
+    part = rest[chain.index(linear)]
+    part[linear.nb + linear.nf :] = level * np.cumsum(F)[:-1]
+    rest[chain.index(linear)] = part
+    return rest
+
+
+def _on_map(chain: Chain, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The motor at rest where the chain behind it shows y's first values."""
+    motor = motor_of(chain)
+    rest, k = _at_rest(chain, theta), chain.blocks.index(motor)
+    names = [slot.name for slot in motor.slots()]
+    part = rest[chain.index(motor)]
+    low, high = (motor.value(part, name) for name in ("lower", "upper")) if motor.stops else (y.min(), y.max())
+    levels = np.linspace(low, high, 401)
+    shown = levels
+    for b in chain.blocks[k + 1 :]:
+        if isinstance(b, StaticBlock):
+            shown = b.output(chain.part(theta, b), shown)
+    part[names.index("x0")] = levels[np.argmin(np.abs(shown - float(np.mean(y[:3]))))]
+    rest[chain.index(motor)] = part
+    return rest

@@ -1,0 +1,192 @@
+"""A chain and its records as a least-squares problem."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from sysid.data.record import IOData
+from sysid.estimation.objective import huber
+from sysid.model.chain import Chain
+from sysid.solver.covariance import Covariance, covariance
+
+
+@dataclass(frozen=True)
+class ChainProblem:
+    """min over p of the squared free-run errors of all experiments, theta_k = theta0[k] + basis[:, moving] p_k.
+
+    theta0 (K, P) is where p = 0, one row for each experiment, equal but for the initial states; moving (P,) marks the
+    directions of the chain's basis in p. The first experiment's directions come first (n,), then every other's initial
+    states. Missing samples are left out. `corner` is Huber's, in the unit of y; `pull` (P,) are the weights of a ridge
+    towards `nominal` (P,); `calm` is the weight of the maps' bends, in the unit of y.
+    """
+
+    chain: Chain
+    theta0: np.ndarray
+    records: tuple[IOData, ...]
+    moving: np.ndarray
+    corner: float = np.inf
+    pull: np.ndarray | None = None
+    nominal: np.ndarray | None = None
+    calm: float = 0.0
+    weights: np.ndarray = field(default_factory=lambda: np.ones(1))
+    scratch: dict[int, np.ndarray] = field(default_factory=dict, compare=False, repr=False)  # J of each experiment
+
+    @classmethod
+    def whole(cls, chain: Chain, theta0: np.ndarray, u: np.ndarray, y: np.ndarray) -> "ChainProblem":
+        """Plain least squares on one record u, y (N,), all free parameters moving."""
+        return cls(chain, theta0[None, :], (IOData(u, y),), chain.free)
+
+    @classmethod
+    def initial_state(cls, chain: Chain, theta0: np.ndarray, data: IOData) -> "ChainProblem":
+        """Only the initial state of one record moves."""
+        return cls(chain, theta0[None, :], (data,), chain.initial)
+
+    @cached_property
+    def own(self) -> np.ndarray:
+        """Directions (P,) that every further experiment has for itself."""
+        return self.moving & self.chain.initial
+
+    @property
+    def start(self) -> np.ndarray:
+        """p of theta0."""
+        return np.zeros(int(self.moving.sum()) + (len(self.records) - 1) * int(self.own.sum()))
+
+    @cached_property
+    def size(self) -> float:
+        """y'y."""
+        return float(sum(np.sum(r.y**2) for r in self.records))
+
+    def thetas(self, p: np.ndarray) -> np.ndarray:
+        """All parameters (K, P) at p."""
+        thetas, n, m = self.theta0.copy(), int(self.moving.sum()), int(self.own.sum())
+        thetas += self.chain.basis[:, self.moving] @ p[:n]
+        for k in range(1, len(self.records)):
+            thetas[k, self.own] = self.theta0[k, self.own] + p[n + (k - 1) * m : n + k * m]
+        return thetas
+
+    def repair(self, p: np.ndarray) -> np.ndarray:
+        """p within the bounds, and where the chain is admissible if its blocks know how."""
+        theta = self.thetas(p)[0]
+        if not np.all(np.isfinite(theta)):
+            return p
+        repaired = self.chain.repair(theta)
+        if np.array_equal(repaired, theta):
+            return p
+        p = p.copy()
+        p[: int(self.moving.sum())] += np.linalg.solve(self.chain.basis, repaired - theta)[self.moving]
+        return p
+
+    def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        """True where p stands at a limit and the descent direction `gradient` points beyond it."""
+        low, high = self.chain.at_limit(self.thetas(p)[0])
+        n = int(self.moving.sum())
+        blocked = np.zeros(len(p), dtype=bool)
+        blocked[:n] = (low[self.moving] & (gradient[:n] < 0)) | (high[self.moving] & (gradient[:n] > 0))
+        return blocked
+
+    def residual(self, p: np.ndarray) -> np.ndarray | None:
+        """e (N,), or None where the chain is not admissible."""
+        thetas = self.thetas(p)
+        if not self.chain.admissible(thetas[0]):
+            return None
+        parts = [
+            self._errors(r, self.chain.outputs(theta, r.u))[0] for theta, r in zip(thetas, self.records, strict=True)
+        ]
+        if self.pull is not None:
+            parts.append(self.pull * (self._nominal - thetas[0]))
+        if self.calm:
+            parts.append(-self.calm * self.chain.bends(thetas[0])[0])
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """e (N,) and dyhat/dp (N, n), which the next call overwrites."""
+        thetas, n, m = self.thetas(p), int(self.moving.sum()), int(self.own.sum())
+        errors, rows = [], []
+        for k, (theta, record) in enumerate(zip(thetas, self.records, strict=True)):
+            yhat, J = self.chain.sensitivities(theta, record.u, self.scratch.get(k))
+            self.scratch[k] = J
+            e, keep, slope = self._errors(record, yhat)
+            J = self._in_basis(J, keep)
+            errors.append(e)
+            if slope is not None:
+                J = J * slope[:, None]
+            if len(self.records) > 1:
+                wide = np.zeros((len(J), n + (len(self.records) - 1) * m))
+                if k == 0:
+                    wide[:, :n] = J
+                else:
+                    wide[:, :n] = np.where(self.own[self.moving], 0.0, J)
+                    wide[:, n + (k - 1) * m : n + k * m] = J[:, self.own[self.moving]]
+                J = wide
+            rows.append(J)
+        if self.pull is not None:
+            errors.append(self.pull * (self._nominal - thetas[0]))
+            wide = np.zeros((len(self.pull), rows[0].shape[1]))
+            wide[:, :n] = self.pull[:, None] * self.chain.basis[:, self.moving]
+            rows.append(wide)
+        if self.calm:
+            bend, d = self.chain.bends(thetas[0])
+            errors.append(-self.calm * bend)
+            wide = np.zeros((len(bend), rows[0].shape[1]))
+            wide[:, :n] = self.calm * (d @ self.chain.basis[:, self.moving])
+            rows.append(wide)
+        return (errors[0], rows[0]) if len(rows) == 1 else (np.concatenate(errors), np.concatenate(rows))
+
+    @property
+    def bare(self) -> "ChainProblem":
+        """The same without what is put on top of the data."""
+        return replace(self, pull=None, calm=0.0)
+
+    @property
+    def plain(self) -> "ChainProblem":
+        """The same with every error as it is: no weight, no corner, nothing on top."""
+        return replace(self.bare, corner=np.inf, weights=np.ones(1))
+
+    def covariance(self, p: np.ndarray) -> Covariance:
+        """Covariance of theta (of the first experiment) at p; a direction that a limit holds counts as known."""
+        e, J = self.bare.linearise(p)
+        theta, n = self.thetas(p)[0], int(self.moving.sum())
+        free = ~self.blocked(p, J.T @ e)
+        basis = np.zeros((len(theta), J.shape[1]))
+        basis[:, :n] = self.chain.basis[:, self.moving]
+        redundant = np.linalg.solve(self.chain.basis, self.chain.gauge(theta))[self.moving]
+        if J.shape[1] > n:  # the gauge moves the other experiments' initial states too: leave it to the pseudo-inverse
+            redundant = np.vstack([redundant, np.zeros((J.shape[1] - n, redundant.shape[1]))])
+        if not free.all():  # a copy that a long record need not pay for
+            J, redundant, basis = J[:, free], redundant[free], basis[:, free]
+        return covariance(e, J, redundant, basis, self.count(p))
+
+    def count(self, p: np.ndarray) -> int:
+        """d of the criteria: what moves after the gauge, every experiment's initial state counted."""
+        return self.chain.count(self.thetas(p)[0]) + (len(self.records) - 1) * int(self.own.sum())
+
+    @property
+    def _nominal(self) -> np.ndarray:
+        return np.zeros(self.theta0.shape[1]) if self.nominal is None else self.nominal
+
+    def _errors(self, record: IOData, yhat: np.ndarray) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
+        """e of the observed samples, output after output; which they are, and the robust slope, None where all, 1."""
+        e = (self.weights * (record.y - yhat)).T.ravel()
+        slope = None if len(self.weights) == 1 and self.weights[0] == 1.0 else np.repeat(self._w(record), record.N)
+        keep = None if record.missing is None else record.observed.T.ravel()
+        if keep is not None:
+            e, slope = e[keep], None if slope is None else slope[keep]
+        if np.isfinite(self.corner):
+            with np.errstate(over="ignore", invalid="ignore"):
+                e, bend = huber(e, self.corner)
+            slope = bend if slope is None else bend * slope
+        return e, keep, slope
+
+    def _w(self, record: IOData) -> np.ndarray:
+        return np.broadcast_to(self.weights, (record.y.shape[1],))
+
+    def _in_basis(self, J: np.ndarray, keep: np.ndarray | None) -> np.ndarray:
+        """J (ny N, P) by the chain's basis, its moving columns and observed rows only."""
+        for b in self.chain.blocks:
+            part = self.chain.index(b)
+            if b.has_basis:
+                J[:, part] = J[:, part] @ self.chain.basis[part, part]
+        if not self.moving.all():
+            J = J[:, self.moving]
+        return J if keep is None else J[keep]

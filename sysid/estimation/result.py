@@ -1,0 +1,231 @@
+"""Fit: what a search found, and everything that an engineer asks of it."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.base.criteria import Criteria, fit_percent
+from sysid.base.errors import InputError
+from sysid.base.threads import one_blas_thread
+from sysid.blocks import CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledMotor
+from sysid.data.record import IOData, siso
+from sysid.diagnosis.residuals import ResidualTests, residual_tests
+from sysid.estimation.initial_state import estimate_initial
+from sysid.model.chain import Chain
+from sysid.solver.covariance import Covariance, pole_std
+from sysid.solver.iterate import Stop
+
+_STANDS = (CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledMotor)  # blocks that are at rest at any position
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a fit; std is None where it is fixed or the data do not determine it."""
+
+    name: str
+    value: float
+    std: float | None
+    unit: str
+    free: bool
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """An identified chain: theta (P,), criteria on the estimation record, covariance, and why the search stopped."""
+
+    model: Chain
+    theta: np.ndarray
+    Ts: float
+    criteria: Criteria
+    covariance: Covariance
+    stop: Stop
+    history: tuple[dict[str, Any], ...]
+    warnings: tuple[str, ...]
+    losses: tuple[float, ...]  # of every start, so that a lonely optimum is seen
+    seconds: float
+    search: str
+    n_init: int
+    u_span: tuple[float, float] = field(default=(0.0, 0.0))  # range of the input that the fit has seen
+
+    def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
+        """Free run: (N,) for one output, else (N, ny). For a record, the initial state of each experiment is fitted to
+        its first `n_init` outputs; for u alone (N,) or (N, nu) the run starts from rest, see `rested`.
+        """
+        if isinstance(data, IOData):
+            self._same_kind(data)
+            y = np.concatenate([self._free_run(e, n_init) for e in data.experiments])
+        else:
+            u = np.asarray(data, dtype=float)
+            y = self.model.outputs(rested(self.model, self.theta), u)
+        return y[:, 0] if self.model.channels[1] == 1 else y
+
+    def fit_percent(self, data: IOData, n_init: int | None = None) -> float:
+        """Free-run fit [%] on a record; the first n_init samples give the initial state and are not scored.
+
+        With several outputs the mean over them, see `fit_percents`.
+        """
+        return float(np.mean(self.fit_percents(data, n_init)))
+
+    def fit_percents(self, data: IOData, n_init: int | None = None) -> np.ndarray:
+        """Free-run fit [%] of each output (ny,)."""
+        y, yhat, scored = self._scored(data, n_init)
+        return np.array([fit_percent(a[k], b[k]) for a, b, k in zip(y.T, yhat.T, scored.T, strict=True)])
+
+    def residuals(self, data: IOData) -> np.ndarray:
+        """e = y - free run without each experiment's first n_init samples: (M,) for one output, else (M, ny).
+
+        A missing sample has the residual 0.
+        """
+        y, yhat, scored = self._scored(data, None)
+        e = np.where(scored, y - yhat, 0.0)
+        return e[:, 0] if e.shape[1] == 1 else e
+
+    def residual_tests(self, data: IOData, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
+        """Whiteness of the free-run residuals on a record of one input and output, and independence of the input."""
+        siso(data)
+        u = np.concatenate([e.u[self._skipped(e, None) :, 0] for e in data.experiments])
+        return residual_tests(self.residuals(data), u, max_lag, level)
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Poles in z, complex: of the linear block (nf,), of several blocks one after the other."""
+        return np.concatenate([np.empty(0), *(b.poles(self.theta[part]) for part, b in self.model.dynamics)])
+
+    @property
+    def zeros(self) -> np.ndarray:
+        """Finite zeros in z, complex, in the order of `poles`."""
+        return np.concatenate([np.empty(0), *(b.zeros(self.theta[part]) for part, b in self.model.dynamics)])
+
+    @cached_property
+    def pole_std(self) -> np.ndarray:
+        """Standard deviation of each pole, nan where the data do not determine it."""
+        found = [np.empty(0)]
+        for part, b in self.model.dynamics:
+            f = slice(part.start + b.nb, part.start + b.nb + b.nf)
+            found.append(pole_std(self.theta[f], self.covariance.cov[f, f]))
+        return np.concatenate(found)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All parameters with value, standard deviation, unit and bounds."""
+        std = self.covariance.std()
+        rows = zip(self.model.names, self.model.slots, self.theta, std, self.model.free, strict=True)
+        return tuple(
+            Parameter(
+                n, float(v), float(s) if f and np.isfinite(s) else None, slot.unit, bool(f), slot.lower, slot.upper
+            )
+            for n, slot, v, s, f in rows
+        )
+
+    def curve(self, role: str, x: np.ndarray) -> np.ndarray | None:
+        """The static map with this role ('input' or 'output') at x (N,); None where the chain has no such map."""
+        block = self.model.block(role)
+        if block is None or block.n_parameters == 0:
+            return None
+        return block.output(self.model.part(self.theta, block), x)
+
+    def save(self, path: str | PathLike) -> Path:
+        """Write the fit as JSON that a person can read; `sysid.load` reads it again."""
+        from sysid.estimation.storage import save
+
+        return save(self, path)
+
+    def summary(self) -> dict[str, Any]:
+        """What the fit says, ready for JSON: values that are not finite become None."""
+        poles = [
+            {"re": z.real, "im": z.imag, "std": s}
+            for z, s in zip(self.poles.tolist(), self.pole_std.tolist(), strict=True)
+        ]
+        return plain(
+            {
+                "structure": self.model.structure,
+                "search": self.search,
+                "criteria": self.criteria.as_dict(),
+                "poles": poles,
+                "zeros": [{"re": z.real, "im": z.imag} for z in self.zeros.tolist()],
+                "parameters": [vars(p) for p in self.parameters],
+                "stop": vars(self.stop),
+                "starts": {"losses": list(self.losses)},
+                "warnings": list(self.warnings),
+                "seconds": self.seconds,
+            }
+        )
+
+    def _free_run(self, data: IOData, n_init: int | None) -> np.ndarray:
+        n = min(self.n_init if n_init is None else n_init, data.N)
+        theta = rested(self.model, self.theta)
+        if n >= 2:
+            with one_blas_thread():
+                theta = estimate_initial(self.model, theta, data.select(0, n))
+        return self.model.outputs(theta, data.u)
+
+    def _scored(self, data: IOData, n_init: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """y, yhat and which samples count (M, ny), each experiment without its first n_init."""
+        self._same_kind(data)
+        y, yhat, counts = [], [], []
+        for e in data.experiments:
+            n = self._skipped(e, n_init)
+            y.append(e.y[n:])
+            yhat.append(self._free_run(e, n)[n:])
+            counts.append(e.observed[n:])
+        return np.concatenate(y), np.concatenate(yhat), np.concatenate(counts)
+
+    def _skipped(self, data: IOData, n_init: int | None) -> int:
+        n = self.n_init if n_init is None else n_init
+        if n + 2 > data.N:
+            raise InputError(
+                f"the record has {data.N} samples and {n} of them give the initial state; give a longer one"
+            )
+        return n
+
+    def _same_kind(self, data: IOData) -> None:
+        if abs(data.Ts - self.Ts) > 1e-6 * self.Ts:
+            raise InputError(
+                f"the record is sampled every {data.Ts} s and the model every {self.Ts} s; resample it first"
+            )
+        check_channels(self.model, data)
+
+
+def rested(model: Chain, theta: np.ndarray) -> np.ndarray:
+    """theta (P,) at rest: filters and speeds at zero, what integrates (a motor, a play) where theta has it.
+
+    In a fit this is where its record, the first of several, began.
+    """
+    still = np.where(model.initial, 0.0, theta)
+    for block in model.blocks:
+        if isinstance(block, _STANDS):
+            own = model.index(block)
+            speed = np.array([slot.name == "v0" for slot in block.slots()])
+            still[own] = np.where(speed, 0.0, theta[own])
+    return still
+
+
+def check_channels(model: Chain, data: IOData) -> None:
+    """Raises InputError where a record has not the model's number of inputs and outputs."""
+    found, wanted = (data.u.shape[1], data.y.shape[1]), model.channels
+    if found != wanted:
+        raise InputError(
+            f"the record has {found[0]} input(s) and {found[1]} output(s), the model {wanted[0]} and {wanted[1]}; "
+            "choose one column of each or build the model with nu and ny"
+        )
+
+
+def plain(value: Any) -> Any:
+    """The same without NumPy types and without numbers that JSON does not know: these become None."""
+    if isinstance(value, dict):
+        return {k: plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    return int(value) if isinstance(value, np.integer) else value

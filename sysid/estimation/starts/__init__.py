@@ -1,0 +1,1 @@
+"""Where a search starts: one file a kind of chain."""

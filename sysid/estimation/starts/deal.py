@@ -1,0 +1,145 @@
+"""Where a search starts: linear models, maps laid around them, and variations."""
+
+import numpy as np
+
+from sysid.data.record import IOData
+from sysid.estimation.problem import ChainProblem
+from sysid.estimation.starts.joint import is_joint, joint_starts
+from sysid.estimation.starts.linear import denominators, polished, same_poles, solve_linear
+from sysid.estimation.starts.multi import multi_starts
+from sysid.estimation.starts.profile import has_profile, profile_starts
+from sysid.estimation.starts.stages import plainer, staged_starts
+from sysid.estimation.starts.static_maps import lay_maps
+from sysid.model.chain import Chain
+from sysid.solver.iterate import Options, iterate
+from sysid.solver.searches import LevenbergMarquardt
+
+_COARSE = 12  # steps with coarse maps
+
+
+def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
+    """`count` starting points theta (P,): linear models first, then variations of their poles and maps.
+
+    Of several experiments the longest gives the start. Chains of several channels or of two transfer functions start in
+    `sysid.estimation.starts.multi`. Maps of many knots begin with few: the best of these is a better place to start
+    from.
+    """
+    record = max(data.experiments, key=lambda e: e.N)
+    if is_joint(chain):
+        return (
+            joint_starts(chain, record, count, seed)
+            if plainer(chain) is None
+            else staged_starts(chain, data, count, seed)
+        )
+    if has_profile(chain):
+        return [_with_fixed(chain, theta) for theta in profile_starts(chain, data, count, seed)]
+    # One generator a start, so that start k is the same however many are asked for.
+    draws = [np.random.default_rng([seed, k]) for k in range(1, count)]
+    if chain.channels != (1, 1) or len(chain.dynamics) != 1:
+        return [_with_fixed(chain, theta) for theta in multi_starts(chain, record, draws)]
+    u, y = record.u[:, 0], record.y[:, 0]
+    coarse = chain.coarser()
+    if coarse is None:
+        return [_with_fixed(chain, theta) for theta in _around(chain, u, y, draws)]
+    # Most starts go by way of the coarse maps; the last ones do not, for where that way leads astray.
+    direct = count // 3
+    found = [chain.refine(coarse, _few_steps(coarse, theta, u, y)) for theta in _around(coarse, u, y, draws[direct:])]
+    if direct:
+        found += _around(chain, u, y, draws[: direct - 1])
+    return [_with_fixed(chain, theta) for theta in found]
+
+
+def _around(chain: Chain, u: np.ndarray, y: np.ndarray, draws: list[np.random.Generator]) -> list[np.ndarray]:
+    """One start more than there are draws: linear models for the first half, then variations of them."""
+    count = len(draws) + 1
+    found = linear_starts(chain, u, y)[: 1 + count // 2]
+    return found + [
+        _variation(chain, found[k % len(found)], u, y, rng) for k, rng in enumerate(draws[len(found) - 1 :])
+    ]
+
+
+def _few_steps(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """theta (P,) after a few Levenberg-Marquardt steps."""
+    problem = ChainProblem.whole(chain, theta, u, y)
+    out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=_COARSE, tolerance=0.1))
+    return problem.thetas(out.p)[0] if np.isfinite(out.cost) else theta
+
+
+def linear_starts(chain: Chain, u: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
+    """theta (P,) of linear models of u (N,) to y (N,), the best first, with every map as near the identity as may be.
+
+    The best output-error model leads. Where the plant bends, its poles may serve the bend rather than the dynamics, so
+    the refined-IV models that it started from follow: they see the plant's best linear approximation.
+    """
+    linear = chain.linear
+    theta = np.zeros(len(chain.names))
+    before = chain.blocks[: chain.blocks.index(linear)]
+    w = lay_maps(chain, theta, before, u, u - u.mean())
+    level, aim = w - w.mean(), y - y.mean()
+    raw = denominators(linear, level, aim)
+    parts = [polished(linear, raw, level, aim)]
+    for f in raw:
+        part = np.zeros(linear.n_parameters)
+        part[linear.nb : linear.nb + linear.nf] = f
+        solve_linear(linear, part, level, aim)
+        if not any(same_poles(linear, part, other) for other in parts):
+            parts.append(part)
+    found = []
+    for part in parts:
+        full = theta.copy()
+        full[chain.index(linear)] = part
+        _finish(chain, full, w, y)
+        found.append(full)
+    return found
+
+
+def _finish(chain: Chain, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> None:
+    """Fit the linear block's initial state and an offset (both enter linearly), then lay the maps behind it."""
+    linear = chain.linear
+    part = chain.part(theta, linear).copy()
+    n = linear.n_state if linear.initial_state else 0
+    part[linear.nb + linear.nf :] = 0.0
+    J = np.empty((len(w), linear.n_parameters))
+    x = linear.propagate(part, w, J, 0)
+    impulses = J[:, linear.nb + linear.nf :]
+    after = chain.blocks[chain.blocks.index(linear) + 1 :]
+    can_shift = any(b.n_parameters for b in after)
+    columns = np.column_stack([impulses, np.ones(len(w))]) if can_shift else impulses
+    offset = 0.0
+    if columns.shape[1] and np.all(np.isfinite(columns)) and np.all(np.isfinite(x)):
+        solution = np.linalg.lstsq(columns, y - x, rcond=1e-10)[0]
+        part[linear.nb + linear.nf :] = solution[:n]
+        offset = float(solution[n]) if can_shift else 0.0
+    theta[chain.index(linear)] = part
+    x = linear.output(part, w)
+    lay_maps(chain, theta, after, x, x + offset)
+
+
+def _variation(chain: Chain, first: np.ndarray, u: np.ndarray, y: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Maps before the linear block varied, other poles, B by least squares, and the rest laid around them again."""
+    linear = chain.linear
+    k = chain.blocks.index(linear)
+    theta, w = first.copy(), u
+    for b in chain.blocks[:k]:
+        part = b.vary(chain.part(theta, b), rng)
+        theta[chain.index(b)] = part
+        w = b.output(part, w)
+    part = chain.part(theta, linear).copy()
+    if linear.nf:
+        part = linear.vary(part, rng)
+    J = np.empty((len(w), linear.n_parameters))
+    linear.propagate(part, w, J, 0)
+    columns = np.column_stack([J[:, : linear.nb], np.ones(len(w))])
+    part[: linear.nb] = np.linalg.lstsq(columns, y, rcond=1e-10)[0][: linear.nb]
+    theta[chain.index(linear)] = part
+    _finish(chain, theta, w, y)
+    for b in chain.blocks[k + 1 :]:
+        theta[chain.index(b)] = b.vary(chain.part(theta, b), rng)
+    return theta
+
+
+def _with_fixed(chain: Chain, theta: np.ndarray) -> np.ndarray:
+    theta = theta.copy()
+    for i, (name, slot) in enumerate(zip(chain.names, chain.slots, strict=True)):
+        theta[i] = chain.fixed.get(name, float(np.clip(theta[i], slot.lower, slot.upper)))
+    return theta

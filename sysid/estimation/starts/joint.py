@@ -1,0 +1,158 @@
+"""Starts of a joint that a motor drives, from the record alone: ends, speed per volt, friction, lag and load."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.block.block import Block
+from sysid.blocks import Motor, Play, TravelMap
+from sysid.data.record import IOData
+from sysid.model.chain import Chain
+
+_TRIED = 150  # candidates a start that is asked for
+_EDGE = 0.002  # of the samples that noise may throw beyond an end
+
+
+@dataclass(frozen=True)
+class _Record:
+    """What can be read off a record before any model: range of y, its speed where the input is large, its noise."""
+
+    u: np.ndarray
+    y: np.ndarray
+    low: float
+    high: float
+    speed: float  # of y per sample, where it moves
+    volts: float  # of the input there
+    sign: float
+
+
+def is_joint(chain: Chain) -> bool:
+    """Whether the chain has a motor."""
+    return any(isinstance(b, Motor) for b in chain.blocks)
+
+
+def motor_of(chain: Chain) -> Motor:
+    """The chain's motor."""
+    return next(b for b in chain.blocks if isinstance(b, Motor))
+
+
+def joint_starts(chain: Chain, record: IOData, count: int, seed: int) -> list[np.ndarray]:
+    """`count` starting points theta (P,): the best of many draws in free run, then others that differ from it.
+
+    A draw is friction, asymmetry, load and lag; the speed per volt follows from the speeds seen. Free runs cost a
+    fraction of a millisecond each, and a motor's cost has too many valleys for one good guess.
+    """
+    seen = _read(record.u[:, 0], record.y[:, 0])
+    rng = np.random.default_rng([seed, 7])
+    draws = [_draw(chain, seen, rng, k) for k in range(_TRIED * count)]
+    costs = np.array([_cost(chain, theta, seen) for theta in draws])
+    order = np.argsort(costs, kind="stable")
+    chosen: list[np.ndarray] = []
+    for k in order:
+        if all(_apart(chain, draws[k], other) for other in chosen):
+            chosen.append(draws[k])
+        if len(chosen) == count:
+            break
+    return chosen + [draws[k] for k in order[: count - len(chosen)]]
+
+
+def _read(u: np.ndarray, y: np.ndarray) -> _Record:
+    low, high = np.quantile(y, [_EDGE, 1.0 - _EDGE])
+    reach = max(1, len(y) // 500)
+    speed = (y[2 * reach :] - y[: -2 * reach]) / (2 * reach) if len(y) > 4 * reach else np.diff(y)
+    drive = u[reach : len(u) - reach] if len(y) > 4 * reach else u[:-1]
+    sign = 1.0 if float(np.sum(speed * (drive - np.mean(drive)))) >= 0.0 else -1.0
+    strong = np.abs(drive) >= 0.5 * np.abs(drive).max()
+    moving = strong & (sign * speed * drive > 0.0)
+    moving &= np.abs(speed) > 0.2 * np.quantile(np.abs(speed), 0.95)
+    if not moving.any():
+        moving = strong
+    return _Record(
+        u, y, low, high, float(np.median(np.abs(speed[moving]))), float(np.median(np.abs(drive[moving]))), sign
+    )
+
+
+def _draw(chain: Chain, seen: _Record, rng: np.random.Generator, k: int) -> np.ndarray:
+    """One candidate; the first is the plainest."""
+    theta = np.zeros(len(chain.names))
+    ends = _ends(chain, seen, rng)
+    mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
+    values = _physics(seen, ends, mapped, None if k == 0 else rng)
+    span = max(abs(ends[1] - ends[0]), 1e-12)
+    for b in chain.blocks:
+        theta[chain.index(b)] = _values(b, values, ends, span, seen)
+    for i, (name, slot) in enumerate(zip(chain.names, chain.slots, strict=True)):
+        theta[i] = chain.fixed.get(name, float(np.clip(theta[i], slot.lower, slot.upper)))
+    return theta
+
+
+def _ends(chain: Chain, seen: _Record, rng: np.random.Generator) -> tuple[float, float]:
+    """Outputs at the motor's lower and upper end."""
+    if chain.block("sensor") is None:
+        return (seen.low, seen.high) if seen.sign > 0 else (seen.high, seen.low)
+    # What a sensor shows says little of where the ends are: try either side of zero.
+    reach = max(abs(seen.low), abs(seen.high))
+    share = rng.uniform(0.0, 1.0) if rng.random() < 0.8 else 1.0
+    return (-reach * share, reach) if rng.random() < 0.5 else (-reach, reach * share)
+
+
+def _physics(
+    seen: _Record, ends: tuple[float, float], mapped: bool, rng: np.random.Generator | None
+) -> dict[str, float]:
+    """The motor's parameters by name, drawn with `rng`; its position counts in strokes where a travel map follows."""
+    way = ends[1] - ends[0] or 1.0
+    first = float(seen.y[: max(1, min(3, len(seen.y)))].mean())
+    friction, tilt, load, haste, lag, stick, delay, creep = 0.15, 0.0, 0.0, 1.0, 0.5, 0.2, 0.2, 0.03
+    if rng is not None:
+        friction = np.exp(rng.uniform(np.log(0.01), np.log(0.7)))
+        tilt, load = rng.uniform(-0.4, 0.4), rng.normal() * 0.1
+        haste = np.exp(0.15 * rng.normal())
+        lag = np.exp(rng.uniform(np.log(0.1), np.log(max(3.0, len(seen.y) / 400))))
+        stick, delay = rng.uniform(0.0, 0.6), rng.uniform(0.0, 1.0)
+        creep = np.exp(rng.uniform(*np.log([0.003, 0.3])))
+    dry = friction * seen.volts
+    left = max(seen.volts - dry, 0.05 * seen.volts)  # of the volts, for speed
+    gain = seen.speed / left / (abs(way) if mapped else 1.0) * haste
+    return {
+        "gain": gain if mapped or seen.sign > 0 else 1e-6,
+        "lag": lag,
+        "rise": dry * (1.0 + tilt),
+        "fall": dry * (1.0 - tilt),
+        "stick": dry * stick,
+        "stick_speed": gain * seen.volts * creep,
+        "load0": load * seen.volts,
+        "loss": 0.1,
+        "delay": delay,
+        "lower": 0.0 if mapped else seen.low,
+        "upper": 1.0 if mapped else seen.high,
+        "x0": float(np.clip((first - ends[0]) / way, 0.0, 1.0)) if mapped else first,
+    }
+
+
+def _values(b: Block, values: dict[str, float], ends: tuple[float, float], span: float, seen: _Record) -> np.ndarray:
+    if isinstance(b, Motor):
+        return np.array([values.get(slot.name, 0.0) for slot in b.slots()])
+    if isinstance(b, TravelMap):
+        part = b.start(np.zeros(1))
+        part[:2] = ends
+        return part
+    if isinstance(b, Play):
+        part = b.start(np.zeros(1))
+        part[0] = 0.005 * span
+        return part
+    return b.start(seen.u if b.role == "driver" else seen.y)
+
+
+def _cost(chain: Chain, theta: np.ndarray, seen: _Record) -> float:
+    if not chain.admissible(theta):
+        return np.inf
+    e = seen.y - chain.simulate(theta, seen.u)
+    cost = float(e @ e)
+    return cost if np.isfinite(cost) else np.inf
+
+
+def _apart(chain: Chain, a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether two candidates differ by a tenth or more in a parameter of the motor."""
+    motor = motor_of(chain)
+    x, y = chain.part(a, motor), chain.part(b, motor)
+    return bool(np.any(np.abs(x - y) > 0.2 * np.maximum(np.abs(x), np.abs(y)) + 1e-12))

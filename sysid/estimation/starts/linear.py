@@ -1,0 +1,109 @@
+"""Linear models to start from: refined instrumental variables at several rates, polished by output error."""
+
+import numpy as np
+
+from sysid.blocks import TransferFunction
+from sysid.estimation.problem import ChainProblem
+from sysid.model.chain import Chain
+from sysid.solver.iterate import Options, iterate
+from sysid.solver.searches import LevenbergMarquardt
+
+
+def output_error_start(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Parameters of a linear block (p,) for w, y (N,): the best of several linear starts after output error each."""
+    return polished(linear, denominators(linear, w, y), w, y)
+
+
+def polished(linear: TransferFunction, raw: list[np.ndarray], w: np.ndarray, y: np.ndarray) -> np.ndarray:
+    options, best, best_cost = Options(max_iterations=30, tolerance=0.1), np.zeros(linear.n_parameters), np.inf
+    for f in raw:
+        theta = np.zeros(linear.n_parameters)
+        theta[linear.nb : linear.nb + linear.nf] = f
+        solve_linear(linear, theta, w, y)
+        problem = ChainProblem.whole(Chain((linear,)), theta, w, y)
+        out = iterate(problem, problem.start, LevenbergMarquardt(), options)
+        if out.cost < best_cost:
+            best, best_cost = problem.thetas(out.p)[0], out.cost
+    return best
+
+
+def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iterations: int = 20) -> np.ndarray:
+    """f (nf,) of y = B/F w by refined instrumental variables (Young 2011, Recursive Estimation, chapter 7).
+
+    Regressors are filtered by the last 1/F, instruments are the last model's own noise-free output; poles outside the
+    unit circle are mirrored inside before each pass. The pass that fits best in free run is returned.
+    """
+    from sysid.block.kernels import all_pole
+
+    linear = TransferFunction(nb, nf, nk, initial_state=False)
+    f, x, best, best_cost = np.zeros(nf), y, np.zeros(nf), np.inf
+    for _ in range(iterations):
+        wf, yf, xf = np.empty_like(w), np.empty_like(w), np.empty_like(w)
+        for signal, filtered in ((w, wf), (y, yf), (x, xf)):
+            all_pole(f, signal, filtered)
+        inputs = [_delay(wf, nk + i) for i in range(nb)]
+        regressors = np.column_stack([-_delay(yf, j + 1) for j in range(nf)] + inputs)
+        instruments = np.column_stack([-_delay(xf, j + 1) for j in range(nf)] + inputs)
+        # lstsq, since a poor excitation leaves directions empty.
+        theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ yf, rcond=1e-12)[0]
+        f = _mirrored(theta[:nf])
+        with np.errstate(over="ignore", invalid="ignore"):
+            x = linear.output(np.concatenate([theta[nf:], f]), w)
+            cost = float(np.sum((y - x) ** 2))
+        if not np.isfinite(cost):
+            break
+        if cost < best_cost:
+            converged = best_cost - cost < 1e-6 * cost
+            best, best_cost = f, cost
+            if converged:
+                break
+    return best
+
+
+def denominators(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
+    """Candidates for f (nf,) by refined IV, from the record and from thinned ones.
+
+    A record sampled much faster than its dynamics hides them (all poles crowd at 1); poles of a thinned record are
+    brought back to the full rate.
+    """
+    found = [refined_iv(linear.nb, linear.nf, linear.nk, w, y)]
+    for thin in (4, 16, 64, 256):
+        n = len(w) // thin
+        if linear.nf == 0 or n < 20 * (linear.nb + linear.nf):
+            break
+        means = w[: n * thin].reshape(n, thin).mean(axis=1)
+        slow = refined_iv(linear.nf, linear.nf, 1, means, y[: n * thin : thin])
+        poles = np.roots(np.concatenate([[1.0], slow])).astype(complex)
+        # A pole on the negative real axis is the alias of none; it becomes a fast one.
+        poles = np.where((poles.real <= 0) & (np.abs(poles.imag) < 1e-12), 1e-3, poles)
+        found.append(np.real(np.poly(poles ** (1.0 / thin)))[1:])
+    return found
+
+
+def same_poles(linear: TransferFunction, a: np.ndarray, b: np.ndarray) -> bool:
+    """True where two linear blocks' poles differ by less than a tenth of their distance from the unit circle."""
+    p, q = np.sort_complex(linear.poles(a)), np.sort_complex(linear.poles(b))
+    return bool(np.all(np.abs(p - q) < 0.1 * np.maximum(1.0 - np.abs(p), 1e-6)))
+
+
+def solve_linear(linear: TransferFunction, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> None:
+    """Fill B and the initial state in theta (p,) by least squares for the F that stands there."""
+    J = np.empty((len(w), linear.n_parameters))
+    linear.propagate(theta, w, J, 0)
+    enters = np.r_[0 : linear.nb, linear.nb + linear.nf : linear.n_parameters]  # these enter linearly
+    if np.all(np.isfinite(J[:, enters])):
+        theta[enters] = np.linalg.lstsq(J[:, enters], y, rcond=1e-12)[0]
+
+
+def _delay(x: np.ndarray, k: int) -> np.ndarray:
+    return np.concatenate([np.zeros(k), x[: len(x) - k]])
+
+
+def _mirrored(f: np.ndarray) -> np.ndarray:
+    """f (n,) with the roots outside the unit circle mirrored inside."""
+    if not len(f) or not np.all(np.isfinite(f)):
+        return np.zeros(len(f))
+    poles = np.roots(np.concatenate([[1.0], f])).astype(complex)
+    outside = np.abs(poles) > 1.0
+    poles[outside] = 1.0 / np.conj(poles[outside])
+    return np.real(np.poly(poles))[1:]

@@ -1,0 +1,96 @@
+"""Starts of a motor with a free friction profile, from the record alone: the balance of volts over short windows."""
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from sysid.blocks import ProfiledMotor
+from sysid.data.record import IOData
+from sysid.model.chain import Chain
+
+_WINDOWS = (400, 250, 100, 40)  # windows a record: few where the output is noisy, many where it is clean
+_STATE = 20  # samples that give position and speed at the beginning
+_CALM = 0.1  # a profile's bend by its own level weighs as much as this share of an error that large in one window
+
+
+def has_profile(chain: Chain) -> bool:
+    """Whether the chain is one motor with a friction profile, with nothing before or behind it."""
+    return len(chain.blocks) == 1 and isinstance(chain.blocks[0], ProfiledMotor)
+
+
+def profile_start(chain: Chain, data: IOData) -> np.ndarray:
+    """theta (P,) of a chain of one `ProfiledMotor`, for the first experiment of the record.
+
+    Over a window of W samples the volts balance: inertia (v_end - v_begin) / W + drag mean v + sign(v) mean friction =
+    mean u, which is linear in all parameters. Several W are tried; the best free run over all experiments counts.
+    """
+    block = chain.blocks[0]
+    assert isinstance(block, ProfiledMotor)
+    best, least = block.start(data.u[:, 0]), np.inf
+    N = max(data.lengths)
+    for W in sorted({max(4, N // count) for count in _WINDOWS}):
+        theta, cost = _balance(block, data, W), 0.0
+        for e in reversed(data.experiments):  # the first experiment's state stays
+            theta[-2:] = first_state(e.y[:, 0])
+            cost += float(np.sum((e.y[:, 0] - chain.simulate(theta, e.u[:, 0])) ** 2))
+        if cost < least:
+            best, least = theta, cost
+    return best
+
+
+def profile_starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
+    """`count` starting points theta (P,): the one from the data, then variations of it."""
+    first, block = profile_start(chain, data), chain.blocks[0]
+    return [first, *(block.vary(first, np.random.default_rng([seed, k])) for k in range(1, count))]
+
+
+def first_state(y: np.ndarray, n: int = _STATE) -> tuple[float, float]:
+    """Position and speed [1/sample] at the first sample, from a parabola through the first n outputs y (N,)."""
+    n = min(n, len(y))
+    if n < 3:
+        return float(y[0]), 0.0
+    c = np.polyfit(np.arange(n), y[:n], 2)
+    return float(c[2]), float(c[1])
+
+
+def _balance(block: ProfiledMotor, data: IOData, W: int) -> np.ndarray:
+    rows, sides = [], []
+    for e in data.experiments:
+        if e.N >= 4 * W:
+            A, b = _windows(block, e.u[:, 0], e.y[:, 0], W)
+            rows.append(A)
+            sides.append(b)
+    A, b = np.concatenate(rows), np.concatenate(sides)
+    n = block.knots
+    D = np.zeros((2 * max(n - 2, 0), A.shape[1]))
+    for side in range(2):
+        for i in range(n - 2):
+            D[side * (n - 2) + i, 3 + side * n + i : 3 + side * n + i + 3] = 1.0, -2.0, 1.0
+    A, b = np.concatenate([A, _CALM * D]), np.concatenate([b, np.zeros(len(D))])
+    scale = np.maximum(np.linalg.norm(A, axis=0), 1e-12)
+    free = np.full(A.shape[1], -np.inf)
+    plain = np.linalg.lstsq(A / scale, b, rcond=1e-9)[0]
+    free[:3] = 1e-3 * np.maximum(np.abs(plain[:3]), 1e-3 * np.abs(plain).max())
+    theta = np.concatenate([lsq_linear(A / scale, b, (free, np.inf)).x / scale, [0.0, 0.0]])
+    return block.repair(theta)
+
+
+def _windows(block: ProfiledMotor, u: np.ndarray, y: np.ndarray, W: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the balance (windows, 3 + 2 knots) and mean volts (windows,)."""
+    half = max(2, W // 6)
+    k = np.arange(-half, half + 1)
+    v = np.convolve(y, k[::-1] / np.sum(k**2), "same")
+    ends = np.arange(half, len(y) - half, W)
+    up, down = (v > 0).astype(float), (v < 0).astype(float)
+    if block.knots > 1:
+        grid = np.linspace(block.low, block.high, block.knots)
+        s = np.clip((y - grid[0]) / (grid[1] - grid[0]), 0.0, block.knots - 1.0)
+        hats = [np.maximum(1.0 - np.abs(s - i), 0.0) for i in range(block.knots)]
+    else:
+        hats = [np.ones_like(y)]
+    columns = [v * up, v * down, *(hat * up for hat in hats), *(-hat * down for hat in hats)]
+
+    def means(x: np.ndarray) -> np.ndarray:
+        total = np.concatenate([[0.0], np.cumsum(x)])
+        return np.diff(total[ends]) / W
+
+    return np.column_stack([np.diff(v[ends]) / W, *map(means, columns)]), means(u)

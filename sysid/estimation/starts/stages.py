@@ -1,0 +1,159 @@
+"""Starts of a joint with more physics: a plainer joint is fitted first, and what it lacks starts from its optimum.
+
+A cost over friction curves and plays has many valleys, and which one is right shows only where all else fits already.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from sysid.block.block import Block
+from sysid.blocks import CoastingPlay, Motor
+from sysid.data.record import IOData
+from sysid.estimation.initial_state import with_initial_states
+from sysid.estimation.problem import ChainProblem
+from sysid.estimation.starts.joint import joint_starts, motor_of
+from sysid.estimation.starts.play import play_starts
+from sysid.model.chain import Chain
+from sysid.solver.iterate import Options, iterate
+from sysid.solver.searches import LevenbergMarquardt
+
+_STEPS = Options(max_iterations=60, tolerance=0.01)
+_TRIED = 4  # starts of the plainest joint
+Part = dict[str, float]
+# How far a value is shaken (standard deviation): in parts of itself, or, of those that may be zero, in their own unit.
+_SHAKEN = {
+    **{"gain": 0.01, "rise": 0.05, "fall": 0.05, "lag": 0.5, "stick": 0.3, "stick_speed": 0.5, "loss": 0.3, "jam": 0.5},
+    **{"width": 0.2, "drag": 0.5},
+}
+_DELAY = 0.3  # samples
+_LOAD = 0.1  # of the mean dry friction
+_END = 0.003  # of the way between the ends
+
+
+def plainer(chain: Chain) -> Chain | None:
+    """The chain with a motor that knows dry friction only, and without a play that coasts; None if it is so."""
+    motor = motor_of(chain)
+    plain = replace(motor, stribeck=False, loss=False, jams=False, substeps=min(motor.substeps, 2))
+    blocks = tuple(plain if b is motor else b for b in without_play(chain).blocks)
+    return None if blocks == chain.blocks else sub(chain, blocks)
+
+
+def without_play(chain: Chain) -> Chain:
+    """The chain without a play that coasts."""
+    blocks = tuple(b for b in chain.blocks if not isinstance(b, CoastingPlay))
+    return chain if len(blocks) == len(chain.blocks) else sub(chain, blocks)
+
+
+def sub(chain: Chain, blocks: tuple[Block, ...], hold: Mapping[str, float] | None = None) -> Chain:
+    """A chain of other blocks, with what of `fixed`, `hold` and `bounds` it still has.
+
+    A constant load is held at zero where it can't be told from a difference between the frictions up and down.
+    """
+    names = Chain(blocks).names
+    fixed = {name: value for name, value in {**chain.fixed, **(hold or {})}.items() if name in names}
+    for b in blocks:
+        if isinstance(b, Motor) and b.load and not b.loss:
+            fixed.setdefault(f"{b.role}.load0", 0.0)
+    bounds = {name: limits for name, limits in chain.bounds.items() if name in names}
+    return Chain(blocks, chain.structure, fixed, bounds)
+
+
+def lifted(chain: Chain, theta: np.ndarray, richer: Chain, more: Part) -> np.ndarray:
+    """theta of a richer chain: what both have, what the richer one holds, and `more`."""
+    known = dict(zip(chain.names, theta, strict=True)) | more | dict(richer.fixed)
+    return np.clip([known.get(name, 0.0) for name in richer.names], *richer.limits)
+
+
+def shaken(chain: Chain, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """theta (P,) with what moves the joint, and where it ends, a little different."""
+    known = dict(zip(chain.names, theta, strict=True))
+    role, _, rise, fall = _read(chain, theta)
+    own = {
+        f"{role}.delay": _DELAY,
+        f"{role}.load1": _LOAD * (rise + fall) / 2,
+        f"{role}.load2": _LOAD * (rise + fall) / 2,
+    }
+    if "map.low" in known:
+        own |= dict.fromkeys(("map.low", "map.high"), _END * abs(known["map.high"] - known["map.low"]))
+    out = []
+    for name, value, z in zip(chain.names, theta, rng.normal(size=len(theta)), strict=True):
+        step = own.get(name)
+        out.append(value + step * z if step is not None else value * np.exp(_SHAKEN.get(name.split(".")[-1], 0.0) * z))
+    return np.where(chain.free, out, theta)
+
+
+def staged_starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
+    """`count` starting points theta (P,) of a joint whose `plainer` one exists."""
+    plain, middle = plainer(chain), without_play(chain)
+    assert plain is not None
+    record = max(data.experiments, key=lambda e: e.N)
+    found = _best(plain, joint_starts(plain, record, _TRIED, seed), data)
+    if middle != plain:
+        names = tuple(name for name in FRICTIONS if getattr(motor_of(chain), name))
+        points = [lifted(plain, found, middle, more) for more in friction_starts(names, plain, found, data)]
+        found = _best(middle, points, data)
+    if middle is chain:
+        return [found]
+    return [lifted(middle, found, chain, more) for more in play_starts(chain, middle, found, data)[:count]]
+
+
+def friction_starts(names: tuple[str, ...], chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
+    """First values of the frictions `names`, in every combination, beside the optimum theta of `chain`."""
+    parts = product(*(FRICTIONS[name](chain, theta, data) for name in names))
+    return [{name: value for part in combination for name, value in part.items()} for combination in parts]
+
+
+def _best(chain: Chain, points: list[np.ndarray], data: IOData) -> np.ndarray:
+    best, least = points[0], np.inf
+    for theta in points:
+        problem = ChainProblem(chain, with_initial_states(chain, theta, data), tuple(data.experiments), chain.free)
+        outcome = iterate(problem, problem.start, LevenbergMarquardt(), _STEPS)
+        if outcome.cost < least:
+            best, least = problem.thetas(outcome.p)[0], outcome.cost
+    return best
+
+
+def _read(chain: Chain, theta: np.ndarray) -> tuple[str, float, float, float]:
+    """The motor's role, gain, rise and fall."""
+    motor = motor_of(chain)
+    gain, rise, fall = (motor.value(chain.part(theta, motor), name) for name in ("gain", "rise", "fall"))
+    return motor.role, gain, rise, fall
+
+
+def _stribeck(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
+    role, gain, rise, fall = _read(chain, theta)
+    mean = 0.5 * (rise + fall)
+    return [
+        {f"{role}.stick": 0.2 * mean, f"{role}.stick_speed": max(creep * gain * mean, 1e-8)} for creep in (0.1, 0.5)
+    ]
+
+
+def _loss(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
+    """Frictions that differ up and down may be a load, and a screw's loss that goes with it: the same at mid stroke."""
+    role, _, rise, fall = _read(chain, theta)
+    found = []
+    for loss, share in ((0.1, 0.0), (0.7, 0.0), (0.3, 1.0), (1.0, 1.0)):
+        load = share * (rise - fall) / 2
+        lost = loss * abs(load)
+        part = {"loss": loss, "load0": load, "rise": rise - load - lost, "fall": fall + load - lost}
+        found.append({f"{role}.{name}": value for name, value in part.items()})
+    return found
+
+
+def _jam(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
+    """A stop that is struck at full speed keeps the motor for a sample and a half, for four or for ten."""
+    role, gain, rise, fall = _read(chain, theta)
+    dry = 0.5 * (rise + fall)
+    fastest = max(gain * max(float(np.abs(data.u).max()) - dry, 0.1 * dry), 1e-12)
+    return [{f"{role}.jam": samples / fastest} for samples in (1.5, 4.0, 10.0)]
+
+
+# What a motor's friction may have besides, by the option's name, and first values for it beside a plainer optimum.
+FRICTIONS: dict[str, Callable[[Chain, np.ndarray, IOData], list[Part]]] = {
+    "stribeck": _stribeck,
+    "loss": _loss,
+    "jams": _jam,
+}

@@ -1,0 +1,98 @@
+"""Text tables: comma, semicolon, tab or white space between the columns, with or without a header."""
+
+import csv
+from pathlib import Path
+
+from sysid.base.errors import InputError
+from sysid.formats.table import Table, is_number
+
+COMMENT = ("#", "%")
+
+
+class Delimited:
+    """Reads .csv, .txt and .dat.
+
+    A first row with any cell that is no number is the header; without one the columns are called 1, 2, ... Lines that
+    start with # or % and blank lines are passed over, and still count as rows of the file. A column without a single
+    entry (the trailing comma that some programs write) is dropped. In a file with semicolons or tabs a comma may be
+    the decimal mark.
+    """
+
+    def read(self, path: Path) -> Table:
+        """The table in `path`; raises InputError where it is binary, empty or ragged."""
+        lines = [
+            (number, line)
+            for number, line in enumerate(_text(path).splitlines(), start=1)
+            if line.strip() and not line.lstrip().startswith(COMMENT)
+        ]
+        if not lines:
+            raise InputError(f"{path} has no rows; give a file with one row a sample")
+        separator = _separator(lines[-1][1], lines[0][1])
+        rows = [(number, _cells(line, separator)) for number, line in lines]
+        decimal = "," if separator in (";", "\t") and _has_decimal_commas(rows[-1][1]) else "."
+        header = not all(is_number(cell.replace(decimal, ".")) for cell in rows[0][1] if cell)
+        if header and len(rows) == 1:
+            raise InputError(f"{path} has a header and no rows under it; give a file with one row a sample")
+        rows = _without_empty_columns(rows)
+        _check_widths(path, rows)
+        names = rows[0][1] if header else [str(j + 1) for j in range(len(rows[0][1]))]
+        _check_names(path, names)
+        body = rows[1:] if header else rows
+        numbers = [number for number, _ in body]
+        columns = tuple(list(column) for column in zip(*(cells for _, cells in body), strict=True))
+        return Table(path, tuple(names), columns, (numbers,) * len(names), decimal=decimal)
+
+
+def _text(path: Path) -> str:
+    raw = path.read_bytes()
+    utf16 = raw.startswith((b"\xff\xfe", b"\xfe\xff"))  # what spreadsheets call "Unicode text"
+    try:
+        text = raw.decode("utf-16" if utf16 else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = raw.decode("latin-1")  # an old degree sign in a header is no reason to refuse the numbers
+    strange = next((c for c in text if ord(c) < 32 and c not in "\t\r\n\f\v"), None)
+    if strange is not None or "\x7f" in text:
+        raise InputError(f"{path} is not a text file (it holds binary bytes); give a text table, or .mat or .parquet")
+    return text
+
+
+def _separator(line: str, first: str) -> str | None:
+    """The separator of the last row, which is sure to be data; None is white space."""
+    for mark in (";", "\t", ","):
+        if mark in line.strip() or (mark in first.strip() and mark in line):
+            # A tab or blank between padded numbers is white space, not an empty cell.
+            return None if mark == "\t" and "\t\t" not in line and line != line.strip() else mark
+    return None
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    if separator is None:
+        return [cell.strip('"') for cell in line.split()]
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+
+
+def _has_decimal_commas(cells: list[str]) -> bool:
+    return any("," in cell and is_number(cell.replace(",", ".")) for cell in cells)
+
+
+def _without_empty_columns(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    width = max(len(cells) for _, cells in rows)
+    while width > 1 and all(len(cells) < width or not cells[width - 1] for _, cells in rows):
+        width -= 1
+    return [(number, cells[:width]) for number, cells in rows]
+
+
+def _check_widths(path: Path, rows: list[tuple[int, list[str]]]) -> None:
+    expected = len(rows[0][1])
+    for number, cells in rows:
+        if len(cells) != expected:
+            raise InputError(
+                f"{path}, row {number}: found {len(cells)} cells where row {rows[0][0]} has {expected}; "
+                "give every row the same number of columns"
+            )
+
+
+def _check_names(path: Path, names: list[str]) -> None:
+    for j, name in enumerate(names):
+        if name and name in names[:j]:
+            raise InputError(f"{path}: two columns are called {name!r}; rename one of them")

@@ -1,0 +1,55 @@
+"""MATLAB files up to version 7."""
+
+from pathlib import Path
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.formats.table import Table
+
+
+class Mat:
+    """Reads .mat: every numeric vector is a column; column j (from 1) of a matrix M is called M:j."""
+
+    def read(self, path: Path) -> Table:
+        """The vectors in `path`; raises InputError where it is no MAT file, or of version 7.3, or has no vector."""
+        from scipy.io import loadmat
+
+        try:
+            content = loadmat(path)
+        except NotImplementedError:
+            raise InputError(
+                f"{path} is a MAT file of version 7.3 (HDF5), which is not read here; save it again with -v7"
+            ) from None
+        except OSError:
+            raise
+        except Exception as error:  # a damaged file fails in many ways inside scipy: each of them is the file's fault
+            kind = type(error).__name__
+            raise InputError(
+                f"{path} is not a readable MAT file ({kind}); save it again from MATLAB with -v7"
+            ) from None
+        variables = {name: value for name, value in content.items() if not name.startswith("__")}
+        columns: dict[str, np.ndarray] = {}
+        for name, value in variables.items():
+            columns.update(_vectors(name, value))
+        if not columns:
+            found = ", ".join(f"{name} ({_describe(value)})" for name, value in variables.items()) or "nothing"
+            raise InputError(f"{path} has no numeric vector; found {found}; save input and output as vectors")
+        rows = tuple(range(1, len(values) + 1) for values in columns.values())
+        return Table(path, tuple(columns), tuple(columns.values()), rows, place="element")
+
+
+def _vectors(name: str, value: object) -> dict[str, np.ndarray]:
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf" or value.ndim != 2 or value.size < 2:
+        return {}
+    if min(value.shape) == 1:
+        return {name: value.ravel()}
+    samples = value if value.shape[0] >= value.shape[1] else value.T
+    return {f"{name}:{j + 1}": samples[:, j] for j in range(samples.shape[1])}
+
+
+def _describe(value: object) -> str:
+    if not isinstance(value, np.ndarray):
+        return type(value).__name__
+    kind = {"c": "complex", "O": "cell", "V": "struct", "U": "text"}.get(value.dtype.kind, "numeric")
+    return f"{kind} {'x'.join(str(n) for n in value.shape)}"

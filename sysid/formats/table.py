@@ -1,0 +1,80 @@
+"""Table: the columns of a file as they were read, turned into numbers only when somebody asks for one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+
+LARGEST = 1e100  # squares of it still fit a float64, sums of squares of a million of them too
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of one file.
+
+    `columns[j]` holds the cells of `names[j]`: strings (n,) of a text file, numbers (n,) of a binary one. `rows[j]`
+    numbers those cells as the file counts them, for messages; `place` is what the file calls such a number. A text
+    file that has no header gets the names 1, 2, ...
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    columns: tuple[Sequence[str] | np.ndarray, ...]
+    rows: tuple[Sequence[int], ...]
+    place: str = "row"
+    decimal: str = "."
+
+    def numbers(self, name: str) -> np.ndarray:
+        """Column `name` (n,) as float64; raises InputError with the place of the first cell that is not finite."""
+        if name not in self.names:
+            error = unknown("column", name, self.names)
+            raise InputError(f"{self.path}: {error}")
+        j = self.names.index(name)
+        cells = self.columns[j]
+        values = self._from_text(j) if len(cells) and isinstance(cells[0], str) else np.array(cells, dtype=float)
+        for bad, found, remedy in (
+            (np.isnan(values), "no value (NaN)", "remove or fill it"),
+            (np.isinf(values), "an infinite value", "remove or correct it"),
+            (np.abs(values) > LARGEST, "a value above 1e100", "give the column in a sensible unit"),
+        ):
+            if bad.any():
+                k = int(np.argmax(bad))
+                count = int(bad.sum())
+                more = f" (and {count - 1} more like it)" if count > 1 else ""
+                raise self.error(j, k, f"found {found}{more}; {remedy}")
+        return values
+
+    def error(self, j: int, k: int, sentence: str) -> InputError:
+        """The error for cell k of column j: file, row, column, sentence."""
+        return InputError(f"{self.path}, {self.place} {self.rows[j][k]}, column {self.names[j]!r}: {sentence}")
+
+    def _from_text(self, j: int) -> np.ndarray:
+        cells = [cell.replace(",", ".") for cell in self.columns[j]] if self.decimal == "," else list(self.columns[j])
+        try:
+            # Python reads 1_000 as a number; nobody who writes it into a log means that.
+            if any("_" in cell for cell in cells):
+                raise ValueError
+            return np.array([float(cell) for cell in cells])
+        except ValueError:
+            for k, cell in enumerate(cells):
+                if not cell.strip():
+                    raise self.error(j, k, "found an empty cell; remove the row or fill it") from None
+                if not is_number(cell):
+                    raise self.error(j, k, f"found {_short(cell)}, which is not a number; correct the cell") from None
+            raise
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell reads as one number (nan and inf count: they are numbers, though not usable ones)."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return "_" not in text
+
+
+def _short(text: str) -> str:
+    return repr(text if len(text) <= 40 else text[:37] + "...")

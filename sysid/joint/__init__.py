@@ -1,0 +1,1 @@
+"""Actuated joints: grown part by part, and told in physical units."""

@@ -1,0 +1,111 @@
+"""Linear models of a fit: operating point, tangent there, and the best linear model for an input.
+
+The chain u -> w = f(u) -> x = B/F w -> y = h(x) has the tangent dy = h'(x*) B/F f'(u*) du (Ljung, System Identification
+Toolbox user's guide, on linearising Hammerstein-Wiener models).
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.estimation.result import Fit
+from sysid.nlarx.result import NlarxFit
+
+if TYPE_CHECKING:
+    from control import StateSpace, TransferFunction
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Steady state of a chain at a constant input: u, w = f(u), x, y = h(x) and the slopes f'(u), h'(x)."""
+
+    u: float
+    w: float
+    x: float
+    y: float
+    input_slope: float
+    output_slope: float
+
+
+def findop(fit: Fit, u: float = 0.0, x: float | None = None) -> OperatingPoint:
+    """Steady state at the constant input u, or the point with linear output x where x is given.
+
+    Raises InputError where the linear block integrates and w is not zero: such a chain has no steady state; give x.
+    """
+    model, linear = fit.model, fit.model.linear
+    k = model.blocks.index(linear)
+    w, input_slope = _through(fit, 0, k, u)
+    if x is None:
+        gain = linear.gain(model.part(fit.theta, linear))
+        if not np.isfinite(gain):
+            raise InputError("the linear block integrates, so a constant input has no steady state; give x instead")
+        x = gain * w
+    y, output_slope = _through(fit, k + 1, len(model.blocks), x)
+    return OperatingPoint(float(u), w, float(x), y, input_slope, output_slope)
+
+
+def tangent(fit: Fit | NlarxFit, u: float = 0.0, x: float | None = None) -> "TransferFunction":
+    """The fit's tangent at the operating point of constant input u, as a discrete control.TransferFunction.
+
+    A nonlinear ARX fit has its tangent from `sysid.nlarx.linearize`, where steady states may be several.
+    """
+    import control
+
+    if isinstance(fit, NlarxFit):
+        from sysid.nlarx import linearize as nlarx_linearize
+
+        return nlarx_linearize.tangent(fit, u)
+
+    op = findop(fit, u, x)
+    B, F = fit.model.linear.padded(fit.model.part(fit.theta, fit.model.linear))
+    B = np.trim_zeros(B * op.input_slope * op.output_slope, "f")
+    return control.tf(B if len(B) else np.zeros(1), F, fit.Ts)
+
+
+def tangent_ss(fit: Fit, u: float = 0.0, x: float | None = None) -> "StateSpace":
+    """The same as a control.StateSpace in controllable companion form, as the paper's equations (6), (8), (10)."""
+    import control
+
+    op = findop(fit, u, x)
+    B, F = fit.model.linear.padded(fit.model.part(fit.theta, fit.model.linear))
+    n = len(F) - 1
+    A = np.eye(n, k=-1)
+    if n:
+        A[0] = -F[1:]
+    b = np.zeros((n, 1))
+    if n:
+        b[0] = op.input_slope
+    c = op.output_slope * (B[1:] - B[0] * F[1:])
+    return control.ss(A, b, c[None, :], [[op.output_slope * B[0] * op.input_slope]], fit.Ts)
+
+
+def linapp(fit: Fit, u: np.ndarray) -> "TransferFunction":
+    """The output-error model of the same orders that comes nearest to the fit's free run for the input u (N,).
+
+    Valid for inputs like this one only (section III.F of Guni and Irawan 2016).
+    """
+    import control
+
+    from sysid.data.record import IOData
+    from sysid.estimation.fit import fit as fit_chain
+    from sysid.structures import output_error
+
+    linear = fit.model.linear
+    y = fit.simulate(np.asarray(u, dtype=float))
+    data = IOData(np.asarray(u) - np.mean(u), y - y.mean(), fit.Ts)
+    best = fit_chain(output_error(linear.nb, linear.nf, linear.nk), data, search="lm")
+    B, F = best.model.linear.padded(best.theta)
+    return control.tf(np.trim_zeros(B, "f"), F, fit.Ts)
+
+
+def _through(fit: Fit, start: int, stop: int, value: float) -> tuple[float, float]:
+    """Value and slope of the static blocks start..stop-1 at one point."""
+    x, J = np.array([float(value)]), np.ones((1, 1))
+    for b in fit.model.blocks[start:stop]:
+        p = b.n_parameters
+        wide: Any = np.column_stack([J, np.zeros((1, p))])
+        x = b.propagate(fit.model.part(fit.theta, b), x, wide, 1)
+        J = wide[:, :1].copy()
+    return float(x[0]), float(J[0, 0])

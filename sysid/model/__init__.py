@@ -1,0 +1,1 @@
+"""Blocks in series: the chain, its gauge, its tangent at a steady state, its wiring."""

@@ -1,0 +1,257 @@
+"""Chain: blocks in series. Simulation, exact sensitivities and the bookkeeping of parameters."""
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+from sysid.block.block import Block, Slot
+from sysid.blocks import TransferFunction
+from sysid.model.gauge import gauge
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Blocks in series, u -> blocks[0] -> ... -> y. Holds structure; values are a vector theta (P,).
+
+    Parameters are named role.name ('linear.f1'). `fixed` maps names to the values that they keep, or a block's role to
+    all its values (its initial state stays free unless that is given too); `bounds` maps names to (lower, upper).
+    """
+
+    blocks: tuple[Block, ...]
+    structure: str = "chain"
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        roles = [b.role for b in self.blocks]
+        if not self.blocks or len(set(roles)) != len(roles):
+            raise InputError(f"a chain needs at least one block and each role once, got roles {roles}")
+        object.__setattr__(self, "fixed", self._by_name())
+        for name in (*self.fixed, *self.bounds):
+            if name not in self.names:
+                raise unknown("parameter", name, self.names)
+
+    def _by_name(self) -> dict[str, float]:
+        """`fixed` with a block's role resolved into its parameters."""
+        held: dict[str, float] = {}
+        for key, value in self.fixed.items():
+            block = self.block(key)
+            if block is None:
+                if np.ndim(value) != 0 or not np.isfinite(value):
+                    raise InputError(f"{key} is fixed at {value!r}; give one finite number")
+                held[key] = float(np.asarray(value))
+                continue
+            values = np.asarray(value, dtype=float)
+            count = sum(not s.initial for s in block.slots())
+            if values.shape not in ((count,), (block.n_parameters,)) or not np.all(np.isfinite(values)):
+                raise InputError(
+                    f"{key} has {count} parameters and is fixed at {values.size} value(s); give one for each"
+                )
+            names = [f"{key}.{s.name}" for s in block.slots() if len(values) > count or not s.initial]
+            held |= dict(zip(names, values.tolist(), strict=True))
+        return held
+
+    @cached_property
+    def _slices(self) -> dict[str, slice]:
+        ends = np.cumsum([b.n_parameters for b in self.blocks])
+        return {b.role: slice(int(e) - b.n_parameters, int(e)) for b, e in zip(self.blocks, ends, strict=True)}
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters, in the order of theta."""
+        return tuple(f"{b.role}.{s.name}" for b in self.blocks for s in b.slots())
+
+    @cached_property
+    def slots(self) -> tuple[Slot, ...]:
+        """Slots of all parameters, with the bounds this chain sets."""
+        slots = tuple(s for b in self.blocks for s in b.slots())
+        limits = [self.bounds.get(n, (s.lower, s.upper)) for n, s in zip(self.names, slots, strict=True)]
+        return tuple(replace(s, lower=lo, upper=up) for s, (lo, up) in zip(slots, limits, strict=True))
+
+    @cached_property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds (P,)."""
+        return np.array([s.lower for s in self.slots]), np.array([s.upper for s in self.slots])
+
+    @cached_property
+    def free(self) -> np.ndarray:
+        """True (P,) where a parameter is searched for."""
+        return np.array([n not in self.fixed for n in self.names], dtype=bool)
+
+    @cached_property
+    def initial(self) -> np.ndarray:
+        """True (P,) where a parameter is an initial state: it belongs to a record, not to the model."""
+        return np.array([s.initial for s in self.slots], dtype=bool)
+
+    def index(self, block: Block) -> slice:
+        """Where a block's parameters stand in theta."""
+        return self._slices[block.role]
+
+    def part(self, theta: np.ndarray, block: Block) -> np.ndarray:
+        """A block's own parameters out of theta."""
+        return theta[self.index(block)]
+
+    @property
+    def linear(self) -> TransferFunction:
+        """The chain's one transfer function; raises InputError where there is none or several."""
+        found = [b for b in self.blocks if isinstance(b, TransferFunction)]
+        if len(found) != 1 or len(self.dynamics) != 1:
+            raise InputError(
+                f"this chain has {len(self.dynamics)} transfer functions; the call needs a chain with exactly one"
+            )
+        return found[0]
+
+    @cached_property
+    def dynamics(self) -> tuple[tuple[slice, TransferFunction], ...]:
+        """Every transfer function of the chain and where its parameters stand in theta, matrices entry by entry."""
+        found: list[tuple[slice, TransferFunction]] = []
+        for b in self.blocks:
+            start = self.index(b).start
+            for part, entry in b.parts():
+                if isinstance(entry, TransferFunction):
+                    found.append((slice(start + part.start, start + part.stop), entry))
+        return tuple(found)
+
+    @property
+    def channels(self) -> tuple[int, int]:
+        """Number of inputs and of outputs."""
+        return self.blocks[0].channels[0], self.blocks[-1].channels[1]
+
+    def block(self, role: str) -> Block | None:
+        """The block with this role, or None."""
+        return next((b for b in self.blocks if b.role == role), None)
+
+    def coarser(self) -> "Chain | None":
+        """The chain with its maps' coarser variants, None where there are none or parameters are held by name."""
+        blocks = tuple(b.coarser() or b for b in self.blocks)
+        if blocks == self.blocks or self.fixed or self.bounds:
+            return None
+        return replace(self, blocks=blocks)
+
+    def refine(self, coarse: "Chain", theta: np.ndarray) -> np.ndarray:
+        """theta (P,) with the output of the coarser chain at theta."""
+        pairs = zip(self.blocks, coarse.blocks, strict=True)
+        return np.concatenate([b.refine(coarse.part(theta, c)) if b != c else coarse.part(theta, c) for b, c in pairs])
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        """False where theta makes no usable chain (unstable, knots out of order, outside the bounds)."""
+        return bool(np.all(np.isfinite(theta))) and all(b.admissible(self.part(theta, b)) for b in self.blocks)
+
+    @cached_property
+    def basis(self) -> np.ndarray:
+        """Columns (P, P): directions that a search moves along; blocks with fixed parameters keep their own axes."""
+        M = np.eye(len(self.names))
+        for b in self.blocks:
+            if self.free[self.index(b)].all():
+                M[self.index(b), self.index(b)] = b.basis()
+        return M
+
+    def at_limit(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """True (P,) for directions of `basis` that cannot go lower, and for those that cannot go higher."""
+        low, high = self.limits
+        at_low, at_high = theta <= low, theta >= high
+        for b in self.blocks:
+            if self.free[self.index(b)].all():
+                at_low[self.index(b)] |= b.at_low(self.part(theta, b))
+        return at_low, at_high
+
+    def repair(self, theta: np.ndarray) -> np.ndarray:
+        """theta within the bounds and with every block's own repair."""
+        theta = np.clip(theta, *self.limits)
+        for b in self.blocks:
+            theta[self.index(b)] = b.repair(self.part(theta, b))
+        return theta
+
+    def simulate(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Free run of one input and output: output (N,) for input u (N,)."""
+        return self.outputs(theta, u)[:, 0]
+
+    def tangent(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Free run of one input and output with its exact Jacobian: output (N,) and dy/dtheta (N, P)."""
+        y, J = self.sensitivities(theta, u)
+        return y[:, 0], J
+
+    def outputs(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Free run: outputs (N, ny) for inputs u (N, nu) or (N,)."""
+        xs = deque(self._signals(theta, u), maxlen=1).pop()
+        return np.column_stack(xs) if len(xs) > 1 else xs[0][:, None]
+
+    def sensitivities(
+        self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Outputs (N, ny) and their exact Jacobian (ny N, P), the first output's rows first.
+
+        `out` (N, P) may take the Jacobian of one input and output: fresh memory costs a long record as much as its use.
+        """
+        xs, Js = self._run(theta, u, out)
+        return np.column_stack(xs), Js[0] if len(Js) == 1 else np.concatenate(Js)
+
+    def signals(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Every signal of the free run for u (N, nu) or (N,): entry k goes into block k, the last one is the output.
+
+        Each is (N,) where it has one channel, else (N, channels).
+        """
+        return tuple(xs[0] if len(xs) == 1 else np.column_stack(xs) for xs in self._signals(theta, u))
+
+    def through(self, theta: np.ndarray, x: np.ndarray, start: int = 0, stop: int | None = None) -> np.ndarray:
+        """x (N,) through blocks[start:stop], each of one channel."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            for b in self.blocks[start:stop]:
+                x = b.output(self.part(theta, b), x)
+        return x
+
+    def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Bends of all maps (k,) and their derivative (k, P), see `Block.bends`."""
+        values, rows = [np.empty(0)], [np.empty((0, len(theta)))]
+        for b in self.blocks:
+            for part, entry in b.parts():
+                own = slice(self.index(b).start + part.start, self.index(b).start + part.stop)
+                bend, d = entry.bends(theta[own])
+                wide = np.zeros((len(bend), len(theta)))
+                wide[:, own] = d
+                values.append(bend)
+                rows.append(wide)
+        return np.concatenate(values), np.concatenate(rows)
+
+    def gauge(self, theta: np.ndarray) -> np.ndarray:
+        """Basis (P, g) of redundant directions among the free parameters, see `sysid.model.gauge`."""
+        return gauge(self.blocks, [self.part(theta, b) for b in self.blocks], self.free)
+
+    def count(self, theta: np.ndarray) -> int:
+        """d of the criteria: free parameters after the gauge, initial states counted."""
+        return int(self.free.sum()) - self.gauge(theta).shape[1]
+
+    def _signals(self, theta: np.ndarray, u: np.ndarray) -> Iterator[list[np.ndarray]]:
+        """The channels of every signal in turn, each an array (N,): a long record need not keep them all."""
+        xs, none = _columns(u), np.empty((len(u), 0))
+        yield xs
+        for b in self.blocks:
+            with np.errstate(over="ignore", invalid="ignore"):  # an unstable trial overflows; its cost is then infinite
+                xs = b.propagate_all(self.part(theta, b), xs, [none] * len(xs), 0)[0]
+            yield xs
+
+    def _run(
+        self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        xs, q, shape = _columns(u), 0, (len(u), len(theta))
+        # Of several channels, each leaves the columns of the others' parameters at zero.
+        if self.channels == (1, 1):
+            Js = [np.empty(shape) if out is None or out.shape != shape else out]
+        else:
+            Js = [np.zeros(shape) for _ in xs]
+        with np.errstate(over="ignore", invalid="ignore"):
+            for b in self.blocks:
+                xs, Js = b.propagate_all(self.part(theta, b), xs, Js, q)
+                q += b.n_parameters
+        return xs, Js
+
+
+def _columns(u: np.ndarray) -> list[np.ndarray]:
+    """The channels of u (N, nu) or (N,), each contiguous."""
+    u = np.asarray(u, dtype=float)
+    return [np.ascontiguousarray(column) for column in (u[None, :] if u.ndim == 1 else u.T)]

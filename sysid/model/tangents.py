@@ -1,0 +1,142 @@
+"""The tangent of a chain at a steady state, and its steady-state curve, each with the exact gradient in theta.
+
+The chain's poles, zeros, gain and responses all follow from B and F here, and none of them depends on the gauge.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.block.block import StaticBlock
+from sysid.blocks import TransferFunction
+from sysid.model.chain import Chain
+
+_STEP = 1e-6  # of the signal's size: the gradient of a slope is the slope of a gradient, by a central difference
+
+
+@dataclass(frozen=True)
+class Rational:
+    """B/F in powers of q^-1: B (n,) with delays as zeros, F (m,) from its leading 1; their gradients (n, P), (m, P)."""
+
+    B: np.ndarray
+    F: np.ndarray
+    B_gradient: np.ndarray
+    F_gradient: np.ndarray
+
+    def times(self, other: "Rational") -> "Rational":
+        """The two in series."""
+        return Rational(
+            np.convolve(self.B, other.B),
+            np.convolve(self.F, other.F),
+            _product(self.B, self.B_gradient, other.B, other.B_gradient),
+            _product(self.F, self.F_gradient, other.F, other.F_gradient),
+        )
+
+    @property
+    def gain(self) -> float:
+        """B(1)/F(1); infinite with a pole at 1."""
+        F1 = self.F.sum()
+        return float(self.B.sum() / F1) if abs(F1) > 1e-14 else np.inf
+
+    @property
+    def gain_gradient(self) -> np.ndarray:
+        """Gradient (P,) of a finite gain."""
+        return (self.B_gradient.sum(axis=0) - self.gain * self.F_gradient.sum(axis=0)) / self.F.sum()
+
+
+def tangent(chain: Chain, theta: np.ndarray, u: float = 0.0) -> Rational:
+    """B/F from du to dy at the steady state of the constant input u, static slopes included.
+
+    Raises InputError for blocks other than transfer functions and maps, and for an integrator that a map with a bend
+    follows: such a chain has no steady state.
+    """
+    P = len(theta)
+    total = Rational(np.ones(1), np.ones(1), np.zeros((1, P)), np.zeros((1, P)))
+    x, J = np.array([float(u)]), np.zeros((1, P))
+    for b in chain.blocks:
+        part = chain.index(b)
+        if isinstance(b, TransferFunction):
+            own = transfer(chain, theta, b)
+            total = total.times(own)
+            gain = own.gain
+            if np.isfinite(gain):
+                x, J = gain * x, gain * J + x * own.gain_gradient
+            else:  # no level to speak of any more; slopes of one need none
+                x, J = np.full_like(x, np.nan), np.full_like(J, np.nan)
+        elif isinstance(b, StaticBlock):
+            if not np.all(np.isfinite(x)) and b.n_parameters:
+                raise InputError("the chain integrates before a static map, so a constant input has no steady state")
+            slope, d_slope = _slope(b, theta, part, x, J) if np.all(np.isfinite(x)) else (1.0, np.zeros(P))
+            total = total.times(Rational(np.array([slope]), np.ones(1), d_slope[None, :], np.zeros((1, P))))
+            x, J = _through(b, theta, part, x, J) if np.all(np.isfinite(x)) else (x, J)
+        else:
+            raise InputError(
+                f"block {b.role!r} is neither a transfer function nor a static map; it has no tangent here"
+            )
+    return total
+
+
+def transfer(chain: Chain, theta: np.ndarray, block: TransferFunction) -> Rational:
+    """One transfer function of the chain, with gradients in the whole theta."""
+    part, P = chain.index(block), len(theta)
+    B, F = block.padded(theta[part])
+    dB, dF = np.zeros((len(B), P)), np.zeros((len(F), P))
+    for i in range(block.nb):
+        dB[block.nk + i, part.start + i] = 1.0
+    for j in range(block.nf):
+        dF[j + 1, part.start + block.nb + j] = 1.0
+    return Rational(B, F, dB, dF)
+
+
+def steady_curve(chain: Chain, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Steady-state output (n,) for constant inputs u (n,), and its gradient (n, P)."""
+    x, J = np.ascontiguousarray(u, dtype=float), np.zeros((len(u), len(theta)))
+    for b in chain.blocks:
+        if isinstance(b, TransferFunction):
+            own = transfer(chain, theta, b)
+            if not np.isfinite(own.gain):
+                raise InputError("the chain integrates, so a constant input has no steady state")
+            x, J = own.gain * x, own.gain * J + x[:, None] * own.gain_gradient
+        elif isinstance(b, StaticBlock):
+            x, J = _through(b, theta, chain.index(b), x, J)
+        else:
+            raise InputError(
+                f"block {b.role!r} is neither a transfer function nor a static map; it has no steady state"
+            )
+    return x, J
+
+
+def _through(
+    block: StaticBlock, theta: np.ndarray, part: slice, x: np.ndarray, J: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Output (n,) of a map and its gradient (n, P), for an input x (n,) with gradient J (n, P)."""
+    P, p = len(theta), block.n_parameters
+    wide = np.zeros((len(x), P + p))
+    wide[:, :P] = J
+    y = block.propagate(theta[part], np.ascontiguousarray(x), wide, P)
+    gradient = wide[:, :P].copy()
+    gradient[:, part] += wide[:, P:]
+    return y, gradient
+
+
+def _slope(
+    block: StaticBlock, theta: np.ndarray, part: slice, x: np.ndarray, J: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """Slope of a map at x (1,) and its gradient (P,), x itself moving by J (1, P)."""
+    probe = np.ones((1, 1 + block.n_parameters))
+    block.propagate(theta[part], x.copy(), probe, 1)
+    h = _STEP * max(1.0, abs(float(x[0])))
+    _, up = _through(block, theta, part, x + h, J)
+    _, down = _through(block, theta, part, x - h, J)
+    return float(probe[0, 0]), (up - down)[0] / (2.0 * h)
+
+
+def _product(a: np.ndarray, da: np.ndarray, b: np.ndarray, db: np.ndarray) -> np.ndarray:
+    """Gradient (n, P) of the product of two polynomials."""
+    out = np.zeros((len(a) + len(b) - 1, da.shape[1]))
+    for i, v in enumerate(a):
+        out[i : i + len(b)] += v * db
+    for j, v in enumerate(b):
+        out[j : j + len(a)] += v * da
+    return out

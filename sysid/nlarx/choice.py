@@ -1,0 +1,99 @@
+"""How many units: generalised cross-validation says how many at most, cross-validation over blocks how many."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.data.record import IOData
+from sysid.nlarx.model import Nlarx
+from sysid.nlarx.problem import AnyProblem, Piece, PredictionProblem, SimulationProblem, rows
+from sysid.nlarx.start import laid, network_start
+from sysid.solver.iterate import Options
+
+RIDGES = (1e-4, 0.1)
+_LADDER = (0, 1, 2, 3, 5, 8, 12, 20)
+_FOLDS = 3  # each experiment is cut into so many blocks, and each block held back in turn
+_LONGEST = 6000  # samples of an experiment that the choice looks at
+_GAIN = 0.98  # a larger network must bring the held-back error (rms) below this share of the smaller one's
+_AT_LEAST = 8  # units that a simulation focus may try whatever cross-validation one step ahead says
+_PATIENCE = 2  # sizes that may bring nothing before the ladder ends
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One size that was tried: rms error on the blocks held back, of the kind that the focus names; inf: diverged."""
+
+    units: int
+    ridge: float
+    error: float
+
+
+def choices(model: Nlarx, data: IOData, ridges: tuple[float, ...], search: str) -> tuple[Choice, ...]:
+    """Sizes up to what generalised cross-validation allows, each fitted to every record without one of its blocks."""
+    folds = _folds(model, data)
+    Phi, y = rows(model, Piece.of(data))
+    empty = laid(model, Phi)
+    most = network_start(empty, Phi, y)[0].units
+    linear = np.column_stack([np.ones(len(y)), Phi])
+    exact = np.ptp(y - linear @ np.linalg.lstsq(linear, y, rcond=None)[0]) <= 1e-9 * np.ptp(y)
+    if model.focus == "simulation" and empty.m and not exact:
+        # One step ahead a slow nonlinearity hides in the noise that the free run adds up to something plain.
+        most = max(most, _AT_LEAST)
+    found: list[Choice] = []
+    if not most or not folds:
+        return (Choice(most, ridges[0], 0.0),)
+    sizes = sorted({*(k for k in _LADDER if k < most), most})
+    for ridge in ridges:
+        best, fruitless = np.inf, 0
+        for units in sizes:
+            sized = replace(model, units=units)
+            error = float(np.sqrt(np.mean([_held_back(sized, *fold, ridge, search) ** 2 for fold in folds])))
+            found.append(Choice(units, ridge, error))
+            fruitless = 0 if error < _GAIN * best else fruitless + 1
+            best = min(best, error)
+            if fruitless >= _PATIENCE:
+                break
+        k = sizes.index(preferred(tuple(found)).units)
+        sizes = sizes[k : k + 1 + _PATIENCE]  # another ridge may carry a size or two more, hardly less
+    return tuple(found)
+
+
+def preferred(tried: tuple[Choice, ...]) -> Choice:
+    """The smallest size that comes as near to the least error as `_GAIN` asks."""
+    least = min(c.error for c in tried)
+    near = [c for c in tried if c.error <= least / _GAIN] or [tried[0]]
+    return min(near, key=lambda c: (c.units, c.error))
+
+
+def _held_back(model: Nlarx, estimation: IOData, held: IOData, ridge: float, search: str) -> float:
+    """rms error on `held` of what is fitted to `estimation`."""
+    from sysid.nlarx.fit import runs_of
+
+    run = min(
+        runs_of(model, estimation, search, 1, 0, Options(max_iterations=30), ridge), key=lambda r: (not r.ended, r.loss)
+    )
+    pieces = Piece.of(held)
+    judge: AnyProblem = SimulationProblem(run.network, pieces, model.lag)
+    if model.focus == "prediction":
+        judge = PredictionProblem(run.network, *rows(model, pieces))
+    e = judge.residual(run.outcome.p)
+    return np.inf if e is None else float(np.sqrt(np.mean(e**2)))
+
+
+def _folds(model: Nlarx, data: IOData) -> list[tuple[IOData, IOData]]:
+    """Records without a block, and that block; it starts with the lags that its first output needs."""
+    found, shortest = [], 2 * (model.lag + 2)
+    for k in range(_FOLDS):
+        kept, held = [], []
+        for e in data.experiments:
+            N = min(e.N, _LONGEST)
+            start, stop = round(k * N / _FOLDS), round((k + 1) * N / _FOLDS)
+            if start >= shortest:
+                kept.append(e.select(0, start))
+            if N - stop >= shortest:
+                kept.append(e.select(stop, N))
+            if stop - start >= shortest:
+                held.append(e.select(max(start - model.lag, 0), stop))
+        if kept and held:
+            found.append((IOData.merge(*kept), IOData.merge(*held)))
+    return found

@@ -1,0 +1,239 @@
+"""fit_nlarx(model, data): starts from the data, search by the loop of all searches, the best end of them."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from sysid.base.criteria import criteria
+from sysid.base.errors import InputError
+from sysid.base.threads import one_blas_thread
+from sysid.data.record import IOData
+from sysid.nlarx.choice import RIDGES, Choice, choices, preferred
+from sysid.nlarx.model import Network, Nlarx
+from sysid.nlarx.problem import AnyProblem, Piece, PredictionProblem, SimulationProblem, limit, rows
+from sysid.nlarx.result import FREE_RUN, ONE_STEP, NlarxFit
+from sysid.nlarx.start import laid, network_start
+from sysid.solver.covariance import covariance
+from sysid.solver.iterate import Options, Outcome, iterate
+from sysid.solver.searches import search as make_search
+
+_TRIAL, _LEADERS = 15, 2  # iterations that every start gets, and how many starts then go on to the end
+_MANY = 10000  # samples that these first iterations look at
+
+
+@dataclass(frozen=True)
+class Run:
+    """One start and where its search stands."""
+
+    problem: AnyProblem
+    outcome: Outcome
+    ended: bool = False  # False where only the first iterations were made, on a part of a long record
+
+    @property
+    def network(self) -> Network:
+        """The network that this start laid."""
+        return self.problem.network
+
+    @cached_property
+    def loss(self) -> float:
+        """e'e / N of the record alone, without the ridge."""
+        e = self.problem.residual(self.outcome.p)
+        return np.inf if e is None else float(np.mean(e[: self.problem.N] ** 2))
+
+
+def fit_nlarx(
+    model: Nlarx,
+    data: IOData,
+    search: str = "lm",
+    starts: int = 3,
+    seed: int = 0,
+    options: Options | None = None,
+    ridge: float | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> NlarxFit:
+    """Fit a nonlinear ARX model to a record of one input and one output, by the errors that its focus names.
+
+    search: a name of `sysid.solver.searches.TABLE`; starts: how many networks are laid, the first over a dyadic grid,
+    others over points drawn with `seed`; a simulation focus adds the linear output-error model. ridge: how much large
+    weights cost (see `PredictionProblem`); None takes 1e-4, and with units='auto' the better of 1e-4 and 0.1 on the
+    last quarter of each experiment, which also decides the units (see `choice` of the fit). Several experiments keep
+    their own starts, missing samples do not count. Raises InputError for records that are too short or constant.
+    """
+    began = time.perf_counter()
+    options = options or Options(max_iterations=100)
+    make_search(search)
+    pieces = Piece.of(data)
+    check(model, pieces, starts)
+    if ridge is not None and not 0.0 <= ridge < np.inf:
+        raise InputError(f"ridge is {ridge}; give 0 or a positive number")
+    with one_blas_thread():
+        choice: tuple[Choice, ...] = ()
+        settled, weight = model, RIDGES[0] if ridge is None else ridge
+        if model.units == "auto":
+            choice = choices(model, data, RIDGES if ridge is None else (ridge,), search)
+            best_choice = preferred(choice)
+            settled, weight = replace(model, units=best_choice.units), best_choice.ridge
+        runs = runs_of(settled, data, search, starts, seed, options, weight)
+        best = min(runs, key=lambda run: (not run.ended, run.loss))
+        if not np.isfinite(best.loss):
+            raise InputError(
+                f"the free run of each of {len(runs)} start(s) diverges; use focus='prediction' or other orders"
+            )
+        if progress is not None:
+            progress(f"{model.structure}: loss {best.loss:.4g} with {best.network.units} units")
+        theta = best.outcome.p
+        e, J = best.problem.linearise(theta)
+        N, d = best.problem.N, len(theta)
+        cov = covariance(e[:N], J[:N], np.zeros((d, 0)), np.eye(d), d)
+    found = NlarxFit(
+        model=model,
+        network=best.network,
+        theta=theta,
+        Ts=data.Ts,
+        criteria=criteria(best.loss, N, d),
+        criteria_of=FREE_RUN if model.focus == "simulation" else ONE_STEP,
+        covariance=cov,
+        stop=best.outcome.stop,
+        history=best.outcome.history,
+        warnings=(),
+        losses=tuple(run.loss for run in runs),
+        seconds=0.0,
+        search=search,
+        n_init=model.lag,
+        limit=limit(pieces),
+        ridge=weight,
+        choice=choice,
+        u_span=(float(data.u.min()), float(data.u.max())),
+        y_span=(float(data.y.min()), float(data.y.max())),
+    )
+    return replace(found, warnings=_warnings(found, data), seconds=time.perf_counter() - began)
+
+
+def runs_of(
+    model: Nlarx, data: IOData, search: str, starts: int, seed: int, options: Options, ridge: float
+) -> list[Run]:
+    """Every start and where its search ends: all get a few iterations, the leaders then go to the end."""
+    pieces = Piece.of(data)
+    linear = _output_error(model, data) if model.focus == "simulation" else None
+    trial = replace(options, max_iterations=min(_TRIAL, options.max_iterations))
+    runs, whole = [], []
+    for prediction, theta in _starts(model, pieces, starts, seed, ridge):
+        points: list[np.ndarray] = [theta]
+        problem: AnyProblem = prediction
+        short: AnyProblem = prediction.thinned(_MANY)
+        if model.focus == "simulation":
+            problem = SimulationProblem(prediction.network, pieces, model.lag, ridge)
+            points += _more_points(prediction, theta, linear, trial)
+            short = problem.shortened(_MANY)
+        runs += [Run(short, iterate(short, point, make_search(search), trial)) for point in points]
+        whole += [problem] * len(points)
+    for k in sorted(range(len(runs)), key=lambda k: runs[k].loss)[:_LEADERS]:
+        if np.isfinite(runs[k].loss):
+            first = runs[k].outcome
+            then = iterate(whole[k], first.p, make_search(search), options)
+            runs[k] = Run(whole[k], first.then(then), ended=True)
+    return runs
+
+
+def _starts(
+    model: Nlarx, pieces: tuple[Piece, ...], starts: int, seed: int, ridge: float
+) -> list[tuple[PredictionProblem, np.ndarray]]:
+    """Networks laid over the records: the one-step problem and theta (P,) of each."""
+    found = []
+    Phi, y = rows(model, pieces)
+    empty = laid(model, Phi)
+    for k in range(starts):
+        rng = None if k == 0 else np.random.default_rng([seed, k])
+        network, theta = network_start(empty, Phi, y, rng)
+        found.append((PredictionProblem(network, Phi, y, ridge), theta))
+        if not network.units:
+            break  # a linear ARX model: least squares has the one optimum
+    return found
+
+
+def _more_points(
+    prediction: PredictionProblem,
+    theta: np.ndarray,
+    linear: tuple[np.ndarray, float, float] | None,
+    trial: Options,
+) -> list[np.ndarray]:
+    """Where a search on the free run may start besides theta (P,) as laid.
+
+    Refined one step ahead; and at weight zero around the linear model of least free-run error, which is stable where
+    the one-step optimum may not be.
+    """
+    network = prediction.network
+    points = [iterate(prediction.thinned(_MANY), theta, make_search("lm"), trial).p]
+    if linear is not None:
+        flat = theta.copy()
+        flat[network.dilations - 1] = 0.0
+        flat[: 1 + network.n] = _centred(network, linear)
+        points.append(flat)
+    return points
+
+
+def _output_error(model: Nlarx, data: IOData) -> tuple[np.ndarray, float, float] | None:
+    """L (n,) of the output-error model with these orders, and the means of y and u that it is about."""
+    from sysid.estimation.fit import fit
+    from sysid.structures import output_error
+
+    if not model.nb:
+        return None
+    u0, y0 = float(data.u.mean()), float(data.y.mean())
+    centred = replace(data, u=data.u - u0, y=data.y - y0)
+    try:
+        found = fit(output_error(model.nb, model.na, model.nk), centred, search="lm", starts=1)
+    except InputError:
+        return None
+    b, f = found.theta[: model.nb], found.theta[model.nb : model.nb + model.na]
+    return np.concatenate([-f, b]), y0, u0
+
+
+def _centred(network: Network, linear: tuple[np.ndarray, float, float]) -> np.ndarray:
+    """y0 and L (1 + n,) of the linear model about its own means, for a network about mu."""
+    L, y0, u0 = linear
+    about = np.concatenate([np.full(network.model.na, y0), np.full(network.model.nb, u0)])
+    return np.concatenate([[y0 + float(L @ (network.mu - about))], L])
+
+
+def check(model: Nlarx, pieces: tuple[Piece, ...], starts: int) -> None:
+    if starts < 1:
+        raise InputError(f"starts is {starts}; give at least 1")
+    for name in ("u", "y"):
+        signal = np.concatenate([getattr(p, name) for p in pieces])
+        if np.ptp(signal) == 0.0:
+            label = {"u": "input", "y": "output"}[name]
+            raise InputError(
+                f"the {label} is constant ({signal[0]:g}) over all {len(signal)} samples; record one that moves"
+            )
+    if min(len(p.y) for p in pieces) < model.lag + 2:
+        raise InputError(
+            f"an experiment of {min(len(p.y) for p in pieces)} samples is too short for lags of {model.lag}; "
+            f"give at least {model.lag + 2} or lower the orders"
+        )
+    units = 0 if model.units == "auto" else int(model.units)
+    m = len(model.regressors if model.nonlinear is None else model.nonlinear)
+    needed = 2 + len(model.regressors) + units * (m + 2)
+    N = sum(len(p.y) - model.lag for p in pieces)
+    if needed > N:
+        raise InputError(
+            f"{N} samples after the first {model.lag} are too few for {needed - 1} parameters; "
+            f"give at least {needed + model.lag} samples or lower orders and units"
+        )
+
+
+def _warnings(fit: NlarxFit, data: IOData) -> tuple[str, ...]:
+    found = []
+    if not fit.stop.converged:
+        found.append(f"the search did not converge: {fit.stop.reason}")
+    away = fit.divergence(data)
+    if away is not None:
+        found.append(f"on the estimation record {away}")
+    lost = [n for n, bad in zip(fit.network.names, fit.covariance.unidentifiable, strict=True) if bad]
+    if lost:
+        shown = ", ".join(lost[:6]) + (f" and {len(lost) - 6} more" if len(lost) > 6 else "")
+        found.append(f"the data do not determine {shown}; use fewer units or orders")
+    return tuple(found)

@@ -1,0 +1,164 @@
+"""NlarxFit: what an engineer asks of an identified nonlinear ARX model. Free run and one step ahead never mix."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from sysid.base.criteria import Criteria, fit_percent
+from sysid.base.errors import InputError
+from sysid.data.record import IOData
+from sysid.diagnosis.residuals import ResidualTests, residual_tests
+from sysid.estimation.result import Parameter, plain
+from sysid.nlarx.choice import Choice
+from sysid.nlarx.model import Network, Nlarx
+from sysid.nlarx.problem import FAR, Piece
+from sysid.solver.covariance import Covariance
+from sysid.solver.iterate import Stop
+
+ONE_STEP, FREE_RUN = "one step ahead", "free run"
+
+
+@dataclass(frozen=True)
+class NlarxFit:
+    """An identified nonlinear ARX model: theta (P,) of `network`, and criteria on the estimation record.
+
+    `criteria_of` says which errors `criteria`, `covariance` and `residuals` are about: 'one step ahead' (the model
+    sees all measured outputs up to the last sample) or 'free run' (it sees only inputs and its own past).
+    """
+
+    model: Nlarx
+    network: Network
+    theta: np.ndarray
+    Ts: float
+    criteria: Criteria
+    criteria_of: str
+    covariance: Covariance
+    stop: Stop
+    history: tuple[dict[str, Any], ...]
+    warnings: tuple[str, ...]
+    losses: tuple[float, ...]
+    seconds: float
+    search: str
+    n_init: int
+    limit: float  # |yhat| beyond which a free run counts as diverged
+    ridge: float = 0.0
+    choice: tuple[Choice, ...] = ()  # how units='auto' was settled
+    u_span: tuple[float, float] = field(default=(0.0, 0.0))  # ranges of input and output that the fit has seen
+    y_span: tuple[float, float] = field(default=(0.0, 0.0))
+
+    def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
+        """Free run (N,): fed by u and its own past. It sees the first `n_init` outputs (at least max(na, nb+nk-1)) of
+        each experiment and returns them as they are; for u (N,) alone it starts from rest, all signals zero before.
+
+        Infinite from where the run diverges, see `divergence`.
+        """
+        if isinstance(data, IOData):
+            pieces = self._pieces(data)
+            return np.concatenate([self._run(p.u, p.y, self._first(p, n_init))[0] for p in pieces])
+        u = np.asarray(data, dtype=float).ravel()
+        lag = self.model.lag
+        return self._run(np.concatenate([np.zeros(lag), u]), np.zeros(lag + len(u)), lag)[0][lag:]
+
+    def predict(self, data: IOData) -> np.ndarray:
+        """One step ahead (N,): each output from the measured ones before it; the first max(na, nb+nk-1) are y."""
+        found = []
+        for p in self._pieces(data):
+            yhat = p.y.copy()
+            yhat[self.model.lag :] = self.network.predict(self.theta, self.model.matrix(p.u, p.y))[0]
+            found.append(yhat)
+        return np.concatenate(found)
+
+    def fit_percent(self, data: IOData, n_init: int | None = None) -> float:
+        """Free-run fit [%], the first n_init samples of each experiment not scored; -inf where the run diverges."""
+        counts = self._scored(data, n_init)
+        return fit_percent(data.y[counts, 0], self.simulate(data, n_init)[counts])
+
+    def prediction_percent(self, data: IOData, n_init: int | None = None) -> float:
+        """One-step fit [%]. Near 100 for any smooth, finely sampled y: it says little about the model."""
+        counts = self._scored(data, n_init)
+        return fit_percent(data.y[counts, 0], self.predict(data)[counts])
+
+    def divergence(self, data: IOData, n_init: int | None = None) -> str | None:
+        """A sentence where the free run on this record diverges, else None."""
+        for k, p in enumerate(self._pieces(data), 1):
+            end = self._run(p.u, p.y, self._first(p, n_init))[1]
+            if end < len(p.y):
+                where = f" of experiment {k}" if len(data.lengths) > 1 else ""
+                return (
+                    f"the free run diverges: at sample {end}{where} it is {FAR:g} spans of the output away; use "
+                    "focus='simulation', fewer units or other orders"
+                )
+        return None
+
+    def residuals(self, data: IOData) -> np.ndarray:
+        """e = y - yhat of the kind `criteria_of`, without each experiment's first n_init samples and missing ones."""
+        counts = self._scored(data, None)
+        yhat = self.simulate(data) if self.criteria_of == FREE_RUN else self.predict(data)
+        return data.y[counts, 0] - yhat[counts]
+
+    def residual_tests(self, data: IOData, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
+        """Whiteness of the residuals (see `residuals`) and their independence of the input."""
+        e = self.residuals(data)
+        if not np.all(np.isfinite(e)):
+            raise InputError(f"no residuals to test: {self.divergence(data)}")
+        return residual_tests(e, data.u[self._scored(data, None), 0], max_lag, level)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All parameters with value and standard deviation; L.y1 has the unit of y per unit of y, L.u1 of y per u."""
+        std = self.covariance.std()
+        return tuple(
+            Parameter(name, float(v), float(s) if np.isfinite(s) else None, "", True, -np.inf, np.inf)
+            for name, v, s in zip(self.network.names, self.theta, std, strict=True)
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """What the fit says, ready for JSON: values that are not finite become None."""
+        model = self.model
+        return plain(
+            {
+                "structure": model.structure,
+                "orders": {"na": model.na, "nb": model.nb, "nk": model.nk},
+                "focus": model.focus,
+                "units": {"wavelets": self.network.wavelets, "scaling": self.network.scaling},
+                "ridge": self.ridge,
+                "choice": [vars(c) for c in self.choice],
+                "search": self.search,
+                "criteria": self.criteria.as_dict(),
+                "criteria_of": self.criteria_of,
+                "poles": [],  # those of a nonlinear ARX model belong to an operating point, see sysid.nlarx.linearize
+                "zeros": [],
+                "parameters": [vars(p) for p in self.parameters],
+                "stop": vars(self.stop),
+                "starts": {"losses": list(self.losses)},
+                "warnings": list(self.warnings),
+                "seconds": self.seconds,
+            }
+        )
+
+    def _run(self, u: np.ndarray, y: np.ndarray, first: int) -> tuple[np.ndarray, int]:
+        yhat, _, end = self.network.free_run(self.theta, u, y, first, self.limit)
+        return yhat, end
+
+    def _pieces(self, data: IOData) -> tuple[Piece, ...]:
+        if abs(data.Ts - self.Ts) > 1e-6 * self.Ts:
+            raise InputError(
+                f"the record is sampled every {data.Ts} s and the model every {self.Ts} s; resample it first"
+            )
+        return Piece.of(data)
+
+    def _first(self, piece: Piece, n_init: int | None) -> int:
+        """How many samples of an experiment are given to a free run."""
+        first = max(self.model.lag, self.n_init if n_init is None else n_init)
+        if first + 2 > len(piece.y):
+            raise InputError(
+                f"an experiment has {len(piece.y)} samples and {first} of them start the free run; give a longer one"
+            )
+        return first
+
+    def _scored(self, data: IOData, n_init: int | None) -> np.ndarray:
+        """True (N,) for the samples that count."""
+        pieces = self._pieces(data)
+        return np.concatenate([p.seen & (np.arange(len(p.y)) >= self._first(p, n_init)) for p in pieces])

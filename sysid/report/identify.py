@@ -1,0 +1,207 @@
+"""The report of `qpal identify`: one record, one model."""
+
+from sysid.base.versions import versions
+from sysid.estimation.result import Fit
+from sysid.export import closed_form
+from sysid.report import figures, growth, sections, style
+from sysid.report.page import Grid, Listing, Page, Picture, Section
+from sysid.report.units import Quantity, number, percent, poles
+from sysid.selection.select import Selection
+from sysid.structures import TABLE
+from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.exports import Exports
+from sysid.workflow.identification import Identification
+from sysid.workflow.record import Record
+
+RANKED = 12  # rows of a structure search that are shown
+WARNINGS = 3  # of the advice, in the terminal
+_WEIGHT = {"warning": 0, "note": 1, "fine": 2}
+
+
+def page(result: Identification, exports: Exports) -> Page:
+    """The report on a fit to a record; `exports` says which files hold the model."""
+    record, e = result.record, result.evaluation
+    return Page(
+        title=f"Identification of {record.path.name}",
+        subtitle=(
+            f"{_column(record.input)} to {_column(record.output)}, {record.data.N} samples, Ts {record.data.Ts:g} s"
+        ),
+        verdict=_verdict(result),
+        sections=[
+            _data(record, e),
+            _advice(result),
+            *_search(result),
+            _output(e),
+            _model(e),
+            _residuals(e),
+            _files(e, exports),
+        ],
+        made_with=versions(),
+    )
+
+
+def terminal_tables(result: Identification) -> list[Grid]:
+    """What the command prints: the ranking of a search, criteria and poles."""
+    e = result.evaluation
+    ranking = [] if result.selection is None else [ranking_grid(result)]
+    return [*ranking, sections.criteria_grid(e), *sections.only([sections.pole_grid(e), sections.values_grid(e)])]
+
+
+def terminal_sentences(result: Identification) -> list[str]:
+    """What the command says under its tables."""
+    e = result.evaluation
+    chosen = [] if result.selection is None else [_found(result.selection)]
+    advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
+    notes = [f"Note: {note}." for note in (*result.record.notes, *e.notes)]
+    grown = [e.growth.sentence()] if e.growth else []
+    return [*chosen, *grown, sections.tests_in_words(e), sections.search_sentence(e), *advice, *notes]
+
+
+def ranking_grid(result: Identification) -> Grid:
+    """The best candidates of a structure search; the chosen one is marked, and all that equal the best."""
+    assert result.selection is not None
+    rows = []
+    for k, row in enumerate(result.selection.rows, start=1):
+        c = row.candidate
+        if k > RANKED and c != result.selection.chosen.candidate:
+            continue
+        maps = " / ".join(m.replace("_", " ") for m in (c.input, c.output) if m) or "–"
+        chosen = c == result.selection.chosen.candidate
+        mark = "chosen" if chosen else ("equal" if row.equal else "")
+        name = f"{c.structure.replace('_', '-')} {c.orders}".rstrip()
+        rows.append((str(k), name, maps, percent(row.fit_percent), str(row.d), mark))
+    total = len(result.selection.rows)
+    caption = f"The best {min(RANKED, total)} of {total} candidates and the chosen one: fit on parts not fitted to"
+    return Grid(("", "structure", "maps", "fit", "d", ""), rows, caption, text_columns=3, last_text=True)
+
+
+def _found(selection: Selection) -> str:
+    """What the search found, with the names of structures and maps as people write them."""
+    text = selection.sentence()
+    for name in TABLE:
+        text = text.replace(name, name.replace("_", "-"))
+    return sections.capital(text.replace("_", " "))
+
+
+def _search(result: Identification) -> list[Section]:
+    if result.selection is None:
+        return []
+    how = (
+        "Every candidate was fitted to one half of the estimation part and run free over the other, and the other way "
+        "round; d counts its free parameters. Candidates marked equal cannot be told from the best by a paired t-test "
+        "at 95 %, and of these the smallest is chosen. The validation part was not looked at."
+    )
+    return [Section("Structure search", [_found(result.selection), how], [ranking_grid(result)])]
+
+
+def _advice(result: Identification) -> Section:
+    ordered = sorted(result.advice, key=lambda a: _WEIGHT[a.severity])
+    rows = [(a.severity, a.topic, a.sentence.replace("^2", "²"), a.action or "–") for a in ordered]
+    return Section(
+        "Advice",
+        ["What the record says about itself before any model."],
+        [Grid(("", "topic", "finding", "what to do"), rows, text_columns=4)],
+    )
+
+
+def _files(e: Evaluation, exports: Exports) -> Section:
+    rows = [(name, what) for name, what in exports.files]
+    tables = [Grid(("file", "what it is"), rows, text_columns=2)] if rows else []
+    listings = []
+    if isinstance(e.fit, Fit) and not exports.notes:
+        listings = [Listing("The model in closed form", closed_form.text(e.fit))]
+    return Section("Model files", [sections.sentence(note) for note in exports.notes], tables, listings=listings)
+
+
+def _column(name: str) -> str:
+    return f"column {name}" if name.isdigit() else name
+
+
+def _verdict(result: Identification) -> list[str]:
+    e = result.evaluation
+    first = (
+        f"{sections.model_in_words(e)} runs free over the validation part with a fit of "
+        f"{percent(e.validation_fit)} ({percent(e.estimation_fit)} on the part that it was fitted to). "
+        f"{_stability(e)} {sections.tests_in_words(e)}"
+    )
+    chosen = [] if result.selection is None else [_found(result.selection)]
+    return [first, *chosen, sections.search_sentence(e), *(f"Note: {note}." for note in e.notes)]
+
+
+def _stability(e: Evaluation) -> str:
+    if e.linear:
+        return f"It is {'stable' if e.stable else 'not stable'}: poles {poles(e.poles)}."
+    runs = "Its free run stays near the data." if e.stable else "Its free run RUNS AWAY from the data."
+    if e.one_step is None:
+        return runs
+    return f"{runs} One step ahead, where it sees all earlier outputs, it reaches {percent(e.one_step.validation_fit)}."
+
+
+def _data(record: Record, e: Evaluation) -> Section:
+    n = e.estimation.N
+    u, y = sections.signals(e)
+    split = Picture(
+        "data",
+        style.png(figures.preprocessed(e.estimation, e.validation)),
+        f"The record as it was used: the first {n} samples for estimation, the other {e.validation.N} for validation.",
+    )
+    removed = (
+        f"Removed before the fit: {_offset(u, e.estimation.u_offset[0])} from the input and "
+        f"{_offset(y, e.estimation.y_offset[0])} from the output (means over the whole record). "
+        if e.estimation.u_offset[0] or e.estimation.y_offset[0]
+        else "Nothing was removed from the data. "
+    )
+    notes = "".join(f"{note[0].upper()}{note[1:]}. " for note in record.notes)
+    return Section("Data", [f"Read from {record.path}. {notes}{removed}"], pictures=[split])
+
+
+def _offset(quantity: Quantity, value: float) -> str:
+    return f"{number(value * quantity.factor)} {quantity.unit}".rstrip()
+
+
+_ONE_STEP = " The last panel is no free run: each sample there is foretold from the measured ones before it."
+
+
+_PHYSICS = (
+    "The parameters of an actuated joint are physical, so the table can be set beside a data sheet. Speeds are those "
+    "at mid stroke; a break-away voltage holds dry friction, load and what the driver takes; up is towards larger "
+    "outputs. The intervals take the structure as true."
+)
+
+
+def _output(e: Evaluation) -> Section:
+    run = Picture(
+        "free-run",
+        style.png(figures.free_run(e)),
+        f"Measured output and the model's free run: only the input is used, and the first {e.fit.n_init} outputs of "
+        f"each part for the initial state; these are not scored.{_ONE_STEP if e.one_step else ''}",
+    )
+    return Section("Model output", pictures=[run, sections.picture_of_close_ups("close-up", e)])
+
+
+def _model(e: Evaluation) -> Section:
+    pictures = [
+        sections.picture_of_poles("pole-zero", e),
+        sections.picture_of_step("step-response", e),
+        sections.picture_of_maps("static-maps", e),
+        growth.picture(e.growth),
+    ]
+    return Section(
+        "Model",
+        [
+            *filter(None, [sections.intervals_in_words(e)]),
+            *([e.growth.sentence()] if e.growth else []),
+            *([_PHYSICS] if e.values else []),
+        ],
+        tables=sections.only([sections.values_grid(e), sections.criteria_grid(e), sections.pole_grid(e)]),
+        pictures=sections.only(pictures),
+        details=[sections.parameter_grid(e)],
+    )
+
+
+def _residuals(e: Evaluation) -> Section:
+    picture = sections.picture_of_residuals("residuals", e)
+    words = [] if picture else [sections.tests_in_words(e)]
+    return Section(
+        "Residual tests", [*words, *filter(None, [sections.higher_in_words(e)])], pictures=sections.only([picture])
+    )

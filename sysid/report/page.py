@@ -1,0 +1,117 @@
+"""A report: sections of sentences, tables and pictures, written as one HTML file that needs no network."""
+
+import base64
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from sysid.estimation.result import plain
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A PNG with the name of its file and a caption that says what to see in it."""
+
+    name: str
+    png: bytes
+    caption: str
+
+    @property
+    def data(self) -> str:
+        """The PNG as base64, to stand inside the page."""
+        return base64.b64encode(self.png).decode("ascii")
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table: headings, rows of cells, and how many leading columns are text (the others are numbers)."""
+
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    text_columns: int = 1
+    quiet_rows: frozenset[int] = frozenset()  # rows shown for reference, in grey
+    last_text: bool = False  # the last column is text too
+
+    def is_text(self, j: int) -> bool:
+        """Whether column j is aligned as text."""
+        return j < self.text_columns or (self.last_text and j == len(self.headings) - 1)
+
+    def only(self, *headings: str) -> "Grid":
+        """The columns with these headings, which start with the text columns."""
+        keep = [list(self.headings).index(heading) for heading in headings]
+        return replace(
+            self,
+            headings=headings,
+            rows=[[row[j] for j in keep] for row in self.rows],
+            text_columns=sum(j < self.text_columns for j in keep),
+            last_text=self.is_text(keep[-1]),
+        )
+
+
+@dataclass(frozen=True)
+class Listing:
+    """A text whose lines stay as they are, shown on request."""
+
+    caption: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading with what stands under it, in the order: paragraphs, tables, pictures, hidden tables and listings."""
+
+    title: str
+    paragraphs: Sequence[str] = ()
+    tables: Sequence[Grid] = ()
+    pictures: Sequence[Picture] = ()
+    details: Sequence[Grid] = ()
+    listings: Sequence[Listing] = ()
+    small_pictures: bool = False
+
+    @property
+    def anchor(self) -> str:
+        """The target of a link to this section."""
+        return "".join(c if c.isalnum() else "-" for c in self.title.lower()).strip("-")
+
+
+@dataclass(frozen=True)
+class Page:
+    """A whole report: title, one line under it, the verdict, sections, and what it was made with."""
+
+    title: str
+    subtitle: str
+    verdict: Sequence[str]
+    sections: Sequence[Section] = ()
+    made_with: dict[str, str] = field(default_factory=dict)
+
+    def html(self) -> str:
+        """The page as one self-contained document."""
+        import jinja2
+
+        source = resources.files("sysid.report").joinpath("template.html").read_text(encoding="utf-8")
+        environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+        return environment.from_string(source).render(page=self)
+
+    def pictures(self) -> Iterator[Picture]:
+        """All pictures, in order."""
+        for section in self.sections:
+            yield from section.pictures
+
+
+def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:
+    """report.html, summary.json and figures/*.png in `folder`, which the caller makes and moves into place."""
+    figures = folder / "figures"
+    figures.mkdir()
+    for picture in page.pictures():
+        (figures / f"{picture.name}.png").write_bytes(picture.png)
+    (folder / "report.html").write_text(page.html(), encoding="utf-8")
+    (folder / "summary.json").write_text(to_json(summary), encoding="utf-8")
+
+
+def to_json(summary: dict[str, Any]) -> str:
+    """A summary as strict JSON: a number that is not finite becomes null."""
+    return json.dumps(plain(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n"

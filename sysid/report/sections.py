@@ -1,0 +1,310 @@
+"""What more than one report shows: each piece draws from finished numbers and says in a sentence what to see."""
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from sysid.joint.values import JointValue
+from sysid.nlarx.result import ONE_STEP, NlarxFit
+from sysid.report import figures, style
+from sysid.report.page import Grid, Picture
+from sysid.report.units import Quantity, number, percent, pole, poles, shown
+from sysid.uncertainty.intervals import Interval, Root
+from sysid.workflow.evaluation import JOINT, Evaluation
+
+T = TypeVar("T")
+NOT_KNOWN = "not determined"
+WORDS = {  # the physical values of an actuated joint as people call them
+    "speed_per_volt": "speed per volt, mid stroke",
+    "time_constant": "time constant",
+    "breakaway_up": "break-away voltage up",
+    "breakaway_down": "break-away voltage down",
+    "coulomb_up": "moving friction and load up",
+    "coulomb_down": "moving friction and load down",
+    "end_low": "lower end",
+    "end_high": "upper end",
+    "backlash": "backlash",
+    "delay": "delay",
+}
+
+
+def picture_of_step(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
+    """Step response of the tangent linear model, where there is one."""
+    e = evaluation
+    if e.step is None:
+        return None
+    u, y = signals(e)
+    last = float(e.step.y[-1]) * y.factor
+    caption = (
+        f"{lead}Step response of the linear model that is tangent to the fit at the mean input: after "
+        f"{e.step.x[-1]:.3g} s it stands at {number(last, 3)} {y.unit or 'units of y'} per {u.unit or 'unit of u'}."
+    )
+    return Picture(name, style.png(figures.step_response(e.step, u, y)), caption)
+
+
+def signals(evaluation: Evaluation) -> tuple[Quantity, Quantity]:
+    """How input and output are shown."""
+    data = evaluation.estimation
+    return shown(data.u_name, data.u_unit), shown(data.y_name, data.y_unit)
+
+
+def picture_of_poles(
+    name: str, evaluation: Evaluation, lead: str = "", references: dict[str, np.ndarray] | None = None
+) -> Picture | None:
+    """Pole-zero map with a sentence on stability, where there is a linear block."""
+    if not evaluation.linear:
+        return None
+    p = evaluation.poles
+    inside = "all poles lie inside the unit circle, the model is stable" if evaluation.stable else "UNSTABLE"
+    if not evaluation.stable:
+        inside = f"{int(np.sum(np.abs(p) >= 1))} pole(s) lie on or outside the unit circle, the model is not stable"
+    caption = f"{lead}Poles and zeros of the linear block: {inside} (poles {poles(p)})."
+    return Picture(name, style.png(figures.pole_zero(p, evaluation.zeros, references)), caption)
+
+
+def picture_of_residuals(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
+    """Residual tests with the verdict in words, where the record was long enough for them."""
+    tests = evaluation.tests
+    if tests is None:
+        return None
+    caption = (
+        f"{lead}Tests of the validation residuals {_residuals_of(evaluation)}. {tests_in_words(evaluation)} "
+        f"A model that explains everything but noise stays inside the {tests.level:.0%} bounds."
+    )
+    return Picture(name, style.png(figures.residuals(tests)), caption)
+
+
+def _one_step(evaluation: Evaluation) -> bool:
+    """Whether the criteria and residuals of a fit are about one step ahead instead of its free run."""
+    return isinstance(evaluation.fit, NlarxFit) and evaluation.fit.criteria_of == ONE_STEP
+
+
+def _residuals_of(evaluation: Evaluation) -> str:
+    return "one step ahead" if _one_step(evaluation) else "of the free run"
+
+
+def higher_in_words(evaluation: Evaluation) -> str:
+    """The tests that see a missing nonlinearity, in a sentence each."""
+    h = evaluation.higher
+    if h is None:
+        return ""
+    if h.passed:
+        coloured = evaluation.tests is not None and not evaluation.tests.white
+        doubt = ", which says little as long as the residuals are not white" if coloured else ""
+        return (
+            "Correlations of higher order (e with u², e² with u², e with e u) show no nonlinearity that was missed"
+            f"{doubt}."
+        )
+    return " ".join(sentence(a).replace("^2", "²") for a in h.advice)
+
+
+def tests_in_words(evaluation: Evaluation) -> str:
+    """Both verdicts with their counts."""
+    t = evaluation.tests
+    if t is None:
+        return "The validation part is too short for residual tests."
+    white = "white" if t.white else "not white"
+    independent = "independent of the input" if t.independent else "not independent of the input"
+    subject = "The residuals one step ahead" if _one_step(evaluation) else "The residuals"
+    return (
+        f"{subject} are {white} ({t.whiteness_outside} of {len(t.lags) - 1} lags outside) and {independent} "
+        f"({t.independence_outside} of {len(t.cross_lags)} lags outside)."
+    )
+
+
+def picture_of_close_ups(name: str, evaluation: Evaluation, lead: str = "") -> Picture:
+    """First upper and lower peak of the validation output."""
+    caption = f"{lead}Close-up of the first upper and lower peak of the validation part."
+    return Picture(name, style.png(figures.close_ups(evaluation)), caption)
+
+
+def picture_of_maps(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
+    """Static curves, where the structure has any."""
+    if not evaluation.maps:
+        return None
+    only = "Only the shape counts: a gain can move between a map and the linear block without changing the model."
+    if not evaluation.linear:
+        only = "The linkage's map runs from 0 at one end of the actuator's stroke to 1 at the other."
+    names = " and ".join(role.replace("map", "linkage") for role in evaluation.maps)
+    caption = f"{lead}Static {names} map over the range that the estimation data visited. {only}"
+    return Picture(name, style.png(figures.static_maps(evaluation.maps)), caption)
+
+
+def values_grid(evaluation: Evaluation, caption: str = "Physical values with 95 % intervals") -> Grid | None:
+    """What an actuated joint's parameters say, in the units people use; None for other structures."""
+    if not evaluation.values:
+        return None
+    rows = [(WORDS.get(v.name, v.name), *value_cells(v)) for v in evaluation.values]
+    return Grid(("", "value", "95 % interval", "unit"), rows, caption, last_text=True)
+
+
+def value_cells(v: JointValue) -> tuple[str, str, str]:
+    """Value, interval and unit of a physical value, angles in degrees."""
+    factor, unit = shown_unit(v.unit)
+    if v.low is None or v.high is None:
+        return number(v.value * factor, 4), NOT_KNOWN, unit
+    digits = max(decimals(v.high * factor - v.low * factor), decimals(v.value * factor) if v.value else 0)
+    low, high = (f"{x * factor:.{digits}f}".replace("-", "−") for x in (v.low, v.high))
+    return f"{v.value * factor:.{digits}f}".replace("-", "−"), f"{low} to {high}", unit
+
+
+def shown_unit(unit: str) -> tuple[float, str]:
+    """Factor and unit in which a physical value is shown: degrees for radians."""
+    return (180.0 / np.pi, unit.replace("rad", "deg")) if "rad" in unit else (1.0, unit)
+
+
+def decimals(width: float) -> int:
+    """Decimals that show a number of this size to two figures."""
+    return int(np.clip(2 - np.ceil(np.log10(abs(width))), 0, 6)) if np.isfinite(width) and width else 4
+
+
+def pole_grid(evaluation: Evaluation) -> Grid | None:
+    """Poles with the 95 % intervals of modulus and time constant, then zeros; None where there is no linear block."""
+    if not evaluation.linear:
+        return None
+    Ts = evaluation.fit.Ts
+    roots: Sequence[Root | None] = evaluation.roots or [None] * len(evaluation.poles)
+    rows = [
+        (
+            "pole",
+            pole_exact(z),
+            number(abs(z), 5),
+            _between(r.modulus if r else None),
+            _time_constant(z, Ts),
+            _lasting(r),
+        )
+        for z, r in zip(evaluation.poles.tolist(), roots, strict=True)
+    ]
+    rows += [("zero", pole_exact(z), number(abs(z), 5), "–", "–", "–") for z in evaluation.zeros.tolist()]
+    headings = ("", "z", "|z|", "95 % interval", "time constant [s]", "95 % interval")
+    return Grid(headings, rows, "Poles and zeros of the linear block")
+
+
+def intervals_in_words(evaluation: Evaluation) -> str:
+    """How the intervals of the poles are meant, and what keeps one from being trusted."""
+    if not evaluation.roots:
+        return ""
+    notes = dict.fromkeys(r.note or r.modulus.note for r in evaluation.roots)
+    notes.pop("", None)
+    coloured = evaluation.tests is not None and not evaluation.tests.white
+    how = "allow for the colour of the residuals" if coloured else "take the residuals as white"
+    words = f"Intervals are those of this structure on this record and {how}; they say nothing of what it leaves out."
+    return " ".join([words, *(f"Of a pole: {note}." for note in notes)])
+
+
+def _between(interval: Interval | None, digits: int = 4) -> str:
+    """The interval of a quantity that is never negative."""
+    if interval is None or not np.isfinite(interval.std):
+        return "not known"
+    return f"{number(max(interval.lower, 0.0), digits)} to {number(interval.upper, digits)}"
+
+
+def _lasting(root: Root | None) -> str:
+    return "not known" if root is None else _between(root.time_constant, 3)
+
+
+def pole_exact(z: complex) -> str:
+    """One pole of a pair with the sign of its imaginary part."""
+    sign = "−" if z.imag < 0 else "+"
+    return pole(complex(z.real)) if abs(z.imag) < 5e-5 else f"{pole(complex(z.real))} {sign} {abs(z.imag):.4f}i"
+
+
+def parameter_grid(evaluation: Evaluation, caption: str = "All parameters") -> Grid:
+    """Name, value, standard deviation and unit of every parameter."""
+    rows = [
+        (p.name, number(p.value, 5), number(p.std, 2), p.unit or "–", "free" if p.free else "fixed")
+        for p in evaluation.fit.parameters
+    ]
+    return Grid(("parameter", "value", "std", "unit", ""), rows, caption)
+
+
+def criteria_grid(evaluation: Evaluation) -> Grid:
+    """Fit of both parts and the criteria of the estimation part."""
+    c = evaluation.fit.criteria
+    unit = f" [{evaluation.estimation.y_unit}²]" if evaluation.estimation.y_unit else ""
+    rows = [
+        ("fit, free run, validation part", percent(evaluation.validation_fit)),
+        ("fit, free run, estimation part", percent(evaluation.estimation_fit)),
+        *_one_step_rows(evaluation),
+        (f"loss V, mean squared error{unit}", number(c.loss)),
+        (f"FPE{unit}", number(c.fpe)),
+        ("AIC", number(c.aic)),
+        ("AICc", number(c.aicc)),
+        ("nAIC", number(c.naic)),
+        ("BIC", number(c.bic)),
+        ("free parameters d / samples N", f"{c.d} / {c.N}"),
+    ]
+    caption = "FPE, AIC and BIC are about errors one step ahead" if _one_step(evaluation) else ""
+    return Grid(("criterion", "value"), rows, caption)
+
+
+def _one_step_rows(evaluation: Evaluation) -> list[tuple[str, str]]:
+    one = evaluation.one_step
+    if one is None:
+        return []
+    return [
+        ("fit, ONE STEP ahead, validation part", percent(one.validation_fit)),
+        ("fit, ONE STEP ahead, estimation part", percent(one.estimation_fit)),
+    ]
+
+
+def search_sentence(evaluation: Evaluation) -> str:
+    """Why the search stopped, after how much work."""
+    stop, s = evaluation.fit.stop, evaluation.setting
+    plural = "" if s.starts == 1 else f" from the best of {s.starts} starts"
+    return (
+        f"Search {s.search}{plural}: {stop.reason} ({stop.iterations} iterations, {stop.evaluations} evaluations, "
+        f"{evaluation.fit.seconds:.2g} s)."
+    )
+
+
+def setting_in_words(evaluation: Evaluation) -> str:
+    """Structure, orders and maps in one phrase."""
+    s = evaluation.setting
+    maps = [f"{role} map {name.replace('_', ' ')}" for role, name in _map_names(evaluation)]
+    if s.structure == JOINT:
+        maps = [
+            f"{'driver' if role == 'input' else 'sensor'} {name.replace('_', ' ')}"
+            for role, name in _map_names(evaluation)
+        ]
+        return ", ".join(["Actuated joint (motor with friction between two stops, linkage, play)", *maps])
+    orders = ", ".join(f"{name} {value}" for name, value in s.orders.items())
+    if isinstance(evaluation.fit, NlarxFit):
+        network = evaluation.fit.network
+        return f"NLARX ({orders}) with a wavelet network of {network.units} units"
+    return ", ".join([f"{s.structure.replace('_', '-').title()} ({orders})", *maps])
+
+
+def model_in_words(evaluation: Evaluation) -> str:
+    """The same as the subject of a sentence."""
+    words = setting_in_words(evaluation)
+    return f"An {words[0].lower()}{words[1:]}" if evaluation.setting.structure == JOINT else f"A {words} model"
+
+
+def sentence(phrase: str) -> str:
+    """The phrase with a capital letter and a full stop."""
+    return f"{capital(phrase)}."
+
+
+def capital(text: str) -> str:
+    """The text with a capital letter first."""
+    return text[:1].upper() + text[1:]
+
+
+def only(things: Sequence[T | None]) -> list[T]:
+    """Those that exist."""
+    return [thing for thing in things if thing is not None]
+
+
+def _map_names(evaluation: Evaluation) -> list[tuple[str, str]]:
+    s = evaluation.setting
+    given = {"input": s.input_map, "output": s.output_map}
+    return [(role, name) for role, name in given.items() if name is not None]
+
+
+def _time_constant(z: complex, Ts: float) -> str:
+    size = abs(z)
+    if size >= 1.0:
+        return "none"
+    return number(-Ts / np.log(size), 3) if size > 0 else "0"

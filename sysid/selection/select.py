@@ -1,0 +1,299 @@
+"""Structure search: orders x delay x maps, cross-validated in free run, pruned early, parallel, resumable.
+
+Four rounds. Linear models of all orders and delays first, since they cost next to nothing, and an actuated joint; then
+every pair of maps around the few best orders, one start each; then the best third of these with many starts, and the
+joint where it beat every linear model, as it does where the record integrates and stops; then lower orders around the
+winner, for as long as nothing is lost by them. Each candidate is fitted to one part of the record and judged on the
+other, the first part's turn and the second's (two folds), so that the winner was not chosen on data that it saw.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.special import stdtrit
+
+from sysid.base.errors import InputError
+from sysid.base.journal import Journal
+from sysid.base.threads import available
+from sysid.data.preprocess import retrend
+from sysid.data.record import IOData
+from sysid.estimation.fit import fit as fit_chain
+from sysid.estimation.result import Fit
+from sysid.model.chain import Chain
+from sysid.solver.iterate import Options
+from sysid.structures import TABLE, build
+
+_SHRINKING = 6  # how often the winner's orders may come down
+_SAME, _NEAR = 1.01, 1.1  # times the loss of the best
+BLOCKS = 20  # stretches of the judged samples whose errors are compared pair by pair
+MAPS = ("unit_gain", "saturation", "dead_zone", "piecewise_linear")
+
+
+@dataclass(frozen=True)
+class Space:
+    """What is searched: every combination of nb, nf, nk, and of the maps where the structure has a place for them.
+
+    joint: an actuated joint too.
+    """
+
+    nb: tuple[int, ...] = (1, 2, 3)
+    nf: tuple[int, ...] = (1, 2, 3)
+    nk: tuple[int, ...] = (1, 2, 3)
+    input: tuple[str, ...] = MAPS
+    output: tuple[str, ...] = MAPS
+    kept_orders: int = 3
+    starts: int = 5
+    joint: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("nb", "nf", "nk", "input", "output"):
+            if not getattr(self, name):
+                raise InputError(f"the search space has no {name}; name at least one")
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One structure with its orders and maps; None for a map that it has no place for, orders 0 where it has none."""
+
+    structure: str
+    nb: int
+    nf: int
+    nk: int
+    input: str | None = None
+    output: str | None = None
+
+    def model(self) -> Chain:
+        """The chain to fit."""
+        return build(self.structure, self.nb, self.nf, self.nk, self.input, self.output)
+
+    @property
+    def orders(self) -> str:
+        """The orders as people write them; empty for a structure that has none."""
+        return f"({self.nb},{self.nf},{self.nk})" if self.nb else ""
+
+    def __str__(self) -> str:
+        maps = "/".join(m for m in (self.input, self.output) if m)
+        return " ".join(part for part in (self.structure, self.orders, maps) if part)
+
+    def scale(self, data: IOData) -> IOData:
+        """The record as this candidate wants it: volts and angles of a joint count from zero, not from a mean."""
+        return retrend(data) if self == JOINT else data
+
+
+JOINT = Candidate("actuated_joint", 0, 0, 0)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One candidate of the ranked table; `errors` (BLOCKS,) are mean squared free-run errors on unseen stretches.
+
+    `equal` says that its errors are not told from the best candidate's (paired t-test on
+    their logarithms at 95 %, see `_ranked` for how near is near).
+    """
+
+    candidate: Candidate
+    fit_percent: float
+    d: int
+    round: int
+    errors: np.ndarray
+    converged: bool
+    equal: bool = False
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Ranked rows, the one that was chosen (the smallest among the equals of the best), and its fit to all the data."""
+
+    rows: tuple[Row, ...]
+    chosen: Row
+    fit: Fit
+
+    def sentence(self) -> str:
+        """What was found, in words."""
+        equals = [r for r in self.rows if r.equal]
+        best = self.rows[0]
+        text = f"{best.candidate} runs best on unseen data ({best.fit_percent:.2f} %, d {best.d})"
+        if len(equals) > 1:
+            text += f"; {len(equals) - 1} other(s) cannot be told from it"
+        if self.chosen is not best:
+            small = self.chosen
+            text += f", of which {small.candidate} is the smallest ({small.fit_percent:.2f} %, d {small.d})"
+        return text + "."
+
+    def as_dict(self) -> dict[str, Any]:
+        """The ranked table, ready for JSON."""
+        rows = [
+            {
+                **vars(r.candidate),
+                "fit_percent": r.fit_percent if np.isfinite(r.fit_percent) else None,
+                "d": r.d,
+                "round": r.round,
+                "equal": r.equal,
+            }
+            for r in self.rows
+        ]
+        return {"chosen": vars(self.chosen.candidate), "sentence": self.sentence(), "rows": rows}
+
+
+def select(
+    data: IOData,
+    space: Space | None = None,
+    search: str = "auto",
+    seed: int = 0,
+    jobs: int | None = None,
+    journal: str | Path | None = None,
+    progress: Callable[[int, int, str], None] | None = None,
+) -> Selection:
+    """Search the space on a record of one input and output and fit the chosen structure to all of it.
+
+    jobs: processes (all cores if None); journal: a file that keeps every finished candidate, so that a killed search
+    goes on where it stood; progress(done, total, name) is called after each. The numbers do not depend on jobs.
+    The fit of an actuated joint is to the record with its means back, see `retrend`.
+    Raises InputError for a journal of another record, space or seed.
+    """
+    space = space or Space()
+    folds = _folds(data)
+    book = Journal(journal, data, (vars(space), search, seed))
+    work = _Work(folds, search, seed, jobs or available(), book, progress)
+    linear = [
+        Candidate("output_error", *o) for o in itertools.product(space.nb, space.nf, space.nk) if o[0] <= o[1] + 1
+    ]
+    first = work.judge(1, linear, starts=1, iterations=50)
+    joint = work.judge(1, [JOINT] if space.joint else [], starts=1, iterations=50)
+    orders = _best_orders(first, space.kept_orders)
+    second = work.judge(2, _around(space, orders), starts=1, iterations=30)
+    survivors = sorted(second, key=_score)[: max(3, -(-len(second) // 3))]
+    survivors += [r for r in joint if r.fit_percent > max(other.fit_percent for other in first)]
+    third = work.judge(3, [r.candidate for r in survivors], starts=space.starts, iterations=200)
+    judged = {r.candidate: r for r in (*first, *joint, *second, *third)}  # the latest round counts
+    rows, chosen = _ranked(judged)
+    for _ in range(_SHRINKING):
+        smaller = [c for c in _smaller(chosen.candidate) if c not in judged or judged[c].round < 3]
+        judged |= {r.candidate: r for r in work.judge(4, smaller, starts=space.starts, iterations=200)}
+        before = chosen
+        rows, chosen = _ranked(judged)
+        if chosen.candidate == before.candidate:
+            break
+    if not np.isfinite(rows[0].fit_percent):
+        raise InputError("no structure of the space runs free on this record; look at the data or widen the space")
+    winner = chosen.candidate
+    best = fit_chain(winner.model(), winner.scale(data), search=search, starts=space.starts, seed=seed)
+    return Selection(tuple(rows), chosen, best)
+
+
+@dataclass(frozen=True)
+class _Work:
+    folds: tuple[tuple[IOData, IOData], ...]
+    search: str
+    seed: int
+    jobs: int
+    book: Journal
+    progress: Callable[[int, int, str], None] | None
+
+    def judge(self, number: int, candidates: Sequence[Candidate], starts: int, iterations: int) -> list[Row]:
+        """Judge candidates, those that the journal does not hold in parallel."""
+        rows: dict[Candidate, Row] = {}
+        todo = []
+        for c in candidates:
+            known = self.book.find(number, vars(c))
+            if known is None:
+                todo.append(c)
+            else:
+                rows[c] = Row(c, known["fit"], known["d"], number, np.array(known["errors"]), known["converged"])
+        options = Options(max_iterations=iterations)
+        jobs = ((c, self.folds, self.search, starts, self.seed, options, number) for c in todo)
+        for row in _parallel(jobs, min(self.jobs, max(len(todo), 1))):
+            rows[row.candidate] = row
+            values = {"fit": row.fit_percent, "d": row.d, "errors": row.errors.tolist(), "converged": row.converged}
+            self.book.add(number, vars(row.candidate), values)
+            if self.progress is not None:
+                self.progress(len(rows), len(candidates), str(row.candidate))
+        return [rows[c] for c in candidates]
+
+
+def _parallel(jobs: Any, n: int) -> Any:
+    if n == 1:
+        return map(_judge_one, jobs)
+    from joblib import Parallel, delayed
+
+    # Results come as they finish, so that the journal holds them when the search is killed.
+    return Parallel(n_jobs=n, return_as="generator_unordered")(delayed(_judge_one)(job) for job in jobs)
+
+
+def _judge_one(job: tuple[Any, ...]) -> Row:
+    """Free-run errors of one candidate on every fold's unseen part."""
+    candidate, folds, search, starts, seed, options, number = job
+    parts, d, converged, variance = [], 0, True, 0.0
+    for estimation, unseen in folds:
+        try:
+            estimation, unseen = candidate.scale(estimation), candidate.scale(unseen)
+            fit = fit_chain(candidate.model(), estimation, search=search, starts=starts, seed=seed, options=options)
+            error = fit.residuals(unseen) ** 2
+        except InputError:  # too short for these orders: not a usable structure here
+            return Row(candidate, -np.inf, 0, number, np.full(BLOCKS, np.inf), False)
+        d, converged = fit.criteria.d, converged and fit.stop.converged
+        parts.append(np.array([block.mean() for block in np.array_split(error, BLOCKS // len(folds))]))
+        variance += float(unseen.y[fit.n_init :].var()) / len(folds)
+    errors = np.concatenate(parts)
+    mean = float(errors.mean())
+    percent = 100.0 * (1.0 - np.sqrt(mean / variance)) if np.isfinite(mean) and variance > 0 else -np.inf
+    return Row(candidate, percent, d, number, np.where(np.isfinite(errors), errors, np.inf), converged)
+
+
+def _folds(data: IOData) -> tuple[tuple[IOData, IOData], ...]:
+    """Two halves, each estimated on while the other judges; of several experiments every one is halved."""
+    first, second = data.split(0.5)
+    return (first, second), (second, first)
+
+
+def _score(row: Row) -> tuple[float, int]:
+    return -row.fit_percent, row.d
+
+
+def _best_orders(rows: list[Row], count: int) -> list[tuple[int, int, int]]:
+    ranked = [r for r in sorted(rows, key=_score) if np.isfinite(r.fit_percent)]
+    return [(r.candidate.nb, r.candidate.nf, r.candidate.nk) for r in ranked[:count]]
+
+
+def _around(space: Space, orders: list[tuple[int, int, int]]) -> list[Candidate]:
+    """Every pair of maps at every order, under the name of the structure that it makes."""
+    found = []
+    for (nb, nf, nk), first, last in itertools.product(orders, space.input, space.output):
+        a, b = (None if m == "unit_gain" else m for m in (first, last))
+        if a is None and b is None:
+            continue
+        structure = "hammerstein_wiener" if a and b else "hammerstein" if a else "wiener"
+        assert structure in TABLE
+        found.append(Candidate(structure, nb, nf, nk, a, b))
+    return found
+
+
+def _smaller(c: Candidate) -> list[Candidate]:
+    """The same maps with fewer zeros, fewer poles, or one coefficient of B given up for a delay."""
+    orders = [(c.nb - 1, c.nf, c.nk), (c.nb, c.nf - 1, c.nk), (c.nb - 1, c.nf - 1, c.nk), (c.nb - 1, c.nf, c.nk + 1)]
+    return [replace(c, nb=nb, nf=nf, nk=nk) for nb, nf, nk in orders if nb >= 1 and nf >= 0]
+
+
+def _ranked(judged: dict[Candidate, Row]) -> tuple[list[Row], Row]:
+    """Rows best first, the equals of the best marked, and the smallest of these.
+
+    Errors are compared by their logarithms: one bad stretch, where every model fails, would else hide all differences.
+    A loss up to `_SAME` times the best is equal for any use, even where the test can tell it; one beyond `_NEAR` times
+    is not, even where the test cannot: twenty stretches that differ much have little power.
+    """
+    rows = sorted(judged.values(), key=_score)
+    limit = float(stdtrit(BLOCKS - 1, 0.975))
+    best = np.log(np.maximum(rows[0].errors, 1e-300))
+    out = []
+    for k, r in enumerate(rows):
+        gap = np.log(np.maximum(r.errors, 1e-300)) - best
+        finite = bool(np.all(np.isfinite(gap)))
+        told = not finite or float(gap.mean()) > limit * float(gap.std(ddof=1)) / np.sqrt(BLOCKS)
+        ratio = float(r.errors.mean()) / max(float(rows[0].errors.mean()), 1e-300) if finite else np.inf
+        told = (told and ratio > _SAME) or ratio > _NEAR
+        out.append(replace(r, equal=k == 0 or not told))
+    return out, min((r for r in out if r.equal), key=lambda r: (r.d, -r.fit_percent))

@@ -1,0 +1,72 @@
+"""Covariance of a fit, and which parameters the data say nothing about."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.solver.iterate import Linearisation, column_scale
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """cov (P, P) over all parameters (zero rows for fixed ones) and which are not identifiable from the data (P,).
+
+    The gauge is taken out: along redundant directions nothing is uncertain, so quantities that do not depend on it
+    (poles, zeros, curves between fixed ends) come out right and single gains refer to the gauge of least norm.
+    """
+
+    cov: np.ndarray
+    unidentifiable: np.ndarray
+    noise_variance: float
+
+    def std(self) -> np.ndarray:
+        """Standard deviation of each parameter (P,); nan where the data do not determine it."""
+        s = np.sqrt(np.maximum(np.diag(self.cov), 0.0))
+        return np.where(self.unidentifiable, np.nan, s)
+
+
+def covariance(e: np.ndarray, J: np.ndarray, gauge: np.ndarray, basis: np.ndarray, d: int) -> Covariance:
+    """sigma^2 (J'J)^+ for residuals e (N,) and J (N, n) = dyhat/dp, theta = theta0 + basis (P, n) p.
+
+    gauge (n, g) holds the redundant directions of p and d the number of parameters counted. Columns of J are brought
+    to unit norm first, so that a unit does not decide what counts as zero (Ljung, System Identification, section 9.4;
+    the pseudo-inverse is the covariance in the gauge of least norm).
+    """
+    N, P = len(e), len(basis)
+    sigma2 = float(e @ e) / max(N - d, 1)
+    if not J.shape[1]:
+        return Covariance(np.zeros((P, P)), np.zeros(P, dtype=bool), sigma2)
+    R = Linearisation.of(e, J).R  # its columns have the norms of J's
+    scale = column_scale(R)
+    _, s, Vt = np.linalg.svd(R / scale)
+    keep = s > 1e-7 * s[0] if s[0] > 0 else np.zeros(len(s), dtype=bool)
+    V = basis @ (Vt.T[:, keep] / s[keep] / scale[:, None])
+    lost = _lost(Vt.T[:, ~keep], gauge * np.where(np.isfinite(scale), scale, 1.0)[:, None])
+    return Covariance(sigma2 * (V @ V.T), np.abs(basis) @ lost > 0, sigma2)
+
+
+def _lost(null: np.ndarray, gauge: np.ndarray) -> np.ndarray:
+    """Parameters (P,) with a share in directions that the data leave open beyond the gauge."""
+    if gauge.shape[1]:
+        Q = np.linalg.qr(gauge)[0]
+        null = null - Q @ (Q.T @ null)
+    return np.linalg.norm(null, axis=1) > 1e-2
+
+
+def pole_std(f: np.ndarray, cov_f: np.ndarray) -> np.ndarray:
+    """Standard deviation of the roots of F (nf,) from the covariance of f (nf, nf): sqrt(var Re + var Im).
+
+    From F(z) = 0: dz/df_j = -z^(n-j) / F'(z). Nan at a multiple pole, where the first derivative does not exist.
+    """
+    n = len(f)
+    F = np.concatenate([[1.0], f])
+    slope = np.polyder(F)
+    out = []
+    for z in np.roots(F).astype(complex):
+        d = np.polyval(slope, z)
+        if abs(d) < 1e-12:
+            out.append(np.nan)
+            continue
+        g = -np.array([z ** (n - j) for j in range(1, n + 1)]) / d
+        out.append(float(np.sqrt(max(np.real(np.conj(g) @ cov_f @ g), 0.0))))
+    return np.array(out)

@@ -1,0 +1,5 @@
+"""What a record says about a fit: standard deviations, intervals, bands, responses and curves with bands."""
+
+from sysid.uncertainty import bands, curves, information, intervals, responses
+
+__all__ = ["bands", "curves", "information", "intervals", "responses"]

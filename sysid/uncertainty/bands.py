@@ -1,0 +1,148 @@
+"""Bands on simulated outputs: by linear propagation of the covariance, and by Monte Carlo.
+
+Both say how far the model's output may be off because its parameters are uncertain. With noise=True they say where a
+new measurement may lie, which adds the noise's own spread.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.base.threads import one_blas_thread
+from sysid.data.record import IOData, siso
+from sysid.estimation.result import rested
+from sysid.uncertainty.information import Information
+from sysid.uncertainty.initial_sensitivity import settled, settling
+
+Follow = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class OutputBand:
+    """Free run y (N,) at times t (N,) [s] with its standard deviation and interval (N,), each sample by itself.
+
+    `draws` models were drawn and `dropped` of them not used, since they were unstable or made no usable chain; both are
+    0 for linear propagation. `note` is empty or says what to beware of.
+    """
+
+    t: np.ndarray
+    y: np.ndarray
+    std: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    level: float
+    unit: str = ""
+    draws: int = 0
+    dropped: int = 0
+    note: str = ""
+
+
+def linear(
+    info: Information,
+    record: IOData | np.ndarray | None = None,
+    level: float = 0.95,
+    noise: bool = False,
+    n_init: int | None = None,
+) -> OutputBand:
+    """Band of the free run by its exact Jacobian; no record: the estimation record itself, in its first experiment.
+
+    Of another record the first n_init outputs give the initial state, whose uncertainty counts. An input alone (N,)
+    starts from rest, as in `Fit.simulate`.
+    """
+    with one_blas_thread():
+        theta, u, T, S = _sensitivity(info, record, n_init)
+        y = info.chain.simulate(theta, u)
+        variance = info.std_of(T) ** 2 + info.noise_variance * np.sum(S**2, axis=1)
+        note = info.note_of(T)
+    std = np.sqrt(variance + noise * info.noise_variance)
+    half = np.where(np.isnan(std), np.inf, info.quantile(level) * std)
+    return OutputBand(np.arange(len(u)) * info.Ts, y, std, y - half, y + half, level, info.data.y_unit, note=note)
+
+
+def monte_carlo(
+    info: Information,
+    record: IOData | np.ndarray | None = None,
+    level: float = 0.95,
+    noise: bool = False,
+    n_init: int | None = None,
+    draws: int = 500,
+    seed: int = 0,
+) -> OutputBand:
+    """The same from `draws` models out of the covariance, along identifiable directions only; needs no linearity.
+
+    Memory grows with draws x N. The initial state of another record follows each draw to first order.
+    """
+    if draws < 20:
+        raise InputError(f"draws is {draws}; give at least 20, and some hundreds for a smooth band")
+    rng = np.random.default_rng(seed)
+    with one_blas_thread():
+        theta, u, T, S = _sensitivity(info, record, n_init)
+        own = _follow(info, theta, u, S)
+        outputs = []
+        for _ in range(draws):
+            spread = 1.0 if not np.isfinite(info.dof) else np.sqrt(info.dof / rng.chisquare(info.dof))
+            step = spread * (info.factor @ rng.standard_normal(info.factor.shape[1]))
+            e = np.sqrt(info.noise_variance) * rng.standard_normal(S.shape[1])
+            drawn = own(step, e)
+            y = info.chain.simulate(drawn, u) if info.chain.admissible(drawn) else np.full(len(u), np.nan)
+            if np.all(np.isfinite(y)):
+                outputs.append(y + noise * np.sqrt(info.noise_variance) * rng.standard_normal(len(u)))
+        note = info.note_of(T)
+    dropped = draws - len(outputs)
+    if len(outputs) < 20:
+        raise InputError(f"{dropped} of {draws} drawn models are unusable; the fit is too uncertain for a band")
+    if dropped > 0.05 * draws:
+        note = (
+            note + "; " if note else ""
+        ) + f"{dropped} of {draws} drawn models were unusable: the band is too narrow"
+    Y, tail = np.array(outputs), 50.0 * (1.0 - level)
+    lower, upper = np.percentile(Y, [tail, 100.0 - tail], axis=0)
+    lost = np.isnan(info.std_of(T))
+    lower, upper, std = np.where(lost, -np.inf, lower), np.where(lost, np.inf, upper), Y.std(axis=0, ddof=1)
+    y, t = info.chain.simulate(theta, u), np.arange(len(u)) * info.Ts
+    unit = info.data.y_unit
+    return OutputBand(t, y, np.where(lost, np.nan, std), lower, upper, level, unit, draws, dropped, note)
+
+
+def _sensitivity(
+    info: Information, record: IOData | np.ndarray | None, n_init: int | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """theta (P,) with the run's initial state, u (N,), dy/dtheta (N, P) and dy/de (N, n) of what that state saw."""
+    chain, initial = info.chain, info.chain.initial
+    if record is None:
+        u = info.data.experiments[0].u[:, 0]
+        return info.theta, u, chain.tangent(info.theta, u)[1], np.zeros((len(u), 0))
+    if isinstance(record, IOData):
+        u, _ = siso(record)
+        if len(record.experiments) > 1:
+            raise InputError(f"the record has {len(record.experiments)} experiments; give one of record.experiments")
+        if abs(record.Ts - info.Ts) > 1e-6 * info.Ts:
+            raise InputError(f"the record is sampled every {record.Ts} s and the fit every {info.Ts} s; resample it")
+        n = min(info.n_init if n_init is None else n_init, record.N)
+        theta = settled(chain, info.theta, record.select(0, n))
+        J = chain.tangent(theta, u)[1]
+        return (theta, u, *settling(J, initial, n)) if initial.any() else (theta, u, J, np.zeros((len(u), 0)))
+    u = np.ascontiguousarray(record, dtype=float).ravel()
+    theta = rested(chain, info.theta)
+    J = chain.tangent(theta, u)[1]
+    J[:, initial] = 0.0
+    return theta, u, J, np.zeros((len(u), 0))
+
+
+def _follow(info: Information, theta: np.ndarray, u: np.ndarray, S: np.ndarray) -> Follow:
+    """A function (step, e) -> drawn theta, whose initial state follows the step as a fitted one would."""
+    chain, initial, n = info.chain, info.chain.initial, S.shape[1]
+    same = theta is info.theta
+    if n == 0:
+        return lambda step, e: theta + (step if same else np.where(initial, 0.0, step))
+    X = chain.tangent(theta, u[:n])[1]
+    back = np.linalg.pinv(X[:, initial], rcond=1e-9)
+
+    def drawn(step: np.ndarray, e: np.ndarray) -> np.ndarray:
+        step = np.where(initial, 0.0, step)
+        step[initial] = back @ (e - X @ step)
+        return theta + step
+
+    return drawn

@@ -1,0 +1,159 @@
+"""The static maps of a fit with bands, each in a scale that the record can tell.
+
+Between two blocks a gain and an offset can move freely, so a map's own numbers mean little there. A map whose own
+scale is pinned (a saturation on the input keeps slope one) is shown as it is. Every other one is shown with the signals
+between blocks brought to the mean and standard deviation that the outer signal has over the record: an input map takes
+u to a signal that moves as much as u, an output map takes a signal that moves as much as y to y, and a map between two
+linear blocks works on signals of mean 0 and deviation 1. These curves do not depend on the gauge; a straight line on
+the diagonal means no nonlinearity at all.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+from sysid.block.block import StaticBlock
+from sysid.uncertainty.information import GAUGE, Information
+from sysid.uncertainty.intervals import Band, band
+
+OWN, NORMALISED = "own", "normalised"
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One static map: its band, and whether `scale` is the map's own or the normalised one.
+
+    x_unit and y_unit say what the axes measure in: the unit of u or y, or '' between two linear blocks.
+    """
+
+    role: str
+    band: Band
+    scale: str
+    x_unit: str
+    y_unit: str
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """A signal over the record: range, mean and deviation with gradients (P,)."""
+
+    lower: float
+    upper: float
+    mean: float
+    std: float
+    d_mean: np.ndarray
+    d_std: np.ndarray
+
+    @classmethod
+    def of(cls, x: np.ndarray, J: np.ndarray) -> "_Signal":
+        mean, std = float(x.mean()), float(x.std())
+        if std == 0.0:
+            raise InputError("a signal between the blocks does not move over the record; its map has no scale to show")
+        d_mean = J.mean(axis=0)
+        return cls(float(x.min()), float(x.max()), mean, std, d_mean, ((x - mean) @ (J - d_mean)) / (len(x) * std))
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """Shown value = mean + std * sign * (signal - signal.mean) / signal.std."""
+
+    mean: float
+    std: float
+    sign: float
+
+
+def curves(info: Information, points: int = 101, level: float = 0.95) -> tuple[Curve, ...]:
+    """Every static map of the chain over the range that it saw in the record."""
+    roles = [b.role for b in info.chain.blocks if isinstance(b, StaticBlock) and b.n_parameters]
+    return tuple(curve(info, role, points=points, level=level) for role in roles)
+
+
+def curve(info: Information, role: str, x: np.ndarray | None = None, points: int = 101, level: float = 0.95) -> Curve:
+    """The static map with this role over x (n,), by default `points` over the range that it saw in the record.
+
+    x is in the scale that the curve comes in, see `Curve`. Of merged experiments the first one gives the scale.
+    """
+    roles = [b.role for b in info.chain.blocks if isinstance(b, StaticBlock) and b.n_parameters]
+    if role not in roles:
+        raise unknown("static map", role, roles)
+    k = next(i for i, b in enumerate(info.chain.blocks) if b.role == role)
+    signals, correlation = _signals(info, k)
+    own_x = np.linspace(signals[0].lower, signals[0].upper, points) if x is None else np.asarray(x, dtype=float)
+    raw = band(info, own_x, *_raw(info, k, own_x), level)
+    u_unit, y_unit = info.data.u_unit, info.data.y_unit
+    first, last = k == 0, k == len(info.chain.blocks) - 1
+    units = (u_unit if first else y_unit if last else "", y_unit if last else u_unit if first else "")
+    if raw.note != GAUGE:
+        return Curve(role, raw, OWN, units[0] if first else "", units[1] if last else "")
+    scales = _scales(info, first, last, 1.0 if correlation >= 0 else -1.0)
+    return Curve(role, _normalised(info, k, signals, scales, x, points, level), NORMALISED, *units)
+
+
+def _signals(info: Information, k: int) -> tuple[tuple[_Signal, _Signal], float]:
+    """Input and output of block k over the first experiment, and the covariance of the two."""
+    record, chain, theta = info.data.experiments[0], info.chain, info.theta
+    x, J, q = np.ascontiguousarray(record.u[:, 0]), np.zeros((record.N, len(theta))), 0
+    before = x, J.copy()
+    for b in chain.blocks[: k + 1]:
+        before = x, J.copy()
+        x = b.propagate(chain.part(theta, b), x, J, q)
+        q += b.n_parameters
+    correlation = float((before[0] - before[0].mean()) @ (x - x.mean()))
+    return (_Signal.of(*before), _Signal.of(x, J)), correlation
+
+
+def _scales(info: Information, first: bool, last: bool, sign: float) -> tuple[_Scale | None, _Scale | None]:
+    """How the two sides of a map are shown; None where the side is u or y itself. Maps rise on the whole."""
+    record = info.data.experiments[0]
+    u, y = record.u[:, 0], record.y[record.observed[:, 0], 0]
+    if first and last:
+        return None, None
+    if first:
+        return None, _Scale(float(u.mean()), float(u.std()), sign)
+    if last:
+        return _Scale(float(y.mean()), float(y.std()), sign), None
+    return _Scale(0.0, 1.0, sign), _Scale(0.0, 1.0, 1.0)
+
+
+def _raw(info: Information, k: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The map at fixed x (n,) in its own scale, with its gradient (n, P)."""
+    block, P = info.chain.blocks[k], len(info.theta)
+    wide = np.zeros((len(x), block.n_parameters))
+    y = block.propagate(info.chain.part(info.theta, block), np.ascontiguousarray(x), wide, 0)
+    gradient = np.zeros((len(x), P))
+    gradient[:, info.chain.index(block)] = wide
+    return y, gradient
+
+
+def _normalised(
+    info: Information,
+    k: int,
+    signals: tuple[_Signal, _Signal],
+    scales: tuple[_Scale | None, _Scale | None],
+    shown: np.ndarray | None,
+    points: int,
+    level: float,
+) -> Band:
+    """The map between signals brought to `scales`, with all that the scale itself owes to theta in the gradient."""
+    (into, out), (x_scale, y_scale), block = signals, scales, info.chain.blocks[k]
+    if shown is None:
+        ends = np.array([into.lower, into.upper])
+        if x_scale is not None:
+            ends = np.sort(x_scale.mean + x_scale.std * x_scale.sign * (ends - into.mean) / into.std)
+        shown = np.linspace(ends[0], ends[1], points)
+    shown = np.asarray(shown, dtype=float)
+    x, J = shown, np.zeros((len(shown), len(info.theta)))
+    if x_scale is not None:
+        r = x_scale.sign * (shown - x_scale.mean) / x_scale.std
+        x, J = into.mean + r * into.std, into.d_mean + r[:, None] * into.d_std
+    P = J.shape[1]
+    wide = np.concatenate([J, np.zeros((len(x), block.n_parameters))], axis=1)
+    y = block.propagate(info.chain.part(info.theta, block), np.ascontiguousarray(x), wide, P)
+    gradient = wide[:, :P].copy()
+    gradient[:, info.chain.index(block)] += wide[:, P:]
+    if y_scale is not None:
+        r = (y - out.mean) / out.std
+        gradient = y_scale.sign * y_scale.std * (gradient - out.d_mean - r[:, None] * out.d_std) / out.std
+        y = y_scale.mean + y_scale.sign * y_scale.std * r
+    return band(info, shown, y, gradient, level)

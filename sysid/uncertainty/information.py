@@ -1,0 +1,198 @@
+"""What a record says about every quantity of a fit: standard deviations, and a word where it says nothing.
+
+A quantity g(theta) has the variance g' cov g (delta method). Two kinds of directions carry no variance and must not
+pass for certainty: the gauge (a gain may move between blocks), and what the record does not excite. `Information` keeps
+both apart, so that a quantity that leans on one of them gets a sentence and no interval.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import null_space
+from scipy.special import stdtrit
+
+from sysid.base.errors import InputError
+from sysid.base.threads import one_blas_thread
+from sysid.data.record import IOData, siso
+from sysid.model.chain import Chain
+from sysid.uncertainty.initial_sensitivity import settled
+from sysid.uncertainty.long_run import long_run_root
+
+if TYPE_CHECKING:
+    from sysid.estimation.result import Fit
+
+GAUGE = "depends on how gain and offset are shared between the blocks, which no record can tell"
+UNEXCITED = "the record does not excite it"
+_EMPTY = 1e-7  # singular values below this share of the largest are zero; columns of J have unit norm
+_LEAK = 1e-5  # share of a gradient along an empty direction that makes a quantity undetermined
+
+
+@dataclass(frozen=True)
+class Information:
+    """A fit and what its record tells of theta (P,): cov = factor factor' over the identifiable directions.
+
+    `gauge` (P, g) and `unexcited` (P, k) are the directions without information; `weights` (P, n) brings a gradient to
+    the scale in which columns of the Jacobian have unit norm. `lags` is the bandwidth of a covariance that is robust to
+    coloured residuals, None where they were taken as white. `data` is the record, whose input maps refer to.
+    """
+
+    chain: Chain
+    theta: np.ndarray
+    data: IOData
+    factor: np.ndarray
+    gauge: np.ndarray
+    unexcited: np.ndarray
+    weights: np.ndarray
+    noise_variance: float
+    dof: float
+    lags: int | None
+    n_init: int
+
+    @property
+    def Ts(self) -> float:
+        """Sampling time [s]."""
+        return self.data.Ts
+
+    @cached_property
+    def cov(self) -> np.ndarray:
+        """Covariance (P, P) in the gauge of least norm."""
+        return self.factor @ self.factor.T
+
+    def quantile(self, level: float) -> float:
+        """Half width of a two-sided interval in standard deviations: Student's t with N - d degrees of freedom."""
+        if not 0.0 < level < 1.0:
+            raise InputError(f"level is {level}; give a probability between 0 and 1, for example 0.95")
+        return float(stdtrit(self.dof, 0.5 + level / 2.0))
+
+    def covariance_of(self, gradient: np.ndarray) -> np.ndarray:
+        """Covariance (m, m) of quantities with gradient (m, P)."""
+        G = np.atleast_2d(gradient) @ self.factor
+        return G @ G.T
+
+    def std_of(self, gradient: np.ndarray) -> np.ndarray:
+        """Standard deviation (m,) of quantities with gradient (m, P); nan where the record does not determine them."""
+        G = np.atleast_2d(gradient)
+        lost = self._leans_on(G, self.gauge) | self._leans_on(G, self.unexcited)
+        return np.where(lost, np.nan, np.linalg.norm(G @ self.factor, axis=1))
+
+    def note_of(self, gradient: np.ndarray) -> str:
+        """Why one of the quantities with gradient (m, P) is undetermined; '' where all are determined."""
+        G = np.atleast_2d(gradient)
+        if np.any(self._leans_on(G, self.gauge)):
+            return GAUGE
+        return UNEXCITED if np.any(self._leans_on(G, self.unexcited)) else ""
+
+    def _leans_on(self, G: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """True (m,) where a gradient has a share along `directions` (P, k).
+
+        Measured against the largest of the m: near a value that is known exactly, a gradient is all rounding error.
+        """
+        if not directions.shape[1]:
+            return np.zeros(len(G), dtype=bool)
+        size = float(np.linalg.norm(G @ self.weights, axis=1).max(initial=0.0))
+        return np.linalg.norm(G @ directions, axis=1) > _LEAK * (size or np.inf)
+
+
+def information(fit: "Fit", data: IOData, lags: int | str | None = None) -> Information:
+    """What `data`, the record that `fit` was estimated on, says about the fit's quantities.
+
+    lags: None for white residuals, sigma^2 (J'J)^+; a number for the Newey-West sandwich with a Bartlett window over
+    that many lags; 'auto' for one that finds the residuals' memory itself. Use the sandwich where
+    `fit.residual_tests` rejects whiteness: the plain intervals are then too narrow. Merged experiments count together.
+    """
+    if abs(data.Ts - fit.Ts) > 1e-6 * fit.Ts:
+        raise InputError(f"the record is sampled every {data.Ts} s and the fit every {fit.Ts} s; give the fit's record")
+    return information_at(fit.model, fit.theta, data, lags, fit.n_init)
+
+
+def information_at(
+    chain: Chain,
+    theta: np.ndarray,
+    data: IOData,
+    lags: int | str | None = None,
+    n_init: int = 50,
+    noise_variance: float | None = None,
+) -> Information:
+    """The same for parameters theta (P,) of any origin; with the true ones and `noise_variance`, the Cramer-Rao bound.
+
+    The initial state in theta is that of the record's first experiment; the further ones' are fitted to them.
+    """
+    siso(data)
+    with one_blas_thread():
+        e, J, mask, own = _stacked(chain, theta, data)
+        free = chain.basis[:, chain.free]
+        held = _held(chain, theta, (J @ free).T @ e)
+        basis, redundant = free[:, ~held], _gauge(chain, theta, free, held)
+        Jp = J @ basis
+        scale = _unit(Jp)
+        _, s, Vt = np.linalg.svd(np.linalg.qr(Jp / scale, mode="r"))
+        keep = s > _EMPTY * s[0] if len(s) and s[0] > 0 else np.zeros(len(s), dtype=bool)
+        redundant = np.linalg.qr(redundant * scale[:, None])[0]
+        weights, V = basis / scale, Vt[keep].T / s[keep]
+        dof = float(mask.sum()) - int(keep.sum()) - own
+        sigma2 = float(e @ e) / max(dof, 1.0) if noise_variance is None else float(noise_variance)
+        factor, used = np.sqrt(sigma2) * (weights @ V), None
+        if lags is not None:
+            root, used = long_run_root(e[:, None] * ((Jp / scale) @ V), data.lengths, lags)
+            factor = np.sqrt(mask.sum() / max(dof, 1.0)) * (weights @ V @ root)
+        null = Vt[~keep].T
+        left, sv, _ = np.linalg.svd(null - redundant @ (redundant.T @ null), full_matrices=False)
+    return Information(
+        chain=chain,
+        theta=theta,
+        data=data,
+        factor=factor,
+        gauge=weights @ redundant,
+        unexcited=weights @ left[:, sv > 1e-2],
+        weights=weights,
+        noise_variance=sigma2,
+        dof=max(dof, 1.0) if noise_variance is None else np.inf,
+        lags=used,
+        n_init=n_init,
+    )
+
+
+def _stacked(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """e (N,), J (N, P) of all experiments, which samples count (N,), and the number of further initial states.
+
+    Samples not observed are zero rows. From a further experiment's rows, what its own initial state explains is
+    projected away, which leaves exactly the information on the common parameters (Frisch and Waugh 1933).
+    """
+    errors, rows, masks, own = [], [], [], 0
+    for k, record in enumerate(data.experiments):
+        seen = record.observed[:, 0]
+        own_theta = theta if k == 0 else settled(chain, theta, record)
+        yhat, J = chain.tangent(own_theta, record.u[:, 0])
+        e, J = (record.y[:, 0] - yhat) * seen, J * seen[:, None]
+        if k and chain.initial.any():
+            Q = np.linalg.qr(J[:, chain.initial])[0]
+            e, J = e - Q @ (Q.T @ e), J - Q @ (Q.T @ J)
+            J[:, chain.initial], own = 0.0, own + Q.shape[1]
+        errors.append(e)
+        rows.append(J)
+        masks.append(seen)
+    return np.concatenate(errors), np.concatenate(rows), np.concatenate(masks), own
+
+
+def _held(chain: Chain, theta: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+    """True (n,) for free directions that stand at a limit which the descent `gradient` (n,) points beyond."""
+    low, high = chain.at_limit(theta)
+    return (low[chain.free] & (gradient < 0)) | (high[chain.free] & (gradient > 0))
+
+
+def _gauge(chain: Chain, theta: np.ndarray, free: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """The gauge in coordinates of the free directions that are not held (n, g)."""
+    G = np.linalg.lstsq(free, chain.gauge(theta), rcond=None)[0]
+    if held.any() and G.shape[1]:
+        G = G @ null_space(G[held])  # a held direction pins the gauge that would move it
+    return G[~held]
+
+
+def _unit(J: np.ndarray) -> np.ndarray:
+    """Norms of the columns of J; an empty column gets a tiny one, so that leaning on it shows."""
+    norm = np.linalg.norm(J, axis=0)
+    filled = norm > 1e-30 * norm.max(initial=0.0)
+    typical = float(np.median(norm[filled])) if filled.any() else 1.0
+    return np.where(filled, norm, 1e-3 * typical)

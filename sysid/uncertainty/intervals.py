@@ -1,0 +1,226 @@
+"""Intervals of what an engineer reads off a fit: poles, zeros, time constants, damping, gains, parameters.
+
+All by the delta method on exact gradients, with Student's t for few samples. An interval whose `note` is not empty says
+why the record does not determine the quantity, or that the linear approximation is rough.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import fdtri
+
+from sysid.base.errors import InputError
+from sysid.blocks import TransferFunction
+from sysid.model.tangents import steady_curve, tangent, transfer
+from sysid.uncertainty.information import Information
+
+_ROUGH = "stands within three standard deviations of another root: the interval is rough"
+_ON_CIRCLE = 1e-12  # an integrator's pole is exact but for rounding
+_MULTIPLE = "is a multiple root, which has no first derivative"
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A number, its standard deviation and the ends of its interval; nan and infinite where undetermined (`note`)."""
+
+    value: float
+    std: float
+    lower: float
+    upper: float
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Band:
+    """A curve over x (n,): value, standard deviation and interval at each point (n,), each point taken by itself."""
+
+    x: np.ndarray
+    value: np.ndarray
+    std: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    level: float
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Root:
+    """A pole or zero in z, with intervals of what it means.
+
+    `cov` (2, 2) of real and imaginary part; natural frequency [rad/s] and damping of s = ln(z)/Ts; time constant [s] of
+    the envelope, -Ts/ln|z|, whose interval ends at infinity where the modulus may reach 1.
+    """
+
+    value: complex
+    cov: np.ndarray
+    real: Interval
+    imag: Interval
+    modulus: Interval
+    frequency: Interval
+    damping: Interval
+    time_constant: Interval
+    level: float
+    dof: float
+    note: str = ""
+
+    @property
+    def std(self) -> float:
+        """sqrt(var Re + var Im)."""
+        return float(np.sqrt(np.trace(self.cov)))
+
+    def ellipse(self) -> tuple[float, float, float]:
+        """Semi-axes and angle of the first [rad] of the region that holds the root with probability `level`.
+
+        A real root has one dimension: its second semi-axis is 0 and the first that of its interval.
+        """
+        values, vectors = np.linalg.eigh(np.nan_to_num(self.cov))
+        a, b = np.sqrt(np.maximum(values[::-1], 0.0))
+        if self.value.imag == 0.0:
+            return float(self.real.upper - self.value.real), 0.0, 0.0
+        size = _region(self.level, self.dof)
+        return float(size * a), float(size * b), float(np.arctan2(vectors[1, 1], vectors[0, 1]))
+
+
+def interval(info: Information, value: float, gradient: np.ndarray, level: float = 0.95) -> Interval:
+    """Interval of any quantity of theta from its value and gradient (P,)."""
+    std = float(info.std_of(gradient)[0])
+    if not np.isfinite(std):
+        return Interval(float(value), np.nan, -np.inf, np.inf, info.note_of(gradient))
+    half = info.quantile(level) * std
+    return Interval(float(value), std, float(value - half), float(value + half))
+
+
+def band(info: Information, x: np.ndarray, value: np.ndarray, gradient: np.ndarray, level: float = 0.95) -> Band:
+    """Pointwise band of a curve from its values (n,) and gradients (n, P); undetermined points have an infinite one."""
+    std = info.std_of(gradient)
+    half = np.where(np.isfinite(std), info.quantile(level) * std, np.inf)
+    return Band(x, value, std, value - half, value + half, level, info.note_of(gradient))
+
+
+def parameters(info: Information, level: float = 0.95) -> dict[str, Interval]:
+    """Interval of every free parameter by name; one that the gauge moves has none."""
+    rows = np.eye(len(info.theta))
+    return {
+        n: interval(info, info.theta[i], rows[i], level) for i, n in enumerate(info.chain.names) if info.chain.free[i]
+    }
+
+
+def poles(info: Information, level: float = 0.95) -> tuple[Root, ...]:
+    """Poles of every transfer function of the chain, in the order of `Fit.poles`."""
+    found = []
+    for b in _linear(info):
+        own = transfer(info.chain, info.theta, b)
+        found += _roots(info, own.F[: b.nf + 1], own.F_gradient[: b.nf + 1], level)
+    return tuple(found)
+
+
+def zeros(info: Information, level: float = 0.95) -> tuple[Root, ...]:
+    """Finite zeros of every transfer function of the chain, in the order of `Fit.zeros`."""
+    found = []
+    for b in _linear(info):
+        own = transfer(info.chain, info.theta, b)
+        found += _roots(info, own.B[b.nk : b.nk + b.nb], own.B_gradient[b.nk : b.nk + b.nb], level)
+    return tuple(found)
+
+
+def gain(info: Information, u: float = 0.0, level: float = 0.95) -> Interval:
+    """Steady-state gain of the tangent at the constant input u, dy/du; free of the gauge."""
+    G = tangent(info.chain, info.theta, u)
+    if not np.isfinite(G.gain):
+        return Interval(np.inf, np.nan, -np.inf, np.inf, "is infinite: the chain integrates")
+    return interval(info, G.gain, G.gain_gradient, level)
+
+
+def steady_state(info: Information, u: np.ndarray | None = None, level: float = 0.95) -> Band:
+    """Steady-state output for constant inputs u (n,), by default 101 over the record's range; free of the gauge."""
+    if u is None:
+        u = np.linspace(info.data.u.min(), info.data.u.max(), 101)
+    u = np.asarray(u, dtype=float)
+    return band(info, u, *steady_curve(info.chain, info.theta, u), level)
+
+
+def _linear(info: Information) -> list[TransferFunction]:
+    found = [b for b in info.chain.blocks if isinstance(b, TransferFunction)]
+    if not found:
+        raise InputError("this chain has no transfer function; it has no poles and zeros")
+    return found
+
+
+def _roots(info: Information, p: np.ndarray, dp: np.ndarray, level: float) -> list[Root]:
+    """Roots of a polynomial p (n,), highest power first, with gradient dp (n, P): dz = -sum z^k dp_k / p'(z)."""
+    if not np.any(p):
+        return []
+    lead = int(np.flatnonzero(p)[0])  # leading zeros are roots at infinity, of which nothing can be said
+    p, dp = p[lead:], dp[lead:]
+    roots, slope = np.roots(p).astype(complex), np.polyder(p)
+    found = []
+    for z in roots:
+        d = np.polyval(slope, z)
+        if abs(d) < 1e-12 * np.abs(p).max():
+            found.append(_root(info, z, None, level, _MULTIPLE))
+            continue
+        found.append(_root(info, z, -(z ** np.arange(len(p) - 1, -1, -1)) @ dp / d, level))
+    return [_warned(r, roots) for r in found]
+
+
+def _root(info: Information, z: complex, dz: np.ndarray | None, level: float, note: str = "") -> Root:
+    """A root z with the complex gradient dz (P,); None where there is no derivative, which `note` explains."""
+    if dz is None:
+        unknown = [Interval(v, np.nan, -np.inf, np.inf, note) for v in _readings(z, info.Ts)]
+        return Root(z, np.full((2, 2), np.nan), *unknown, level, info.dof, note)  # type: ignore[arg-type,call-arg]
+    parts = np.array([dz.real, dz.imag])
+    note = info.note_of(parts if z.imag else parts[:1])
+    cov = np.full((2, 2), np.nan) if note else info.covariance_of(parts)
+    real, imag = interval(info, z.real, parts[0], level), interval(info, z.imag, parts[1], level)
+    return Root(z, cov, real, imag, *_meaning(info, z, dz, level), level=level, dof=info.dof, note=note)
+
+
+def _meaning(
+    info: Information, z: complex, dz: np.ndarray, level: float
+) -> tuple[Interval, Interval, Interval, Interval]:
+    """Modulus, natural frequency, damping and time constant of a root."""
+    r, Ts = abs(z), info.Ts
+    _, _, modulus, frequency, damping, tau = _readings(z, Ts)
+    if r == 0.0:
+        nothing = Interval(np.nan, np.nan, -np.inf, np.inf, "has no meaning for a root at 0")
+        return interval(info, 0.0, np.abs(dz), level), nothing, nothing, nothing
+    size = interval(info, modulus, np.real(np.conj(z) * dz) / r, level)
+    spread = size.std * Ts / (np.log(r) ** 2 * r) if np.isfinite(tau) else np.nan
+    envelope = Interval(tau, spread, _envelope(size.lower, Ts), _envelope(size.upper, Ts), size.note)
+    s, ds = np.log(z) / Ts, dz / (z * Ts)
+    if s == 0:
+        nothing = Interval(np.nan, np.nan, -np.inf, np.inf, "has no meaning for a root at 1")
+        return size, interval(info, 0.0, np.abs(ds), level), nothing, envelope
+    dw = np.real(np.conj(s) * ds) / abs(s)
+    d_damping = -(ds.real * abs(s) - s.real * dw) / abs(s) ** 2
+    return size, interval(info, frequency, dw, level), interval(info, damping, d_damping, level), envelope
+
+
+def _readings(z: complex, Ts: float) -> tuple[float, float, float, float, float, float]:
+    """Real part, imaginary part, modulus, natural frequency [rad/s], damping, time constant [s]."""
+    if z == 0:
+        return 0.0, 0.0, 0.0, np.nan, np.nan, 0.0
+    s = np.log(complex(z)) / Ts
+    damping = float(-s.real / abs(s)) if s != 0 else np.nan
+    return z.real, z.imag, abs(z), float(abs(s)), damping, _envelope(abs(z), Ts)
+
+
+def _envelope(r: float, Ts: float) -> float:
+    """Time constant [s] of |z|^k: monotone in the modulus, 0 at 0, infinite from 1 on."""
+    if r <= 0.0 or np.isnan(r):
+        return 0.0
+    return float(-Ts / np.log(r)) if r < 1.0 - _ON_CIRCLE else np.inf
+
+
+def _warned(root: Root, roots: np.ndarray) -> Root:
+    """The root with a word where the linear approximation cannot be trusted."""
+    others = np.abs(roots - root.value)
+    near = np.sort(others)[1] if len(roots) > 1 else np.inf
+    return replace(root, note=_ROUGH) if not root.note and near < 3.0 * root.std else root
+
+
+def _region(level: float, dof: float) -> float:
+    """Radius, in standard deviations, of the ellipse that holds two dimensions with this probability."""
+    if not np.isfinite(dof):
+        return float(np.sqrt(-2.0 * np.log1p(-level)))
+    return float(np.sqrt(2.0 * fdtri(2.0, dof, level)))

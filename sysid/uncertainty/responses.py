@@ -1,0 +1,89 @@
+"""Responses of a fit's tangent with bands: step, impulse, frequency response. All free of the gauge."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.model.tangents import Rational, tangent
+from sysid.uncertainty.information import Information
+from sysid.uncertainty.intervals import Band, band
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """Magnitude [-] and phase [deg] of the tangent over angular frequencies w (n,) [rad/s]; bands on both."""
+
+    magnitude: Band
+    phase: Band
+
+
+def step(info: Information, u: float = 0.0, samples: int | None = None, level: float = 0.95) -> Band:
+    """Output over time [s] for a unit step of the input at the operating point u."""
+    G = tangent(info.chain, info.theta, u)
+    return _driven(info, G, np.ones(_length(G, samples)), level)
+
+
+def impulse(info: Information, u: float = 0.0, samples: int | None = None, level: float = 0.95) -> Band:
+    """Output over time [s] for one sample of 1 at the operating point u (a pulse of one Ts, not a Dirac)."""
+    G = tangent(info.chain, info.theta, u)
+    return _driven(info, G, np.eye(1, _length(G, samples))[0], level)
+
+
+def frequency(info: Information, u: float = 0.0, w: np.ndarray | None = None, level: float = 0.95) -> FrequencyResponse:
+    """Frequency response at the operating point u, by default from a decade below the slowest pole to Nyquist."""
+    G = tangent(info.chain, info.theta, u)
+    if w is None:
+        w = _frequencies(G, info.Ts)
+    w = np.asarray(w, dtype=float)
+    if np.any(w <= 0) or np.any(w > np.pi / info.Ts * (1 + 1e-12)):
+        raise InputError(f"frequencies must lie above 0 and up to Nyquist, {np.pi / info.Ts:g} rad/s")
+    B, dB = _at(G.B, G.B_gradient, w * info.Ts)
+    F, dF = _at(G.F, G.F_gradient, w * info.Ts)
+    if np.any(B == 0) or not np.any(G.B):
+        raise InputError("the tangent's gain is 0 at this operating point; choose a u where the maps have a slope")
+    value = B / F
+    d_log = dB / B[:, None] - dF / F[:, None]
+    size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
+    # A band of log |G| stays positive when it is brought back.
+    log = band(info, w, np.log(size), d_log.real, level)
+    magnitude = Band(w, size, size * log.std, np.exp(log.lower), np.exp(log.upper), level, log.note)
+    return FrequencyResponse(magnitude, band(info, w, angle, np.degrees(d_log.imag), level))
+
+
+def _at(p: np.ndarray, dp: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Polynomial in q^-1 and its gradient at e^(j angle)."""
+    powers = np.exp(-1j * np.outer(angle, np.arange(len(p))))
+    return powers @ p, powers @ dp
+
+
+def _driven(info: Information, G: Rational, u: np.ndarray, level: float) -> Band:
+    """B/F u with gradient: dy = (dB u - dF y) / F."""
+    from scipy.signal import lfilter
+
+    y = lfilter(G.B, G.F, u)
+    by_b, by_f = lfilter([1.0], G.F, u), -lfilter([1.0], G.F, y)
+    gradient = np.zeros((len(u), G.B_gradient.shape[1]))
+    for signal, d in ((by_b, G.B_gradient), (by_f, G.F_gradient)):
+        for k in range(min(len(d), len(u))):
+            gradient[k:] += np.outer(signal[: len(u) - k], d[k])
+    return band(info, np.arange(len(u)) * info.Ts, y, gradient, level)
+
+
+def _length(G: Rational, samples: int | None) -> int:
+    """Samples to show: six time constants of the slowest pole, 20 at least and 2000 at most."""
+    if samples is not None:
+        if samples < 2:
+            raise InputError(f"samples is {samples}; give at least 2")
+        return int(samples)
+    r = np.abs(np.roots(G.F))
+    slowest = float(r.max(initial=0.0))
+    memory = -6.0 / np.log(slowest) if 0.0 < slowest < 1.0 else 0.0 if slowest <= 0.0 else 2000.0
+    return int(np.clip(memory, 20, 2000))
+
+
+def _frequencies(G: Rational, Ts: float) -> np.ndarray:
+    z = np.roots(G.F).astype(complex)
+    s = np.abs(np.log(z[np.abs(z) > 1e-6])) / Ts
+    slow = float(s[s > 1e-6 / Ts].min(initial=0.1 / Ts))
+    return np.geomspace(min(0.1 * slow, 0.01 * np.pi / Ts), np.pi / Ts, 400)

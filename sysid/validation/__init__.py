@@ -1,0 +1,1 @@
+"""Fits judged on records that they have not seen."""

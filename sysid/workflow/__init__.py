@@ -1,0 +1,1 @@
+"""A record from its file to finished numbers."""

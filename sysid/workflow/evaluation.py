@@ -1,0 +1,340 @@
+"""One model fitted to one record, with everything that a report or a table shows of it, as finished numbers."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+import sysid
+from sysid.base.criteria import fit_percent
+from sysid.base.errors import InputError, unknown
+from sysid.block.block import StaticBlock
+from sysid.data.record import IOData
+from sysid.diagnosis.higher_order import HigherOrderTests, higher_order_tests
+from sysid.diagnosis.residuals import ResidualTests
+from sysid.joint.growth import Growth, grow_joint
+from sysid.joint.values import JointValue, joint_values
+from sysid.nlarx.model import FOCUS
+from sysid.uncertainty.intervals import Root
+from sysid.workflow.extrapolation import carried, ends_met, unvisited
+
+NLARX = "nlarx"  # the structure whose orders are na, nb, nk, and which also runs one step ahead
+JOINT = "actuated_joint"  # the structure without orders, whose parameters are physical
+RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
+OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
+Progress = Callable[[str], None] | None
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is fitted and how: a structure with its orders and maps, a search, starts and seed.
+
+    A map of None is the structure's own default. Of a nonlinear ARX model nf holds na, and `focus` names the errors
+    that it is fitted by. An actuated joint has no orders; its maps are driver and sensor. Raises InputError for names
+    that do not exist, before any work. Of an actuated joint, from data sheets: `driver_step` [V] is how far apart its
+    driver's levels are, `sensor_linearity` [unit of the output] how far its sensor may be off a straight line.
+    """
+
+    structure: str = "hammerstein_wiener"
+    nb: int = 2
+    nf: int = 3
+    nk: int = 1
+    input_map: str | None = None
+    output_map: str | None = None
+    search: str = "auto"
+    starts: int = 5
+    seed: int = 0
+    focus: str = "prediction"
+    driver_step: float | None = None
+    sensor_linearity: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.search not in sysid.solver.searches.TABLE:
+            raise unknown("search", self.search, sysid.solver.searches.TABLE)
+        if self.focus not in FOCUS:
+            raise unknown("focus", self.focus, FOCUS)
+        if not 0.0 <= self.sensor_linearity < np.inf:
+            raise InputError(
+                f"the sensor's linearity is {self.sensor_linearity}; give how far it may be off, 0 or more"
+            )
+        self.model()
+
+    def model(self) -> Any:
+        """The model before it is fitted; of an actuated joint the plain one, which grows with the data."""
+        if self.structure == JOINT:
+            return sysid.structures.actuated_joint(
+                driver=self.input_map, sensor=self.output_map, driver_step=self.driver_step, play=False
+            )
+        model = sysid.structures.build(self.structure, self.nb, self.nf, self.nk, self.input_map, self.output_map)
+        return replace(model, focus=self.focus) if self.structure == NLARX else model
+
+    @property
+    def orders(self) -> dict[str, int]:
+        """The orders by name, in the order in which people give them; none of an actuated joint."""
+        if self.structure == JOINT:
+            return {}
+        if self.structure == NLARX:
+            return {"na": self.nf, "nb": self.nb, "nk": self.nk}
+        return {"nb": self.nb, "nf": self.nf, "nk": self.nk}
+
+    def as_dict(self) -> dict[str, Any]:
+        """The setting by option name."""
+        values = {k: v for k, v in asdict(self).items() if k not in ("nb", "nf", "nk")}
+        if self.structure != NLARX:
+            del values["focus"]
+        if self.structure != JOINT:
+            del values["driver_step"], values["sensor_linearity"]
+        return {"orders": self.orders, **values}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A line to draw: x (n,) and y (n,)."""
+
+    x: np.ndarray
+    y: np.ndarray
+
+
+@dataclass(frozen=True)
+class OneStep:
+    """What a nonlinear ARX model foretells of the next sample when it sees every measured output until now.
+
+    Outputs (N,) on the scale of their data, fits in %. Near 100 % for any smooth, finely sampled signal: never to be
+    set beside the fit of a free run.
+    """
+
+    estimation_output: np.ndarray
+    validation_output: np.ndarray
+    estimation_fit: float
+    validation_fit: float
+
+    def as_dict(self) -> dict[str, float]:
+        """The two fits [%]."""
+        return {"estimation": self.estimation_fit, "validation": self.validation_fit}
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A fit with its free runs over both parts of the record and the tests of its validation residuals.
+
+    `estimation_output` and `validation_output` (N,) are on the scale of their data; `step` is the step response of the
+    tangent linear model (None where there is no such model); `maps` holds the static curves that the structure has,
+    in the order of the signal; `tests` and `higher` are None, with the reason in `notes`, where the validation part is
+    too short; `roots` are the poles with their intervals, None where the record gives none. A nonlinear ARX model has
+    `one_step` beside its free run, and neither poles nor maps. An actuated joint has `values` and its
+    `growth`, and no poles.
+    """
+
+    setting: Setting
+    fit: sysid.Fit | sysid.NlarxFit
+    estimation: IOData
+    validation: IOData
+    estimation_output: np.ndarray
+    validation_output: np.ndarray
+    estimation_fit: float
+    validation_fit: float
+    tests: ResidualTests | None
+    higher: HigherOrderTests | None
+    step: Curve | None
+    maps: dict[str, Curve]
+    roots: tuple[Root, ...] | None = None
+    one_step: OneStep | None = None
+    values: tuple[JointValue, ...] = ()
+    growth: Growth | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def linear(self) -> bool:
+        """Whether the model has a linear block, and so poles."""
+        return isinstance(self.fit, sysid.Fit) and bool(self.fit.model.dynamics)
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Poles in z of the linear block; none of a model that has no such block."""
+        return self.fit.poles if isinstance(self.fit, sysid.Fit) else np.empty(0, dtype=complex)
+
+    @property
+    def zeros(self) -> np.ndarray:
+        """Zeros in z of the linear block; none of a model that has no such block."""
+        return self.fit.zeros if isinstance(self.fit, sysid.Fit) else np.empty(0, dtype=complex)
+
+    @property
+    def stable(self) -> bool:
+        """Whether every pole of the linear block lies inside the unit circle.
+
+        Without such a block: whether both free runs stay near the range of the output (within RUNAWAY of its widths).
+        """
+        if self.linear:
+            return bool(np.all(np.abs(self.poles) < 1.0))
+        y = np.concatenate([self.estimation.y[:, 0], self.validation.y[:, 0]])
+        run = np.concatenate([self.estimation_output, self.validation_output])
+        return bool(np.max(np.abs(run - 0.5 * (y.max() + y.min()))) <= RUNAWAY * np.ptp(y))
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary, ready for JSON."""
+        summary = {
+            "fit_percent": {"estimation": self.estimation_fit, "validation": self.validation_fit},
+            **self.fit.summary(),
+            "stable": self.stable,
+            "residuals": self.tests.as_dict() if self.tests else None,
+            "higher_order": self.higher.as_dict() if self.higher else None,
+            "setting": self.setting.as_dict(),
+            "notes": list(self.notes),
+        }
+        if self.roots is not None:
+            for row, root in zip(summary["poles"], self.roots, strict=True):
+                row["intervals"] = {
+                    name: [getattr(root, name).lower, getattr(root, name).upper]
+                    for name in ("real", "imag", "modulus", "time_constant")
+                }
+                row["note"] = root.note
+        if self.one_step is not None:
+            summary["one_step_fit_percent"] = self.one_step.as_dict()
+        if self.values:
+            summary["values"] = [vars(value) for value in self.values]
+        if self.growth is not None:
+            summary["growth"] = self.growth.as_dict()
+        return summary
+
+
+def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress: Progress = None) -> Evaluation:
+    """Fits `setting` to `estimation` and runs it free over both parts; only `estimation` is ever fitted to."""
+    check_parts(estimation, validation)
+    options: dict[str, Any] = {"starts": setting.starts, "seed": setting.seed, "progress": progress}
+    if setting.structure == JOINT:
+        # A joint's cost bends too much for the changes of method that "auto" makes.
+        setting = replace(setting, search="lm" if setting.search == "auto" else setting.search)
+        growth = grow_joint(estimation, setting.model(), search=setting.search, **options)
+        return replace(evaluate_fit(setting, growth.fit, estimation, validation), growth=growth)
+    fit = sysid.fit(setting.model(), estimation, search=setting.search, **options)
+    return evaluate_fit(setting, fit, estimation, validation)
+
+
+def evaluate_fit(
+    setting: Setting, fit: sysid.Fit | sysid.NlarxFit, estimation: IOData, validation: IOData
+) -> Evaluation:
+    """Runs a model free that was fitted to `estimation` by `setting`, and tests what it leaves of `validation`."""
+    chain = fit if isinstance(fit, sysid.Fit) else None
+    network = fit if isinstance(fit, sysid.NlarxFit) else None
+    notes = list(fit.warnings)
+    tests = higher = None
+    try:
+        tests = fit.residual_tests(validation)
+        higher = _higher_order(fit, validation)
+    except InputError as error:
+        notes.append(f"no residual tests: {error}")
+    step, joint = None, chain is not None and setting.structure == JOINT
+    if chain is not None and not joint:
+        step = _step_response(chain, float(np.mean(estimation.u)))
+        if step is None:
+            notes.append("no step response: the tangent model has no finite one")
+    # Where it was fitted, a chain's initial state is part of the fit; where it was not, the first samples must do.
+    fitted = np.ravel(fit.simulate(estimation, estimation.N if chain else None))
+    run = np.ravel(fit.simulate(validation))
+    first = 0 if chain else fit.n_init
+    fits = fit_percent(estimation.y[first:, 0], fitted[first:]), fit.fit_percent(validation)
+    if network and not np.isfinite(fits[1]):
+        notes.append(f"on the validation part {network.divergence(validation)}")
+    if np.isfinite(fits).all() and fits[0] - fits[1] > OVERFITTED:
+        seen, unseen = (f"{f:.0f} %" if f > -1000 else "below -1000 %" for f in fits)
+        notes.append(
+            f"the fit is {seen} where it was fitted and {unseen} where it was not: the model is too large for this "
+            "record, or its parts differ; lower the orders, choose smaller maps or look at the data"
+        )
+    notes += carried(chain, estimation, validation) if chain and joint else unvisited(estimation, validation)
+    return Evaluation(
+        setting=setting,
+        fit=fit,
+        estimation=estimation,
+        validation=validation,
+        estimation_output=fitted,
+        validation_output=run,
+        estimation_fit=fits[0],
+        validation_fit=fits[1],
+        tests=tests,
+        higher=higher,
+        step=step,
+        maps=_maps(chain, estimation) if chain else {},
+        roots=_roots(chain, estimation, coloured=tests is not None and not tests.white) if chain else None,
+        one_step=_one_step(network, estimation, validation) if network else None,
+        values=_values(chain, estimation, setting.sensor_linearity) if chain and joint else (),
+        notes=tuple(notes),
+    )
+
+
+def check_parts(estimation: IOData, validation: IOData) -> None:
+    """Raises InputError where one of the two parts does not move, so that nothing can be fitted or scored on it."""
+    _check_can_be_scored(estimation, "estimation")
+    _check_can_be_scored(validation, "validation")
+
+
+def _one_step(fit: sysid.NlarxFit, estimation: IOData, validation: IOData) -> OneStep:
+    return OneStep(
+        fit.predict(estimation),
+        fit.predict(validation),
+        fit.prediction_percent(estimation),
+        fit.prediction_percent(validation),
+    )
+
+
+def _higher_order(fit: sysid.Fit | sysid.NlarxFit, data: IOData) -> HigherOrderTests:
+    e = np.ravel(fit.residuals(data))
+    return higher_order_tests(e, data.u[data.N - len(e) :, 0])
+
+
+def _roots(fit: sysid.Fit, data: IOData, coloured: bool) -> tuple[Root, ...] | None:
+    """Poles with intervals, wider where residuals are coloured; None where the library cannot compute them."""
+    if not fit.model.dynamics:
+        return None
+    try:
+        return sysid.uncertainty.intervals.poles(sysid.information(fit, data, lags="auto" if coloured else None))
+    except InputError:
+        return None
+
+
+def _check_can_be_scored(data: IOData, part: str) -> None:
+    for role, values in (("input", data.u), ("output", data.y)):
+        if np.ptp(values) == 0:
+            raise InputError(
+                f"the {role} does not move in the {part} part ({data.N} samples); choose another split or record"
+            )
+
+
+def _values(fit: sysid.Fit, data: IOData, linearity: float) -> tuple[JointValue, ...]:
+    """Physical values with the output's own unit in the place of y; an end that was never met has no interval."""
+    unit, met = data.y_unit or "y", dict(zip(("end_low", "end_high"), ends_met(fit, data), strict=True))
+    values = []
+    for v in joint_values(fit, data=data, linearity=linearity):
+        v = replace(v, unit=unit + v.unit[1:]) if v.unit[0] == "y" else v
+        values.append(v if met.get(v.name, True) else replace(v, low=None, high=None))
+    return tuple(values)
+
+
+def _step_response(fit: sysid.Fit, u0: float) -> Curve | None:
+    """Response [y per u] to a unit step of the model that is tangent at u0, until its slowest pole has settled."""
+    import control
+
+    poles = np.abs(fit.poles)
+    slowest = min(float(poles.max(initial=0.0)), 0.999)
+    samples = int(np.clip(np.ceil(np.log(0.01) / np.log(max(slowest, 0.1))), 20, 2000)) + 10
+    try:
+        tangent = sysid.linear.linearize.tangent(fit, u0)
+    except InputError:  # a model that integrates has no operating point under a constant input
+        return None
+    with np.errstate(all="ignore"):
+        response = control.step_response(tangent, T=np.arange(samples) * fit.Ts)
+    y = np.ravel(response.outputs)
+    return Curve(np.ravel(response.time), y) if np.all(np.isfinite(y)) else None
+
+
+def _maps(fit: sysid.Fit, data: IOData) -> dict[str, Curve]:
+    """The static maps over the range that the estimation data visited, by role."""
+    maps = {}
+    for block, x in zip(fit.model.blocks, fit.model.signals(fit.theta, data.u), strict=False):
+        if isinstance(block, StaticBlock):
+            grid = np.linspace(x.min(), x.max(), 201)
+            y = fit.curve(block.role, grid)
+            if y is not None:
+                maps[block.role] = Curve(grid, y)
+    return maps

@@ -1,0 +1,44 @@
+"""A fitted model as files that outlive the report: to load again, to compile, to import."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import sysid
+from sysid.base.errors import InputError
+from sysid.export import c as export_c
+from sysid.export import python as export_python
+from sysid.workflow.evaluation import Evaluation
+
+SAVED = ("model.json", "the fit; sysid.load reads it again, on the scale of the data without what was removed")
+
+
+@dataclass(frozen=True)
+class Exports:
+    """Names of the files with what each is, and why there are not more of them."""
+
+    files: tuple[tuple[str, str], ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def export(evaluation: Evaluation, folder: Path) -> Exports:
+    """model.json, model.c and model.py in `folder`; the last two take and give what the record holds, means included.
+
+    A nonlinear ARX model has no such files yet, which `notes` says.
+    """
+    fit, data = evaluation.fit, evaluation.estimation
+    if not isinstance(fit, sysid.Fit):
+        return Exports(notes=("a nonlinear ARX model cannot be saved or exported yet: no model files were written",))
+    u0, y0 = float(data.u_offset[0]), float(data.y_offset[0])
+    try:
+        sysid.save(fit, folder / "model.json")
+        export_c.write(fit, folder / "model.c", u_offset=u0, y_offset=y0)
+        export_python.write(fit, folder / "model.py", u_offset=u0, y_offset=y0)
+    except InputError as error:
+        return Exports(notes=(f"no model files: {error}",))
+    return Exports(
+        (
+            SAVED,
+            ("model.c", "C99, a state and a step function; from the recorded input to the recorded output's scale"),
+            ("model.py", "the same in Python without any import but math"),
+        )
+    )

@@ -1,0 +1,77 @@
+"""Which signals of the validation part leave the range that the fit has seen, and what carries a model there."""
+
+import numpy as np
+
+from sysid.blocks import Motor, TravelMap
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+
+UNVISITED = 0.05  # of the range seen, by which a signal may leave it before a report speaks of it
+_AT = 1e-6  # of the stroke: a motor at its stop
+
+
+def unvisited(estimation: IOData, validation: IOData) -> list[str]:
+    """A sentence for each signal of the validation part that leaves the range which the fit has seen."""
+    notes = []
+    for name, unit, seen, new, offset in (
+        (estimation.u_name, estimation.u_unit, estimation.u[:, 0], validation.u[:, 0], estimation.u_offset[0]),
+        (estimation.y_name, estimation.y_unit, estimation.y[:, 0], validation.y[:, 0], estimation.y_offset[0]),
+    ):
+        low, high = float(seen.min()), float(seen.max())
+        outside = float(np.mean((new < low) | (new > high)))
+        if max(low - new.min(), new.max() - high) > UNVISITED * (high - low):
+            ranges = [f"{a + offset:.4g} to {b + offset:.4g} {unit}".strip() for a, b in ((low, high), _range(new))]
+            notes.append(
+                f"{name} was seen from {ranges[0]} and runs from {ranges[1]} in the validation part "
+                f"({100 * outside:.1f} % of it outside): what a map says there is extrapolated"
+            )
+    return notes
+
+
+def ends_met(fit: Fit, estimation: IOData) -> tuple[bool, bool]:
+    """Whether an actuated joint stood at its lower and at its upper end in the record that it was fitted to."""
+    outputs = fit.model.signals(fit.theta, estimation.u)[1:]
+    for block, x in zip(fit.model.blocks, outputs, strict=True):
+        if isinstance(block, Motor):
+            if not block.stops:
+                return False, False
+            theta = fit.model.part(fit.theta, block)
+            low, high = (block.value(theta, name) for name in ("lower", "upper"))
+            met = bool(x.min() <= low + _AT * (high - low)), bool(x.max() >= high - _AT * (high - low))
+            break
+    travel = _travel(fit)
+    falls = travel is not None and float(np.diff(fit.model.part(fit.theta, travel)[:2])[0]) < 0.0
+    return met[::-1] if falls else met
+
+
+def carried(fit: Fit, estimation: IOData, validation: IOData) -> list[str]:
+    """What an actuated joint's physics carries: ends that the estimation part never met, and how far they are."""
+    travel, met = _travel(fit), ends_met(fit, estimation)
+    if travel is None:
+        return unvisited(estimation, validation)
+    if all(met):
+        return []
+    seen, new, offset = estimation.y[:, 0], validation.y[:, 0], estimation.y_offset[0]
+    low, high = sorted(map(float, fit.model.part(fit.theta, travel)[:2]))
+    a, b = _range(seen)
+    left = [
+        f"{100 * max(gap, 0.0) / (high - low):.1f} % of the travel to {end + offset:.4g} {estimation.y_unit}".strip()
+        for gap, end, there in ((a - low, low, met[0]), (high - b, high, met[1]))
+        if not there
+    ]
+    which = "neither end" if not any(met) else f"not its {'lower' if met[1] else 'upper'} end"
+    outside = 100 * float(np.mean((new < a) | (new > b)))
+    return [
+        f"{estimation.y_name} was seen from {a + offset:.4g} to {b + offset:.4g} {estimation.y_unit}".rstrip()
+        + f" and met {which}; beyond, the model is carried by its physics, a map that goes on as a straight line "
+        f"({' and '.join(left)}) to a stop whose place no data show; the validation part is beyond in {outside:.1f} % "
+        "of its samples"
+    ]
+
+
+def _travel(fit: Fit) -> TravelMap | None:
+    return next((block for block in fit.model.blocks if isinstance(block, TravelMap)), None)
+
+
+def _range(x: np.ndarray) -> tuple[float, float]:
+    return float(x.min()), float(x.max())

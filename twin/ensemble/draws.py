@@ -1,0 +1,145 @@
+"""Draws of parameters: what differs between the legs of an ensemble."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from numbers import Real
+
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+from twin.hardware.linkage import clearance, end_angles
+from twin.hardware.motor import check_rotor
+from twin.parameters import JOINTS, TABLE, Parameters, Row
+
+ROWS = {row.name: row for row in TABLE}
+WHOLE = frozenset({"pwm_bits", "adc_bits"})  # rows that count something
+SHAPE = frozenset({"retracted_length", "stroke", "base_radius", "rod_radius"})  # what a joint's triangle closes or not
+ROTOR = frozenset({"rotor_inertia", "gear_ratio", "lead"})  # what its weight at the output comes from
+TRIES = 100_000  # a joint's triangle closes about every tenth time over the whole box
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Parameters of one experiment; `redrawn` counts the draws before them that were no leg."""
+
+    parameters: Parameters
+    redrawn: int
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Parameters that are drawn for each experiment, independent of each other; the others stay as they are.
+
+    `spread` gives a relative spread: {"thigh.coulomb": 0.2} is uniform within 20 % about the experiment's value, inside
+    the row's bounds. `uniform` and `log_uniform` name rows that are drawn over all of their bounds. Rows that count
+    something (pwm_bits, adc_bits) are rounded. Lengths and pins that make no leg are drawn again, joint by joint, so
+    are rotors too light to be simulated, and a bench on which the foot would start inside the floor.
+
+    The draw of experiment i depends on `seed` and i alone, and that of a row on nothing that other rows do, save for
+    the rows of one joint's triangle. Raises InputError for a name that does not exist or stands twice, and for bounds
+    or spreads that cannot be.
+    """
+
+    spread: Mapping[str, float] = field(default_factory=dict)
+    uniform: Sequence[str] = ()
+    log_uniform: Sequence[str] = ()
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for what in ("uniform", "log_uniform"):
+            if isinstance(getattr(self, what), str):
+                raise InputError(f"{what} is the string {getattr(self, what)!r}; give a list of names")
+            object.__setattr__(self, what, tuple(getattr(self, what)))
+        if isinstance(self.seed, bool) or not isinstance(self.seed, int | np.integer) or self.seed < 0:
+            raise InputError(f"seed of the draws is {self.seed!r}; give a whole number from 0 up")
+        names = (*self.spread, *self.uniform, *self.log_uniform)
+        for name in names:
+            if name not in ROWS:
+                raise unknown("parameter", name, ROWS)
+            if names.count(name) > 1:
+                raise InputError(f"{name} is to be drawn in two ways; give it once")
+        for name, part in self.spread.items():
+            if isinstance(part, bool) or not isinstance(part, Real) or not 0 < float(part) < np.inf:
+                raise InputError(f"the spread of {name} is {part!r}; give a positive number, 0.2 for 20 %")
+        for name in self.log_uniform:
+            if ROWS[name].lower <= 0:
+                raise InputError(f"{name} can be {ROWS[name].lower:g}, which has no logarithm; draw it uniformly")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The rows that are drawn, in the order of the table."""
+        named = {*self.spread, *self.uniform, *self.log_uniform}
+        return tuple(row.name for row in TABLE if row.name in named)
+
+    def limits(self, base: Parameters) -> dict[str, tuple[float, float]]:
+        """Between which values each row is drawn around `base`; raises InputError for a spread about 0."""
+        for name in self.spread:
+            if base[name] == 0:
+                raise InputError(f"{name} is 0, about which a relative spread is nothing; draw it uniformly")
+        return {name: self._limits(ROWS[name], base) for name in self.names}
+
+    def _limits(self, row: Row, base: Parameters) -> tuple[float, float]:
+        if row.name not in self.spread:
+            return row.lower, row.upper
+        half = abs(base[row.name]) * self.spread[row.name]
+        return max(row.lower, base[row.name] - half), min(row.upper, base[row.name] + half)
+
+    def draw(self, base: Parameters, number: int) -> Drawn:
+        """The parameters of experiment `number`; raises InputError where none of very many draws is a leg."""
+        rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,)))
+        limits = self.limits(base)
+        values = dict(base.values) | self._values(limits, rng)
+        redrawn = 0
+        for joint in JOINTS:
+            mine = {name: span for name, span in limits.items() if name in {f"{joint}.{part}" for part in SHAPE}}
+            while not _closes(values, joint):
+                redrawn += 1
+                if not mine or redrawn > TRIES:
+                    end_angles(Parameters(values), joint)  # raises, and says why
+                values |= self._values(mine, rng)
+        for joint in JOINTS:
+            mine = {name: span for name, span in limits.items() if name in {f"{joint}.{part}" for part in ROTOR}}
+            while mine and redrawn <= TRIES and not _heavy(values, joint):
+                redrawn += 1
+                values |= self._values(mine, rng)
+        floor = {name: span for name, span in limits.items() if name == "bench_height"}
+        while floor and clearance(Parameters(values)) < 0.0 and redrawn <= TRIES:  # the foot would start in the floor
+            redrawn += 1
+            values |= self._values(floor, rng)
+        return Drawn(Parameters(values), redrawn)
+
+    def _values(self, limits: Mapping[str, tuple[float, float]], rng: np.random.Generator) -> dict[str, float]:
+        shares = dict(zip(ROWS, rng.random(len(ROWS)), strict=True))  # all of them: a row's own number stays its own
+        return {name: self._value(name, *span, shares[name]) for name, span in limits.items()}
+
+    def _value(self, name: str, low: float, high: float, share: float) -> float:
+        if name in self.log_uniform:
+            value = float(np.exp(np.log(low) + share * (np.log(high) - np.log(low))))
+        else:
+            value = low + share * (high - low)
+        value = min(max(value, low), high)
+        return float(round(value)) if name in WHOLE else value
+
+
+def whole_box(seed: int = 0) -> Draws:
+    """Every row uniform over its bounds."""
+    return Draws(uniform=tuple(ROWS), seed=seed)
+
+
+def _heavy(values: Mapping[str, float], joint: str) -> bool:
+    """Whether a joint's rotor is one that can be simulated."""
+    try:
+        check_rotor(Parameters(values), joint)
+    except InputError:
+        return False
+    return True
+
+
+def _closes(values: Mapping[str, float], joint: str) -> bool:
+    """Whether a joint's pins can be as far apart as its actuator is long: what `end_angles` needs, without a raise."""
+    if joint == "shoulder":
+        return True
+    base, rod, low, stroke = (
+        values[f"{joint}.{part}"] for part in ("base_radius", "rod_radius", "retracted_length", "stroke")
+    )
+    return all(-1 < (base**2 + rod**2 - length**2) / (2 * base * rod) < 1 for length in (low, low + stroke))

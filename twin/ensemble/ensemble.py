@@ -1,0 +1,279 @@
+"""Ensemble: one experiment over many seeds and drawn parameters, streamed to a folder."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from numbers import Integral
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.base.versions import versions
+from twin.ensemble.draws import Draws
+from twin.ensemble.parts import Parts
+from twin.experiment import SETTLE, Experiment
+from twin.log import Log
+from twin.parameters import JOINTS, TABLE, Parameters
+from twin.plant import slots
+from twin.plant.leg import bench_spec
+from twin.plant.stepping import Run, attempt
+
+if TYPE_CHECKING:
+    import polars
+
+SIDE_BY_SIDE = 64  # experiments in a part, at most
+SAMPLES = 2**19  # in a part, all joints counted, at most where that leaves two experiments
+COMPILED = tuple(row.name for row in TABLE if row.compiled)  # experiments that agree in these share one compiled model
+RANGE = ("angle_min_rad", "angle_max_rad")
+SIGNALS = ("voltage_V", "angle_rad", "angle_true_rad")
+
+
+@dataclass(frozen=True)
+class _Case:
+    """An experiment that is ready to be simulated, or the sentence that says why it cannot be; `row` begins its row."""
+
+    row: dict[str, Any]
+    experiment: Experiment | None
+    run: Run | None
+    trouble: str
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """`experiment` once for each of `seeds`, on the leg that `draws` makes for it; None leaves the leg as it is.
+
+    Experiment i has seeds[i] in place of the experiment's own seed. Its log is bit for bit that of
+    `ensemble.case(i).run()`, whatever the number of threads, the size of the parts and the place of a break. An
+    experiment that cannot be run, or on which MuJoCo gives up, is a row with a sentence and a log of NaN.
+
+        ensemble = Ensemble(Experiment("thigh", "aprbs"), range(1000), Draws({"thigh.coulomb": 0.3}), "runs/thigh")
+        ensemble.run()
+        ensemble.table()       # one row an experiment: seed, drawn parameters, range of the angle
+        for log in ensemble:   # one part at a time
+            ...
+
+    `run` writes parts of at most `part` experiments to `folder` as Parquet files of one row an experiment, each under a
+    temporary name first, and holds no more than three parts in memory. Called again, after a kill too, it goes on with
+    the parts that are missing. Let only one process run in a folder at a time. The folder's `manifest.json` says what
+    all of it is; where it is another ensemble's, InputError is raised.
+
+    Raises InputError for seeds or draws that do not fit.
+    """
+
+    experiment: Experiment
+    seeds: Sequence[int]
+    draws: Draws | None
+    folder: str | Path
+    part: int | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.experiment, Experiment):
+            raise InputError(f"experiment is a {type(self.experiment).__name__}; give a twin.Experiment")
+        if self.draws is not None and not isinstance(self.draws, Draws):
+            raise InputError(f"draws is a {type(self.draws).__name__}; give a twin.Draws or None")
+        seeds = self.seeds if isinstance(self.seeds, range) else list(self.seeds)
+        for seed in seeds:
+            if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
+                raise InputError(f"a seed is {seed!r}; give whole numbers from 0 up, for example range(100)")
+        if not seeds:
+            raise InputError("there are no seeds; give one an experiment, for example range(100)")
+        part = _part(self.experiment) if self.part is None else self.part
+        if isinstance(part, bool) or not isinstance(part, Integral) or part < 1:
+            raise InputError(f"part is {self.part!r}; give a whole number of experiments from 1 up")
+        object.__setattr__(self, "seeds", tuple(int(seed) for seed in seeds))
+        object.__setattr__(self, "part", int(part))
+        object.__setattr__(self, "folder", Path(self.folder))
+        self.case(0)  # options and draws that cannot be are found here, before the run
+
+    def __len__(self) -> int:
+        return len(self.seeds)
+
+    def case(self, number: int) -> Experiment:
+        """Experiment `number` of the ensemble. Raises InputError where there is none."""
+        if not 0 <= number < len(self):
+            raise InputError(f"experiment {number} is not among the {len(self)} of the ensemble; the first is 0")
+        return replace(self.experiment, seed=self.seeds[number], parameters=self._drawn(number)[0])
+
+    def _drawn(self, number: int) -> tuple[Parameters, int]:
+        """The parameters of experiment `number`, and how many draws before them were no leg."""
+        if self.draws is None:
+            return self.experiment.p, 0
+        drawn = self.draws.draw(self.experiment.p, number)
+        return drawn.parameters, drawn.redrawn
+
+    def describe(self) -> dict[str, Any]:
+        """All that the logs depend on besides the versions of the software, as JSON holds it."""
+        e = self.experiment
+        limits = {} if self.draws is None else self.draws.limits(e.p)
+        return {
+            **{name: getattr(e, name) for name in ("joint", "excitation", "duration", "Ts", "mode", "pot_side")},
+            "realisation": e.realisation,
+            "without": list(e.without),
+            # With drawn parameters a default amplitude goes with the drawn supply, so both are said.
+            "options": {name: _plain(value) for name, value in sorted(e.options.items())},
+            "signals": [{name: _plain(value) for name, value in vars(signal).items()} for signal in e.signals()],
+            "parameters": dict(e.p.values),
+            "seeds": _seeds(self.seeds),
+            "draws": {name: list(span) for name, span in limits.items()},
+            "draws_log_uniform": [] if self.draws is None else sorted(self.draws.log_uniform),
+            "draws_seed": None if self.draws is None else int(self.draws.seed),
+        }
+
+    def run(self, threads: int = 0, progress: Callable[[int, int], None] | None = None) -> "Ensemble":
+        """Simulate what the folder does not hold yet, on `threads` threads (0: all processors); returns itself.
+
+        `progress` is told how many experiments of how many are on the disk, after every part. Raises InputError for a
+        folder that is another ensemble's or cannot be written to; what is finished then stays.
+        """
+        if isinstance(threads, bool) or not isinstance(threads, Integral) or threads < 0:
+            raise InputError(f"threads is {threads!r}; give a whole number, 0 for all processors")
+        parts = self._parts(new=True)
+        parts.sweep()
+        left = parts.missing()
+        done = len(self) - sum(len(parts.numbers(k)) for k in left)
+
+        def written(writing: "Future[int]") -> None:
+            nonlocal done
+            done += writing.result()
+            if progress is not None:
+                progress(done, len(self))
+
+        # While a part is simulated the next is prepared and the one before is written: no processor waits for either.
+        with ThreadPoolExecutor(2) as helpers:
+            ahead = [helpers.submit(self._prepare, parts.numbers(k)) for k in left[:1]]
+            behind: list[Future[int]] = []
+            for i, k in enumerate(left):
+                cases = ahead.pop().result()
+                ahead += [helpers.submit(self._prepare, parts.numbers(following)) for following in left[i + 1 : i + 2]]
+                shown, trouble = self._simulate(cases, int(threads))
+                if behind:
+                    written(behind.pop())
+                behind.append(helpers.submit(self._write, parts, k, cases, shown, trouble))
+            if behind:
+                written(behind.pop())
+        return self
+
+    def table(self) -> "polars.DataFrame":
+        """One row a finished experiment: number, seed, redrawn (draws before its own that were no leg), each drawn
+        parameter in its own unit, smallest and largest measured angle [rad], and trouble: why there is no record, "" if
+        there is one. Raises InputError where the folder holds no part of this ensemble.
+        """
+        import polars
+
+        signals = {*self._names(SIGNALS), "meta"}
+        found = list(self._parts().read([name for name in self._columns() if name not in signals]))
+        if not found:
+            raise InputError(f"{self.folder} holds no finished part yet; call run() first")
+        return polars.concat(found)
+
+    def __iter__(self) -> Iterator[Log]:
+        """Logs of the finished experiments in order, one part in memory at a time; see `table` for their numbers."""
+        joint, names = self.experiment.joint, self._names(SIGNALS)
+        for part in self._parts().read([*names, "meta"]):
+            columns = [part[name].to_numpy() for name in names]
+            for i, meta in enumerate(part["meta"]):
+                u, y, y_true = (np.column_stack([column[i] for column in columns[k::3]]) for k in range(3))
+                if joint in JOINTS:
+                    u, y, y_true = u[:, 0], y[:, 0], y_true[:, 0]
+                yield Log(u, y, self.experiment.Ts, y_true, joint, json.loads(meta))
+
+    def _names(self, names: Sequence[str]) -> list[str]:
+        """Columns called `names`, of each driven joint where that is not one."""
+        if self.experiment.joint in JOINTS:
+            return list(names)
+        return [f"{joint}.{name}" for joint in self.experiment.joints for name in names]
+
+    def _columns(self) -> list[str]:
+        drawn = () if self.draws is None else self.draws.names
+        return ["number", "seed", "redrawn", *drawn, *self._names(RANGE), "trouble", *self._names(SIGNALS), "meta"]
+
+    def _parts(self, new: bool = False) -> Parts:
+        assert isinstance(self.folder, Path)
+        assert self.part is not None
+        made_with = {name: now for name, now in versions().items() if name in ("qpal", "mujoco", "numpy")}
+        return Parts.open(self.folder, len(self), self.part, self.describe(), made_with, new)
+
+    def _prepare(self, numbers: range) -> list[_Case]:
+        models: dict[tuple[float, ...], mujoco.MjModel] = {}
+        return [self._prepared(number, models) for number in numbers]
+
+    def _prepared(self, number: int, models: dict[tuple[float, ...], mujoco.MjModel]) -> _Case:
+        parameters, redrawn = self._drawn(number)
+        row: dict[str, Any] = {"number": number, "seed": self.seeds[number], "redrawn": redrawn}
+        row |= {} if self.draws is None else {name: parameters[name] for name in self.draws.names}
+        try:
+            experiment = replace(self.experiment, seed=self.seeds[number], parameters=parameters)
+            key = tuple(parameters[name] for name in COMPILED)
+            if key not in models:
+                models[key] = _model(experiment)
+            return _Case(row, experiment, experiment.prepare(models[key]), "")
+        except InputError as error:  # a leg that is one, but not for this excitation
+            return _Case(row, None, None, str(error))
+
+    def _simulate(self, cases: Sequence[_Case], threads: int) -> tuple[np.ndarray, list[str]]:
+        """What the boards show (cases, N, joints, COLUMNS), NaN where there is nothing, and a sentence for why."""
+        e = self.experiment
+        shown = np.full((len(cases), e.N, len(e.joints), slots.COLUMNS), np.nan)
+        trouble = [case.trouble for case in cases]
+        runs = {i: case.run for i, case in enumerate(cases) if case.run is not None}
+        if runs:
+            shown[list(runs)], said = attempt(list(runs.values()), e.Ts, SETTLE, threads)
+            for i, sentence in zip(runs, said, strict=True):
+                trouble[i] = sentence
+        return shown, trouble
+
+    def _write(self, parts: Parts, k: int, cases: Sequence[_Case], shown: np.ndarray, trouble: Sequence[str]) -> int:
+        """Write part k; returns its number of experiments."""
+        import polars
+
+        rows, signals = [], []
+        for case, rows_of, said in zip(cases, shown, trouble, strict=True):
+            values, meta = self._record(case, rows_of)
+            with_range = zip(self._names(RANGE), (g(y) for y in values[:, 1] for g in (np.min, np.max)), strict=True)
+            meta = meta | {"number": case.row["number"], "trouble": said}
+            rows.append(case.row | dict(with_range) | {"trouble": said, "meta": json.dumps(meta)})
+            signals.append(values.reshape(-1, values.shape[-1]))
+        table = polars.DataFrame(rows, infer_schema_length=None).with_columns(
+            polars.Series(name, column) for name, column in zip(self._names(SIGNALS), np.stack(signals, 1), strict=True)
+        )
+        parts.write(k, table.select(self._columns()))
+        return len(cases)
+
+    def _record(self, case: _Case, shown: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
+        """Voltage, angle and true angle (joints, 3, N) of a case whose boards showed `shown`, and its log's header."""
+        if case.experiment is None or case.run is None:
+            return np.full((shown.shape[1], len(SIGNALS), shown.shape[0]), np.nan), {}
+        log = case.experiment.record(case.run, shown)
+        assert log.y_true is not None
+        values = np.stack([column.reshape(log.N, -1).T for column in (log.u, log.y, log.y_true)], axis=1)
+        return values, dict(log.meta)
+
+
+def _model(experiment: Experiment) -> mujoco.MjModel:
+    """The experiment's bench without what only a picture needs: textures are most of a model's making and memory."""
+    spec = bench_spec(experiment.joint, experiment.p, experiment.without, experiment.realisation)
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    for texture in list(spec.textures):
+        spec.delete(texture)
+    return spec.compile()
+
+
+def _part(experiment: Experiment) -> int:
+    """How many of these experiments make a part."""
+    return int(np.clip(SAMPLES // (experiment.N * len(experiment.joints)), 2, SIDE_BY_SIDE))
+
+
+def _seeds(seeds: Sequence[int]) -> dict[str, int] | list[int]:
+    """Seeds as JSON: those of a range by where it starts, how far apart they are and how many there are."""
+    steps = set(np.diff(seeds).tolist()) if len(seeds) > 1 else {1}
+    return {"from": seeds[0], "step": steps.pop(), "count": len(seeds)} if len(steps) == 1 else list(seeds)
+
+
+def _plain(value: Any) -> Any:
+    """A setting of an excitation as JSON holds it."""
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,152 @@
+"""A folder of parts: a table that is written piece by piece, which a kill leaves usable and which then goes on."""
+
+import hashlib
+import io
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sysid.base.errors import InputError
+from sysid.base.files import write_text
+
+if TYPE_CHECKING:
+    import polars
+
+MANIFEST = "manifest.json"
+KIND = "qpal ensemble"
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Rows 0 to `rows` - 1 of a table in `folder`, `size` of them a Parquet file, which `description` tells apart from
+    other tables. Each file is written under a temporary name, flushed to the disk and renamed: it is whole or it is not
+    there.
+    """
+
+    folder: Path
+    rows: int
+    size: int
+    description: Mapping[str, Any]
+    versions: Mapping[str, str]
+
+    @staticmethod
+    def open(
+        folder: Path, rows: int, size: int, description: Mapping[str, Any], versions: Mapping[str, str], new: bool
+    ) -> "Parts":
+        """The folder as it was begun, with the size of its parts; or begun now, where it is `new` and that is allowed.
+
+        Raises InputError where it holds something else.
+        """
+        manifest = folder / MANIFEST
+        if manifest.is_file():
+            size = _same(manifest, description, versions, new)
+            return Parts(folder, rows, size, description, versions)
+        if folder.exists() and (not folder.is_dir() or any(not name.startswith(".") for name in os.listdir(folder))):
+            raise InputError(f"{folder} is there already and holds no {MANIFEST}; choose an empty or a new folder")
+        if not new:
+            raise InputError(f"{folder} holds no ensemble yet; call run() first")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder} cannot be made ({error.strerror}); choose another place") from None
+        document = {
+            "kind": KIND,
+            "fingerprint": fingerprint(description),
+            "rows": rows,
+            "part": size,
+            "versions": dict(versions),
+            "description": dict(description),
+        }
+        write_text(manifest, json.dumps(document, indent=1) + "\n")
+        return Parts(folder, rows, size, description, versions)
+
+    def __len__(self) -> int:
+        return -(-self.rows // self.size)
+
+    def numbers(self, k: int) -> range:
+        """The rows of part k."""
+        return range(k * self.size, min((k + 1) * self.size, self.rows))
+
+    def path(self, k: int) -> Path:
+        """Where part k is or will be."""
+        return self.folder / f"part-{k:05d}.parquet"
+
+    def missing(self) -> list[int]:
+        """The parts that are not written yet."""
+        return [k for k in range(len(self)) if not self.path(k).is_file()]
+
+    def sweep(self) -> None:
+        """Remove what a killed writer left."""
+        for path in self.folder.glob(".part-*"):
+            path.unlink(missing_ok=True)
+
+    def write(self, k: int, table: "polars.DataFrame") -> None:
+        """Write part k. Raises InputError, and leaves no half of it, where the disk is full or not to be written to."""
+        path = self.path(k)
+        temporary = path.with_name(f".{path.name}.{os.getpid()}")
+        content = io.BytesIO()
+        table.write_parquet(content)
+        try:
+            with temporary.open("wb") as file:
+                file.write(content.getbuffer())
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, path)
+        except OSError as error:
+            raise InputError(
+                f"{path} cannot be written ({error.strerror or error}); the {len(self) - len(self.missing())} parts "
+                f"before it are kept: make room, or see that nothing else writes here, and run again"
+            ) from None
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    def read(self, columns: list[str] | None = None) -> Iterator["polars.DataFrame"]:
+        """The parts that are written, in order, or some columns of them. Raises InputError for a damaged one."""
+        import polars
+
+        for k in range(len(self)):
+            path = self.path(k)
+            if not path.is_file():
+                continue
+            try:
+                yield polars.read_parquet(path, columns=columns, glob=False)
+            except (OSError, polars.exceptions.PolarsError) as error:
+                said = str(error).splitlines()[0]
+                raise InputError(
+                    f"{path} cannot be read ({said}); delete this file and run the ensemble again"
+                ) from None
+
+
+def fingerprint(description: Mapping[str, Any]) -> str:
+    """A hash (SHA-256) of a description as JSON."""
+    return hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()
+
+
+def _same(manifest: Path, description: Mapping[str, Any], versions: Mapping[str, str], more: bool) -> int:
+    """The size of the parts in the folder of `manifest`; raises InputError where it is another's.
+
+    Where `more` is to be written, other versions of the software are refused too: the parts would not go together.
+    """
+    try:
+        found = json.loads(manifest.read_text(encoding="utf-8"))
+        kind, size, theirs = found["kind"], int(found["part"]), found["description"]
+        whole = kind == KIND and size > 0 and found["fingerprint"] == fingerprint(theirs)
+        made = dict(found["versions"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        whole = False
+    if not whole:
+        raise InputError(f"{manifest} is damaged or no ensemble's; choose another folder, or delete this one")
+    if found["fingerprint"] != fingerprint(description):
+        names = [name for name in {**theirs, **description} if theirs.get(name) != description.get(name)]
+        raise InputError(
+            f"{manifest.parent} holds another ensemble, which differs in {', '.join(names)}; choose another folder"
+        )
+    other = [f"{name} {made.get(name)} and now {now}" for name, now in versions.items() if made.get(name) != now]
+    if more and other:
+        raise InputError(
+            f"{manifest.parent} was begun with {', '.join(other)}; go on with those versions, or choose another folder"
+        )
+    return size

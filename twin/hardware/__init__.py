@@ -1,0 +1,1 @@
+"""The parts of the leg as numbers: motor, friction, drive, potentiometer, linkage."""

@@ -1,0 +1,207 @@
+"""Parameters and model/qpal.xml to a compiled MuJoCo model: the leg bench, or the whole free robot."""
+
+from collections.abc import Collection
+from functools import cache
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+from twin.hardware.friction import dry_friction
+from twin.hardware.linkage import end_angles, middle, stroke
+from twin.hardware.motor import motor
+from twin.parameters import IMPERFECTIONS, JOINTS, LEG, REALISATIONS, Parameters
+from twin.plant.board import Circuit, add_sensor, circuit
+from twin.plant.closed_loop import close_loop
+
+LEGS = {"front_left": "_00", "rear_left": "_10", "rear_right": "_01", "front_right": "_11"}
+BENCH_LEG = LEGS["front_left"]
+LEAST = 1e-9  # [N or N m]
+
+
+def model_path() -> Path:
+    """The MJCF: inside the package where it was installed from a wheel, beside it in a checkout."""
+    here = Path(__file__).parents[1]
+    for path in (here / "model" / "qpal.xml", here.parent / "model" / "qpal.xml"):
+        if path.is_file():
+            return path
+    raise FileNotFoundError(f"qpal.xml is neither in {here / 'model'} nor in {here.parent / 'model'}; reinstall qpal")
+
+
+def joints_of(joint: str) -> tuple[str, ...]:
+    """The joints that `joint` names: itself, or all three for "leg". Raises InputError for another name."""
+    if joint == LEG:
+        return JOINTS
+    return (check_joint(joint),)
+
+
+def check_joint(joint: str) -> str:
+    """`joint` if the leg has it, else InputError."""
+    if joint not in JOINTS:
+        raise unknown("joint", joint, (*JOINTS, LEG))
+    return joint
+
+
+def check_switches(without: Collection[str]) -> tuple[str, ...]:
+    """The switched-off imperfections in the order of `IMPERFECTIONS`; InputError for one that does not exist."""
+    if isinstance(without, str):
+        raise InputError(f"without is the string {without!r}; give a tuple of names, for example ({without!r},)")
+    for name in without:
+        if name not in IMPERFECTIONS:
+            raise unknown("imperfection", name, IMPERFECTIONS)
+    return tuple(name for name in IMPERFECTIONS if name in without)
+
+
+def robot(parameters: Parameters | None = None, without: Collection[str] = ()) -> mujoco.MjModel:
+    """The free robot on its floor: 12 motors, one a joint, in the order of the legs in `LEGS`."""
+    spec = _spec(parameters or Parameters(), check_switches(without), tuple(LEGS.values()))
+    add_sensor(spec)
+    return spec.compile()
+
+
+def robot_circuits(parameters: Parameters) -> list[Circuit]:
+    """The circuits of the whole robot, in the order of its actuators: four legs alike."""
+    return [circuit(parameters, joint) for joint in JOINTS] * len(LEGS)
+
+
+def bench(
+    joint: str, parameters: Parameters | None = None, without: Collection[str] = (), realisation: str = "tendon"
+) -> mujoco.MjModel:
+    """The leg bench: torso held, the front left leg off the floor, `joint` free and the other two held rigidly.
+
+    The held joints have no freedom at all (no play, no give): they stand at mid stroke. `joint` "leg" leaves all three
+    free. Element names keep the leg's suffix `BENCH_LEG`: thigh_00, thigh_play_00, thigh_angle_00. `realisation` is how
+    the linear actuators are built: as spatial tendons, or as cylinder and rod in a closed kinematic loop.
+    """
+    return bench_spec(joint, parameters, without, realisation).compile()
+
+
+def bench_spec(
+    joint: str, parameters: Parameters | None = None, without: Collection[str] = (), realisation: str = "tendon"
+) -> mujoco.MjSpec:
+    """The bench before it is compiled, for whoever adds to it."""
+    free = joints_of(joint)
+    if realisation not in REALISATIONS:
+        raise unknown("realisation", realisation, REALISATIONS)
+    parameters = parameters or Parameters()
+    without = check_switches(without)
+    spec = _spec(parameters, without, (BENCH_LEG,))
+    spec.body("torso").pos[2] = parameters["bench_height"]
+    spec.delete(spec.joint("float"))
+    for other in JOINTS:
+        if other not in free:
+            _hold(spec, other, middle(parameters, other))
+    for suffix in LEGS.values():
+        if suffix != BENCH_LEG:
+            spec.delete(spec.body(f"shoulder_hub{suffix}"))
+    if realisation == "closed_loop":
+        for each in free:
+            if each != "shoulder":
+                close_loop(spec, parameters, each, BENCH_LEG)
+    add_sensor(spec)
+    return spec
+
+
+@cache
+def _file() -> mujoco.MjSpec:
+    """The MJCF as it is read; to be copied before anything is written into it."""
+    return mujoco.MjSpec.from_file(str(model_path()))
+
+
+def _spec(p: Parameters, without: tuple[str, ...], suffixes: tuple[str, ...]) -> mujoco.MjSpec:
+    """The MJCF with the parameters written over its nominal numbers, in the legs with `suffixes`."""
+    spec = _file().copy()
+    spec.option.gravity[2] = 0.0 if "gravity" in without else -p["gravity"]
+    if "contact" in without:
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    spec.geom("torso").mass = p["torso_mass"]
+    for suffix in suffixes:
+        for geom, row in _MASSES.items():
+            spec.geom(geom + suffix).mass = p[row]
+        for joint in JOINTS:
+            _motor(spec, p, joint, suffix)
+            _friction(spec, p, joint, suffix, without)
+            _ends(spec, p, joint, suffix, "end_stops" not in without)
+            _backlash(spec, p, joint, suffix, "backlash" not in without)
+            if joint != "shoulder":
+                _pins(spec, p, joint, suffix)
+    return spec
+
+
+_MASSES = {
+    "shoulder_bracket": "shoulder_mass",
+    "thigh": "thigh_mass",
+    "shank": "shank_mass",
+    "foot": "foot_mass",
+    "thigh_actuator": "actuator_mass",
+    "shank_actuator": "actuator_mass",
+}
+
+
+def _motor(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str) -> None:
+    constants = motor(p, joint)
+    actuator = spec.actuator(joint + suffix)
+    actuator.set_to_dcmotor(motorconst=[constants.constant] * 2, resistance=constants.resistance)
+    actuator.gear[0] = constants.gear
+    actuator.armature = constants.inertia
+
+
+def _friction(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str, without: tuple[str, ...]) -> None:
+    on = "friction" not in without
+    drive = spec.joint(joint + suffix) if joint == "shoulder" else spec.tendon(joint + suffix)
+    angle = spec.tendon(f"{joint}_angle{suffix}")
+    # Without any loss MuJoCo makes no friction row, and the board would have none to write the loaded friction into.
+    dry = dry_friction(p, joint, without)
+    drive.frictionloss = max((dry.up + dry.down) / 2, LEAST if dry.load > 0.0 else 0.0)
+    angle.frictionloss = p[f"{joint}.bearing_coulomb"] if on else 0.0
+    for element, viscous in ((drive, "viscous"), (angle, "bearing_viscous")):
+        element.damping[0] = p[f"{joint}.{viscous}"] if on else 0.0
+
+
+def _ends(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str, on: bool) -> None:
+    end_angles(p, joint)  # raises where the stroke does not fit the pins
+    if joint == "shoulder":
+        element, limits = spec.joint(joint + suffix), np.rad2deg(stroke(p, joint))  # the MJCF's compiler is in degrees
+    else:
+        element, limits = spec.tendon(joint + suffix), np.array(stroke(p, joint))
+    element.range = limits
+    element.limited = mujoco.mjtLimited.mjLIMITED_TRUE if on else mujoco.mjtLimited.mjLIMITED_FALSE
+
+
+def _backlash(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str, on: bool) -> None:
+    play = spec.joint(f"{joint}_play{suffix}")
+    if on:
+        play.range = np.rad2deg([-p[f"{joint}.backlash"] / 2, p[f"{joint}.backlash"] / 2])
+        return
+    # Without its play hinge the link is welded to the drive side, so the angle is the driven hinge alone.
+    old = spec.tendon(f"{joint}_angle{suffix}")
+    new = spec.add_tendon(name=f"{joint}_angle{suffix}_", frictionloss=old.frictionloss, damping=old.damping)
+    new.solimp_friction, new.solref_friction = old.solimp_friction, old.solref_friction
+    new.wrap_joint(joint + suffix, 1.0)
+    spec.delete(old)
+    new.name = f"{joint}_angle{suffix}"
+    spec.delete(play)
+
+
+def _pins(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str) -> None:
+    axis = spec.body(f"{joint}_lever{suffix}").pos  # in the frame that holds the base pin
+    for pin, origin in (("base", axis), ("rod", np.zeros(3))):
+        radius, angle = p[f"{joint}.{pin}_radius"], p[f"{joint}.{pin}_angle"]
+        site = spec.site(f"{joint}_{pin}{suffix}")
+        # y stays: the two actuators pass each other on the two sides of the thigh
+        site.pos = np.array([origin[0] + radius * np.cos(angle), site.pos[1], origin[2] + radius * np.sin(angle)])
+
+
+def _hold(spec: mujoco.MjSpec, joint: str, angle: float) -> None:
+    """Take the freedom out of a bench joint and turn its drive side to `angle` [rad]."""
+    hinge = spec.joint(joint + BENCH_LEG)
+    body = hinge.parent
+    euler = body.alt.euler if body.alt.type == mujoco.mjtOrientation.mjORIENTATION_EULER else np.zeros(3)
+    body.alt.type = mujoco.mjtOrientation.mjORIENTATION_EULER
+    body.alt.euler = euler + np.rad2deg(angle) * hinge.axis
+    spec.delete(spec.actuator(joint + BENCH_LEG))
+    for find, names in ((spec.tendon, (joint, f"{joint}_angle")), (spec.joint, (joint, f"{joint}_play"))):
+        for name in names:
+            if (element := find(name + BENCH_LEG)) is not None:
+                spec.delete(element)

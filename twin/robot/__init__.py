@@ -1,0 +1,1 @@
+"""The whole quadruped: kinematics, gait, walk."""

@@ -1,0 +1,301 @@
+"""The whole robot at work: it stands, it crawls, and so do robots whose friction and masses are not the plan's."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy import stats
+
+from sysid.base.errors import InputError
+from sysid.base.versions import versions
+from twin.parameters import JOINTS, TABLE, Parameters
+from twin.plant.leg import LEGS, robot
+from twin.robot.gait import Gait, Plan, plan
+from twin.robot.shaping import shaped
+from twin.robot.statics import stability_margin
+from twin.robot.walk import Walk, drive
+
+STEPS = 3  # of `run`, for a progress bar: crawl, standing, other robots
+SPREAD = 0.2  # part of the nominal value by which a drawn robot's friction and masses differ at most
+DRAWN = ("coulomb", "viscous", "load_friction", "stribeck", "mass")  # how the names of drawn parameters end
+FALLEN = np.deg2rad(15.0)  # [rad] of tilt
+LEAST_WAY = 0.8  # part of the planned way that counts as having walked it
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A robot that only stands for `seconds`: how far its torso goes down [m] and how far it tilts [rad], with the
+    servos holding it and with no voltage at all; `power` [W] that the servos take meanwhile."""
+
+    seconds: float
+    sink: float
+    tilt: float
+    power: float
+    sink_unpowered: float
+    tilt_unpowered: float
+
+
+@dataclass(frozen=True)
+class Measures:
+    """A crawl in numbers.
+
+    way forward and sideways [m], turn [rad], seconds, the smallest margin of stability [m] over the feet that the plan
+    has on the floor, the largest tilt [rad], lowest and highest torso [m], RMS of angle less planned angle (12,) [rad],
+    the largest way [m] that a standing foot slips before it is lifted, the lowest peak [m] of a swinging foot over the
+    floor, mean and peak electrical power [W], largest motor voltage [V], and cost of transport, power / (weight speed).
+    """
+
+    forward: float
+    sideways: float
+    turn: float
+    seconds: float
+    margin: float
+    tilt: float
+    height: tuple[float, float]
+    tracking: tuple[float, ...]
+    slip: float
+    clearance: float
+    power: float
+    peak_power: float
+    peak_voltage: float
+    transport: float
+
+    @property
+    def speed(self) -> float:
+        """Mean speed [m/s]."""
+        return self.forward / self.seconds
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One drawn robot: its parameters that differ, its crawl, and what went wrong ("" where nothing did)."""
+
+    changes: Mapping[str, float]
+    measures: Measures
+    fault: str
+
+
+@dataclass(frozen=True)
+class Crawl:
+    """What `qpal crawl` found: plan, the nominal robot's walk, its measures and standing, and the drawn robots."""
+
+    plan: Plan
+    walk: Walk
+    measures: Measures
+    fault: str
+    standing: Standing
+    trials: tuple[Trial, ...]
+    seed: int
+
+    @property
+    def holds(self) -> bool:
+        """Whether the robot itself walked; drawn ones may fail."""
+        return not self.fault
+
+    @property
+    def successes(self) -> int:
+        """How many of the drawn robots walked."""
+        return sum(not trial.fault for trial in self.trials)
+
+    @property
+    def rate(self) -> tuple[float, float]:
+        """95 % interval of the share of such robots that walk (Clopper and Pearson 1934, Biometrika 26, 404-413)."""
+        n, k = len(self.trials), self.successes
+        low = 0.0 if k == 0 else float(stats.beta.ppf(0.025, k, n - k + 1))
+        return low, 1.0 if k == n else float(stats.beta.ppf(0.975, k + 1, n - k))
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary, ready for JSON; angles in radians, everything in SI."""
+        names = [f"{joint}_{leg}" for leg in LEGS for joint in JOINTS]
+        measures = vars(self.measures) | {"tracking": dict(zip(names, self.measures.tracking, strict=True))}
+        return {
+            "holds": self.holds,
+            "fault": self.fault,
+            "gait": vars(self.plan.gait),
+            "planned": {"forward": self.plan.advance, "margin": float(self.plan.margin.min())},
+            "crawl": measures | {"speed": self.measures.speed},
+            "standing": vars(self.standing),
+            "robots": {
+                "number": len(self.trials),
+                "successes": self.successes,
+                "rate_interval": list(self.rate) if self.trials else None,
+                "spread": SPREAD,
+                "trials": [
+                    {
+                        "forward": t.measures.forward,
+                        "margin": t.measures.margin,
+                        "tilt": t.measures.tilt,
+                        "fault": t.fault,
+                    }
+                    | {"changes": dict(t.changes)}
+                    for t in self.trials
+                ],
+            },
+            "parameters_changed": self.walk.parameters.changed(),
+            "seed": self.seed,
+            "versions": versions(),
+        }
+
+
+class _Silent:
+    def __call__(self, name: str) -> None: ...
+    def part(self, done: float, name: str) -> None: ...
+
+
+def run(
+    gait: Gait | None = None,
+    parameters: Parameters | None = None,
+    standing: float = 30.0,
+    draws: int = 12,
+    seed: int = 1,
+    threads: int = 1,
+    steps: Any = None,
+) -> Crawl:
+    """Crawl with `gait`, stand for `standing` [s] with and without power, and let `draws` other robots crawl.
+
+    All robots follow references that were planned for `parameters`. `seed` draws the other robots and the noise of
+    every potentiometer. `steps` hears of the progress. Raises InputError for what cannot be planned.
+    """
+    gait, parameters, steps = gait or Gait(), parameters or Parameters(), steps or _Silent()
+    if not 1.0 <= standing <= 3600.0:
+        raise InputError(f"standing takes {standing} s; give 1 to 3600 s")
+    if not 0 <= draws <= 1000:
+        raise InputError(f"{draws} other robots were asked for; give 0 to 1000")
+    if gait.cycles < 1:
+        raise InputError("a crawl of no cycle was asked for; give at least one")
+    steps("crawl of the robot itself")
+    made = plan(gait, parameters)
+    references = shaped(made, parameters)
+    (walk,) = drive([parameters], references, made.Ts, made.torso[0], [seed], heard=_part(steps, "crawl"))
+    measures = measure(made, walk)
+    steps("standing, with power and without")
+    stood = stand(gait, parameters, standing, seed)
+    steps("robots of other friction and mass")
+    changes = [draw(parameters, rng) for rng in np.random.default_rng(seed).spawn(draws)]
+    trials: list[Trial] = []
+    if draws:
+        robots = [parameters.replace(change) for change in changes]
+        seeds = [seed + 1 + k for k in range(draws)]
+        heard = _part(steps, f"{draws} robots")
+        walks = drive(robots, references, made.Ts, made.torso[0], seeds, threads=threads, heard=heard)
+        for change, each in zip(changes, walks, strict=True):
+            found = measure(made, each)
+            trials.append(Trial(change, found, fault(made, found)))
+    return Crawl(made, walk, measures, fault(made, measures), stood, tuple(trials), seed)
+
+
+def cycles(steps: int) -> int:
+    """Cycles of a crawl of `steps`. Raises InputError for a number that is no multiple of the legs."""
+    if steps < len(LEGS) or steps % len(LEGS):
+        raise InputError(f"{steps} steps are no whole cycle; give a multiple of {len(LEGS)}, one step a leg")
+    return steps // len(LEGS)
+
+
+def _part(steps: Any, name: str) -> Callable[[float], None]:
+    return lambda done: steps.part(done, name)
+
+
+def draw(parameters: Parameters, rng: np.random.Generator) -> dict[str, float]:
+    """Friction and masses drawn evenly within SPREAD of those of `parameters`."""
+    chosen = [row for row in TABLE if row.name.endswith(DRAWN)]
+    factors = rng.uniform(1 - SPREAD, 1 + SPREAD, len(chosen))
+    return {
+        row.name: float(np.clip(factor * parameters[row.name], row.lower, row.upper))
+        for row, factor in zip(chosen, factors, strict=True)
+    }
+
+
+def stand(gait: Gait, parameters: Parameters, seconds: float, seed: int = 1) -> Standing:
+    """The stance in which a crawl starts, held for `seconds` [s] by the servos, and then without any voltage."""
+    still = plan(Gait(**(vars(gait) | {"cycles": 0})), parameters)
+    held = np.repeat(still.angles[:1], round(seconds / gait.Ts), axis=0)
+    on, off = (drive([parameters], held, gait.Ts, still.torso[0], [seed], power=power)[0] for power in (True, False))
+    return Standing(
+        seconds,
+        _sink(on),
+        float(on.tilt.max()),
+        float(on.electrical_power.sum(1).mean()),
+        _sink(off),
+        float(off.tilt.max()),
+    )
+
+
+def _sink(walk: Walk) -> float:
+    """How far the torso is below where the record began, at most [m]."""
+    return float(walk.torso[0, 2] - walk.torso[:, 2].min())
+
+
+def measure(made: Plan, walk: Walk) -> Measures:
+    """The numbers of a walk that followed `made`."""
+    feet, turns, centre = walk.places
+    way, seconds = walk.torso[-1] - walk.torso[0], len(walk.qpos) * walk.Ts
+    power = walk.electrical_power.sum(axis=1)
+    weight = float(mujoco.mj_getTotalmass(robot(walk.parameters))) * walk.parameters["gravity"]
+    mean = float(power.mean())
+    return Measures(
+        forward=float(way[0]),
+        sideways=float(way[1]),
+        turn=float(walk.heading[-1] - walk.heading[0]),
+        seconds=seconds,
+        margin=float(margins(made, feet, centre).min()),
+        tilt=float(walk.tilt.max()),
+        height=(float(walk.torso[:, 2].min()), float(walk.torso[:, 2].max())),
+        tracking=tuple(np.sqrt(np.mean((walk.angles - made.angles) ** 2, axis=0)).tolist()),
+        slip=_slip(made, feet, turns),
+        clearance=_clearance(made, feet),
+        power=mean,
+        peak_power=float(power.max()),
+        peak_voltage=float(np.abs(walk.volts).max()),
+        transport=mean / (weight * max(abs(float(way[0])) / seconds, 1e-9)),
+    )
+
+
+def margins(made: Plan, feet: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Margin of stability (N,) [m] over the feet (N, 4, 3) that the plan has on the floor."""
+    rows = zip(centre, feet, made.stance, strict=True)
+    return np.array([stability_margin(c[:2], f[standing, :2]) for c, f, standing in rows])
+
+
+def _phases(standing: np.ndarray) -> list[tuple[int, int]]:
+    """Where a foot's state (N,) is true without a break: first and last sample but one."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], standing, [False]]).astype(int)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _slip(made: Plan, feet: np.ndarray, turns: np.ndarray) -> float:
+    """Largest way [m] of a foot's contact over the floor while the plan has it standing. The foot is a ball: its centre
+    may move as it rolls, v = w x r, without slipping."""
+    radius = float(made.feet[0, 0, 2])
+    spin = turns[1:] @ np.swapaxes(turns[:-1], -1, -2)  # (N-1, 4, 3, 3), turns so small that their sine is the angle
+    rolled = radius * np.stack([spin[..., 0, 2] - spin[..., 2, 0], spin[..., 1, 2] - spin[..., 2, 1]], axis=-1) / 2
+    over = np.concatenate([np.zeros((1, 4, 2)), np.diff(feet[..., :2], axis=0) - rolled]).cumsum(axis=0)
+    ways = [
+        np.linalg.norm(over[start:stop, k] - over[start, k], axis=-1).max()
+        for k in range(4)
+        for start, stop in _phases(made.stance[:, k])
+    ]
+    return float(max(ways))
+
+
+def _clearance(made: Plan, feet: np.ndarray) -> float:
+    """Lowest peak [m] over the floor of a foot in swing."""
+    radius = float(made.feet[0, 0, 2])
+    peaks = [feet[a:b, k, 2].max() for k in range(4) for a, b in _phases(~made.stance[:, k])]
+    return float(min(peaks) - radius)
+
+
+def fault(made: Plan, found: Measures) -> str:
+    """What keeps a walk from being one, in words; "" where nothing does."""
+    faults: Sequence[tuple[bool, str]] = (
+        (found.tilt > FALLEN, f"it fell: the torso tilted by {np.degrees(found.tilt):.0f} deg"),
+        (found.height[0] < 0.5 * made.gait.height, f"the torso went down to {found.height[0]:.2f} m"),
+        (found.margin <= 0, f"the centre of mass left its support by {-1000 * found.margin:.0f} mm"),
+        (found.clearance <= 0, "a foot did not leave the floor"),
+        (
+            found.forward < LEAST_WAY * made.advance,
+            f"it went {found.forward:.3f} m of {made.advance:.3f} m",
+        ),
+    )
+    return "; ".join(sentence for wrong, sentence in faults if wrong)

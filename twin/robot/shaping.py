@@ -1,0 +1,45 @@
+"""References for a proportional position loop: each carries the error that the loop needs in order to move its joint.
+
+The motor boards close a loop with a gain only, so a joint moves when its error times the gain overcomes friction, load
+and back-EMF. What the plan knows of these goes in front: feed-forward through the reference (Olsson et al., Friction
+models and friction compensation, European Journal of Control 4, 1998, section 4). At rest nothing is added, and the
+actuators' own friction holds.
+"""
+
+import numpy as np
+
+from twin.hardware.potentiometer import potentiometer
+from twin.parameters import JOINTS, Parameters
+from twin.plant.leg import LEGS, robot
+from twin.robot.gait import Plan
+from twin.robot.statics import Statics
+
+STILL = 1e-5  # [m/s or rad/s] slower is at rest
+KEPT = 0.2  # [s] for which a lead stays after the plan has come to rest, for the joint to arrive
+
+
+def shaped(plan: Plan, parameters: Parameters | None = None) -> np.ndarray:
+    """References (N, 12) [rad] with which robots with `parameters` follow the plan's angles."""
+    parameters = parameters or Parameters()
+    model = robot(parameters)
+    statics = Statics(model, parameters)
+    speed = np.gradient(np.array([statics.travel(row) for row in plan.angles]), plan.Ts, axis=0)
+    speed[np.abs(speed) < STILL] = 0.0
+    loads = np.array([statics.loads(*row) for row in zip(plan.torso, plan.angles, plan.stance, strict=True)])
+    limit = parameters["supply_voltage"]
+    volts = np.clip(statics.volts(loads, speed), -limit, limit)
+    scale = potentiometer(parameters).scale
+    gains = np.tile([parameters[f"{joint}.servo_kp"] * scale for joint in JOINTS], len(LEGS))  # [V/rad]
+    lead = np.divide(volts, gains, out=np.zeros_like(volts), where=gains > 0)
+    return plan.angles + _kept(lead, round(KEPT / plan.Ts))
+
+
+def _kept(lead: np.ndarray, samples: int) -> np.ndarray:
+    """The lead with each value that zeros follow repeated over up to `samples` of them."""
+    out = lead.copy()
+    for _ in range(samples):
+        late = np.roll(out, 1, axis=0)
+        late[0] = 0.0
+        # one sample further each time, and never over a lead that begins
+        out = np.where(out == 0.0, late, out)
+    return out

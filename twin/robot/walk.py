@@ -1,0 +1,143 @@
+"""The whole robot with its twelve joints in servo mode: joint references in, what the robot did out."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from twin.parameters import Parameters
+from twin.plant import slots
+from twin.plant.board import user_data
+from twin.plant.leg import LEGS, robot, robot_circuits
+from twin.plant.stepping import TIMESTEP, boards
+
+SETTLE = 1.0  # [s] that the first reference is held before the record starts
+
+
+@dataclass(frozen=True)
+class Walk:
+    """What a robot did, sampled every `Ts` [s], at the end of the interval over which the row's reference was held.
+
+    `references`, `angles` (N, 12) [rad] in the order of the model's actuators; `volts` (N, 12) [V] at the motors;
+    `speeds` (N, 12) [m/s, shoulder rad/s] of the drives; `qpos` (N, nq); `parameters` are the robot's.
+    """
+
+    parameters: Parameters
+    Ts: float
+    references: np.ndarray
+    qpos: np.ndarray
+    angles: np.ndarray
+    volts: np.ndarray
+    speeds: np.ndarray
+
+    @property
+    def t(self) -> np.ndarray:
+        """Time (N,) [s] of the samples."""
+        return self.Ts * np.arange(1, len(self.qpos) + 1)
+
+    @property
+    def torso(self) -> np.ndarray:
+        """Centre of the torso (N, 3) [m]."""
+        return self.qpos[:, :3]
+
+    @property
+    def tilt(self) -> np.ndarray:
+        """Angle (N,) [rad] of the torso's deck from level."""
+        x, y = self.qpos[:, 4], self.qpos[:, 5]
+        return np.arccos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0))
+
+    @property
+    def heading(self) -> np.ndarray:
+        """Turn (N,) [rad] of the torso about the vertical."""
+        w, x, y, z = self.qpos[:, 3:7].T
+        return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+    @property
+    def electrical_power(self) -> np.ndarray:
+        """Power (N, 12) [W] that each motor takes, V i with i = (V - K w) / R; none goes back into the supply."""
+        circuits = robot_circuits(self.parameters)
+        constant, gear, resistance = (
+            np.array([getattr(each.motor, name) for each in circuits]) for name in ("constant", "gear", "resistance")
+        )
+        return np.maximum(self.volts * (self.volts - constant * gear * self.speeds) / resistance, 0.0)
+
+    @cached_property
+    def places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Feet (N, 4, 3) [m], their orientation (N, 4, 3, 3) and the robot's centre of mass (N, 3) [m]."""
+        model = robot(self.parameters)
+        data = mujoco.MjData(model)
+        sites = [model.site(f"foot{suffix}").id for suffix in LEGS.values()]
+        feet, turns, centre = [], [], []
+        for row in self.qpos:
+            data.qpos[:] = row
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            feet.append(data.site_xpos[sites])
+            turns.append(data.site_xmat[sites].reshape(-1, 3, 3))
+            centre.append(data.subtree_com[1].copy())
+        return np.array(feet), np.array(turns), np.array(centre)
+
+
+def drive(
+    robots: Sequence[Parameters],
+    references: np.ndarray,
+    Ts: float,
+    torso: np.ndarray,
+    seeds: Sequence[int],
+    power: bool = True,
+    threads: int = 1,
+    heard: Callable[[float], None] = lambda done: None,
+) -> list[Walk]:
+    """What robots with these parameters do with one set of references (N, 12) [rad], each held for `Ts` [s].
+
+    They start at rest with the first reference and a level torso at (3,) [m]; `seeds`, one a robot, draw what their
+    servos' potentiometers add. Without `power` no motor gets a voltage. `heard` gets the part that is done, 0 to 1.
+    """
+    models = [robot(parameters) for parameters in robots]
+    first = models[0]
+    batch = Batch(first, len(robots), threads)
+    batch.set_models(models)
+    circuits = [robot_circuits(parameters) for parameters in robots]
+    batch.qpos = np.stack([_pose(model, torso, references[0]) for model in models])
+    every = zip(models, circuits, seeds, strict=True)
+    batch.userdata = np.stack([user_data(model, row, servo=power, seed=seed) for model, row, seed in every])
+    scales = np.array([[each.pot.scale for each in row] for row in circuits])
+    per, late = round(Ts / TIMESTEP), [round(parameters["delay"] / TIMESTEP) for parameters in robots]
+    rows: dict[str, list[np.ndarray]] = {"qpos": [], "sensordata": [], "actuator_velocity": []}
+    settle = round(SETTLE / Ts)
+    with boards():
+        for k in range(-settle, len(references)):
+            # The command's delay is part of the servo's wire too: what arrives first is still the reference before.
+            held = [np.where(np.arange(per) < n, max(k - 1, 0), max(k, 0)) for n in late]
+            commands = np.stack([references[index] * scale for index, scale in zip(held, scales, strict=True)])
+            found = batch.rollout(per, commands if power else np.zeros_like(commands), record=tuple(rows))
+            if k >= 0:
+                for name, kept in rows.items():
+                    kept.append(found[name][:, -1])
+            heard((k + settle + 1) / (settle + len(references)))
+    stacked = {name: np.stack(kept, axis=1) for name, kept in rows.items()}
+    gears = first.actuator_gear[:, 0]
+    return [
+        _walk(parameters, Ts, references, {name: values[i] for name, values in stacked.items()}, gears)
+        for i, parameters in enumerate(robots)
+    ]
+
+
+def _walk(
+    parameters: Parameters, Ts: float, references: np.ndarray, rows: dict[str, np.ndarray], gears: np.ndarray
+) -> Walk:
+    shown = rows["sensordata"].reshape(len(references), -1, slots.COLUMNS)
+    speeds = rows["actuator_velocity"] / gears
+    angles, volts = shown[:, :, slots.ANGLE], shown[:, :, slots.VOLTS]
+    return Walk(parameters, Ts, references, rows["qpos"], angles, volts, speeds)
+
+
+def _pose(model: mujoco.MjModel, torso: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    qpos = np.array(model.qpos0)
+    qpos[:3] = torso
+    for k, angle in enumerate(angles):
+        qpos[model.joint(model.actuator(k).name).qposadr[0]] = angle
+    return qpos

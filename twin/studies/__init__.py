@@ -1,0 +1,1 @@
+"""Studies on the twin as finished numbers: the paper's protocol, beyond it, ablation."""

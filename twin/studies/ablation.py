@@ -1,0 +1,209 @@
+"""Which loss is which: what fit an actuated joint loses without each of its parts, and the paper's structure gains
+without each of the twin's imperfections."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+import sysid
+from sysid.base.errors import InputError
+from sysid.block.block import Block
+from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, TravelMap
+from sysid.data.preprocess import quick_start
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+from sysid.estimation.starts.stages import sub
+from sysid.model.chain import Chain
+from sysid.workflow.evaluation import Setting
+from twin.experiment import Experiment, run_all
+from twin.log import Log
+from twin.parameters import IMPERFECTIONS
+from twin.studies.beyond import Beyond, Trial, ceiling
+
+STEPS = 4  # what `run` announces
+SHARED = tuple(name for name in IMPERFECTIONS if name != "contact")  # a bench leg hangs in the air
+ALL_BUT_STOPS = tuple(name for name in SHARED if name != "end_stops")
+BARE = "all but end stops"  # what is off where the end stops alone are left
+LEFT = 90.0  # [%] ceiling below which a record no longer shows the joint
+LEAST = -1e4  # [%] fit below which a free run has nothing to do with its joint
+DIVERGES = "diverges"
+LEAST_LAG = 1e-3  # samples: no lag that a record could show
+
+
+def _motor(chain: Chain, hold: dict[str, float], **options: Any) -> Chain:
+    """The chain with its motor changed, and with those of `hold` fixed that it still has."""
+    return sub(chain, tuple(replace(b, **options) if isinstance(b, Motor) else b for b in chain.blocks), hold)
+
+
+def _straight(chain: Chain) -> Chain:
+    return replace(chain, blocks=tuple(replace(b, knots=2) if isinstance(b, TravelMap) else b for b in chain.blocks))
+
+
+def _drop(chain: Chain, *kinds: type[Block]) -> Chain:
+    return sub(chain, tuple(b for b in chain.blocks if not isinstance(b, kinds)))
+
+
+# What is dropped, and the chain that is left: the same one where the joint has no such part.
+PARTS: dict[str, Callable[[Chain], Chain]] = {
+    "end stops": lambda chain: _motor(chain, {}, stops=False, jams=False),
+    "dry friction": lambda chain: _motor(chain, dict.fromkeys(("motor.rise", "motor.fall", "motor.loss"), 0.0)),
+    "load over position": lambda chain: _motor(chain, {}, load=0, loss=False),
+    "friction that falls with speed": lambda chain: _motor(chain, {}, stribeck=False),
+    "screw's loss": lambda chain: _motor(chain, {"motor.load0": 0.0}, loss=False),
+    "jam": lambda chain: _motor(chain, {}, jams=False),
+    "lag": lambda chain: _motor(chain, {"motor.lag": LEAST_LAG}),
+    "delay": lambda chain: _motor(chain, {}, delayed=False),
+    "linkage (straight line)": _straight,
+    "play": lambda chain: _drop(chain, Play, CoastingPlay),
+    "driver's steps": lambda chain: _drop(chain, Quantiser),
+}
+ALIKE = "load and direction of friction"  # the part that no list of fixed values can drop: both directions alike
+
+
+@dataclass(frozen=True)
+class Row:
+    """A part and the fit [%] on the validation half without it; None with the reason where there is none."""
+
+    part: str
+    fit: float | None
+    ceiling: float | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """One record of one joint.
+
+    `joint_fit` is that of the whole actuated joint, `joint` what is left of it without each part; `paper_fit` is that
+    of the paper's structure on the whole twin, `paper` that on the twin without each imperfection.
+    """
+
+    name: str
+    record: str
+    joint_fit: float
+    joint: tuple[Row, ...]
+    paper_fit: float
+    paper: tuple[Row, ...]
+
+    @property
+    def single(self) -> tuple[str, ...]:
+        """The imperfections that were left out one at a time."""
+        return SHARED
+
+    def lost(self, row: Row) -> float:
+        """Points of fit that the actuated joint loses without a part."""
+        return self.joint_fit - row.fit if row.fit is not None else np.nan
+
+    def gained(self, row: Row) -> float:
+        """Points of fit that the paper's structure gains without an imperfection; a fit below 0 counts as 0.
+
+        A model that does worse than a mean is no model, and how much worse is chance.
+        """
+        return max(row.fit, 0.0) - max(self.paper_fit, 0.0) if row.fit is not None else np.nan
+
+    @property
+    def behind(self) -> float:
+        """Points by which the paper's structure is behind the actuated joint; a fit below 0 counts as 0."""
+        return self.joint_fit - max(self.paper_fit, 0.0)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same, ready for JSON."""
+        return {
+            "actuated_joint": {"whole": self.joint_fit, "without": {row.part: row.fit for row in self.joint}},
+            "paper_structure": {
+                "whole": self.paper_fit,
+                "without": {row.part: {"fit": row.fit, "ceiling": row.ceiling} for row in self.paper},
+            },
+        }
+
+
+def run(
+    beyond: Beyond, setting: Setting, announce: Callable[[str], None] = lambda name: None, threads: int = 2
+) -> tuple[Ablation, ...]:
+    """Both ablations on both records of a joint; `setting` is the paper's."""
+    found = []
+    for trial in beyond.trials:
+        announce(f"{beyond.joint}: actuated joint with parts left out, {trial.record}")
+        joint = tuple(without_parts(trial))
+        announce(f"{beyond.joint}: twin with imperfections left out, {trial.record}")
+        paper = tuple(without_imperfections(beyond.joint, trial, setting, threads))
+        found.append(
+            Ablation(beyond.joint, trial.record, trial.joint.validation_fit, joint, trial.paper.validation_fit, paper)
+        )
+    return tuple(found)
+
+
+def without_parts(trial: Trial) -> list[Row]:
+    """The actuated joint fitted again without each of its parts, on the record of the trial."""
+    e, whole = trial.joint, trial.joint.fit
+    assert isinstance(whole, Fit)
+    rows = []
+    for part, drop in PARTS.items():
+        chain = drop(whole.model)
+        if chain == whole.model:
+            rows.append(Row(part, None, reason="the joint grew without it"))
+            continue
+        fit = sysid.fit(chain, e.estimation, starts=e.setting.starts, seed=e.setting.seed)
+        with np.errstate(over="ignore", invalid="ignore"):  # without stops a free run may leave all numbers
+            left = fit.fit_percent(e.validation)
+        rows.append(Row(part, left) if left > LEAST else Row(part, None, reason=DIVERGES))
+    rows.insert(3, Row(ALIKE, _alike(whole, e.estimation).fit_percent(e.validation)))
+    return rows
+
+
+def _alike(whole: Fit, data: IOData) -> Fit:
+    """The joint without a load and with one dry friction for both directions, found along a line of its values."""
+    parameters = {p.name: p.value for p in whole.parameters}
+    middle = 0.5 * (parameters["motor.rise"] + parameters["motor.fall"])
+
+    def held(friction: float, starts: int) -> Fit:
+        hold = dict.fromkeys(("motor.rise", "motor.fall"), friction)
+        return sysid.fit(_motor(whole.model, hold, load=0, loss=False), data, starts=starts)
+
+    best = minimize_scalar(
+        lambda friction: held(friction, 1).criteria.loss,
+        bounds=(0.0, 2.0 * middle + 1e-3),
+        method="bounded",
+        options={"maxiter": 12},
+    )
+    return held(float(best.x), 3)
+
+
+def without_imperfections(joint: str, trial: Trial, setting: Setting, threads: int = 2) -> list[Row]:
+    """The paper's structure fitted to the twin without each imperfection, under the trial's own excitation."""
+    cases = {**{name: (name,) for name in SHARED}, BARE: ALL_BUT_STOPS}
+    whole = experiment(trial.log)
+    logs: dict[str, Log] = {}
+    for play in (True, False):  # without play the model has a joint less, and runs side by side must be alike
+        group = {name: replace(whole, without=w) for name, w in cases.items() if play == ("backlash" not in w)}
+        if group:
+            logs |= dict(zip(group, run_all(list(group.values()), threads), strict=True))
+    return [_paper_row(name, logs[name], setting) for name in cases]
+
+
+def experiment(log: Log) -> Experiment:
+    """The experiment that gave a log, by what the log itself says."""
+    meta = log.meta
+    return Experiment(
+        joint=log.joint,
+        excitation=meta["excitation"],
+        duration=meta["duration"],
+        Ts=log.Ts,
+        seed=meta["seed"],
+        options=meta["options"],
+    )
+
+
+def _paper_row(name: str, log: Log, setting: Setting) -> Row:
+    estimation, validation = quick_start(log.io())
+    try:
+        fit = sysid.fit(setting.model(), estimation, search=setting.search, starts=setting.starts, seed=setting.seed)
+    except InputError as error:  # without friction or stops a joint may leave all that is reasonable
+        return Row(name, None, reason=str(error))
+    most = ceiling(log, slice(estimation.N + fit.n_init, None))
+    if most < LEFT:
+        return Row(name, None, most, "the joint leaves the potentiometer's range")
+    return Row(name, fit.fit_percent(validation), most)

@@ -1,0 +1,183 @@
+"""Beyond the paper: its structure and an actuated joint on the same records of the twin, beside ceiling and truth.
+
+Two records a joint. The paper's sweep repeats itself, and any model with a resonance of its period runs well on it. One
+of drawn times and levels does not: there a model has to know what moves the joint and what stops it.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sysid.base.criteria import fit_percent
+from sysid.data.preprocess import quick_start
+from sysid.joint.values import JointValue
+from sysid.workflow.evaluation import JOINT, Evaluation, Setting, evaluate
+from twin.experiment import DEFAULTS, Experiment
+from twin.hardware.drive import drive
+from twin.hardware.potentiometer import potentiometer
+from twin.log import Log
+from twin.parameters import Parameters
+from twin.truth import truth
+
+NEAR = 0.5  # points of fit below the ceiling at which a model has explained all but noise
+STEPS = 4  # what `run` announces
+RECORDS = ("sweep", "drawn sweep")
+LONGER = 1.25  # mean half period of the drawn sweep, in the paper's sweep's
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One record, with what either structure makes of it.
+
+    `ceiling` [%] is the fit of the twin's noise-free output against its measured output on the validation half.
+    """
+
+    record: str
+    log: Log
+    paper: Evaluation
+    joint: Evaluation
+    ceiling: float
+
+    @property
+    def near(self) -> bool:
+        """Whether the actuated joint comes within NEAR points of the ceiling."""
+        return self.joint.validation_fit >= self.ceiling - NEAR
+
+    @property
+    def gain(self) -> float:
+        """Points of fit by which the actuated joint is ahead of the paper's structure."""
+        return self.joint.validation_fit - self.paper.validation_fit
+
+    def as_dict(self) -> dict[str, Any]:
+        """The trial, ready for JSON."""
+        return {
+            "paper_structure": self.paper.as_dict(),
+            "actuated_joint": self.joint.as_dict(),
+            "ceiling": self.ceiling,
+            "near_ceiling": self.near,
+            "gain": self.gain,
+            "log": dict(self.log.meta),
+        }
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """One physical value in SI units: what is true, what either record gave by name, and how near would do."""
+
+    name: str
+    unit: str
+    true: float | None
+    aim: float
+    found: Mapping[str, JointValue]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The value, ready for JSON."""
+        found = {record: [v.value, v.low, v.high] for record, v in self.found.items()}
+        return {"unit": self.unit, "truth": self.true, "aim": self.aim, **found}
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """One joint: its two trials and the physical values that they gave."""
+
+    joint: str
+    trials: tuple[Trial, ...]
+    recovered: tuple[Recovered, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The joint, ready for JSON."""
+        return {
+            **{trial.record: trial.as_dict() for trial in self.trials},
+            "recovered": {r.name: r.as_dict() for r in self.recovered},
+        }
+
+
+def run(
+    joint: str,
+    setting: Setting,
+    sweep: Log,
+    final: Evaluation,
+    seed: int,
+    duration: float,
+    announce: Callable[[str], None] = lambda name: None,
+) -> Beyond:
+    """Both trials of `joint`; `sweep` is the paper's record, and `final` the model of `setting` fitted to it."""
+    announce(f"{joint}: actuated joint on the sweep")
+    trials = [_trial("sweep", sweep, final)]
+    announce(f"{joint}: a record that does not repeat itself")
+    log = irregular(joint, seed, duration, sweep.Ts)
+    announce(f"{joint}: the paper's structure on it")
+    paper = evaluate(setting, *quick_start(log.io()))
+    announce(f"{joint}: actuated joint on it")
+    trials.append(_trial("drawn sweep", log, paper))
+    return Beyond(joint, tuple(trials), recovered(twin_truth(joint, sweep.Ts), trials))
+
+
+def irregular(joint: str, seed: int, duration: float, Ts: float) -> Log:
+    """A sweep whose half periods are drawn within 50 % of a mean and whose levels from 60 % of the supply up.
+
+    Somewhat longer than the paper's, so that a slow crossing too may end. It shows speeds at many voltages, and meets
+    its ends often enough for a free run to forget what it got wrong.
+    """
+    mean = round(LONGER * DEFAULTS[joint]["sweep"]["half_period"], 3)
+    options = {"half_period": mean, "jitter": 0.5, "shrink": 0.4}
+    return Experiment(joint, "sweep", duration, Ts, seed, options=options).run()
+
+
+def ceiling(log: Log, scored: slice) -> float:
+    """Fit [%] of the noise-free output against the measured one: no model can be expected to run better."""
+    assert log.y_true is not None
+    return fit_percent(log.y[scored], log.y_true[scored])
+
+
+def _trial(record: str, log: Log, paper: Evaluation) -> Trial:
+    estimation, validation = quick_start(log.io(), kind="none")
+    # How fine the bridge is and how straight the potentiometer stand in their data sheets; all else is found.
+    p = Parameters()
+    setting = Setting(JOINT, driver_step=drive(p, log.joint).step, sensor_linearity=potentiometer(p).bend)
+    joint = evaluate(setting, estimation, validation)
+    return Trial(record, log, paper, joint, ceiling(log, slice(estimation.N + joint.fit.n_init, None)))
+
+
+def twin_truth(joint: str, Ts: float, parameters: Parameters | None = None) -> dict[str, float]:
+    """What is true of a twin's joint, by the names of `sysid.joint_values` and in their units."""
+    p = parameters or Parameters()
+    t = truth(joint, Ts, p)
+    moving = truth(joint, Ts, p.replace({f"{joint}.stribeck": 0.0}))  # what is left of friction once it moves
+    return {
+        "speed_per_volt": t.gain,
+        "time_constant": -1.0 / t.continuous_pole,
+        "breakaway_up": t.breakaway_voltage[1],
+        "breakaway_down": t.breakaway_voltage[0],
+        "coulomb_up": moving.breakaway_voltage[1],
+        "coulomb_down": moving.breakaway_voltage[0],
+        "end_low": t.end_angles[0],
+        "end_high": t.end_angles[1],
+        "backlash": t.backlash,
+        "delay": t.delay,
+    }
+
+
+def aim(name: str, true: float, Ts: float) -> float:
+    """How near to the truth an estimate should come, in the value's own unit; a tenth of a sample for times."""
+    if name.startswith("end_"):
+        return float(np.deg2rad(0.5))
+    if name == "backlash":
+        return max(0.2 * true, float(np.deg2rad(0.1)))
+    if name in ("time_constant", "delay"):
+        return 0.1 * Ts
+    return abs(true) * (0.02 if name == "speed_per_volt" else 0.1)
+
+
+def recovered(true: Mapping[str, float], trials: list[Trial]) -> tuple[Recovered, ...]:
+    """The physical values of every trial beside the truth; a record whose joint has no such part gives none."""
+    Ts, rows = trials[0].log.Ts, []
+    units = {value.name: value.unit for trial in trials for value in trial.joint.values}
+    for name in [*true, *(name for name in units if name not in true)]:
+        found = {t.record: value for t in trials for value in t.joint.values if value.name == name}
+        known = true.get(name)
+        unit = units.get(name, "rad")  # what no record gave is a play
+        rows.append(Recovered(name, unit, known, np.nan if known is None else aim(name, known, Ts), found))
+    return tuple(rows)

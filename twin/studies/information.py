@@ -1,0 +1,209 @@
+"""What the twin is made of and what is true of it: what `qpal info` does."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+import twin
+from sysid.base.versions import versions
+from twin.hardware.drive import drive
+from twin.hardware.friction import dry_friction
+from twin.hardware.linkage import end_angles, linkage, stroke
+from twin.hardware.motor import motor
+from twin.parameters import JOINTS, TABLE, Parameters, Row
+from twin.plant.leg import check_joint
+from twin.truth import Truth, arm
+
+POINTS = 101  # of a curve
+SPEEDS = 1000  # that are tried, evenly on a logarithmic scale
+
+
+@dataclass(frozen=True)
+class Value:
+    """A parameter as it is used: its row of the table and its value, in the row's unit."""
+
+    row: Row
+    value: float
+
+    @property
+    def changed(self) -> bool:
+        """Whether the value differs from nominal."""
+        return self.value != self.row.nominal
+
+    @property
+    def assumed(self) -> bool:
+        """Whether no document stands behind the nominal value."""
+        return self.row.source.startswith("assumption")
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A linear actuator across its joint, from end to end: angle (n,) [rad], length pin to pin (n,) [m] and moment arm
+    dL/dq (n,) [m]."""
+
+    angle: np.ndarray
+    length: np.ndarray
+    arm: np.ndarray
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Steady motion one way at mid stroke, from the command that just keeps it going to that of the whole supply.
+
+    voltage (n,) [V] and speed (n,) [rad/s], empty where the supply cannot keep it going. breakaway [V]: command that
+    starts it from rest, from the truth; jump [rad/s]: the speed at which it then runs, 0 where it does not start.
+    crossing [s]: about how long it takes from end to end on the whole supply, as if it were at mid stroke all the way;
+    infinite where it does not start.
+    """
+
+    voltage: np.ndarray
+    speed: np.ndarray
+    breakaway: float
+    jump: float
+    crossing: float
+
+    @property
+    def starts(self) -> bool:
+        """Whether the supply can start it."""
+        return self.jump != 0.0
+
+    @property
+    def top_speed(self) -> float:
+        """Speed [rad/s] on the whole supply, 0 where it does not start."""
+        return float(self.speed[-1]) if self.starts else 0.0
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One joint: its truth, how it moves down and up, and its actuator's geometry (None where the motor sits on it)."""
+
+    name: str
+    truth: Truth
+    down: Branch
+    up: Branch
+    geometry: Geometry | None
+
+
+@dataclass(frozen=True)
+class Information:
+    """Values of the parameters, and the joints that were asked for; `source` is the file that changed parameters."""
+
+    values: tuple[Value, ...]
+    joints: tuple[Joint, ...]
+    Ts: float
+    supply: float  # [V]
+    source: str | None = None
+
+    @property
+    def changed(self) -> tuple[Value, ...]:
+        """The values that differ from nominal."""
+        return tuple(v for v in self.values if v.changed)
+
+    @property
+    def assumed(self) -> int:
+        """How many of the values are nominal and assumed."""
+        return sum(v.assumed and not v.changed for v in self.values)
+
+    def groups(self) -> dict[str, tuple[Value, ...]]:
+        """The values by the joint that they belong to; those of no single joint under an empty name, first."""
+        found: dict[str, list[Value]] = {"": []}
+        for v in self.values:
+            found.setdefault(v.row.name.rpartition(".")[0], []).append(v)
+        return {name: tuple(group) for name, group in found.items() if group}
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary of `qpal info`, ready for JSON."""
+        return {
+            "file": self.source,
+            "Ts": self.Ts,
+            "parameters": [{**asdict(v.row), "value": v.value, "changed": v.changed} for v in self.values],
+            "truth": {joint.name: joint.truth.as_dict() for joint in self.joints},
+            "static": {j.name: {"down": _static(j.down), "up": _static(j.up)} for j in self.joints},
+            "versions": versions(),
+        }
+
+
+def inform(
+    joint: str | None = None, Ts: float = 0.1, parameters: Parameters | None = None, source: str | None = None
+) -> Information:
+    """All about `joint`, or about every joint, at sampling time Ts [s].
+
+    With a joint, the parameters are its own and those of no single joint. Raises InputError for a joint or Ts that does
+    not exist.
+    """
+    p = parameters or Parameters()
+    if joint is not None:
+        check_joint(joint)
+    names = JOINTS if joint is None else (joint,)
+    joints = tuple(_joint(name, Ts, p) for name in names)
+    others = tuple(f"{name}." for name in JOINTS if name not in names)
+    values = tuple(Value(row, p[row.name]) for row in TABLE if not row.name.startswith(others))
+    return Information(values, joints, Ts, p["supply_voltage"], source)
+
+
+def _joint(name: str, Ts: float, p: Parameters) -> Joint:
+    truth = twin.truth(name, Ts, p)
+    return Joint(name, truth, branch(truth, -1, p), branch(truth, 1, p), geometry(name, p))
+
+
+def geometry(joint: str, parameters: Parameters) -> Geometry | None:
+    """The actuator of `joint` over its travel; None for a joint that its motor turns directly."""
+    if joint == "shoulder":
+        return None
+    triangle = linkage(parameters, joint)
+    angle = np.linspace(*end_angles(parameters, joint), POINTS)
+    return Geometry(angle, triangle.length(angle), np.array([triangle.arm(q) for q in angle]))
+
+
+def branch(truth: Truth, direction: int, parameters: Parameters) -> Branch:
+    """Steady motion of the joint of `truth` up (1) or down (-1) in angle, as its drive and its friction have it."""
+    p, constants = parameters, motor(parameters, truth.joint)
+    r, supply = arm(truth.joint, p), p["supply_voltage"]
+    v = supply / (constants.constant * constants.gear) * np.geomspace(1e-6, 3.0, SPEEDS)  # beyond 1: a load may help
+    volts = direction * steady_command(truth, direction * v, p)
+    v, volts = v[np.isfinite(volts)], volts[np.isfinite(volts)]
+    # Below the least command friction falls faster with speed than back-EMF rises: no steady motion.
+    least = int(np.argmin(volts)) if len(volts) else 0
+    breakaway = truth.breakaway_voltage[int(direction > 0)]
+    if not np.any(volts <= supply):
+        return Branch(np.empty(0), np.empty(0), breakaway, 0.0, np.inf)
+    fastest = float(np.interp(supply, volts[least:], v[least:]))
+    speed = np.linspace(v[least], fastest, POINTS)
+    voltage = np.interp(speed, v, volts)
+    jump, crossing = 0.0, np.inf
+    if direction * breakaway <= supply:
+        jump = float(np.interp(direction * breakaway, np.maximum.accumulate(voltage), speed))
+        low, high = stroke(p, truth.joint)
+        crossing = (high - low) / fastest
+    return Branch(direction * voltage, direction * speed / r, breakaway, direction * jump / r, crossing)
+
+
+def steady_command(truth: Truth, v: np.ndarray, parameters: Parameters) -> np.ndarray:
+    """Command (n,) [V] that keeps the drive at speeds v (n,) [m/s or rad/s], none of them 0; nan where none can.
+
+    With K the motor's constant, g its gear, R its resistance: the current is i = F / (K g) for the force F that weight,
+    friction and bearing take at that speed, the motor's voltage R i + K g v = d (V0 - Rs d i) on a supply V0 of
+    resistance Rs at duty d. PWM's levels are left out.
+    """
+    p, joint = parameters, truth.joint
+    constants, board, dry = motor(p, joint), drive(p, joint), dry_friction(p, joint)
+    r, way = arm(joint, p), np.sign(v)
+    carried = truth.load + way * p[f"{joint}.bearing_coulomb"] / r + p[f"{joint}.bearing_viscous"] * v / r**2
+    coulomb = np.where(v > 0, dry.up, dry.down) * (1 + dry.stribeck * np.exp(-((v / dry.stribeck_speed) ** 2)))
+    force = carried + p[f"{joint}.viscous"] * v + way * (coulomb + dry.load * np.abs(carried))
+    emf = constants.constant * constants.gear
+    current = force / emf
+    volts = constants.resistance * current + emf * v
+    square = board.supply**2 - 4 * board.resistance * current * volts
+    duty = 2 * volts / (board.supply + np.sqrt(np.where(square < 0, np.nan, square)))
+    return duty * board.supply + np.sign(volts) * board.dead_band
+
+
+def _static(motion: Branch) -> dict[str, Any]:
+    return {
+        "breakaway_voltage": motion.breakaway,
+        "least_voltage": float(motion.voltage[0]) if motion.starts else None,
+        "top_speed": motion.top_speed,
+        "crossing_seconds": motion.crossing,
+    }

@@ -1,0 +1,80 @@
+"""One excitation experiment with the truth behind it: what `qpal simulate` does."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import twin
+from sysid.base.versions import versions
+from sysid.data.record import IOData
+from twin.hardware.potentiometer import Potentiometer, potentiometer
+from twin.log import Log
+from twin.truth import Truth
+
+
+@dataclass(frozen=True)
+class Part:
+    """One joint of an experiment: its record, what the potentiometer would have shown undisturbed, and its truth."""
+
+    joint: str
+    data: IOData
+    y_true: np.ndarray
+    truth: Truth
+    pot: Potentiometer
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest measured angle [rad]."""
+        return float(self.data.y.min()), float(self.data.y.max())
+
+    @property
+    def resting(self) -> float:
+        """Part of the record, 0 to 1, in which the joint lies within its backlash of an end."""
+        lo, hi = self.truth.end_angles
+        slack = self.truth.backlash + self.pot.bend + 1e-3
+        return float(np.mean((self.y_true < lo + slack) | (self.y_true > hi - slack)))
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A log of the twin, and its joints one by one."""
+
+    log: Log
+    parts: tuple[Part, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary of `qpal simulate`, ready for JSON; by joint where there are several."""
+        return {
+            "joint": self.log.joint,
+            "samples": self.log.N,
+            "Ts": self.log.Ts,
+            "angle_range": self._each({part.joint: list(part.range) for part in self.parts}),
+            "resting_at_ends": self._each({part.joint: part.resting for part in self.parts}),
+            "log": dict(self.log.meta),
+            "truth": self._each({part.joint: part.truth.as_dict() for part in self.parts}),
+            "versions": versions(),
+        }
+
+    def _each(self, values: Mapping[str, Any]) -> Any:
+        return values[self.log.joint] if self.log.joint in values else dict(values)
+
+
+def simulate(experiment: twin.Experiment) -> Simulation:
+    """Runs the experiment and looks up the truth of its joints."""
+    log = experiment.run()
+    assert log.y_true is not None
+    clean = log.y_true.reshape(log.N, -1)
+    pot = potentiometer(experiment.p, experiment.without)
+    parts = tuple(
+        Part(
+            joint,
+            log.io(joint),
+            clean[:, k],
+            twin.truth(joint, experiment.Ts, experiment.p, experiment.mode),
+            pot,
+        )
+        for k, joint in enumerate(experiment.joints)
+    )
+    return Simulation(log, parts)

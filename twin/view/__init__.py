@@ -1,0 +1,1 @@
+"""The robot and its records as pictures: window, browser, strip, film."""

@@ -1,0 +1,183 @@
+"""A replay as pictures: a strip along the record, numbered frames, or a GIF. Needs no display."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.report.style import INK, line, styled
+from twin.parameters import JOINTS, Parameters
+from twin.plant.leg import LEGS, robot
+from twin.view.replay import GHOST, Replay
+from twin.view.stills import draw, mid_stroke
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from PIL.Image import Image
+
+RATE = 20.0  # [1/s] frames of the wall clock; a GIF counts in hundredths of a second
+MOST_FRAMES = 2000
+BATCH = 50  # frames that one drawing process makes: bounds what is in memory at once
+STRIP_COUNTS = (2, 12)  # fewest and most frames in a strip
+STAND_HEIGHT = 0.323  # [m] of the torso: at mid stroke the feet just touch the floor
+SIDES = (
+    {"azimuth": 140.0, "elevation": -18.0},
+    {"azimuth": 180.0, "elevation": -8.0},
+    {"azimuth": 90.0, "elevation": -89.0, "distance": 1.7},
+)
+
+
+@dataclass(frozen=True)
+class Names:
+    """What the solid leg and the ghost leg are called in a picture."""
+
+    leg: str
+    ghost: str | None = None
+
+
+def frame_times(replay: Replay, speed: float) -> np.ndarray:
+    """Times [s] after the start of frames (n,) that show the replay at `speed` times its own; raises InputError where
+    these are too many to be meant."""
+    n = int(np.floor(replay.length / speed * RATE)) + 1
+    if n > MOST_FRAMES:
+        enough = int(np.ceil(replay.length * RATE / (MOST_FRAMES - 1)))
+        raise InputError(
+            f"{replay.length:g} s at speed {speed:g} are {n} frames of {RATE:g} a second; at most {MOST_FRAMES} are "
+            f"drawn: give --speed {enough} or show a part with --start and --stop"
+        )
+    return np.arange(n) * speed / RATE
+
+
+def frames(
+    replay: Replay, times: np.ndarray, names: Names, tell: Callable[[int], None] = lambda done: None
+) -> Iterator[Image]:
+    """Captioned pictures of the replay at `times` (n,) [s]; `tell` hears how many are drawn.
+
+    Raises NoRenderer where this machine cannot draw.
+    """
+    for first in range(0, len(times), BATCH):
+        part = times[first : first + BATCH]
+        poses = np.array([replay.pose(time) for time in part])
+        pictures = draw(replay.model, poses, [replay.camera()] * len(part), stand=True)
+        for picture, time in zip(pictures, part, strict=True):
+            yield _captioned(picture, f"{replay.start + time:.1f} s", names)
+        tell(first + len(part))
+
+
+def save_frames(images: Iterator[Image], folder: Path) -> int:
+    """Write frame-0001.png and so on into `folder`; how many."""
+    n = 0
+    for n, image in enumerate(images, 1):
+        image.save(folder / f"frame-{n:04d}.png")
+    return n
+
+
+def save_gif(images: Iterator[Image], path: Path) -> None:
+    """Write the frames as one GIF that starts again after its end."""
+    small = (image.resize((480, 360)).quantize(128) for image in images)
+    first = next(small)
+    first.save(path, "GIF", save_all=True, append_images=small, duration=round(1000 / RATE), loop=0)
+
+
+@styled
+def strip(replay: Replay, names: Names, count: int) -> Figure:
+    """`count` frames along the replay with their times, above the angles that they are taken from."""
+    from matplotlib.figure import Figure
+
+    if not STRIP_COUNTS[0] <= count <= STRIP_COUNTS[1]:
+        raise InputError(
+            f"a strip of {count} frames is asked for; give from {STRIP_COUNTS[0]} to {STRIP_COUNTS[1]} frames"
+        )
+    times = np.linspace(0, replay.length, count)
+    poses = np.array([replay.pose(time) for time in times])
+    pictures = draw(replay.model, poses, [replay.camera()] * count, stand=True, size=(480, 480))
+    joints = _moving(replay)
+    side = 2.0 if count >= 4 else 8.0 / count  # [inch]
+    figure = Figure(figsize=(side * count, side + 0.4 + 1.35 * len(joints)), layout="constrained")
+    grid = figure.add_gridspec(1 + len(joints), count, height_ratios=[side] + [1.2] * len(joints))
+    for k, (picture, time) in enumerate(zip(pictures, times, strict=True)):
+        axes = figure.add_subplot(grid[0, k])
+        axes.imshow(picture)
+        axes.set_axis_off()
+        axes.text(0.5, -0.04, f"{replay.start + time:.1f} s", transform=axes.transAxes, ha="center", va="top")
+    for row, joint in enumerate(joints, 1):
+        axes = figure.add_subplot(grid[row, :])
+        _trace(axes, replay, names, joint, times)
+        if row == 1:
+            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, handlelength=1.6)
+        if row == len(joints):
+            axes.set_xlabel("time [s]")
+        else:
+            axes.tick_params(labelbottom=False)
+    return figure
+
+
+@styled
+def standing(parameters: Parameters | None = None) -> Figure:
+    """The robot on its floor at mid stroke, from three sides."""
+    from matplotlib.figure import Figure
+
+    pictures = draw(robot(parameters), np.array([standing_pose(parameters)] * len(SIDES)), SIDES)
+    figure = Figure(figsize=(10.0, 2.6), layout="constrained")
+    for k, picture in enumerate(pictures, 1):
+        axes = figure.add_subplot(1, len(SIDES), k)
+        axes.imshow(picture)
+        axes.set_axis_off()
+    return figure
+
+
+def standing_pose(parameters: Parameters | None = None) -> np.ndarray:
+    """Pose (nq,) of `robot()`: every joint at mid stroke, feet at the floor."""
+    qpos = mid_stroke(robot(parameters), parameters or Parameters())
+    qpos[2] = STAND_HEIGHT
+    return qpos
+
+
+def standing_robot() -> tuple[mujoco.MjModel, np.ndarray]:
+    """The robot to simulate and its pose (nq,) on the floor; viewers give its motors sliders up to rated voltage."""
+    parameters = Parameters()
+    model = robot(parameters)
+    for suffix in LEGS.values():
+        for joint in JOINTS:
+            rated = parameters[f"{joint}.rated_voltage"]
+            model.actuator(joint + suffix).ctrllimited, model.actuator(joint + suffix).ctrlrange = True, (-rated, rated)
+    return model, standing_pose(parameters)
+
+
+def _moving(replay: Replay) -> list[str]:
+    parts = [part for part in (replay.leg, replay.ghost) if part is not None]
+    return [joint for joint in JOINTS if any(joint in part.angles for part in parts)]
+
+
+def _trace(axes, replay: Replay, names: Names, joint: str, times: np.ndarray) -> None:
+    for part, name, colour, width in (  # the ghost's is the finer pen, so that both are seen where they agree
+        (replay.leg, names.leg, INK, 1.9),
+        (replay.ghost, f"{names.ghost} (ghost)", GHOST[:3], 1.0),
+    ):
+        if part is None or joint not in part.angles:
+            continue
+        shown = (part.t >= replay.start) & (part.t <= replay.start + replay.length)
+        line(axes, part.t[shown], np.rad2deg(part.angles[joint][shown]), color=colour, linewidth=width, label=name)
+        marks = [np.rad2deg(part.at(replay.start + time)[joint]) for time in times]
+        axes.plot(replay.start + times, marks, "o", color=colour, markersize=3 + 1.6 * width)
+    axes.set_ylabel(f"{joint} [deg]")
+    axes.margins(x=0.01)
+
+
+def _captioned(picture: np.ndarray, text: str, names: Names) -> Image:
+    from PIL import Image, ImageDraw, ImageFont
+
+    image = Image.fromarray(picture)
+    pen, font = ImageDraw.Draw(image), ImageFont.load_default(18)
+    pen.text((14, 10), text, fill=INK, font=font)
+    pen.text((14, image.height - 32), names.leg, fill=INK, font=font)
+    if names.ghost is not None:
+        colour = tuple(round(255 * part) for part in GHOST[:3])
+        pen.text((image.width - 14, image.height - 32), f"{names.ghost} (ghost)", fill=colour, font=font, anchor="ra")
+    return image
