@@ -10,6 +10,7 @@ import numpy as np
 
 from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
+from sysid.base.json_values import plain
 from sysid.base.threads import one_blas_thread
 from sysid.blocks import CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledMotor
 from sysid.data.record import IOData, siso
@@ -132,7 +133,7 @@ class Fit:
 
     def save(self, path: str | PathLike) -> Path:
         """Write the fit as JSON that a person can read; `sysid.load` reads it again."""
-        from sysid.estimation.storage import save
+        from sysid.estimation.saving import save
 
         return save(self, path)
 
@@ -214,18 +215,3 @@ def check_channels(model: Chain, data: IOData) -> None:
             f"the record has {found[0]} input(s) and {found[1]} output(s), the model {wanted[0]} and {wanted[1]}; "
             "choose one column of each or build the model with nu and ny"
         )
-
-
-def plain(value: Any) -> Any:
-    """The same without NumPy types and without numbers that JSON does not know: these become None."""
-    if isinstance(value, dict):
-        return {k: plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if np.isfinite(value) else None
-    return int(value) if isinstance(value, np.integer) else value

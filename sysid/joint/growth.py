@@ -11,7 +11,7 @@ from sysid.base.errors import InputError, unknown
 from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor, Play
 from sysid.data.record import IOData
-from sysid.estimation.fit import fit as fit_chain
+from sysid.estimation.fit import fit_chain
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.joint import motor_of
 from sysid.estimation.starts.play import play_starts

@@ -8,16 +8,25 @@ import numpy as np
 
 from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
+from sysid.base.json_values import plain
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
-from sysid.estimation.result import Parameter, plain
-from sysid.nlarx.choice import Choice
+from sysid.estimation.result import Parameter
 from sysid.nlarx.model import Network, Nlarx
 from sysid.nlarx.problem import FAR, Piece
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
 
 ONE_STEP, FREE_RUN = "one step ahead", "free run"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One size that was tried: rms error on the blocks held back, of the kind that the focus names; inf: diverged."""
+
+    units: int
+    ridge: float
+    error: float
 
 
 @dataclass(frozen=True)

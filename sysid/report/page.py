@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from sysid.estimation.result import plain
+from sysid.base.json_values import plain
 
 
 @dataclass(frozen=True)

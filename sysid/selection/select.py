@@ -17,13 +17,14 @@ import numpy as np
 from scipy.special import stdtrit
 
 from sysid.base.errors import InputError
-from sysid.base.journal import Journal
+from sysid.base.json_values import plain
 from sysid.base.threads import available
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
-from sysid.estimation.fit import fit as fit_chain
+from sysid.estimation.fit import fit_chain
 from sysid.estimation.result import Fit
 from sysid.model.chain import Chain
+from sysid.selection.journal import Journal
 from sysid.solver.iterate import Options
 from sysid.structures import TABLE, build
 
@@ -129,14 +130,14 @@ class Selection:
         rows = [
             {
                 **vars(r.candidate),
-                "fit_percent": r.fit_percent if np.isfinite(r.fit_percent) else None,
+                "fit_percent": r.fit_percent,
                 "d": r.d,
                 "round": r.round,
                 "equal": r.equal,
             }
             for r in self.rows
         ]
-        return {"chosen": vars(self.chosen.candidate), "sentence": self.sentence(), "rows": rows}
+        return plain({"chosen": vars(self.chosen.candidate), "sentence": self.sentence(), "rows": rows})
 
 
 def select(

@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid.base.criteria import Criteria
 from sysid.base.errors import InputError
+from sysid.base.json_values import plain
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
 
@@ -45,8 +46,6 @@ class Comparison:
 
     def as_dict(self) -> dict[str, Any]:
         """All values, ready for JSON."""
-        from sysid.estimation.result import plain
-
         rows = [{**asdict(r), "criteria": r.criteria.as_dict()} for r in self.rows]
         return plain({**asdict(self), "rows": rows})
 
@@ -112,8 +111,6 @@ class CrossValidation:
 
     def as_dict(self) -> dict[str, Any]:
         """All values, ready for JSON."""
-        from sysid.estimation.result import plain
-
         return plain({**asdict(self), "mean": self.mean, "std": self.std, "rmse": self.rmse})
 
 

@@ -16,7 +16,8 @@ from sysid.base.criteria import criteria
 from sysid.blocks import TABLE, TransferFunction
 from sysid.estimation.migrations import VERSION, Step
 from sysid.estimation.result import Fit
-from sysid.estimation.storage import load, save
+from sysid.estimation.saving import save
+from sysid.estimation.storage import load
 from sysid.joint.values import joint_values
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance

@@ -6,8 +6,8 @@ from scipy.signal import freqz, lfilter
 
 import sysid
 from sysid import InputError, IOData
+from sysid.base.poles import match
 from sysid.diagnosis import bla
-from sysid.linear.poles import match
 
 B, F = [0.0, 0.5, 0.2], [1.0, -1.2, 0.5]
 N, LINES = 512, np.arange(1, 161)

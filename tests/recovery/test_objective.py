@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 import sysid
+from sysid.base.poles import match
 from sysid.estimation.problem import ChainProblem
-from sysid.linear.poles import match
 from sysid.systems import system
 
 Objective, IOData = sysid.Objective, sysid.IOData

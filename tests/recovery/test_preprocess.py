@@ -6,8 +6,8 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid import InputError, IOData
+from sysid.base.poles import match
 from sysid.data.preprocess import Trend, butterworth, detrend, fill, hampel, outliers, record, resample
-from sysid.linear.poles import match
 
 T = np.arange(2000)
 
