@@ -12,6 +12,7 @@ import numpy as np
 from sysid.chain import Chain
 from sysid.data import IOData, siso
 from sysid.errors import InputError
+from sysid.poles import mirrored
 
 
 @dataclass(frozen=True)
@@ -224,8 +225,8 @@ def parametric(bla: Bla, nb: int, nf: int, nk: int = 1) -> Parametric:
             p, best = trial, cost
         scale = np.maximum(np.abs(response(trial)[1]), 1e-12)
     p = least_squares(residual, p, jacobian, method="lm", x_scale="jac", max_nfev=500).x if nb + nf <= F * 2 else p
-    f = _inside(p[nb:])
-    if not np.array_equal(f, p[nb:]):
+    if np.any(np.abs(np.roots(np.concatenate([[1.0], p[nb:]]))) > 1.0):
+        f = mirrored(p[nb:])
         columns = X * (weight / (1.0 + Z @ f))[:, None]
         p = np.concatenate([np.linalg.lstsq(_split(columns), _split(bla.G * weight), rcond=None)[0], f])
     cost = float(np.sum(residual(p) ** 2))
@@ -270,13 +271,3 @@ def _smooth(x: np.ndarray, width: int) -> np.ndarray:
 
 def _split(z: np.ndarray) -> np.ndarray:
     return np.concatenate([z.real, z.imag])
-
-
-def _inside(f: np.ndarray) -> np.ndarray:
-    """f (nf,) with roots outside the unit circle mirrored inside."""
-    poles = np.roots(np.concatenate([[1.0], f])).astype(complex)
-    outside = np.abs(poles) > 1.0
-    if not outside.any():
-        return f
-    poles[outside] = 1.0 / np.conj(poles[outside])
-    return np.real(np.poly(poles))[1:]

@@ -15,6 +15,7 @@ from sysid.data import IOData, siso
 from sysid.errors import InputError
 from sysid.initial_state import estimate_initial
 from sysid.iterate import Stop
+from sysid.json_values import plain
 from sysid.residuals import ResidualTests, residual_tests
 from sysid.threads import one_blas_thread
 from sysid.uncertainty import Covariance, pole_std
@@ -214,18 +215,3 @@ def check_channels(model: Chain, data: IOData) -> None:
             f"the record has {found[0]} input(s) and {found[1]} output(s), the model {wanted[0]} and {wanted[1]}; "
             "choose one column of each or build the model with nu and ny"
         )
-
-
-def plain(value: Any) -> Any:
-    """The same without NumPy types and without numbers that JSON does not know: these become None."""
-    if isinstance(value, dict):
-        return {k: plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if np.isfinite(value) else None
-    return int(value) if isinstance(value, np.integer) else value

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from sysid.errors import InputError
+from sysid.json_values import plain
 
 NAMES = {
     "e with u^2": "an even nonlinearity of the input is missing",
@@ -75,15 +76,15 @@ class HigherOrderTests:
         rows = [
             {
                 "name": t.name,
-                "lags": t.lags.tolist(),
-                "correlation": t.correlation.tolist(),
+                "lags": t.lags,
+                "correlation": t.correlation,
                 "bound": t.bound,
                 "outside": t.outside,
                 "passed": t.passed,
             }
             for t in self.tests
         ]
-        return {"level": self.level, "passed": self.passed, "tests": rows, "advice": list(self.advice)}
+        return plain({"level": self.level, "passed": self.passed, "tests": rows, "advice": self.advice})
 
 
 def higher_order_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float = 0.99) -> HigherOrderTests:

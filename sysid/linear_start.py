@@ -5,6 +5,7 @@ import numpy as np
 from sysid.blocks import TransferFunction
 from sysid.chain import Chain
 from sysid.iterate import Options, iterate
+from sysid.poles import mirrored
 from sysid.problem import ChainProblem
 from sysid.searches import LevenbergMarquardt
 
@@ -46,7 +47,7 @@ def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iteratio
         instruments = np.column_stack([-_delay(xf, j + 1) for j in range(nf)] + inputs)
         # lstsq, since a poor excitation leaves directions empty.
         theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ yf, rcond=1e-12)[0]
-        f = _mirrored(theta[:nf])
+        f = mirrored(theta[:nf])
         with np.errstate(over="ignore", invalid="ignore"):
             x = linear.output(np.concatenate([theta[nf:], f]), w)
             cost = float(np.sum((y - x) ** 2))
@@ -97,13 +98,3 @@ def solve_linear(linear: TransferFunction, theta: np.ndarray, w: np.ndarray, y: 
 
 def _delay(x: np.ndarray, k: int) -> np.ndarray:
     return np.concatenate([np.zeros(k), x[: len(x) - k]])
-
-
-def _mirrored(f: np.ndarray) -> np.ndarray:
-    """f (n,) with the roots outside the unit circle mirrored inside."""
-    if not len(f) or not np.all(np.isfinite(f)):
-        return np.zeros(len(f))
-    poles = np.roots(np.concatenate([[1.0], f])).astype(complex)
-    outside = np.abs(poles) > 1.0
-    poles[outside] = 1.0 / np.conj(poles[outside])
-    return np.real(np.poly(poles))[1:]

@@ -9,8 +9,9 @@ import numpy as np
 from sysid.criteria import Criteria, fit_percent
 from sysid.data import IOData
 from sysid.errors import InputError
-from sysid.fitting import Parameter, plain
+from sysid.fitting import Parameter
 from sysid.iterate import Stop
+from sysid.json_values import plain
 from sysid.nlarx import Network, Nlarx
 from sysid.nlarx_choice import Choice
 from sysid.nlarx_problem import FAR, Piece

@@ -1,4 +1,4 @@
-"""Compare poles: match an estimate with the truth, and the error in the s-plane."""
+"""Poles: match an estimate with the truth, the error in the s-plane, and unstable ones mirrored inside."""
 
 from dataclasses import dataclass
 
@@ -24,6 +24,16 @@ def to_s(z: np.ndarray, Ts: float) -> np.ndarray:
     z = np.asarray(z, dtype=complex)
     with np.errstate(divide="ignore"):
         return np.log(z) / Ts
+
+
+def mirrored(f: np.ndarray) -> np.ndarray:
+    """f (n,) of F = 1 + f1 z^-1 + ... with roots outside the unit circle mirrored inside, 0 where it is not finite."""
+    if not len(f) or not np.all(np.isfinite(f)):
+        return np.zeros(len(f))
+    poles = np.roots(np.concatenate([[1.0], f])).astype(complex)
+    outside = np.abs(poles) > 1.0
+    poles[outside] = 1.0 / np.conj(poles[outside])
+    return np.real(np.poly(poles))[1:]
 
 
 def match(estimated: np.ndarray, true: np.ndarray, Ts: float) -> list[PoleMatch]:

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import bdtr, ndtri
 
 from sysid.errors import InputError
+from sysid.json_values import plain
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,8 @@ class ResidualTests:
 
     def as_dict(self) -> dict[str, Any]:
         """Numbers and verdicts, ready for JSON."""
-        values = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(self).items()}
         names = ("whiteness_outside", "independence_outside", "white", "independent")
-        return {**values, **{n: getattr(self, n) for n in names}}
+        return plain({**asdict(self), **{n: getattr(self, n) for n in names}})
 
 
 def chance(r: np.ndarray, bound: float, level: float) -> bool:

@@ -23,6 +23,7 @@ from sysid.estimation import fit as fit_chain
 from sysid.fitting import Fit
 from sysid.iterate import Options
 from sysid.journal import Journal
+from sysid.json_values import plain
 from sysid.preprocess import retrend
 from sysid.structures import TABLE, build
 from sysid.threads import available
@@ -129,14 +130,14 @@ class Selection:
         rows = [
             {
                 **vars(r.candidate),
-                "fit_percent": r.fit_percent if np.isfinite(r.fit_percent) else None,
+                "fit_percent": r.fit_percent,
                 "d": r.d,
                 "round": r.round,
                 "equal": r.equal,
             }
             for r in self.rows
         ]
-        return {"chosen": vars(self.chosen.candidate), "sentence": self.sentence(), "rows": rows}
+        return plain({"chosen": vars(self.chosen.candidate), "sentence": self.sentence(), "rows": rows})
 
 
 def select(

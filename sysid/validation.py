@@ -11,6 +11,7 @@ from sysid.chain import Chain
 from sysid.criteria import Criteria
 from sysid.data import IOData
 from sysid.errors import InputError
+from sysid.json_values import plain
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,6 @@ class Comparison:
 
     def as_dict(self) -> dict[str, Any]:
         """All values, ready for JSON."""
-        from sysid.fitting import plain
-
         rows = [{**asdict(r), "criteria": r.criteria.as_dict()} for r in self.rows]
         return plain({**asdict(self), "rows": rows})
 
@@ -112,8 +111,6 @@ class CrossValidation:
 
     def as_dict(self) -> dict[str, Any]:
         """All values, ready for JSON."""
-        from sysid.fitting import plain
-
         return plain({**asdict(self), "mean": self.mean, "std": self.std, "rmse": self.rmse})
 
 

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from sysid.errors import InputError
+from sysid.json_values import plain
 from twin.draws import Draws
 from twin.experiment import SETTLE, Experiment
 from twin.leg import bench_spec
@@ -116,8 +117,8 @@ class Ensemble:
             "realisation": e.realisation,
             "without": list(e.without),
             # With drawn parameters a default amplitude goes with the drawn supply, so both are said.
-            "options": {name: _plain(value) for name, value in sorted(e.options.items())},
-            "signals": [{name: _plain(value) for name, value in vars(signal).items()} for signal in e.signals()],
+            "options": plain(dict(sorted(e.options.items()))),
+            "signals": [plain(vars(signal)) for signal in e.signals()],
             "parameters": dict(e.p.values),
             "seeds": _seeds(self.seeds),
             "draws": {name: list(span) for name, span in limits.items()},
@@ -274,8 +275,3 @@ def _seeds(seeds: Sequence[int]) -> dict[str, int] | list[int]:
     """Seeds as JSON: those of a range by where it starts, how far apart they are and how many there are."""
     steps = set(np.diff(seeds).tolist()) if len(seeds) > 1 else {1}
     return {"from": seeds[0], "step": steps.pop(), "count": len(seeds)} if len(steps) == 1 else list(seeds)
-
-
-def _plain(value: Any) -> Any:
-    """A setting of an excitation as JSON holds it."""
-    return value.item() if isinstance(value, np.generic) else value

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from sysid.errors import InputError, unknown
+from sysid.json_values import plain
 from twin.drive import MODES, drive
 from twin.friction import dry_friction
 from twin.geometry import end_angles, linkage, middle
@@ -62,15 +63,7 @@ class Truth:
 
     def as_dict(self) -> dict[str, Any]:
         """The same as plain numbers and lists, for JSON; poles as [re, im], what is infinite as None."""
-        return {k: _plain(v) for k, v in asdict(self).items()}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return [[float(x.real), float(x.imag)] for x in value]
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return [_plain(x) for x in value] if isinstance(value, tuple) else value
+        return plain(asdict(self))
 
 
 def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mode: str = "voltage") -> Truth:

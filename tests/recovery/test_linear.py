@@ -8,7 +8,7 @@ from scipy.signal import dlsim, lfilter
 import sysid
 from sysid.linear_start import refined_iv
 from sysid.linearize import findop, linapp, tangent, tangent_ss
-from sysid.poles import match
+from sysid.poles import match, mirrored
 from sysid.systems import system
 
 
@@ -113,3 +113,22 @@ def test_pole_matching_pairs_the_nearest_and_measures_in_s():
     by_true = {m.true: m for m in found}
     assert by_true[0.5 + 0j].s_error == pytest.approx(0.0, abs=1e-12)
     assert by_true[complex(np.exp(-0.1))].s_error == pytest.approx(abs(np.log(0.905) / 0.1 + 1.0), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("outside", "inside"),
+    [
+        ([2.0, 0.5], [0.5, 0.5]),
+        ([1.25 * np.exp(1j), 1.25 * np.exp(-1j), -0.3], [0.8 * np.exp(1j), 0.8 * np.exp(-1j), -0.3]),
+        ([-4.0], [-0.25]),
+        ([0.9, 0.2], [0.9, 0.2]),
+        ([], []),
+    ],
+)
+def test_poles_outside_the_unit_circle_are_mirrored_inside(outside, inside):
+    found = mirrored(np.real(np.poly(outside))[1:] if outside else np.empty(0))
+    np.testing.assert_allclose(found, np.real(np.poly(inside))[1:] if inside else [], rtol=0, atol=1e-12)
+
+
+def test_a_filter_that_is_not_finite_is_none():
+    np.testing.assert_array_equal(mirrored(np.array([np.nan, 1.0])), [0.0, 0.0])

@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from sysid.fitting import plain
+from sysid.json_values import plain
 
 
 @dataclass(frozen=True)
