@@ -25,8 +25,8 @@ from .advice import Advice as Advice, advise as advise
 from .certainty import information as information
 from .chain import Chain as Chain
 from .data import IOData as IOData
+from .dispatch import fit as fit
 from .errors import InputError as InputError
-from .estimation import fit as fit
 from .fitting import Fit as Fit
 from .higher_order import higher_order_tests as higher_order_tests
 from .iterate import Options as Options
@@ -36,5 +36,6 @@ from .nlarx_estimation import fit_nlarx as fit_nlarx
 from .nlarx_fit import NlarxFit as NlarxFit
 from .objective import Objective as Objective
 from .residuals import residual_tests as residual_tests
-from .storage import load as load, save as save
+from .saving import save as save
+from .storage import load as load
 from .validation import compare as compare, cross_validate as cross_validate

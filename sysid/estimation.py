@@ -1,10 +1,9 @@
-"""fit(model, data) -> Fit: starts, searches, the best of them, its covariance and warnings."""
+"""fit_chain(model, data) -> Fit: starts, searches, the best of them, its covariance and warnings."""
 
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any, overload
 
 import numpy as np
 
@@ -16,8 +15,6 @@ from sysid.fitting import Fit, check_channels
 from sysid.initial import starts as make_starts
 from sysid.initial_state import with_initial_states
 from sysid.iterate import Options, Outcome, iterate
-from sysid.nlarx import Nlarx
-from sysid.nlarx_fit import NlarxFit
 from sysid.objective import Objective, spread
 from sysid.problem import ChainProblem
 from sysid.searches import search as make_search
@@ -66,16 +63,8 @@ class _Run:
         return outcome
 
 
-@overload
-def fit(model: Nlarx, data: IOData, *args: Any, **kwargs: Any) -> NlarxFit: ...
-
-
-@overload
-def fit(model: Chain, data: IOData, *args: Any, **kwargs: Any) -> Fit: ...
-
-
-def fit(
-    model: Chain | Nlarx,
+def fit_chain(
+    model: Chain,
     data: IOData,
     search: str = "auto",
     starts: int = 5,
@@ -84,21 +73,8 @@ def fit(
     start: np.ndarray | None = None,
     objective: Objective | None = None,
     progress: Callable[[str], None] | None = None,
-) -> Fit | NlarxFit:
-    """Fit a chain to a record, of one or of several merged experiments, by least squares on its free-run output.
-
-    search: a name of `sysid.searches.TABLE`; starts: how many starting points, the first from a linear model, the
-    others varied with `seed`; start (P,) or (K, P): one or several starting points of your own; objective: robust loss,
-    ridge, output weights, and the calm that keeps free maps from bends no data ask for (on by default: `Objective`).
-    Equal seeds give equal numbers whatever the number of threads. Raises InputError for a record that is too short,
-    of other channels than the model, or whose input or output is constant. An Nlarx goes to `sysid.fit_nlarx`.
-    """
-    if isinstance(model, Nlarx):
-        if start is not None or objective is not None:
-            raise InputError("a nonlinear ARX model takes no start and no objective; leave them out or see fit_nlarx")
-        from sysid.nlarx_estimation import fit_nlarx
-
-        return fit_nlarx(model, data, search=search, starts=starts, seed=seed, options=options, progress=progress)
+) -> Fit:
+    """Fit a chain to a record; `sysid.fit` says what each argument means and what is raised."""
     began = time.perf_counter()
     run = _Run(model, data, objective or Objective(), make_search(search).name, options or Options(), progress)
     _check(model, data, run.objective)

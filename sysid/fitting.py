@@ -133,7 +133,7 @@ class Fit:
 
     def save(self, path: str | PathLike) -> Path:
         """Write the fit as JSON that a person can read; `sysid.load` reads it again."""
-        from sysid.storage import save
+        from sysid.saving import save
 
         return save(self, path)
 

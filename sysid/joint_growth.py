@@ -12,7 +12,7 @@ from sysid.blocks import CoastingPlay, Motor, Play
 from sysid.chain import Chain
 from sysid.data import IOData
 from sysid.errors import InputError, unknown
-from sysid.estimation import fit as fit_chain
+from sysid.estimation import fit_chain
 from sysid.fitting import Fit
 from sysid.initial_joint import motor_of
 from sysid.initial_play import play_starts

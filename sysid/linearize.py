@@ -89,7 +89,7 @@ def linapp(fit: Fit, u: np.ndarray) -> "TransferFunction":
     import control
 
     from sysid.data import IOData
-    from sysid.estimation import fit as fit_chain
+    from sysid.estimation import fit_chain
     from sysid.structures import output_error
 
     linear = fit.model.linear

@@ -1,13 +1,15 @@
 """How many units: generalised cross-validation says how many at most, cross-validation over blocks how many."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from sysid.data import IOData
 from sysid.iterate import Options
 from sysid.nlarx import Nlarx
+from sysid.nlarx_fit import Choice
 from sysid.nlarx_problem import AnyProblem, Piece, PredictionProblem, SimulationProblem, rows
+from sysid.nlarx_runs import runs_of
 from sysid.nlarx_start import laid, network_start
 
 RIDGES = (1e-4, 0.1)
@@ -17,15 +19,6 @@ _LONGEST = 6000  # samples of an experiment that the choice looks at
 _GAIN = 0.98  # a larger network must bring the held-back error (rms) below this share of the smaller one's
 _AT_LEAST = 8  # units that a simulation focus may try whatever cross-validation one step ahead says
 _PATIENCE = 2  # sizes that may bring nothing before the ladder ends
-
-
-@dataclass(frozen=True)
-class Choice:
-    """One size that was tried: rms error on the blocks held back, of the kind that the focus names; inf: diverged."""
-
-    units: int
-    ridge: float
-    error: float
 
 
 def choices(model: Nlarx, data: IOData, ridges: tuple[float, ...], search: str) -> tuple[Choice, ...]:
@@ -67,8 +60,6 @@ def preferred(tried: tuple[Choice, ...]) -> Choice:
 
 def _held_back(model: Nlarx, estimation: IOData, held: IOData, ridge: float, search: str) -> float:
     """rms error on `held` of what is fitted to `estimation`."""
-    from sysid.nlarx_estimation import runs_of
-
     run = min(
         runs_of(model, estimation, search, 1, 0, Options(max_iterations=30), ridge), key=lambda r: (not r.ended, r.loss)
     )

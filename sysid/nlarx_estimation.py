@@ -2,46 +2,22 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
 from sysid.criteria import criteria
 from sysid.data import IOData
 from sysid.errors import InputError
-from sysid.iterate import Options, Outcome, iterate
-from sysid.nlarx import Network, Nlarx
+from sysid.iterate import Options
+from sysid.nlarx import Nlarx
 from sysid.nlarx_choice import RIDGES, Choice, choices, preferred
 from sysid.nlarx_fit import FREE_RUN, ONE_STEP, NlarxFit
-from sysid.nlarx_problem import AnyProblem, Piece, PredictionProblem, SimulationProblem, limit, rows
-from sysid.nlarx_start import laid, network_start
+from sysid.nlarx_problem import Piece, limit
+from sysid.nlarx_runs import runs_of
 from sysid.searches import search as make_search
 from sysid.threads import one_blas_thread
 from sysid.uncertainty import covariance
-
-_TRIAL, _LEADERS = 15, 2  # iterations that every start gets, and how many starts then go on to the end
-_MANY = 10000  # samples that these first iterations look at
-
-
-@dataclass(frozen=True)
-class Run:
-    """One start and where its search stands."""
-
-    problem: AnyProblem
-    outcome: Outcome
-    ended: bool = False  # False where only the first iterations were made, on a part of a long record
-
-    @property
-    def network(self) -> Network:
-        """The network that this start laid."""
-        return self.problem.network
-
-    @cached_property
-    def loss(self) -> float:
-        """e'e / N of the record alone, without the ridge."""
-        e = self.problem.residual(self.outcome.p)
-        return np.inf if e is None else float(np.mean(e[: self.problem.N] ** 2))
 
 
 def fit_nlarx(
@@ -110,93 +86,6 @@ def fit_nlarx(
         y_span=(float(data.y.min()), float(data.y.max())),
     )
     return replace(found, warnings=_warnings(found, data), seconds=time.perf_counter() - began)
-
-
-def runs_of(
-    model: Nlarx, data: IOData, search: str, starts: int, seed: int, options: Options, ridge: float
-) -> list[Run]:
-    """Every start and where its search ends: all get a few iterations, the leaders then go to the end."""
-    pieces = Piece.of(data)
-    linear = _output_error(model, data) if model.focus == "simulation" else None
-    trial = replace(options, max_iterations=min(_TRIAL, options.max_iterations))
-    runs, whole = [], []
-    for prediction, theta in _starts(model, pieces, starts, seed, ridge):
-        points: list[np.ndarray] = [theta]
-        problem: AnyProblem = prediction
-        short: AnyProblem = prediction.thinned(_MANY)
-        if model.focus == "simulation":
-            problem = SimulationProblem(prediction.network, pieces, model.lag, ridge)
-            points += _more_points(prediction, theta, linear, trial)
-            short = problem.shortened(_MANY)
-        runs += [Run(short, iterate(short, point, make_search(search), trial)) for point in points]
-        whole += [problem] * len(points)
-    for k in sorted(range(len(runs)), key=lambda k: runs[k].loss)[:_LEADERS]:
-        if np.isfinite(runs[k].loss):
-            first = runs[k].outcome
-            then = iterate(whole[k], first.p, make_search(search), options)
-            runs[k] = Run(whole[k], first.then(then), ended=True)
-    return runs
-
-
-def _starts(
-    model: Nlarx, pieces: tuple[Piece, ...], starts: int, seed: int, ridge: float
-) -> list[tuple[PredictionProblem, np.ndarray]]:
-    """Networks laid over the records: the one-step problem and theta (P,) of each."""
-    found = []
-    Phi, y = rows(model, pieces)
-    empty = laid(model, Phi)
-    for k in range(starts):
-        rng = None if k == 0 else np.random.default_rng([seed, k])
-        network, theta = network_start(empty, Phi, y, rng)
-        found.append((PredictionProblem(network, Phi, y, ridge), theta))
-        if not network.units:
-            break  # a linear ARX model: least squares has the one optimum
-    return found
-
-
-def _more_points(
-    prediction: PredictionProblem,
-    theta: np.ndarray,
-    linear: tuple[np.ndarray, float, float] | None,
-    trial: Options,
-) -> list[np.ndarray]:
-    """Where a search on the free run may start besides theta (P,) as laid.
-
-    Refined one step ahead; and at weight zero around the linear model of least free-run error, which is stable where
-    the one-step optimum may not be.
-    """
-    network = prediction.network
-    points = [iterate(prediction.thinned(_MANY), theta, make_search("lm"), trial).p]
-    if linear is not None:
-        flat = theta.copy()
-        flat[network.dilations - 1] = 0.0
-        flat[: 1 + network.n] = _centred(network, linear)
-        points.append(flat)
-    return points
-
-
-def _output_error(model: Nlarx, data: IOData) -> tuple[np.ndarray, float, float] | None:
-    """L (n,) of the output-error model with these orders, and the means of y and u that it is about."""
-    from sysid.estimation import fit
-    from sysid.structures import output_error
-
-    if not model.nb:
-        return None
-    u0, y0 = float(data.u.mean()), float(data.y.mean())
-    centred = replace(data, u=data.u - u0, y=data.y - y0)
-    try:
-        found = fit(output_error(model.nb, model.na, model.nk), centred, search="lm", starts=1)
-    except InputError:
-        return None
-    b, f = found.theta[: model.nb], found.theta[model.nb : model.nb + model.na]
-    return np.concatenate([-f, b]), y0, u0
-
-
-def _centred(network: Network, linear: tuple[np.ndarray, float, float]) -> np.ndarray:
-    """y0 and L (1 + n,) of the linear model about its own means, for a network about mu."""
-    L, y0, u0 = linear
-    about = np.concatenate([np.full(network.model.na, y0), np.full(network.model.nb, u0)])
-    return np.concatenate([[y0 + float(L @ (network.mu - about))], L])
 
 
 def check(model: Nlarx, pieces: tuple[Piece, ...], starts: int) -> None:

@@ -13,12 +13,20 @@ from sysid.fitting import Parameter
 from sysid.iterate import Stop
 from sysid.json_values import plain
 from sysid.nlarx import Network, Nlarx
-from sysid.nlarx_choice import Choice
 from sysid.nlarx_problem import FAR, Piece
 from sysid.residuals import ResidualTests, residual_tests
 from sysid.uncertainty import Covariance
 
 ONE_STEP, FREE_RUN = "one step ahead", "free run"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One size that was tried: rms error on the blocks held back, of the kind that the focus names; inf: diverged."""
+
+    units: int
+    ridge: float
+    error: float
 
 
 @dataclass(frozen=True)

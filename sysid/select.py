@@ -19,7 +19,7 @@ from scipy.special import stdtrit
 from sysid.chain import Chain
 from sysid.data import IOData
 from sysid.errors import InputError
-from sysid.estimation import fit as fit_chain
+from sysid.estimation import fit_chain
 from sysid.fitting import Fit
 from sysid.iterate import Options
 from sysid.journal import Journal

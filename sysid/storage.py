@@ -1,9 +1,7 @@
-"""A fit as JSON that a person can read: written whole, checked on load, and bit for bit the same model again.
+"""Read a fit that was saved: checked entry by entry, and bit for bit the same model again.
 
-The layout follows the dataclasses of `Fit` (see `sysid.layout`): a field added there or in a block needs no line here,
-and a file from before takes the field's default. Criteria that follow from others stand in the file for who reads it;
-on load they are worked out again, so that a file may hold fewer of them or more. What is renamed gets a line in
-`sysid.migrations`, and with it the version rises.
+A file from before takes the default of a field that was added since. Criteria that follow from others are worked out
+again, so that a file may hold fewer of them or more. What is renamed gets a line in `sysid.migrations`.
 """
 
 import json
@@ -16,20 +14,10 @@ import numpy as np
 
 from sysid.criteria import Criteria
 from sysid.errors import InputError
-from sysid.files import write_text
 from sysid.fitting import Fit
-from sysid.layout import build, encode, lines
+from sysid.layout import build
 from sysid.migrations import VERSION, migrate
-
-FORMAT = "sysid fit"
-
-
-def save(fit: Fit, path: str | os.PathLike) -> Path:
-    """Write a fit as JSON; raises InputError for a model that text cannot hold or a place that cannot be written."""
-    document = {"format": FORMAT, "version": VERSION, **encode(fit, "the fit")}
-    document["criteria"] = encode(fit.criteria.as_dict(), "the fit, criteria")
-    document["theta"] = dict(zip(fit.model.names, document["theta"], strict=True))
-    return write_text(path, lines(document) + "\n")
+from sysid.saving import FORMAT
 
 
 def load(path: str | os.PathLike) -> Fit:

@@ -6,6 +6,7 @@ import inspect
 import pkgutil
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,29 @@ def imported(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             names.add(f"relative import in {path.name}, line {node.lineno}")  # absolute ones can be checked
     return names
+
+
+def arrows(package) -> dict[str, set[str]]:
+    """Every module and the modules of its package that it imports, anywhere in it; the package's facade left out."""
+    root = Path(package.__file__).parent
+    names = {".".join((package.__name__, *p.relative_to(root).with_suffix("").parts)): p for p in sources(package)}
+    files = {name.removesuffix(".__init__"): path for name, path in names.items()}
+    found: dict[str, set[str]] = {}
+    for name, path in files.items():
+        used = set()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                used |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                below = {f"{node.module}.{alias.name}" for alias in node.names}
+                used |= below & set(files) or {str(node.module)}
+        found[name] = used & set(files) - {name, package.__name__}
+    return found
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda p: p.__name__)
+def test_imports_run_in_no_circle(package):
+    TopologicalSorter(arrows(package)).prepare()  # CycleError names the circle
 
 
 @pytest.mark.parametrize("path", sources(sysid), ids=lambda p: p.name)

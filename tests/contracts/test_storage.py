@@ -19,7 +19,8 @@ from sysid.fitting import Fit
 from sysid.iterate import Options, Stop
 from sysid.joint_values import joint_values
 from sysid.migrations import VERSION, Step
-from sysid.storage import load, save
+from sysid.saving import save
+from sysid.storage import load
 from sysid.uncertainty import Covariance
 
 SAVED = {**{k: v for k, v in BLOCKS.items() if k != "custom"}, **VARIANTS, **MOVING}

@@ -1,0 +1,51 @@
+"""fit(model, data): one name for every kind of model."""
+
+from collections.abc import Callable
+from typing import Any, overload
+
+import numpy as np
+
+from sysid.chain import Chain
+from sysid.data import IOData
+from sysid.errors import InputError
+from sysid.estimation import fit_chain
+from sysid.fitting import Fit
+from sysid.iterate import Options
+from sysid.nlarx import Nlarx
+from sysid.nlarx_estimation import fit_nlarx
+from sysid.nlarx_fit import NlarxFit
+from sysid.objective import Objective
+
+
+@overload
+def fit(model: Nlarx, data: IOData, *args: Any, **kwargs: Any) -> NlarxFit: ...
+
+
+@overload
+def fit(model: Chain, data: IOData, *args: Any, **kwargs: Any) -> Fit: ...
+
+
+def fit(
+    model: Chain | Nlarx,
+    data: IOData,
+    search: str = "auto",
+    starts: int = 5,
+    seed: int = 0,
+    options: Options | None = None,
+    start: np.ndarray | None = None,
+    objective: Objective | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Fit | NlarxFit:
+    """Fit a chain to a record, of one or of several merged experiments, by least squares on its free-run output.
+
+    search: a name of `sysid.searches.TABLE`; starts: how many starting points, the first from a linear model, the
+    others varied with `seed`; start (P,) or (K, P): one or several starting points of your own; objective: robust loss,
+    ridge, output weights, and the calm that keeps free maps from bends no data ask for (on by default: `Objective`).
+    Equal seeds give equal numbers whatever the number of threads. Raises InputError for a record that is too short,
+    of other channels than the model, or whose input or output is constant. An Nlarx goes to `sysid.fit_nlarx`.
+    """
+    if isinstance(model, Nlarx):
+        if start is not None or objective is not None:
+            raise InputError("a nonlinear ARX model takes no start and no objective; leave them out or see fit_nlarx")
+        return fit_nlarx(model, data, search=search, starts=starts, seed=seed, options=options, progress=progress)
+    return fit_chain(model, data, search, starts, seed, options, start, objective, progress)
