@@ -1,33 +1,76 @@
-"""Text files written whole or not at all."""
+"""Files written whole or not at all, and files of lines that survive a kill."""
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from sysid.errors import InputError
 
 
-def write_text(path: str | os.PathLike, text: str) -> Path:
-    """Write `text` to a temporary name beside `path`, then rename it: a reader never sees half a file.
+@contextmanager
+def whole_file(path: str | os.PathLike) -> Iterator[Path]:
+    """A temporary name beside `path`, of the same suffix, for the block to write to; at its end it becomes `path`.
 
-    Raises InputError where the folder is missing or may not be written to.
+    A reader never sees half a file, and a block that fails leaves none. Raises the OSError of a place or a disk that
+    cannot be written to, so that the caller can say what it was about.
     """
     target = Path(path)
+    handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent)
+    os.close(handle)
+    temporary = Path(name)
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-    except OSError as e:
-        raise InputError(f"cannot write {target}: {e.strerror}; choose a folder that exists and is yours") from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
+        yield temporary
+        with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         # mkstemp gives 0600; a file that open() makes would follow the user's umask.
         umask = os.umask(0)
         os.umask(umask)
         os.chmod(temporary, 0o666 & ~umask)
         os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: str | os.PathLike, text: str) -> Path:
+    """Write `text` whole or not at all. Raises InputError where the folder is missing or may not be written to."""
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise InputError(f"cannot write {target}: there is no folder {target.parent}; choose a folder that exists")
+    try:
+        with whole_file(target) as temporary:
+            temporary.write_text(text, encoding="utf-8", newline="\n")
     except OSError as e:
-        Path(temporary).unlink(missing_ok=True)
-        raise InputError(f"cannot write {target}: {e.strerror}; choose another name") from None
+        raise InputError(f"cannot write {target}: {e.strerror}; choose a folder or a name that is yours") from None
     return target
+
+
+class Lines:
+    """A text file that grows line by line. Each line is appended in one write and flushed to the disk: a kill tears at
+    most the last one, which is left out on reading and cut off before the next is appended.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._mended = False
+
+    def read(self) -> list[str]:
+        """The whole lines; none where there is no file."""
+        if not self.path.exists():
+            return []
+        return self._whole().decode("utf-8").splitlines()
+
+    def append(self, line: str) -> None:
+        """One more line. Raises OSError where it cannot be written."""
+        with self.path.open("ab") as file:
+            if not self._mended:
+                file.truncate(len(self._whole()))
+                self._mended = True
+            file.write(line.encode("utf-8") + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
+
+    def _whole(self) -> bytes:
+        data = self.path.read_bytes()
+        return data[: data.rfind(b"\n") + 1]

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from sysid.data import IOData
 from sysid.errors import InputError
+from sysid.files import Lines
 
 
 class Journal:
@@ -20,15 +20,15 @@ class Journal:
     """
 
     def __init__(self, path: str | Path | None, data: IOData, settings: Any) -> None:
-        self._path = None if path is None else Path(path)
+        self._lines = None if path is None else Lines(Path(path))
         self._known: dict[str, dict[str, Any]] = {}
         digest = hashlib.sha256(np.ascontiguousarray(data.u).tobytes() + np.ascontiguousarray(data.y).tobytes())
         digest.update(repr((data.Ts, data.lengths, settings)).encode())
         head = {"journal": 1, "of": digest.hexdigest()}
-        if self._path is None:
+        if self._lines is None:
             return
-        if self._path.exists() and self._path.stat().st_size:
-            self._read(head)
+        if self._lines.path.exists() and self._lines.path.stat().st_size:
+            self._read(self._lines, head)
         else:
             self._append(head)
 
@@ -39,40 +39,35 @@ class Journal:
     def add(self, number: int, key: dict[str, Any], values: dict[str, Any]) -> None:
         """Keep a result."""
         self._known[_name(number, key)] = values
-        if self._path is not None:
+        if self._lines is not None:
             self._append({"key": _name(number, key), "values": values})
 
     def _append(self, row: dict[str, Any]) -> None:
-        assert self._path is not None
+        assert self._lines is not None
         try:
-            with self._path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
+            self._lines.append(json.dumps(row))
         except OSError as error:
-            raise InputError(f"cannot write the journal {self._path}: {error.strerror}; give another path") from None
+            raise InputError(
+                f"cannot write the journal {self._lines.path}: {error.strerror}; give another path"
+            ) from None
 
-    def _read(self, head: dict[str, Any]) -> None:
-        assert self._path is not None
+    def _read(self, lines: Lines, head: dict[str, Any]) -> None:
         try:
-            lines = self._path.read_text(encoding="utf-8").splitlines()
-            first = json.loads(lines[0])
-        except (OSError, UnicodeDecodeError, ValueError):
-            raise InputError(f"{self._path} is no journal of a search; give a path that does not exist") from None
+            found = lines.read()
+            first = json.loads(found[0])
+        except (OSError, UnicodeDecodeError, ValueError, IndexError):
+            raise InputError(f"{lines.path} is no journal of a search; give a path that does not exist") from None
         if first != head:
             raise InputError(
-                f"the journal {self._path} belongs to another record, space, search or seed; "
+                f"the journal {lines.path} belongs to another record, space, search or seed; "
                 "give another path or remove it"
             )
-        for line in lines[1:]:
+        for line in found[1:]:
             try:
                 row = json.loads(line)
                 self._known[row["key"]] = row["values"]
             except (ValueError, KeyError, TypeError):
-                continue  # cut short by a kill: that candidate is done again
-        if not self._path.read_bytes().endswith(b"\n"):
-            with self._path.open("a", encoding="utf-8") as file:
-                file.write("\n")
+                continue  # damaged: that candidate is done again
 
 
 def _name(number: int, key: dict[str, Any]) -> str:

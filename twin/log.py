@@ -1,7 +1,6 @@
 """Log: what an excitation experiment recorded, and its three file formats."""
 
 import json
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 
 from sysid.data import IOData
 from sysid.errors import InputError, unknown
+from sysid.files import whole_file
 from twin.logs import read_table
 from twin.parameters import JOINTS, LEG
 
@@ -68,15 +68,11 @@ class Log:
         write = _format(path)[0]
         if not path.parent.is_dir():
             raise InputError(f"{path}: there is no folder {path.parent}; make it first or choose another place")
-        # The process number keeps two writers of the same log apart; the suffix tells MAT's writer to add none.
-        temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
         try:
-            write(self, temporary)
-            os.replace(temporary, path)
+            with whole_file(path) as temporary:
+                write(self, temporary)
         except OSError as error:
             raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another place") from None
-        finally:
-            temporary.unlink(missing_ok=True)
         return path
 
     @staticmethod

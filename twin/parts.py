@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.errors import InputError
-from sysid.files import write_text
+from sysid.files import whole_file, write_text
 
 if TYPE_CHECKING:
     import polars
@@ -86,22 +86,16 @@ class Parts:
     def write(self, k: int, table: "polars.DataFrame") -> None:
         """Write part k. Raises InputError, and leaves no half of it, where the disk is full or not to be written to."""
         path = self.path(k)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}")
         content = io.BytesIO()
         table.write_parquet(content)
         try:
-            with temporary.open("wb") as file:
-                file.write(content.getbuffer())
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(temporary, path)
+            with whole_file(path) as temporary:
+                temporary.write_bytes(content.getbuffer())
         except OSError as error:
             raise InputError(
                 f"{path} cannot be written ({error.strerror or error}); the {len(self) - len(self.missing())} parts "
                 f"before it are kept: make room, or see that nothing else writes here, and run again"
             ) from None
-        finally:
-            temporary.unlink(missing_ok=True)
 
     def read(self, columns: list[str] | None = None) -> Iterator["polars.DataFrame"]:
         """The parts that are written, in order, or some columns of them. Raises InputError for a damaged one."""

@@ -5,6 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from sysid import InputError, IOData
+from sysid.files import Lines, whole_file
+from sysid.journal import Journal
 from sysid.json_values import plain
 
 
@@ -20,3 +23,48 @@ from sysid.json_values import plain
 )
 def test_plain_values_are_what_json_holds(value, expected):
     assert json.dumps(plain(value), allow_nan=False) == expected
+
+
+def test_lines_survive_a_kill_in_the_middle_of_one(tmp_path):
+    path = tmp_path / "lines"
+    assert Lines(path).read() == []
+    first = Lines(path)
+    for line in ("one", "two", "dreißig"):
+        first.append(line)
+    path.write_bytes(path.read_bytes()[:-4])  # within the letter of two bytes and behind it
+    assert Lines(path).read() == ["one", "two"]
+    assert path.read_bytes().startswith(b"one\ntwo\ndrei")  # reading changes nothing
+    again = Lines(path)
+    again.append("three")
+    again.append("four")
+    assert path.read_text() == "one\ntwo\nthree\nfour\n"
+
+
+def test_a_file_is_whole_or_as_it_was(tmp_path):
+    path = tmp_path / "picture.png"
+    with whole_file(path) as temporary:
+        temporary.write_bytes(b"first")
+        assert temporary.suffix == ".png"  # some writers go by it, or add their own
+        assert not path.exists()
+
+    def interrupted() -> None:
+        with whole_file(path) as temporary:
+            temporary.write_bytes(b"half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert path.read_bytes() == b"first"
+    assert [p.name for p in tmp_path.iterdir()] == ["picture.png"]
+    plain_file = tmp_path / "plain"
+    plain_file.touch()
+    assert path.stat().st_mode == plain_file.stat().st_mode  # as the user's umask has it
+
+
+def test_foreign_text_without_a_line_s_end_is_no_journal_and_is_left_alone(tmp_path):
+    path = tmp_path / "notes"
+    path.write_text("not a journal")
+    data = IOData(np.arange(4.0), np.arange(4.0))
+    with pytest.raises(InputError, match="no journal"):
+        Journal(path, data, ())
+    assert path.read_text() == "not a journal"

@@ -1,6 +1,5 @@
 """`qpal view`: the robot or a recorded log in MuJoCo's viewer, in a browser, or as pictures."""
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +8,7 @@ import typer
 
 import twin
 from sysid.errors import InputError
+from sysid.files import whole_file
 from twin.cli import console, options
 from twin.cli.output import check_writable_file, output_folder
 from twin.replay import Movement, Replay, movement
@@ -127,10 +127,6 @@ def _whole(target: str, suffix: str, write: Callable[[Path], None]) -> None:
     if path.suffix.lower() != suffix:
         raise InputError(f"{target} ends in {path.suffix or 'no suffix'!r}; give a name that ends in {suffix}")
     check_writable_file(path)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{suffix}")
-    try:
+    with whole_file(path) as temporary:
         write(temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
     print(f"Picture: {target}")
