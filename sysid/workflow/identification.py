@@ -14,6 +14,7 @@ from sysid.data.record import IOData
 from sysid.diagnosis.advice import Advice
 from sysid.selection.select import Selection, Space, select
 from sysid.workflow.evaluation import JOINT, Evaluation, Setting, check_parts, evaluate, evaluate_fit
+from sysid.workflow.next_step import NextStep, next_step
 from sysid.workflow.record import Record, read_record
 
 
@@ -45,6 +46,11 @@ class Identification:
     advice: tuple[Advice, ...] = ()
     selection: Selection | None = None
 
+    @property
+    def next(self) -> NextStep | None:
+        """What to try next; None where the fit is good."""
+        return next_step(self)
+
     def as_dict(self) -> dict[str, Any]:
         """The summary of `qpal identify`, ready for JSON."""
         return {
@@ -52,6 +58,7 @@ class Identification:
             **self.evaluation.as_dict(),
             "selection": self.selection.as_dict() if self.selection else None,
             "advice": [vars(a) for a in self.advice],
+            "next": vars(self.next) if self.next else None,
             "versions": versions(),
         }
 
