@@ -13,6 +13,7 @@ from sysid.errors import InputError, unknown
 from sysid.preprocess import quick_start
 from sysid.select import Selection, Space, select
 from twin.evaluation import JOINT, Evaluation, Setting, check_parts, evaluate, evaluate_fit
+from twin.next_step import NextStep, next_step
 from twin.record import Record, read_record
 from twin.versions import versions
 
@@ -45,6 +46,11 @@ class Identification:
     advice: tuple[Advice, ...] = ()
     selection: Selection | None = None
 
+    @property
+    def next(self) -> NextStep | None:
+        """What to try next; None where the fit is good."""
+        return next_step(self)
+
     def as_dict(self) -> dict[str, Any]:
         """The summary of `qpal identify`, ready for JSON."""
         return {
@@ -52,6 +58,7 @@ class Identification:
             **self.evaluation.as_dict(),
             "selection": self.selection.as_dict() if self.selection else None,
             "advice": [vars(a) for a in self.advice],
+            "next": vars(self.next) if self.next else None,
             "versions": versions(),
         }
 

@@ -54,7 +54,12 @@ def terminal_sentences(result: Identification) -> list[str]:
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
     notes = [f"Note: {note}." for note in (*result.record.notes, *e.notes)]
     grown = [e.growth.sentence()] if e.growth else []
-    return [*chosen, *grown, sections.tests_in_words(e), sections.search_sentence(e), *advice, *notes]
+    said = [*chosen, *grown, sections.tests_in_words(e), sections.search_sentence(e), *advice, *notes]
+    return [*said, *_next(result)]
+
+
+def _next(result: Identification) -> list[str]:
+    return [result.next.sentence()] if result.next else []
 
 
 def ranking_grid(result: Identification) -> Grid:
@@ -125,7 +130,7 @@ def _verdict(result: Identification) -> list[str]:
         f"{_stability(e)} {sections.tests_in_words(e)}"
     )
     chosen = [] if result.selection is None else [_found(result.selection)]
-    return [first, *chosen, sections.search_sentence(e), *(f"Note: {note}." for note in e.notes)]
+    return [first, *chosen, sections.search_sentence(e), *(f"Note: {note}." for note in e.notes), *_next(result)]
 
 
 def _stability(e: Evaluation) -> str:

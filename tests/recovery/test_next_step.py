@@ -1,0 +1,141 @@
+"""What is said to try next after a poor fit: a command that runs, and that helps where the plant is known."""
+
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.signal
+
+import twin
+from twin.cli import main
+
+TS = 0.1
+
+
+def identified(arguments: list[str], capsys) -> dict:
+    """The summary of `qpal identify`."""
+    assert main(["identify", *arguments, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def followed(summary: dict, capsys) -> dict:
+    """The summary of the command that `summary` says to try next."""
+    program, verb, *arguments = shlex.split(summary["next"]["command"])
+    assert (program, verb) == ("qpal", "identify")
+    return identified(arguments, capsys)
+
+
+def option(summary: dict, name: str) -> str | None:
+    words = shlex.split(summary["next"]["command"])
+    return words[words.index(name) + 1] if name in words else None
+
+
+def written(path, u: np.ndarray, y: np.ndarray, seed: int, noise: float) -> str:
+    rng = np.random.default_rng(seed)
+    np.savetxt(path, np.column_stack([u, y + noise * np.std(y) * rng.standard_normal(len(y))]), "%.9g", ",")
+    return str(path)
+
+
+def levels(N: int, seed: int, hold: int = 8) -> np.ndarray:
+    return np.repeat(np.random.default_rng(seed).uniform(-1.0, 1.0, -(-N // hold)), hold)[:N]
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_end_stops_want_a_joint(seed, capsys):
+    twin.Experiment("thigh", "sweep", 250.0, TS, seed, options={"jitter": 0.5, "shrink": 0.4}).run().save("log.csv")
+    poor = identified(["log.csv", "--structure", "hammerstein_wiener", "--starts", "1"], capsys)
+    assert option(poor, "--structure") == "actuated_joint"
+    better = followed(poor, capsys)
+    assert better["fit_percent"]["validation"] > max(90.0, poor["fit_percent"]["validation"] + 5.0)
+    assert better["next"] is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_delay_that_the_orders_cannot_hold(seed, capsys):
+    u = levels(1200, seed)
+    y = scipy.signal.lfilter([0.0] * 7 + [0.3], [1.0, -0.7], u)
+    arguments = [written("log.csv", u, y, seed, 0.02), "--ts", "0.1", "--structure", "output_error"]
+    poor = identified([*arguments, "--orders", "1,1,1"], capsys)
+    assert poor["fit_percent"]["validation"] < 80.0
+    assert option(poor, "--orders") == "1,1,7"
+    better = followed(poor, capsys)
+    assert better["fit_percent"]["validation"] > 95.0
+    assert better["next"] is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_linear_model_of_a_bent_plant(seed, capsys):
+    u = levels(1500, seed)
+    y = scipy.signal.lfilter([0.0, 0.3], [1.0, -0.7], np.clip(u, -0.2, 0.2) + 2.0 * np.maximum(u, 0.0) ** 2)
+    poor = identified(
+        [written("log.csv", u, y, seed, 0.02), "--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1"],
+        capsys,
+    )
+    assert poor["fit_percent"]["validation"] < 90.0
+    assert option(poor, "--structure") == "hammerstein_wiener"
+    assert followed(poor, capsys)["fit_percent"]["validation"] > 90.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_first_part_that_does_not_cover_the_range(seed, capsys):
+    u = levels(1500, seed)
+    u[:850] *= 0.15  # the first half sees the straight middle of a saturation, the second all of it
+    y = scipy.signal.lfilter([0.0, 0.3], [1.0, -0.7], np.tanh(3.0 * u))
+    arguments = [written("log.csv", u, y, seed, 0.01), "--ts", "0.1", "--orders", "1,1,1", "--starts", "2"]
+    poor = identified([*arguments, "--structure", "hammerstein_wiener"], capsys)
+    assert poor["fit_percent"]["validation"] < 80.0
+    assert 0.5 < float(option(poor, "--split")) < 1.0
+    assert option(poor, "--orders") == "1,1,1"
+    better = followed(poor, capsys)
+    assert better["fit_percent"]["validation"] > poor["fit_percent"]["validation"] + 10.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_only_noise_limits_is_not_poor(seed, capsys):
+    u = levels(1500, seed)
+    y = scipy.signal.lfilter([0.0, 0.3], [1.0, -0.7], u)
+    arguments = [written("log.csv", u, y, seed, 0.6), "--ts", "0.1", "--structure", "output_error"]
+    summary = identified([*arguments, "--orders", "1,1,1"], capsys)
+    assert summary["fit_percent"]["validation"] < 80.0
+    if summary["residuals"]["white"] and summary["residuals"]["independent"]:
+        assert summary["next"] is None
+
+
+def test_the_command_keeps_what_was_given(capsys):
+    u = levels(1200, 0)
+    y = scipy.signal.lfilter([0.0] * 7 + [0.3], [1.0, -0.7], u)
+    with open("my log.csv", "w", encoding="utf-8") as file:
+        file.write("t,drive in,other,out\n")
+        file.writelines(f"{0.1 * k:.1f},{a:.9g},0.5,{b:.9g}\n" for k, (a, b) in enumerate(zip(u, y, strict=True)))
+    given = ["my log.csv", "--input", "drive in", "--output", "out", "--time", "t", "--structure", "hammerstein"]
+    given += ["--orders", "1,1,1", "--input-map", "polynomial", "--search", "lm", "--split", "0.6", "--detrend", "none"]
+    given += ["--starts", "2", "--seed", "3"]
+    poor = identified(given, capsys)
+    expected = ["qpal", "identify", *given]
+    expected[expected.index("1,1,1")] = "1,1,7"
+    words = shlex.split(poor["next"]["command"])
+    pairs = [set(zip(w[3::2], w[4::2], strict=True)) for w in (words, expected)]
+    assert words[:3] == expected[:3]
+    assert pairs[0] == pairs[1]
+    assert followed(poor, capsys)["fit_percent"]["validation"] > 99.0
+
+
+def test_the_console_and_the_report_say_it(capsys):
+    u = levels(1200, 0)
+    y = scipy.signal.lfilter([0.0] * 7 + [0.3], [1.0, -0.7], u)
+    file = written("log.csv", u, y, 0, 0.02)
+    for orders, said in (("1,1,1", True), ("1,1,7", False)):
+        given = [file, "--ts", "0.1", "--structure", "output_error", "--orders", orders, "--out", "out"]
+        assert main(["identify", *given]) == 0
+        out = " ".join(capsys.readouterr().out.split())
+        html = Path("out/report.html").read_text(encoding="utf-8")
+        for text in (out, html):
+            assert ("try: qpal identify log.csv" in text) is said
+            assert ("--orders 1,1,7" in text) is said
