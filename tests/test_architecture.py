@@ -15,6 +15,31 @@ import sysid
 import twin
 
 PACKAGES = (sysid, twin)
+# The rooms of each package from the ground up, floor by floor: a room imports rooms of lower floors alone.
+FLOORS = {
+    "sysid": (
+        ("base", "block"),
+        ("blocks", "data", "excitations", "solver"),
+        ("formats", "model"),
+        ("diagnosis", "validation"),
+        ("estimation",),
+        ("export", "nlarx", "uncertainty"),
+        ("plots", "structures"),
+        ("joint", "linear", "selection", "systems"),
+        ("bench", "workflow"),
+        ("report",),
+    ),
+    "twin": (
+        ("parameters",),
+        ("hardware", "log"),
+        ("parameter_file", "plant"),
+        ("experiment", "robot", "truth"),
+        ("design", "ensemble", "signatures", "studies", "view"),
+        ("report",),
+        ("cli",),
+    ),
+}
+# Extension points: one file, one entry in the folder's TABLE.
 FOLDERS = (
     "sysid.blocks",
     "sysid.excitations",
@@ -51,11 +76,16 @@ def imported(path: Path) -> set[str]:
     return names
 
 
-def arrows(package) -> dict[str, set[str]]:
-    """Every module and the modules of its package that it imports, anywhere in it; the package's facade left out."""
+def files_of(package) -> dict[str, Path]:
+    """Every module of a package by its dotted name."""
     root = Path(package.__file__).parent
     names = {".".join((package.__name__, *p.relative_to(root).with_suffix("").parts)): p for p in sources(package)}
-    files = {name.removesuffix(".__init__"): path for name, path in names.items()}
+    return {name.removesuffix(".__init__"): path for name, path in names.items()}
+
+
+def arrows(package) -> dict[str, set[str]]:
+    """Every module and the modules of its package that it imports, anywhere in it; the package's facade left out."""
+    files = files_of(package)
     found: dict[str, set[str]] = {}
     for name, path in files.items():
         used = set()
@@ -63,15 +93,46 @@ def arrows(package) -> dict[str, set[str]]:
             if isinstance(node, ast.Import):
                 used |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
-                below = {f"{node.module}.{alias.name}" for alias in node.names}
-                used |= below & set(files) or {str(node.module)}
+                for alias in node.names:
+                    below = f"{node.module}.{alias.name}"
+                    used.add(below if below in files else str(node.module))
         found[name] = used & set(files) - {name, package.__name__}
     return found
 
 
+def room(name: str) -> str:
+    return name.split(".")[1]
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda p: p.__name__)
+def test_every_room_has_its_floor_and_imports_from_lower_floors_alone(package):
+    floors = {name: level for level, names in enumerate(FLOORS[package.__name__]) for name in names}
+    used = {name: below for name, below in arrows(package).items() if name != package.__name__}
+    assert {room(name) for name in used} == set(floors)
+    wrong = [
+        f"{name} imports {other}"
+        for name, below in used.items()
+        for other in below
+        if room(name) != room(other) and floors[room(name)] <= floors[room(other)]
+    ]
+    assert not wrong
+
+
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda p: p.__name__)
 def test_imports_run_in_no_circle(package):
-    TopologicalSorter(arrows(package)).prepare()  # CycleError names the circle
+    """A room's own facade gathers what its modules define, so arrows from it are left out."""
+    facades = {name for name, path in files_of(package).items() if path.name == "__init__.py"}
+    graph = {name: below - facades for name, below in arrows(package).items() if name not in facades}
+    TopologicalSorter(graph).prepare()  # CycleError names the circle
+
+
+@pytest.mark.parametrize("path", sources(sysid), ids=lambda p: p.name)
+def test_no_module_takes_names_from_the_facade(path):
+    """The facade is for users: what is inside says from which room a name comes."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    plain = [alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names]
+    taken = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module == "sysid"]
+    assert path.parent == Path(sysid.__file__).parent or (not taken and "sysid" not in plain)
 
 
 @pytest.mark.parametrize("path", sources(sysid), ids=lambda p: p.name)
@@ -93,7 +154,7 @@ def test_importing_all_of_sysid_loads_no_robot():
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_every_file_of_an_extension_folder_is_in_its_table(folder):
     package = importlib.import_module(folder)
-    files = {f"{folder}.{m.name}" for m in pkgutil.iter_modules(package.__path__)}
+    files = {f"{folder}.{m.name}" for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_")}
     # A structure is a chain-making function, everything else a class; the module that defines it is the file.
     in_table = {inspect.unwrap(entry).__module__ for entry in package.TABLE.values()}
     assert files == in_table

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from sysid import fit
 from sysid.base.criteria import fit_percent
 from sysid.bench.scenarios import NOISE, Case, N, chain
 from sysid.model.system import System
+from sysid.nlarx.dispatch import fit
 from sysid.systems import system
 from sysid.uncertainty.information import information_at
 from sysid.uncertainty.intervals import poles

@@ -12,12 +12,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from sysid import fit
 from sysid.base.threads import one_blas_thread
 from sysid.bench.scenarios import NOISE, N
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
 from sysid.model.system import System
+from sysid.nlarx.dispatch import fit
 from sysid.solver.iterate import Linearisation
 from sysid.structures import hammerstein_wiener
 from sysid.systems import system

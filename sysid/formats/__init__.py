@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Protocol
 
 from sysid.base.errors import InputError
+from sysid.data.table import Table
 from sysid.formats.delimited import Delimited
 from sysid.formats.mat import Mat
 from sysid.formats.parquet import Parquet
-from sysid.formats.table import Table
 
 
 class Reader(Protocol):

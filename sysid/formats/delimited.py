@@ -4,7 +4,7 @@ import csv
 from pathlib import Path
 
 from sysid.base.errors import InputError
-from sysid.formats.table import Table, is_number
+from sysid.data.table import Table, is_number
 
 COMMENT = ("#", "%")
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.formats.table import Table
+from sysid.data.table import Table
 
 
 class Mat:

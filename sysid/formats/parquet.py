@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from sysid.base.errors import InputError
-from sysid.formats.table import Table
+from sysid.data.table import Table
 
 
 class Parquet:

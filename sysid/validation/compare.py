@@ -123,7 +123,7 @@ def cross_validate(
     follow on the rig. Of the block the first n_init samples give the initial state and are not scored. `options` go to
     `sysid.fit`. Means must be off the whole record beforehand, or off none.
     """
-    from sysid import fit
+    from sysid.nlarx.dispatch import fit
 
     if len(data.lengths) > 1:
         raise InputError(f"the record has {len(data.lengths)} experiments; cross-validate one of data.experiments")

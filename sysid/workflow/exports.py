@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import sysid
 from sysid.base.errors import InputError
+from sysid.estimation.result import Fit
+from sysid.estimation.saving import save
 from sysid.export import c as export_c
 from sysid.export import python as export_python
 from sysid.workflow.evaluation import Evaluation
@@ -26,11 +27,11 @@ def export(evaluation: Evaluation, folder: Path) -> Exports:
     A nonlinear ARX model has no such files yet, which `notes` says.
     """
     fit, data = evaluation.fit, evaluation.estimation
-    if not isinstance(fit, sysid.Fit):
+    if not isinstance(fit, Fit):
         return Exports(notes=("a nonlinear ARX model cannot be saved or exported yet: no model files were written",))
     u0, y0 = float(data.u_offset[0]), float(data.y_offset[0])
     try:
-        sysid.save(fit, folder / "model.json")
+        save(fit, folder / "model.json")
         export_c.write(fit, folder / "model.c", u_offset=u0, y_offset=y0)
         export_python.write(fit, folder / "model.py", u_offset=u0, y_offset=y0)
     except InputError as error:

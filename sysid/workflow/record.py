@@ -8,8 +8,8 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
+from sysid.data.table import Table
 from sysid.formats import read_table
-from sysid.formats.table import Table
 
 OWN = {"input": "voltage_V", "output": "angle_rad", "time": "time_s"}  # the columns that a log of ours has
 QUANTITY = {"voltage_V": ("voltage", "V"), "angle_rad": ("angle", "rad"), "angle_true_rad": ("true angle", "rad")}
