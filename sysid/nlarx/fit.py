@@ -15,7 +15,7 @@ from sysid.nlarx.choice import RIDGES, Choice, choices, preferred
 from sysid.nlarx.model import Network, Nlarx
 from sysid.nlarx.problem import AnyProblem, Piece, PredictionProblem, SimulationProblem, limit, rows
 from sysid.nlarx.result import FREE_RUN, ONE_STEP, NlarxFit
-from sysid.nlarx.start import laid, network_start
+from sysid.nlarx.start import empty_network, network_start
 from sysid.solver.covariance import covariance
 from sysid.solver.iterate import Options, Outcome, iterate
 from sysid.solver.searches import search as make_search
@@ -71,12 +71,12 @@ def fit_nlarx(
         raise InputError(f"ridge is {ridge}; give 0 or a positive number")
     with one_blas_thread():
         choice: tuple[Choice, ...] = ()
-        settled, weight = model, RIDGES[0] if ridge is None else ridge
+        chosen, weight = model, RIDGES[0] if ridge is None else ridge
         if model.units == "auto":
             choice = choices(model, data, RIDGES if ridge is None else (ridge,), search)
             best_choice = preferred(choice)
-            settled, weight = replace(model, units=best_choice.units), best_choice.ridge
-        runs = runs_of(settled, data, search, starts, seed, options, weight)
+            chosen, weight = replace(model, units=best_choice.units), best_choice.ridge
+        runs = runs_of(chosen, data, search, starts, seed, options, weight)
         best = min(runs, key=lambda run: (not run.ended, run.loss))
         if not np.isfinite(best.loss):
             raise InputError(
@@ -144,7 +144,7 @@ def _starts(
     """Networks laid over the records: the one-step problem and theta (P,) of each."""
     found = []
     Phi, y = rows(model, pieces)
-    empty = laid(model, Phi)
+    empty = empty_network(model, Phi)
     for k in range(starts):
         rng = None if k == 0 else np.random.default_rng([seed, k])
         network, theta = network_start(empty, Phi, y, rng)
