@@ -78,8 +78,8 @@ def found(joint: str, seed: int, lying: bool = False) -> dict[str, tuple[bool, b
         more = options | ({"half_period": HALF_PERIOD[joint]} if name == "drawn" else {})
         parts.append(twin.Experiment(joint, excitation, 125.0, seed=seed, parameters=p, options=more).run().io())
     data = IOData.merge(*parts)
-    bend = p["pot_linearity"] * p["pot_range"]
-    values = {v.name: v for v in joint_values(grown(data, joint, seed).fit, data=data, linearity=bend)}
+    linearity = p["pot_linearity"] * p["pot_range"]
+    values = {v.name: v for v in joint_values(grown(data, joint, seed).fit, data=data, linearity=linearity)}
     true, out = twin_truth(joint, data.Ts, p), {}
     for name in WANTED:
         if name not in values:

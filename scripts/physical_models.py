@@ -12,7 +12,7 @@ import numpy as np
 import sysid
 from sysid import IOData
 from sysid.blocks import Custom, FrictionLag, Motor, ProfiledMotor, TransferFunction
-from sysid.data.gain_variants import with_gains
+from sysid.data.gain_variants import gain_variants
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.profile import first_state
 from sysid.model.chain import Chain
@@ -42,7 +42,7 @@ def emps_motor(train: IOData) -> Fit:
     model = actuated_joint(
         motor=Motor(stops=False, delayed=False), knots=None, play=False, fixed=held_state(train) | {"motor.load0": 0.0}
     )
-    return sysid.fit(model, with_gains(train, EMPS_SHARE), starts=3)
+    return sysid.fit(model, gain_variants(train, EMPS_SHARE), starts=3)
 
 
 def emps_profile(train: IOData, knots: int = EMPS_KNOTS, share: float = EMPS_SHARE) -> Fit:
@@ -51,7 +51,7 @@ def emps_profile(train: IOData, knots: int = EMPS_KNOTS, share: float = EMPS_SHA
     Made to predict, not to be read: the fit trades dry friction for drag, since drag forgives a wrong gain.
     """
     model = Chain((ProfiledMotor(knots, *EMPS_WAY, role="motor"),), fixed=held_state(train))
-    return sysid.fit(model, with_gains(train, share), starts=1)
+    return sysid.fit(model, gain_variants(train, share), starts=1)
 
 
 def coupled_drives(orders: tuple[int, int, int] = (2, 2, 1)) -> tuple[Chain, np.ndarray]:

@@ -32,7 +32,7 @@ N, Ts = 200, 0.1
 FEW = Options(max_iterations=4)
 
 
-def bent(seed: int, channels: int = 1, samples: int = N) -> IOData:
+def nonlinear(seed: int, channels: int = 1, samples: int = N) -> IOData:
     """A saturation, a filter and a tanh with noise, the same for each output but for its gain."""
     rng = np.random.default_rng(seed)
     u = np.repeat(rng.uniform(-2, 2, (samples // 4, channels)), 4, axis=0).round(4)
@@ -57,36 +57,40 @@ def joint(seed: int) -> IOData:
 
 def cases() -> dict[str, tuple[object, IOData, dict]]:
     """Model, record and further arguments of `sysid.fit` by name."""
-    gappy = bent(7)
+    gappy = nonlinear(7)
     gappy = IOData(gappy.u, gappy.y, Ts, missing=np.isin(np.arange(N), [20, 21, 90]))
     travel = {"knots": 4, "driver": "dead_zone_saturation"}
     return {
-        "piecewise_linear": (hammerstein_wiener(2, 2, 1, "saturation", "piecewise_linear"), bent(1), {}),
-        "networks": (hammerstein_wiener(1, 2, 1, CubicSpline(5), WaveletNetwork(3, 2)), bent(2), {}),
+        "piecewise_linear": (hammerstein_wiener(2, 2, 1, "saturation", "piecewise_linear"), nonlinear(1), {}),
+        "networks": (hammerstein_wiener(1, 2, 1, CubicSpline(5), WaveletNetwork(3, 2)), nonlinear(2), {}),
         "fixed_bounds": (
             hammerstein_wiener(
                 2, 2, 1, SigmoidNetwork(4), "polynomial",
                 fixed={"output.c1": -0.2}, bounds={"linear.b0": (0.01, 4.0)},
             ),
-            bent(3),
+            nonlinear(3),
             {},
         ),
-        "dead_zones": (hammerstein_wiener(1, 1, 1, "dead_zone_saturation", "dead_zone"), bent(4), {}),
-        "output_error": (output_error(2, 3, 1), bent(5), {"search": "lm"}),
-        "wiener_hammerstein": (wiener_hammerstein(1, 1, 1, middle="polynomial"), bent(6), {"starts": 2}),
+        "dead_zones": (hammerstein_wiener(1, 1, 1, "dead_zone_saturation", "dead_zone"), nonlinear(4), {}),
+        "output_error": (output_error(2, 3, 1), nonlinear(5), {"search": "lm"}),
+        "wiener_hammerstein": (wiener_hammerstein(1, 1, 1, middle="polynomial"), nonlinear(6), {"starts": 2}),
         "objective": (
             hammerstein_wiener(2, 2, 1, "piecewise_linear", "polynomial"),
             gappy,
-            {"objective": Objective(robust=1.345, ridge=1e-3, nominal={"linear.f1": -0.8}, weights=(3.0,), calm=0.5)},
+            {
+                "objective": Objective(
+                    huber_threshold=1.345, ridge=1e-3, nominal={"linear.f1": -0.8}, weights=(3.0,), curvature_weight=0.5
+                )
+            },
         ),
         "several_outputs": (
             hammerstein_wiener(1, 1, 1, ["saturation", "dead_zone"], "polynomial", nu=2, ny=2),
-            bent(8, channels=2),
+            nonlinear(8, channels=2),
             {"objective": Objective(weights=(1.0, 10.0))},
         ),
         "several_experiments": (
             hammerstein_wiener(2, 2, 1, "saturation", UnitGain()),
-            IOData.merge(bent(9, samples=120), bent(10, samples=80)),
+            IOData.merge(nonlinear(9, samples=120), nonlinear(10, samples=80)),
             {},
         ),
         "joint_stribeck": (

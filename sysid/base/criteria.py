@@ -10,11 +10,12 @@ import numpy as np
 class Criteria:
     """Criteria of one fit: N samples, d free parameters after the gauge, initial states counted.
 
-    loss is what the search minimised, over N and without what is put on top of the data (ridge, calm): weighted errors
-    count by their weights, and errors beyond Huber's corner by less. mse is V = e'e / N of the errors as they are, in
-    the unit of y squared, over all observed samples of all outputs; plain least squares has loss = mse. All criteria of
-    `TABLE` follow from V, so that fits with different objectives can be compared by them; they are attributes too. A
-    criterion that N does not allow (N <= d for FPE, N <= d + 1 for AICc) is infinite, one whose V is unknown is nan.
+    loss is what the search minimised, over N and without what is put on top of the data (ridge, curvature): weighted
+    errors count by their weights, and errors beyond Huber's threshold by less. mse is V = e'e / N of the errors as
+    they are, in the unit of y squared, over all observed samples of all outputs; plain least squares has loss = mse.
+    All criteria of `TABLE` follow from V, so that fits with different objectives can be compared by them; they are
+    attributes too. A criterion that N does not allow (N <= d for FPE, N <= d + 1 for AICc) is infinite, one whose V is
+    unknown is nan.
     """
 
     loss: float

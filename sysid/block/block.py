@@ -106,10 +106,10 @@ class Block(ABC):
         """theta (p,) of this block that draws the very curve of its coarser block at theta."""
         return theta
 
-    def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How sharply the map bends at each of its knots (k,), in its own mean slope, and the derivative (k, p).
+    def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Change of slope at each inner knot (k,), divided by the map's mean slope, and the derivative (k, p).
 
-        No gauge may change it. A fit holds each bend with the weight of one sample, see `Objective.calm`.
+        No gauge may change it. Each kink enters the cost of a fit as one sample, see `Objective.curvature_weight`.
         """
         return np.empty(0), np.empty((0, len(theta)))
 

@@ -11,7 +11,7 @@ from sysid.block.block import Slot, StaticBlock, Symmetry
 class DeadZone(StaticBlock):
     """y = x - lower below `lower`, x - upper above `upper`, 0 between; two parameters.
 
-    The derivative at a corner is one-sided (zero).
+    The derivative at a break point is one-sided (zero).
     """
 
     def slots(self) -> tuple[Slot, ...]:

@@ -13,13 +13,13 @@ class DeadZoneSaturation(StaticBlock):
 
     y = gain_lower (max(x, saturation_lower) - dead_lower) below the dead zone, gain_upper (min(x, saturation_upper) -
     dead_upper) above it: an amplifier that starts late, runs out of supply, and differs by direction. Six parameters;
-    all four corners are values of x. The derivative at a corner is one-sided; where no sample passes a corner its
-    column is zero and the data say nothing about it.
+    all four break points are values of x. The derivative at a break point is one-sided; where no sample passes a break
+    point its column is zero and the data say nothing about it.
     """
 
     def slots(self) -> tuple[Slot, ...]:
-        corners = ("saturation_lower", "dead_lower", "dead_upper", "saturation_upper")
-        return tuple(Slot(name) for name in (*corners, "gain_lower", "gain_upper"))
+        break_points = ("saturation_lower", "dead_lower", "dead_upper", "saturation_upper")
+        return tuple(Slot(name) for name in (*break_points, "gain_lower", "gain_upper"))
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
         s_lo, d_lo, d_up, s_up, a_lo, a_up = theta
@@ -35,7 +35,7 @@ class DeadZoneSaturation(StaticBlock):
         return a_lo * reach_lo + a_up * reach_up, slope
 
     def start(self, x: np.ndarray) -> np.ndarray:
-        """Unit slopes, every corner a little inside the range of x, so that none starts without effect."""
+        """Unit slopes, every break point a little inside the range of x, so that none starts without effect."""
         lo, hi = float(x.min()), float(x.max())
         span = hi - lo if hi > lo else 1.0
         middle = 0.0 if lo + 0.1 * span < 0.0 < hi - 0.1 * span else 0.5 * (lo + hi)
@@ -43,10 +43,10 @@ class DeadZoneSaturation(StaticBlock):
         return np.array([lo + margin, middle - dead, middle + dead, lo + span - margin, 1.0, 1.0])
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
-        corners, gains = np.repeat([1.0, 0.0], [4, 2]), np.repeat([0.0, 1.0], [4, 2])
+        break_points, gains = np.repeat([1.0, 0.0], [4, 2]), np.repeat([0.0, 1.0], [4, 2])
         return [
-            Symmetry(theta * (corners - gains), in_scale=1.0),
-            Symmetry(corners, in_shift=1.0),
+            Symmetry(theta * (break_points - gains), in_scale=1.0),
+            Symmetry(break_points, in_shift=1.0),
             Symmetry(theta * gains, out_scale=1.0),
         ]
 

@@ -16,7 +16,7 @@ class PiecewiseLinear(StaticBlock):
 
     Outside the outer knots the end slopes go on. The derivative at a knot is one-sided (that of the segment below).
     `at` gives the break points x_i where the search starts, else they are spread over the range of the data; with
-    free_knots=False they stay there and only the y_i are parameters (`PiecewiseLinear.laid` puts them over data).
+    free_knots=False they stay there and only the y_i are parameters (see `PiecewiseLinear.evenly_spaced`).
     """
 
     knots: int = 10
@@ -27,12 +27,14 @@ class PiecewiseLinear(StaticBlock):
         if self.knots < 2:
             raise InputError(f"a piecewise linear map of {self.knots} break point(s) is no map; give at least 2")
         if not self.free_knots and not self.at:
-            raise InputError("fixed break points need values; give at=(x1, x2, ...) or use PiecewiseLinear.laid(x)")
+            raise InputError(
+                "fixed break points need values; give at=(x1, x2, ...) or use PiecewiseLinear.evenly_spaced(x)"
+            )
         if self.at and (len(self.at) != self.knots or not np.all(np.diff(self.at) > 0)):
             raise InputError(f"at holds {len(self.at)} values for {self.knots} knots; give as many, in rising order")
 
     @classmethod
-    def laid(cls, x: np.ndarray, knots: int = 10, role: str = "block") -> "PiecewiseLinear":
+    def evenly_spaced(cls, x: np.ndarray, knots: int = 10, role: str = "block") -> "PiecewiseLinear":
         """Fixed knots, equally spaced over the range of x (N,)."""
         x = np.asarray(x, dtype=float)
         lo, hi = float(x.min()), float(x.max())
@@ -66,7 +68,7 @@ class PiecewiseLinear(StaticBlock):
         knots = np.array(self.at) if self.at else np.linspace(lo, hi if hi > lo else lo + 1.0, self.knots)
         return np.concatenate([knots, knots]) if self.free_knots else knots
 
-    def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(s_{i+1} - s_i) / S at the inner knots, s_i the slopes and S the mean of their sizes."""
         x, y = self._points(theta)
         n, width = self.knots, np.diff(x)
@@ -77,10 +79,10 @@ class PiecewiseLinear(StaticBlock):
         ds[rows, n + rows], ds[rows, n + rows + 1] = -1.0 / width, 1.0 / width
         S = float(np.mean(np.abs(s)))
         if n < 3 or S == 0.0:
-            return super().bends(theta)
-        bend, dS = np.diff(s) / S, np.sign(s) @ ds / (n - 1)
-        d = (np.diff(ds, axis=0) - np.outer(bend, dS)) / S
-        return bend, d if self.free_knots else d[:, n:]
+            return super().kinks(theta)
+        kink, dS = np.diff(s) / S, np.sign(s) @ ds / (n - 1)
+        d = (np.diff(ds, axis=0) - np.outer(kink, dS)) / S
+        return kink, d if self.free_knots else d[:, n:]
 
     def coarser(self) -> "PiecewiseLinear | None":
         """Half the knots: fewer places for a search to lose its way."""

@@ -75,7 +75,7 @@ class ProfiledMotor(Block):
             return theta
         return np.concatenate([theta[:3], rise - less, fall - less, theta[-2:]])
 
-    def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Change of slope of both profiles at each inner knot, in units of their mean friction over one segment."""
         n, knots = max(self.knots - 2, 0), self.knots
         D = np.zeros((2 * n, len(theta)))

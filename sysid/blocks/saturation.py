@@ -11,7 +11,7 @@ from sysid.block.block import Slot, StaticBlock, Symmetry
 class Saturation(StaticBlock):
     """y = min(max(x, lower), upper); two parameters, slope one between them.
 
-    The derivative at a corner is one-sided (that of the linear part). Where no sample passes a limit, the data say
+    The derivative at a break point is one-sided (that of the linear part). Where no sample passes a limit, the data say
     nothing about it and its column of the Jacobian is zero.
     """
 

@@ -18,7 +18,7 @@ class TravelMap(StaticBlock):
 
     What a linkage makes of its actuator's travel. `low` and `high` are the outputs at the two ends; s_1, s_2, ... are
     the shares of the way at the knots between. With `smooth` s is the natural cubic spline through them, straight
-    beyond the ends. Where the data never go, the calm of a fit keeps s straight.
+    beyond the ends. Where the data never go, the curvature weight of a fit keeps s straight.
     """
 
     knots: int = 9
@@ -91,7 +91,7 @@ class TravelMap(StaticBlock):
                 break
         return np.concatenate([theta[:2], drawn[1:-1]])
 
-    def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Change of slope at each inner knot, in the mean slope."""
         n = self.knots - 2
         d = np.zeros((n, len(theta)))

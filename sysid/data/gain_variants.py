@@ -8,7 +8,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 
 
-def with_gains(data: IOData, share: float) -> IOData:
+def gain_variants(data: IOData, share: float) -> IOData:
     """The record three times, its input multiplied by 1 - share, 1 and 1 + share, as experiments of one fit.
 
     A chain that integrates adds up every error of its friction, and friction and gain differ from day to day by

@@ -76,8 +76,8 @@ def outliers(data: IOData, treat: str = "missing", half_width: int = 5, threshol
 
 def _floor(y: np.ndarray) -> float:
     """Noise of the record: from its second differences, but not below the step between its values."""
-    bends = np.abs(np.diff(y, 2))
-    noise = 1.4826 * float(np.median(bends)) / np.sqrt(6.0) if len(bends) else 0.0
+    second = np.abs(np.diff(y, 2))
+    noise = 1.4826 * float(np.median(second)) / np.sqrt(6.0) if len(second) else 0.0
     steps = np.diff(np.unique(y))
     # A value read from a converter may be off by a step without being wrong.
     return max(noise, float(np.median(steps)) if 0 < len(steps) < len(y) // 4 else 0.0, 1e-12 * float(np.ptp(y)))

@@ -1,4 +1,4 @@
-"""Trends: means, straight lines or lines that bend at given samples, taken off a record and put back."""
+"""Trends: means, straight lines or lines with kinks at given samples, taken off a record and put back."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,9 +26,9 @@ class Trend:
 
     @classmethod
     def of(cls, data: IOData, kind: str = "linear", breaks: Sequence[int] = ()) -> "Trend":
-        """Least squares over the measured samples: 'mean', or 'linear' with bends at the samples `breaks` (from 0).
+        """Least squares over the measured samples: 'mean', or 'linear' with kinks at the samples `breaks` (from 0).
 
-        Lines meet at the bends, unlike scipy.signal.detrend's, whose jumps a model would have to explain. Every
+        Lines meet at the kinks, unlike scipy.signal.detrend's, whose jumps a model would have to explain. Every
         experiment has lines of its own (breaks then count from its own start); a mean is taken over all. Raises
         InputError for breaks out of the record or out of order.
         """
@@ -95,8 +95,8 @@ def _sentence(data: IOData, y: np.ndarray, kind: str, breaks: tuple[int, ...]) -
     if kind == "mean":
         return f"means taken off: {_list(y[0], data.y_unit)} of the output"
     span = _list(np.ptp(y, axis=0), data.y_unit)
-    bends = f" with bends at samples {', '.join(map(str, breaks))}" if breaks else ""
-    return f"lines{bends} taken off {len(data.lengths)} experiment(s); the output's ran over {span}"
+    kinks = f" with kinks at samples {', '.join(map(str, breaks))}" if breaks else ""
+    return f"lines{kinks} taken off {len(data.lengths)} experiment(s); the output's ran over {span}"
 
 
 def _list(values: np.ndarray, unit: str) -> str:

@@ -101,9 +101,9 @@ def _output(data: IOData, j: int, white: Whitened | None) -> Iterator[Advice]:
 
 def _noise(y: np.ndarray, white: Whitened | None) -> float:
     """Spread of the noise: the smaller of what second differences show (right at rest) and a linear model leaves."""
-    bends = np.abs(np.diff(y, 2)) / np.sqrt(6.0)
-    left = np.abs(white.regression.e) if white is not None else bends
-    return 1.4826 * min(float(np.median(bends)) if len(bends) else 0.0, float(np.median(left)))
+    second = np.abs(np.diff(y, 2)) / np.sqrt(6.0)
+    left = np.abs(white.regression.e) if white is not None else second
+    return 1.4826 * min(float(np.median(second)) if len(second) else 0.0, float(np.median(left)))
 
 
 def _rest(name: str, y: np.ndarray, noise: float, unit: str) -> Advice:
@@ -127,7 +127,7 @@ def _outliers(data: IOData, j: int, white: Whitened | None, name: str) -> Advice
     y = data.y[:, j]
     found = hampel(y) & data.observed[:, j] if data.N >= 11 else np.zeros(data.N, dtype=bool)
     if white is not None and found.any():
-        # A step of the plant stands off its neighbours too; only what its own past does not foretell is an outlier.
+        # A step of the plant stands off its neighbours too; only what its own past does not predict is an outlier.
         e = white.regression.e
         size = np.abs(e - np.median(e))
         odd = np.zeros(data.N, dtype=bool)

@@ -37,18 +37,18 @@ class _Run:
     search: str
     options: Options
     progress: Callable[[str], None] | None
-    corner: float = np.inf
+    huber_threshold: float = np.inf
 
     def problem(self, thetas: np.ndarray) -> ChainProblem:
         """The problem around thetas (K, P)."""
-        pull, nominal = _ridge(self.model, self.objective)
+        prior_weight, nominal = _ridge(self.model, self.objective)
         return ChainProblem(
             self.model,
             thetas,
             self.data.experiments,
             self.model.free,
-            self.corner,
-            pull,
+            self.huber_threshold,
+            prior_weight,
             nominal,
             weights=np.array(self.objective.weights or (1.0,)),
         )
@@ -82,7 +82,8 @@ def fit_chain(
         raise InputError(f"starts is {starts}; give at least 1")
     with one_blas_thread():
         points = _own_starts(model, start) if start is not None else make_starts(model, data, starts, seed)
-        problems = _calmed(run, [run.problem(with_initial_states(model, theta, data)) for theta in points])
+        problems = [run.problem(with_initial_states(model, theta, data)) for theta in points]
+        problems = _with_curvature_weight(run, problems)
         outcomes = _race(run, problems)
         costs = [o.cost for o in outcomes]
         best = int(np.argmin(costs))
@@ -92,7 +93,7 @@ def fit_chain(
                 "detrend the data or lower the orders"
             )
         problem, outcome = problems[best], outcomes[best]
-        problem, outcome = _settle(run, problem, outcome)
+        problem, outcome = _follow_noise(run, problem, outcome)
         theta, cov, d = problem.thetas(outcome.p)[0], problem.covariance(outcome.p), problem.count(outcome.p)
     N = int(data.observed.sum())
     e, plain = problem.bare.residual(outcome.p), problem.plain.residual(outcome.p)
@@ -129,35 +130,36 @@ def _race(run: _Run, problems: list[ChainProblem]) -> list[Outcome]:
     return outcomes
 
 
-def _settle(run: _Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
-    """Go on with what needs to know the noise: Huber's corner and the calm of the maps follow the residuals' spread."""
-    robust, calm = run.objective.robust, run.objective.calm
+def _follow_noise(run: _Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
+    """Search on while Huber's threshold and the curvature weight follow the spread of the residuals."""
+    threshold, curvature = run.objective.huber_threshold, run.objective.curvature_weight
     for _ in range(_PASSES):
-        noise = _noise(problem, outcome.p, robust is not None)
-        # How heavy a bend is need not be known closely, where the corner stands a little more.
-        settled = robust is None or abs(problem.corner / robust - noise) < 0.05 * noise
-        if settled and (problem.calm == 0.0 or calm * noise < problem.calm * 1.25 < 2.0 * calm * noise):
+        noise = _noise(problem, outcome.p, threshold is not None)
+        # The curvature weight need not be known closely, the threshold a little more so.
+        steady = threshold is None or abs(problem.huber_threshold / threshold - noise) < 0.05 * noise
+        known = problem.curvature_weight
+        if steady and (known == 0.0 or curvature * noise < known * 1.25 < 2.0 * curvature * noise):
             break
-        weight = calm * noise if problem.calm else 0.0
-        problem = replace(problem, corner=np.inf if robust is None else robust * noise, calm=weight)
+        huber = np.inf if threshold is None else threshold * noise
+        problem = replace(problem, huber_threshold=huber, curvature_weight=curvature * noise if known else 0.0)
         outcome = outcome.then(run.iterate(problem, outcome.p, run.options))
     return problem, outcome
 
 
-def _calmed(run: _Run, problems: list[ChainProblem]) -> list[ChainProblem]:
-    """The problems with one weight on their maps' bends, from the least noise that any start leaves."""
-    bends = len(run.model.bends(problems[0].theta0[0])[0])
-    if not run.objective.calm or not bends:
+def _with_curvature_weight(run: _Run, problems: list[ChainProblem]) -> list[ChainProblem]:
+    """The problems with one weight on their maps' kinks, from the least noise that any start leaves."""
+    weight, kinks = run.objective.curvature_weight, len(run.model.kinks(problems[0].theta0[0])[0])
+    if not weight or not kinks:
         return problems
     noise = min(_noise(problem, problem.start, False) for problem in problems)
-    return (
-        [replace(problem, calm=run.objective.calm * noise) for problem in problems] if np.isfinite(noise) else problems
-    )
+    if not np.isfinite(noise):
+        return problems
+    return [replace(problem, curvature_weight=weight * noise) for problem in problems]
 
 
 def _noise(problem: ChainProblem, p: np.ndarray, robust: bool) -> float:
     """Standard deviation of the residuals at p, infinite where there is no model, never quite zero."""
-    e = replace(problem.bare, corner=np.inf).residual(p)
+    e = replace(problem.bare, huber_threshold=np.inf).residual(p)
     if e is None or not np.all(np.isfinite(e)):
         return np.inf
     return max(spread(e) if robust else float(np.std(e)), 1e-12 * np.sqrt(problem.size / len(e)))

@@ -12,40 +12,45 @@ from sysid.base.errors import InputError
 class Objective:
     """Options of the cost; the default is plain least squares.
 
-    robust: corner of Huber's loss in multiples of the residuals' own spread (1.345 keeps 95 % efficiency under Gaussian
-    noise, Huber 1964), None for squares. ridge: weight of the pull towards `nominal` (name -> value; 0 where not
-    named), each parameter measured in its own nominal size; 0 for none. weights: one factor for each output's error.
-    calm: a bend of a free map by its own mean slope costs as much as an error of `calm` noise standard deviations in
-    one sample. Data decide wherever there are data; a segment that two noisy samples would bend anywhere, and with it
-    all that lies beyond, stays near its neighbour. 0 for none.
+    huber_threshold: where Huber's loss turns linear, in multiples of the residuals' own spread (1.345 keeps 95 %
+    efficiency under Gaussian noise, Huber 1964), None for squares. ridge: weight of the distance to `nominal` (name ->
+    value; 0 where not named), each parameter measured in its own nominal size; 0 for none. weights: one factor for
+    each output's error. curvature_weight: a kink of a free map as large as its mean slope costs as much as an error of
+    `curvature_weight` noise standard deviations in one sample. Data decide wherever there are data; a segment that
+    holds only a few noisy samples keeps nearly the slope of its neighbour, and so does the map beyond it. 0 for none.
     """
 
-    robust: float | None = None
+    huber_threshold: float | None = None
     ridge: float = 0.0
     nominal: Mapping[str, float] = field(default_factory=dict)
     weights: tuple[float, ...] = ()
-    calm: float = 1.0
+    curvature_weight: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.robust is not None and not 0.0 < self.robust < np.inf:
-            raise InputError(f"robust is {self.robust}; give a positive number of spreads, for example 1.345, or None")
+        if self.huber_threshold is not None and not 0.0 < self.huber_threshold < np.inf:
+            raise InputError(
+                f"huber_threshold is {self.huber_threshold}; give a positive number of spreads, for example 1.345, "
+                "or None"
+            )
         if not 0.0 <= self.ridge < np.inf:
             raise InputError(f"ridge is {self.ridge}; give 0 or a positive weight")
-        if not 0.0 <= self.calm < np.inf:
-            raise InputError(f"calm is {self.calm}; give 0 or a positive number of noise deviations")
+        if not 0.0 <= self.curvature_weight < np.inf:
+            raise InputError(
+                f"curvature_weight is {self.curvature_weight}; give 0 or a positive number of noise deviations"
+            )
         if any(not 0.0 < w < np.inf for w in self.weights):
             raise InputError(f"weights are {self.weights}; give one positive number for each output")
 
 
-def huber(e: np.ndarray, corner: float) -> tuple[np.ndarray, np.ndarray]:
+def huber(e: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
     """Errors r (N,) whose squares sum to Huber's loss of e (N,), and dr/de (N,).
 
-    r = e within the corner and sign(e) sqrt(2 c |e| - c^2) beyond, so that a least-squares search minimises it.
+    r = e within the threshold c and sign(e) sqrt(2 c |e| - c^2) beyond, so that a least-squares search minimises it.
     """
     size = np.abs(e)
-    beyond = size > corner
-    root = np.sqrt(np.where(beyond, 2.0 * corner * size - corner**2, 1.0))
-    return np.where(beyond, np.sign(e) * root, e), np.where(beyond, corner / root, 1.0)
+    beyond = size > threshold
+    root = np.sqrt(np.where(beyond, 2.0 * threshold * size - threshold**2, 1.0))
+    return np.where(beyond, np.sign(e) * root, e), np.where(beyond, threshold / root, 1.0)
 
 
 def spread(e: np.ndarray) -> float:

@@ -17,18 +17,18 @@ class ChainProblem:
 
     theta0 (K, P) is where p = 0, one row for each experiment, equal but for the initial states; moving (P,) marks the
     directions of the chain's basis in p. The first experiment's directions come first (n,), then every other's initial
-    states. Missing samples are left out. `corner` is Huber's, in the unit of y; `pull` (P,) are the weights of a ridge
-    towards `nominal` (P,); `calm` is the weight of the maps' bends, in the unit of y.
+    states. Missing samples are left out. `huber_threshold` is in the unit of y; `prior_weight` (P,) weighs the
+    distance to `nominal` (P,) (ridge); `curvature_weight` weighs the maps' kinks, in the unit of y.
     """
 
     chain: Chain
     theta0: np.ndarray
     records: tuple[IOData, ...]
     moving: np.ndarray
-    corner: float = np.inf
-    pull: np.ndarray | None = None
+    huber_threshold: float = np.inf
+    prior_weight: np.ndarray | None = None
     nominal: np.ndarray | None = None
-    calm: float = 0.0
+    curvature_weight: float = 0.0
     weights: np.ndarray = field(default_factory=lambda: np.ones(1))
     scratch: dict[int, np.ndarray] = field(default_factory=dict, compare=False, repr=False)  # J of each experiment
 
@@ -93,10 +93,10 @@ class ChainProblem:
         parts = [
             self._errors(r, self.chain.outputs(theta, r.u))[0] for theta, r in zip(thetas, self.records, strict=True)
         ]
-        if self.pull is not None:
-            parts.append(self.pull * (self._nominal - thetas[0]))
-        if self.calm:
-            parts.append(-self.calm * self.chain.bends(thetas[0])[0])
+        if self.prior_weight is not None:
+            parts.append(self.prior_weight * (self._nominal - thetas[0]))
+        if self.curvature_weight:
+            parts.append(-self.curvature_weight * self.chain.kinks(thetas[0])[0])
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -120,28 +120,28 @@ class ChainProblem:
                     wide[:, n + (k - 1) * m : n + k * m] = J[:, self.own[self.moving]]
                 J = wide
             rows.append(J)
-        if self.pull is not None:
-            errors.append(self.pull * (self._nominal - thetas[0]))
-            wide = np.zeros((len(self.pull), rows[0].shape[1]))
-            wide[:, :n] = self.pull[:, None] * self.chain.basis[:, self.moving]
+        if self.prior_weight is not None:
+            errors.append(self.prior_weight * (self._nominal - thetas[0]))
+            wide = np.zeros((len(self.prior_weight), rows[0].shape[1]))
+            wide[:, :n] = self.prior_weight[:, None] * self.chain.basis[:, self.moving]
             rows.append(wide)
-        if self.calm:
-            bend, d = self.chain.bends(thetas[0])
-            errors.append(-self.calm * bend)
-            wide = np.zeros((len(bend), rows[0].shape[1]))
-            wide[:, :n] = self.calm * (d @ self.chain.basis[:, self.moving])
+        if self.curvature_weight:
+            kink, d = self.chain.kinks(thetas[0])
+            errors.append(-self.curvature_weight * kink)
+            wide = np.zeros((len(kink), rows[0].shape[1]))
+            wide[:, :n] = self.curvature_weight * (d @ self.chain.basis[:, self.moving])
             rows.append(wide)
         return (errors[0], rows[0]) if len(rows) == 1 else (np.concatenate(errors), np.concatenate(rows))
 
     @property
     def bare(self) -> "ChainProblem":
         """The same without what is put on top of the data."""
-        return replace(self, pull=None, calm=0.0)
+        return replace(self, prior_weight=None, curvature_weight=0.0)
 
     @property
     def plain(self) -> "ChainProblem":
-        """The same with every error as it is: no weight, no corner, nothing on top."""
-        return replace(self.bare, corner=np.inf, weights=np.ones(1))
+        """The same with every error as it is: no weight, no threshold, nothing on top."""
+        return replace(self.bare, huber_threshold=np.inf, weights=np.ones(1))
 
     def covariance(self, p: np.ndarray) -> Covariance:
         """Covariance of theta (of the first experiment) at p; a direction that a limit holds counts as known."""
@@ -166,16 +166,16 @@ class ChainProblem:
         return np.zeros(self.theta0.shape[1]) if self.nominal is None else self.nominal
 
     def _errors(self, record: IOData, yhat: np.ndarray) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
-        """e of the observed samples, output after output; which they are, and the robust slope, None where all, 1."""
+        """e of the observed samples, output after output; which they are, the slope of the loss; None where all, 1."""
         e = (self.weights * (record.y - yhat)).T.ravel()
         slope = None if len(self.weights) == 1 and self.weights[0] == 1.0 else np.repeat(self._w(record), record.N)
         keep = None if record.missing is None else record.observed.T.ravel()
         if keep is not None:
             e, slope = e[keep], None if slope is None else slope[keep]
-        if np.isfinite(self.corner):
+        if np.isfinite(self.huber_threshold):
             with np.errstate(over="ignore", invalid="ignore"):
-                e, bend = huber(e, self.corner)
-            slope = bend if slope is None else bend * slope
+                e, factor = huber(e, self.huber_threshold)
+            slope = factor if slope is None else factor * slope
         return e, keep, slope
 
     def _w(self, record: IOData) -> np.ndarray:

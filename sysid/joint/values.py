@@ -68,14 +68,14 @@ def joint_values(
             continue
         spread, low, high = spread_of(_gradient(read, fit.theta)), None, None
         if np.isfinite(spread) and spread > 0.0:
-            bent = linearity * _bend_share(name, value, chain, fit.theta)
-            spread = float(np.hypot(spread, norm.ppf(0.5 + level / 2) * bent))
+            off_line = linearity * _nonlinearity_share(name, value, chain, fit.theta)
+            spread = float(np.hypot(spread, norm.ppf(0.5 + level / 2) * off_line))
             low, high = max(value - spread, least), value + spread
         found.append(JointValue(name, float(value), low, high, unit))
     return tuple(found)
 
 
-def _bend_share(name: str, value: float, chain: Chain, theta: np.ndarray) -> float:
+def _nonlinearity_share(name: str, value: float, chain: Chain, theta: np.ndarray) -> float:
     """Standard uncertainty of a value for a sensor that is off a straight line by 1 at most."""
     if name.startswith("end_"):
         return float(np.sqrt(0.5))

@@ -205,16 +205,16 @@ class Chain:
                 x = b.output(self.part(theta, b), x)
         return x
 
-    def bends(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Bends of all maps (k,) and their derivative (k, P), see `Block.bends`."""
+    def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Kinks of all maps (k,) and their derivative (k, P), see `Block.kinks`."""
         values, rows = [np.empty(0)], [np.empty((0, len(theta)))]
         for b in self.blocks:
             for part, entry in b.parts():
                 own = slice(self.index(b).start + part.start, self.index(b).start + part.stop)
-                bend, d = entry.bends(theta[own])
-                wide = np.zeros((len(bend), len(theta)))
+                kink, d = entry.kinks(theta[own])
+                wide = np.zeros((len(kink), len(theta)))
                 wide[:, own] = d
-                values.append(bend)
+                values.append(kink)
                 rows.append(wide)
         return np.concatenate(values), np.concatenate(rows)
 

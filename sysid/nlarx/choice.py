@@ -9,7 +9,7 @@ from sysid.nlarx.model import Nlarx
 from sysid.nlarx.problem import AnyProblem, Piece, PredictionProblem, SimulationProblem, rows
 from sysid.nlarx.result import Choice
 from sysid.nlarx.runs import runs_of
-from sysid.nlarx.start import laid, network_start
+from sysid.nlarx.start import empty_network, network_start
 from sysid.solver.iterate import Options
 
 RIDGES = (1e-4, 0.1)
@@ -25,7 +25,7 @@ def choices(model: Nlarx, data: IOData, ridges: tuple[float, ...], search: str) 
     """Sizes up to what generalised cross-validation allows, each fitted to every record without one of its blocks."""
     folds = _folds(model, data)
     Phi, y = rows(model, Piece.of(data))
-    empty = laid(model, Phi)
+    empty = empty_network(model, Phi)
     most = network_start(empty, Phi, y)[0].units
     linear = np.column_stack([np.ones(len(y)), Phi])
     exact = np.ptp(y - linear @ np.linalg.lstsq(linear, y, rcond=None)[0]) <= 1e-9 * np.ptp(y)

@@ -39,9 +39,10 @@ def fit(
     """Fit a chain to a record, of one or of several merged experiments, by least squares on its free-run output.
 
     search: a name of `sysid.solver.searches.TABLE`; starts: how many starting points, the first from a linear model,
-    the others varied with `seed`; start (P,) or (K, P): one or several starting points of your own; objective: robust
-    loss, ridge, output weights, and the calm that keeps free maps from bends no data ask for (on by default:
-    `Objective`). Equal seeds give equal numbers whatever the number of threads. Raises InputError for a record that is
+    the others varied with `seed`; start (P,) or (K, P): one or several starting points of your own; objective: Huber's
+    threshold, ridge, output weights, and the curvature weight that keeps free maps from kinks no data ask for
+    (on by default: `Objective`).
+    Equal seeds give equal numbers whatever the number of threads. Raises InputError for a record that is
     too short, of other channels than the model, or whose input or output is constant. An Nlarx goes to
     `sysid.fit_nlarx`.
     """

@@ -47,12 +47,12 @@ def fit_nlarx(
         raise InputError(f"ridge is {ridge}; give 0 or a positive number")
     with one_blas_thread():
         choice: tuple[Choice, ...] = ()
-        settled, weight = model, RIDGES[0] if ridge is None else ridge
+        chosen, weight = model, RIDGES[0] if ridge is None else ridge
         if model.units == "auto":
             choice = choices(model, data, RIDGES if ridge is None else (ridge,), search)
             best_choice = preferred(choice)
-            settled, weight = replace(model, units=best_choice.units), best_choice.ridge
-        runs = runs_of(settled, data, search, starts, seed, options, weight)
+            chosen, weight = replace(model, units=best_choice.units), best_choice.ridge
+        runs = runs_of(chosen, data, search, starts, seed, options, weight)
         best = min(runs, key=lambda run: (not run.ended, run.loss))
         if not np.isfinite(best.loss):
             raise InputError(

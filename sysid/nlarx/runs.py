@@ -12,7 +12,7 @@ from sysid.estimation.fit import fit_chain
 from sysid.model.chain import Chain
 from sysid.nlarx.model import Network, Nlarx
 from sysid.nlarx.problem import AnyProblem, Piece, PredictionProblem, SimulationProblem, rows
-from sysid.nlarx.start import laid, network_start
+from sysid.nlarx.start import empty_network, network_start
 from sysid.solver.iterate import Options, Outcome, iterate
 from sysid.solver.searches import search as make_search
 
@@ -72,7 +72,7 @@ def _starts(
     """Networks laid over the records: the one-step problem and theta (P,) of each."""
     found = []
     Phi, y = rows(model, pieces)
-    empty = laid(model, Phi)
+    empty = empty_network(model, Phi)
     for k in range(starts):
         rng = None if k == 0 else np.random.default_rng([seed, k])
         network, theta = network_start(empty, Phi, y, rng)

@@ -16,7 +16,7 @@ _FLAT = 1e-6  # a principal axis with less than this share of the widest one's s
 _STRETCH = 0.1  # axes narrower than this share of the widest keep their proportion to it
 
 
-def laid(model: Nlarx, Phi: np.ndarray) -> Network:
+def empty_network(model: Nlarx, Phi: np.ndarray) -> Network:
     """The network without units, with scaling from the regressors Phi (N, n)."""
     mu, spread = Phi.mean(axis=0), Phi.std(axis=0)
     names = model.regressors if model.nonlinear is None else model.nonlinear

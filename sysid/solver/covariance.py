@@ -41,11 +41,11 @@ def covariance(e: np.ndarray, J: np.ndarray, gauge: np.ndarray, basis: np.ndarra
     _, s, Vt = np.linalg.svd(R / scale)
     keep = s > 1e-7 * s[0] if s[0] > 0 else np.zeros(len(s), dtype=bool)
     V = basis @ (Vt.T[:, keep] / s[keep] / scale[:, None])
-    lost = _lost(Vt.T[:, ~keep], gauge * np.where(np.isfinite(scale), scale, 1.0)[:, None])
-    return Covariance(sigma2 * (V @ V.T), np.abs(basis) @ lost > 0, sigma2)
+    unidentifiable = _unidentifiable(Vt.T[:, ~keep], gauge * np.where(np.isfinite(scale), scale, 1.0)[:, None])
+    return Covariance(sigma2 * (V @ V.T), np.abs(basis) @ unidentifiable > 0, sigma2)
 
 
-def _lost(null: np.ndarray, gauge: np.ndarray) -> np.ndarray:
+def _unidentifiable(null: np.ndarray, gauge: np.ndarray) -> np.ndarray:
     """Parameters (P,) with a share in directions that the data leave open beyond the gauge."""
     if gauge.shape[1]:
         Q = np.linalg.qr(gauge)[0]

@@ -14,7 +14,7 @@ from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData, siso
 from sysid.estimation.result import rested
 from sysid.uncertainty.information import Information
-from sysid.uncertainty.initial_sensitivity import settled, settling
+from sysid.uncertainty.initial_sensitivity import initial_state_sensitivity, with_initial_state
 
 Follow = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -121,9 +121,11 @@ def _sensitivity(
         if abs(record.Ts - info.Ts) > 1e-6 * info.Ts:
             raise InputError(f"the record is sampled every {record.Ts} s and the fit every {info.Ts} s; resample it")
         n = min(info.n_init if n_init is None else n_init, record.N)
-        theta = settled(chain, info.theta, record.select(0, n))
+        theta = with_initial_state(chain, info.theta, record.select(0, n))
         J = chain.tangent(theta, u)[1]
-        return (theta, u, *settling(J, initial, n)) if initial.any() else (theta, u, J, np.zeros((len(u), 0)))
+        if not initial.any():
+            return theta, u, J, np.zeros((len(u), 0))
+        return theta, u, *initial_state_sensitivity(J, initial, n)
     u = np.ascontiguousarray(record, dtype=float).ravel()
     theta = rested(chain, info.theta)
     J = chain.tangent(theta, u)[1]

@@ -2,7 +2,7 @@
 
 A quantity g(theta) has the variance g' cov g (delta method). Two kinds of directions carry no variance and must not
 pass for certainty: the gauge (a gain may move between blocks), and what the record does not excite. `Information` keeps
-both apart, so that a quantity that leans on one of them gets a sentence and no interval.
+both apart, so that a quantity that depends on one of them gets a sentence and no interval.
 """
 
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData, siso
 from sysid.model.chain import Chain
-from sysid.uncertainty.initial_sensitivity import settled
-from sysid.uncertainty.long_run import long_run_root
+from sysid.uncertainty.initial_sensitivity import with_initial_state
+from sysid.uncertainty.long_run import long_run_covariance_root
 
 if TYPE_CHECKING:
     from sysid.estimation.result import Fit
@@ -74,17 +74,17 @@ class Information:
     def std_of(self, gradient: np.ndarray) -> np.ndarray:
         """Standard deviation (m,) of quantities with gradient (m, P); nan where the record does not determine them."""
         G = np.atleast_2d(gradient)
-        lost = self._leans_on(G, self.gauge) | self._leans_on(G, self.unexcited)
+        lost = self._depends_on(G, self.gauge) | self._depends_on(G, self.unexcited)
         return np.where(lost, np.nan, np.linalg.norm(G @ self.factor, axis=1))
 
     def note_of(self, gradient: np.ndarray) -> str:
         """Why one of the quantities with gradient (m, P) is undetermined; '' where all are determined."""
         G = np.atleast_2d(gradient)
-        if np.any(self._leans_on(G, self.gauge)):
+        if np.any(self._depends_on(G, self.gauge)):
             return GAUGE
-        return UNEXCITED if np.any(self._leans_on(G, self.unexcited)) else ""
+        return UNEXCITED if np.any(self._depends_on(G, self.unexcited)) else ""
 
-    def _leans_on(self, G: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    def _depends_on(self, G: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """True (m,) where a gradient has a share along `directions` (P, k).
 
         Measured against the largest of the m: near a value that is known exactly, a gradient is all rounding error.
@@ -135,7 +135,7 @@ def information_at(
         sigma2 = float(e @ e) / max(dof, 1.0) if noise_variance is None else float(noise_variance)
         factor, used = np.sqrt(sigma2) * (weights @ V), None
         if lags is not None:
-            root, used = long_run_root(e[:, None] * ((Jp / scale) @ V), data.lengths, lags)
+            root, used = long_run_covariance_root(e[:, None] * ((Jp / scale) @ V), data.lengths, lags)
             factor = np.sqrt(mask.sum() / max(dof, 1.0)) * (weights @ V @ root)
         null = Vt[~keep].T
         left, sv, _ = np.linalg.svd(null - redundant @ (redundant.T @ null), full_matrices=False)
@@ -163,7 +163,7 @@ def _stacked(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[np.ndarray,
     errors, rows, masks, own = [], [], [], 0
     for k, record in enumerate(data.experiments):
         seen = record.observed[:, 0]
-        own_theta = theta if k == 0 else settled(chain, theta, record)
+        own_theta = theta if k == 0 else with_initial_state(chain, theta, record)
         yhat, J = chain.tangent(own_theta, record.u[:, 0])
         e, J = (record.y[:, 0] - yhat) * seen, J * seen[:, None]
         if k and chain.initial.any():
@@ -191,7 +191,7 @@ def _gauge(chain: Chain, theta: np.ndarray, free: np.ndarray, held: np.ndarray) 
 
 
 def _unit(J: np.ndarray) -> np.ndarray:
-    """Norms of the columns of J; an empty column gets a tiny one, so that leaning on it shows."""
+    """Norms of the columns of J; an empty column gets a tiny one, so that dependence on it shows."""
     norm = np.linalg.norm(J, axis=0)
     filled = norm > 1e-30 * norm.max(initial=0.0)
     typical = float(np.median(norm[filled])) if filled.any() else 1.0

@@ -1,4 +1,4 @@
-"""The initial state of a record for given parameters, and how it leans on them."""
+"""The initial state of a record for given parameters, and its sensitivity to them."""
 
 import numpy as np
 
@@ -6,14 +6,14 @@ from sysid.data.record import IOData
 from sysid.model.chain import Chain
 
 
-def settled(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
+def with_initial_state(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
     """theta (P,) with the initial states that fit one experiment best."""
     from sysid.estimation.initial_state import estimate_initial
 
     return estimate_initial(chain, theta, data)
 
 
-def settling(J: np.ndarray, initial: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+def initial_state_sensitivity(J: np.ndarray, initial: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """How a fitted initial state passes errors on: T (N, P) = dyhat/dtheta and S (N, n) = dyhat/de of the first n.
 
     J (N, P) is the free run's Jacobian with the initial states as parameters of their own, `initial` (P,) marks them.

@@ -9,7 +9,7 @@ from sysid.base.errors import InputError
 _MEMORY = 0.97  # an autocorrelation above this is a drift, for which no bandwidth would do
 
 
-def long_run_root(scores: np.ndarray, lengths: Sequence[int], lags: int | str) -> tuple[np.ndarray, int]:
+def long_run_covariance_root(scores: np.ndarray, lengths: Sequence[int], lags: int | str) -> tuple[np.ndarray, int]:
     """Root R (r, r) with R R' = sum of all autocovariances of scores (N, r), and the lags used.
 
     lags: the Bartlett window's (Newey and West 1987, Econometrica 55); 'auto' filters each score by the AR(1) that fits

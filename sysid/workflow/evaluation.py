@@ -17,7 +17,7 @@ from sysid.joint.growth import Growth, grow_joint
 from sysid.joint.values import JointValue, joint_values
 from sysid.nlarx.model import FOCUS
 from sysid.uncertainty.intervals import Root
-from sysid.workflow.extrapolation import carried, ends_met, unvisited
+from sysid.workflow.extrapolation import ends_met, extrapolated_joint, extrapolated_signals
 
 NLARX = "nlarx"  # the structure whose orders are na, nb, nk, and which also runs one step ahead
 JOINT = "actuated_joint"  # the structure without orders, whose parameters are physical
@@ -242,7 +242,10 @@ def evaluate_fit(
             f"the fit is {seen} where it was fitted and {unseen} where it was not: the model is too large for this "
             "record, or its parts differ; lower the orders, choose smaller maps or look at the data"
         )
-    notes += carried(chain, estimation, validation) if chain and joint else unvisited(estimation, validation)
+    if chain and joint:
+        notes += extrapolated_joint(chain, estimation, validation)
+    else:
+        notes += extrapolated_signals(estimation, validation)
     return Evaluation(
         setting=setting,
         fit=fit,

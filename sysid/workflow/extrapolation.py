@@ -6,11 +6,11 @@ from sysid.blocks import Motor, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 
-UNVISITED = 0.05  # of the range seen, by which a signal may leave it before a report speaks of it
+EXTRAPOLATED = 0.05  # of the range seen, by which a signal may leave it before a report speaks of it
 _AT = 1e-6  # of the stroke: a motor at its stop
 
 
-def unvisited(estimation: IOData, validation: IOData) -> list[str]:
+def extrapolated_signals(estimation: IOData, validation: IOData) -> list[str]:
     """A sentence for each signal of the validation part that leaves the range which the fit has seen."""
     notes = []
     for name, unit, seen, new, offset in (
@@ -19,7 +19,7 @@ def unvisited(estimation: IOData, validation: IOData) -> list[str]:
     ):
         low, high = float(seen.min()), float(seen.max())
         outside = float(np.mean((new < low) | (new > high)))
-        if max(low - new.min(), new.max() - high) > UNVISITED * (high - low):
+        if max(low - new.min(), new.max() - high) > EXTRAPOLATED * (high - low):
             ranges = [f"{a + offset:.4g} to {b + offset:.4g} {unit}".strip() for a, b in ((low, high), _range(new))]
             notes.append(
                 f"{name} was seen from {ranges[0]} and runs from {ranges[1]} in the validation part "
@@ -44,11 +44,11 @@ def ends_met(fit: Fit, estimation: IOData) -> tuple[bool, bool]:
     return met[::-1] if falls else met
 
 
-def carried(fit: Fit, estimation: IOData, validation: IOData) -> list[str]:
+def extrapolated_joint(fit: Fit, estimation: IOData, validation: IOData) -> list[str]:
     """What an actuated joint's physics carries: ends that the estimation part never met, and how far they are."""
     travel, met = _travel(fit), ends_met(fit, estimation)
     if travel is None:
-        return unvisited(estimation, validation)
+        return extrapolated_signals(estimation, validation)
     if all(met):
         return []
     seen, new, offset = estimation.y[:, 0], validation.y[:, 0], estimation.y_offset[0]

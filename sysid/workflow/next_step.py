@@ -11,7 +11,7 @@ from sysid.base.errors import InputError
 from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
 from sysid.workflow.evaluation import JOINT, NLARX, OVERFITTED, Setting
-from sysid.workflow.extrapolation import unvisited
+from sysid.workflow.extrapolation import extrapolated_signals
 from sysid.workflow.record import OWN
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def _unseen(result: "Identification") -> NextStep | None:
 def _coverage(result: "Identification") -> NextStep | None:
     """A validation part that leaves the range of the part that was fitted, and a split that mends this."""
     e = result.evaluation
-    if not unvisited(e.estimation, e.validation):
+    if not extrapolated_signals(e.estimation, e.validation):
         return None
     most = _outside(e.estimation, e.validation) / 4
     for split in SPLITS:

@@ -17,7 +17,7 @@ from sysid.report.page import Grid, to_json
 from sysid.report.units import number, percent, poles, shown
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
-from sysid.workflow.extrapolation import carried, ends_met, unvisited
+from sysid.workflow.extrapolation import ends_met, extrapolated_joint, extrapolated_signals
 from twin.cli.console import Rounds, Steps
 
 
@@ -101,10 +101,10 @@ def test_a_signal_that_leaves_the_range_seen_is_named_on_its_own_scale():
     u[[0, 1, 300]] = -1.0, 1.0, 3.0
     y[[0, 1]] = 0.0, 5.0
     seen, new = detrend(IOData(u, y, 0.1, u_name="voltage", u_unit="V")).split()
-    (note,) = unvisited(seen, new)
+    (note,) = extrapolated_signals(seen, new)
     assert note.startswith("voltage was seen from -1 to 1 V")
     assert "to 3 V in the validation part (0.5 % of it outside)" in note
-    assert unvisited(new, seen) == []
+    assert extrapolated_signals(new, seen) == []
 
 
 def joint_between(low: float, high: float) -> Fit:
@@ -132,15 +132,15 @@ def test_an_end_that_was_never_met_is_named_with_how_far_physics_carries(low, hi
     assert ends_met(fit, still) == (False, False)
     assert ends_met(fit, up) == ((False, True) if high > low else (True, False))
     assert ends_met(fit, both) == (True, True)
-    (note,) = carried(fit, still, both)
+    (note,) = extrapolated_joint(fit, still, both)
     assert "met neither end" in note
     assert "50.0 % of the travel to -1 rad and 50.0 % of the travel to 3 rad" in note
-    (note,) = carried(fit, up, both)
+    (note,) = extrapolated_joint(fit, up, both)
     assert f"met not its {'lower' if high > low else 'upper'} end" in note
     assert f"(50.0 % of the travel to {low:g} rad)" in note
     beyond = np.mean((both.y > up.y.max()) | (both.y < up.y.min()))
     assert f"beyond in {100 * beyond:.1f} % of its samples" in note
-    assert carried(fit, both, up) == []
+    assert extrapolated_joint(fit, both, up) == []
 
 
 def test_a_physical_value_is_shown_in_degrees_with_the_digits_that_its_interval_means():

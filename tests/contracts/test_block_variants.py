@@ -129,7 +129,7 @@ def test_custom_map_takes_given_derivatives_and_finds_its_own_gauge():
 
 
 def test_fixed_knots_leave_only_values_and_lie_over_the_data():
-    block = PiecewiseLinear.laid(np.array([-3.0, 1.0, 5.0]), knots=5, role="input")
+    block = PiecewiseLinear.evenly_spaced(np.array([-3.0, 1.0, 5.0]), knots=5, role="input")
     assert block.at == (-3.0, -1.0, 1.0, 3.0, 5.0)
     assert [s.name for s in block.slots()] == ["y1", "y2", "y3", "y4", "y5"]
     placed = PiecewiseLinear(knots=3, at=(0.0, 1.0, 4.0), role="input")
@@ -137,7 +137,7 @@ def test_fixed_knots_leave_only_values_and_lie_over_the_data():
 
 
 def test_impossible_maps_are_refused_in_a_sentence():
-    with pytest.raises(InputError, match="laid"):
+    with pytest.raises(InputError, match="evenly_spaced"):
         PiecewiseLinear(free_knots=False)
     with pytest.raises(InputError, match="rising order"):
         PiecewiseLinear(knots=3, at=(0.0, 2.0, 1.0))

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from cases import BLOCKS, STRUCTURES
+from cases import BLOCKS, MOVING, STRUCTURES, VARIANTS
 from scipy.signal import lfilter
 
 from sysid.base.errors import InputError
@@ -102,17 +102,34 @@ def test_impossible_orders_are_refused(orders):
         TransferFunction(*orders)
 
 
-def test_bends_are_exact_and_no_gauge_moves_them():
+def test_kinks_are_exact_and_no_gauge_moves_them():
     chain, theta, _ = generic("piecewise_linear", "piecewise_linear")
-    bend, d = chain.bends(theta)
-    assert len(bend) == 2 * 3  # five knots have three inner ones
+    kink, d = chain.kinks(theta)
+    assert len(kink) == 2 * 3  # five knots have three inner ones
     h = 1e-6
     for i in range(len(theta)):
         e = np.zeros_like(theta)
         e[i] = h
-        numeric = (chain.bends(theta + e)[0] - chain.bends(theta - e)[0]) / (2 * h)
+        numeric = (chain.kinks(theta + e)[0] - chain.kinks(theta - e)[0]) / (2 * h)
         np.testing.assert_allclose(d[:, i], numeric, atol=1e-6 * np.abs(d).max())
     np.testing.assert_allclose(d @ chain.gauge(theta), 0.0, atol=1e-9 * np.abs(d).max())
+
+
+@pytest.mark.parametrize(
+    ("name", "inner"),
+    [("piecewise_linear", 3), ("piecewise_linear_fixed", 3), ("travel_map", 3), ("travel_map_smooth", 3),
+     ("profiled_motor", 2)],
+)  # fmt: skip
+def test_every_map_on_knots_gives_its_kinks_with_their_derivative(name, inner):
+    """One at each inner knot of every curve: a fit's curvature weight is without effect on a block that gives none."""
+    block, theta = (BLOCKS | VARIANTS | MOVING)[name]
+    kink, d = block.kinks(theta)
+    assert len(kink) == inner
+    assert np.abs(kink).max() > 0.05
+    h = 1e-6
+    for i, e in enumerate(h * np.eye(len(theta))):
+        numeric = (block.kinks(theta + e)[0] - block.kinks(theta - e)[0]) / (2 * h)
+        np.testing.assert_allclose(d[:, i], numeric, atol=1e-6 * np.abs(d).max())
 
 
 @pytest.mark.parametrize("seed", range(200))

@@ -111,7 +111,7 @@ def test_comparison_names_what_is_wrong():
         sysid.compare(validation.select(0, 30), *fits)
 
 
-def test_cross_validation_foretells_the_fit_on_fresh_data_and_punishes_the_wrong_structure():
+def test_cross_validation_predicts_the_fit_on_fresh_data_and_punishes_the_wrong_structure():
     plant, estimation, validation, fits = plant_fits()
     folds = sysid.cross_validate(plant.chain, estimation, folds=4, search="lm", starts=1)
     assert folds.blocks == ((0, 375), (375, 750), (750, 1125), (1125, 1500))

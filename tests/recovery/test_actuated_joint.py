@@ -148,7 +148,7 @@ def halves(fit: sysid.Fit, **options) -> dict[str, float]:
     return {v.name: v.high - v.value for v in joint_values(fit, **options) if v.high is not None}
 
 
-def bent_ends(fit: sysid.Fit, linearity: float, draws: int = 200_000) -> dict[str, float]:
+def ends_off_line(fit: sysid.Fit, linearity: float, draws: int = 200_000) -> dict[str, float]:
     """Standard deviations that a sensor leaves in ends and speed whose error is a sine of place, its phase unknown."""
     value = dict(zip(fit.model.names, fit.theta, strict=True))
     shares = [0.0, *(value[f"map.s{k}"] for k in range(1, 8)), 1.0]
@@ -168,12 +168,12 @@ def test_a_sensor_off_a_straight_line_widens_what_is_said_of_ends_and_speed(
     fit, data = fitted
     options = {"level": level, "data": data if coloured else None}
     before, after = halves(fit, **options), halves(fit, linearity=0.004, **options)
-    bent = bent_ends(fit, 0.004)
+    off_line = ends_off_line(fit, 0.004)
     for name, half in before.items():
-        share = quantile * bent.get(name, 0.0)
+        share = quantile * off_line.get(name, 0.0)
         # 0.3 %: of 200 000 draws.
         assert after[name] == pytest.approx(np.sqrt(half**2 + share**2), rel=0.003 if share else 1e-12), name
-    assert all(after[name] > 1.2 * before[name] for name in bent)
+    assert all(after[name] > 1.2 * before[name] for name in off_line)
     assert {"backlash", "breakaway_up", "delay"} <= set(before)
     values = [{v.name: v.value for v in joint_values(fit, linearity=x)} for x in (0.0, 0.004)]
     assert values[0] == values[1]

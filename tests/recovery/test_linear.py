@@ -21,7 +21,7 @@ def test_transfer_function_simulates_like_scipy():
 
 
 def test_initial_state_replays_the_middle_of_a_longer_record():
-    """Any past, in free run, is an initial state: fitted on the first samples it foretells all that follow."""
+    """Any past, in free run, is an initial state: fitted on the first samples it predicts all that follow."""
     b, f = [0.4, -0.1], [-1.9, 1.3, -0.3]
     u = np.random.default_rng(1).normal(size=600)
     y = lfilter([0, *b], [1, *f], u)

@@ -11,7 +11,7 @@ from sysid.nlarx.linearize import findop, findops, tangent
 from sysid.nlarx.model import Network
 from sysid.nlarx.problem import Piece, PredictionProblem, SimulationProblem, rows
 from sysid.nlarx.result import FREE_RUN, ONE_STEP
-from sysid.nlarx.start import laid, network_start
+from sysid.nlarx.start import empty_network, network_start
 from sysid.solver.iterate import Options
 from sysid.structures import nlarx
 
@@ -40,7 +40,7 @@ def network_at_random(focus="prediction", nonlinear=None):
     data = plant_record(400, 0, 0.01)
     model = nlarx(2, 2, 1, units=4, focus=focus, nonlinear=nonlinear)
     Phi, y = rows(model, Piece.of(data))
-    network, theta = network_start(laid(model, Phi), Phi, y)
+    network, theta = network_start(empty_network(model, Phi), Phi, y)
     rng = np.random.default_rng(1)
     return data, network, theta * (1.0 + 0.02 * rng.normal(size=len(theta)))
 
@@ -238,7 +238,7 @@ def test_tangent_of_a_linear_model_is_that_model_at_every_point():
         assert findop(fit, u).y == pytest.approx((0.4 * u + 0.3) / 0.2, rel=1e-6)
 
 
-def test_tangent_foretells_a_small_step_of_the_free_run():
+def test_tangent_predicts_a_small_step_of_the_free_run():
     fit = fit_nlarx(nlarx(2, 2, 1, units=5, focus="simulation"), plant_record(1500, 12, 0.01), starts=1)
     op = findop(fit, 0.3)
     base = np.concatenate([np.full(20, 0.3), np.full(60, 0.3 + 1e-4)])

@@ -54,8 +54,8 @@ def test_missing_samples_do_not_count_whatever_stands_there():
 
 
 def test_huber_holds_against_outliers_that_squares_follow(seeds):
-    """5 % of samples off by 20 times the output: the robust pole stays within 1 %, least squares is off by more."""
-    robust, squares = [], []
+    """5 % of samples off by 20 times the output: Huber's loss keeps the pole within 1 %, least squares does not."""
+    huber, squares = [], []
     for seed in seeds:
         rng = np.random.default_rng(seed)
         u = rng.normal(size=600)
@@ -64,10 +64,12 @@ def test_huber_holds_against_outliers_that_squares_follow(seeds):
         hit = rng.uniform(size=600) < 0.05
         y[hit] += 20 * y.std() * rng.choice([-1, 1], hit.sum())
         data = IOData(u, y, 1.0)
-        robust.append(abs(sysid.fit(first_order(), data, starts=1, objective=Objective(robust=1.345)).poles[0] - 0.9))
+        huber.append(
+            abs(sysid.fit(first_order(), data, starts=1, objective=Objective(huber_threshold=1.345)).poles[0] - 0.9)
+        )
         squares.append(abs(sysid.fit(first_order(), data, starts=1).poles[0] - 0.9))
-    assert max(robust) < 0.009
-    assert np.median(squares) > 5 * np.median(robust)
+    assert max(huber) < 0.009
+    assert np.median(squares) > 5 * np.median(huber)
 
 
 def test_ridge_ends_at_the_nominal_point_and_starts_at_least_squares():
@@ -88,17 +90,17 @@ def test_ridge_ends_at_the_nominal_point_and_starts_at_least_squares():
     "on_top",
     [
         {},
-        {"corner": 0.1},
-        {"pull": np.full(16, 0.3)},
+        {"huber_threshold": 0.1},
+        {"prior_weight": np.full(16, 0.3)},
         {"weights": np.array([3.0])},
-        {"calm": 2.0},
-        {"corner": 0.1, "pull": np.full(16, 0.3), "weights": np.array([3.0]), "calm": 2.0},
+        {"curvature_weight": 2.0},
+        {"huber_threshold": 0.1, "prior_weight": np.full(16, 0.3), "weights": np.array([3.0]), "curvature_weight": 2.0},
     ],
-    ids=["squares", "robust", "ridge", "weights", "calm", "all"],
+    ids=["squares", "huber", "ridge", "weights", "curvature", "all"],
 )
 def test_problem_jacobian_agrees_with_finite_differences(on_top):
-    """What can stand around the free run, alone and at once: two experiments, gaps, robust corner, ridge, weights,
-    calm."""
+    """What can stand around the free run, alone and at once: two experiments, gaps, Huber's threshold, ridge, weights,
+    curvature."""
     rng = np.random.default_rng(3)
     plant = system("textbook")
     a, b = plant.record(200, 0.1, rng), plant.record(150, 0.1, rng)
@@ -109,8 +111,8 @@ def test_problem_jacobian_agrees_with_finite_differences(on_top):
     e, J = problem.linearise(p)
     np.testing.assert_array_equal(e, problem.residual(p))
     samples = 200 + int(b.observed.sum())
-    # A row for each pull, and two bends of a map of four knots.
-    assert len(e) == samples + 16 * ("pull" in on_top) + 2 * ("calm" in on_top)
+    # A row for each parameter of the ridge, and two kinks of a map of four knots.
+    assert len(e) == samples + 16 * ("prior_weight" in on_top) + 2 * ("curvature_weight" in on_top)
     h = 1e-6
     for i in range(len(p)):
         step = np.zeros_like(p)
@@ -179,8 +181,8 @@ def test_wiener_hammerstein_poles_are_dealt_to_the_right_filter():
 
 OBJECTIVES = {
     "weights": (Objective(weights=(10.0,)), 100.0),
-    "huber": (Objective(robust=1.0), None),
-    "ridge and calm": (Objective(ridge=1e-3, calm=5.0), 1.0),
+    "huber": (Objective(huber_threshold=1.0), None),
+    "ridge and curvature": (Objective(ridge=1e-3, curvature_weight=5.0), 1.0),
 }
 
 

@@ -19,7 +19,7 @@ def sine(f, Ts, N=2000):
 # --- trends
 
 
-def test_lines_with_bends_come_off_whole_and_go_back():
+def test_lines_with_kinks_come_off_whole_and_go_back():
     hinge = 0.3 + 0.01 * T - 0.03 * np.maximum(T - 700, 0) + 0.05 * np.maximum(T - 1500, 0)
     signal = np.random.default_rng(0).normal(size=2000)
     data = IOData(signal + 4.0, signal + hinge, 0.1, y_unit="V")
@@ -30,7 +30,7 @@ def test_lines_with_bends_come_off_whole_and_go_back():
     assert abs(flat.u.mean()) < 1e-12
     np.testing.assert_allclose(trend.restore(flat).y, data.y, atol=1e-12)
     np.testing.assert_allclose(trend.restore_output(flat.y[:, 0]), data.y[:, 0], atol=1e-12)
-    assert "bends at samples 700, 1500" in trend.sentence
+    assert "kinks at samples 700, 1500" in trend.sentence
 
 
 def test_an_exact_trend_leaves_nothing():

@@ -7,7 +7,7 @@ import sysid
 from sysid import IOData
 from sysid.base.errors import InputError
 from sysid.blocks import FrictionLag, Motor, ProfiledMotor
-from sysid.data.gain_variants import with_gains
+from sysid.data.gain_variants import gain_variants
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
@@ -78,7 +78,7 @@ def test_motor_in_two_records_with_states_of_their_own():
 def test_held_states_stay_held_in_every_experiment():
     model, data = profiled(noise=0.02, seeds=(1,))
     held = Chain(model.blocks, fixed={"motor.x0": 1.0, "motor.v0": 0.05})
-    fit = sysid.fit(held, with_gains(data, 0.02), starts=1)
+    fit = sysid.fit(held, gain_variants(data, 0.02), starts=1)
     assert fit.theta[-2:].tolist() == [1.0, 0.05]
     assert fit.criteria.N == 3 * data.N
 
@@ -86,7 +86,7 @@ def test_held_states_stay_held_in_every_experiment():
 def test_gains_must_be_a_share():
     _, data = profiled(noise=0.0, seeds=(1,))
     with pytest.raises(InputError, match="share is 1"):
-        with_gains(data, 1.5)
+        gain_variants(data, 1.5)
 
 
 def test_friction_lag_without_friction_is_an_exponential():

@@ -97,7 +97,7 @@ def test_scipy_finds_no_better_optimum(name):
     """scipy.optimize.least_squares on the same residuals and Jacobian, from the same start and from our own end."""
     plant = system(name)
     data = plant.record(1500, 0.01, np.random.default_rng(22))
-    plain = sysid.Objective(calm=0.0)
+    plain = sysid.Objective(curvature_weight=0.0)
     fit = sysid.fit(plant.chain, data, search="trust_region", objective=plain, options=sysid.Options(tolerance=1e-8))
     start = starts(plant.chain, data, 1, 0)[0]
     problem = ChainProblem.whole(plant.chain, start, data.u[:, 0], data.y[:, 0])

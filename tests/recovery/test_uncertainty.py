@@ -112,10 +112,10 @@ def test_poles_reach_the_cramer_rao_bound(name, seeds):
 def test_sandwich_covers_under_coloured_noise_where_the_plain_one_does_not(name, seeds):
     """AR(1) noise of memory 0.6, N 4000: the plain 95 % cover far less, the sandwich 90 to 98 %."""
     count = 2 * len(seeds)
-    plain, robust = (rates(hits(name, count, 0.6, lags, 4000)[0]) for lags in (None, "auto"))
+    plain, long_run = (rates(hits(name, count, 0.6, lags, 4000)[0]) for lags in (None, "auto"))
     for family in ("curves", "outputs"):
         assert plain[family][0] + 3 * plain[family][1] < 0.9, (family, plain[family])
-        rate, error = robust[family]
+        rate, error = long_run[family]
         assert 0.90 - 3 * error <= rate <= 0.98 + 3 * error, (family, rate, error)
 
 
@@ -123,8 +123,8 @@ def test_sandwich_agrees_with_the_plain_covariance_under_white_noise():
     plant = system("textbook")
     data, *_ = record(plant, 1, N=20000)
     fit = fitted(plant, data)
-    plain, robust = sysid.information(fit, data), sysid.information(fit, data, lags=0)
-    for a, b in zip(intervals.poles(plain), intervals.poles(robust), strict=True):
+    plain, long_run = sysid.information(fit, data), sysid.information(fit, data, lags=0)
+    for a, b in zip(intervals.poles(plain), intervals.poles(long_run), strict=True):
         assert b.std == pytest.approx(a.std, rel=0.05)
 
 
@@ -340,8 +340,8 @@ def test_an_integrator_has_poles_and_responses_but_no_gain():
     assert np.all(np.isfinite(responses.frequency(info).magnitude.upper))
     with pytest.raises(sysid.InputError, match="no steady state"):
         intervals.steady_state(info)
-    bent = sysid.structures.hammerstein_wiener(1, 2, 1, "unit_gain", "saturation")
-    held = information_at(bent, np.array([*theta, -3.0, 3.0]), info.data)
+    limited = sysid.structures.hammerstein_wiener(1, 2, 1, "unit_gain", "saturation")
+    held = information_at(limited, np.array([*theta, -3.0, 3.0]), info.data)
     with pytest.raises(sysid.InputError, match="integrates before a static map"):
         responses.step(held)
 

@@ -15,16 +15,16 @@ WAVES = 3  # of the deviation from a straight line, over the electrical angle
 class Potentiometer:
     """A reading of the joint's angle: bent, noisy, rounded, at a time that jitters, and now and then missed.
 
-    An angle a shows as a + bend sin(wave a) [rad]; then come white Gaussian noise of `noise` [rad] and rounding to one
-    of 2^bits codes over `span` [rad] about angle 0. `scale` [V/rad] is the potentiometer's own. A sample is taken
-    `jitter` [s] (standard deviation, at most half a sampling interval) off its time. One of 1 / dropouts samples is
-    missed, and the log repeats the one before. `noise` 0 and `bits` None switch noise and ADC off.
+    An angle a shows as a + nonlinearity sin(wave a) [rad]; then come white Gaussian noise of `noise` [rad] and
+    rounding to one of 2^bits codes over `span` [rad] about angle 0. `scale` [V/rad] is the potentiometer's own. A
+    sample is taken `jitter` [s] (standard deviation, at most half a sampling interval) off its time. One of 1 /
+    dropouts samples is missed, and the log repeats the one before. `noise` 0 and `bits` None switch noise and ADC off.
     """
 
     noise: float
     span: float
     bits: int | None
-    bend: float = 0.0
+    nonlinearity: float = 0.0
     scale: float = 1.0
     jitter: float = 0.0
     dropouts: float = 0.0

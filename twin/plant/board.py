@@ -113,7 +113,7 @@ def _electrics(c: Circuit, servo: bool) -> dict[int, float]:
         slots.POT_STEP: c.pot.step,
         slots.POT_HALF: 0 if c.pot.bits is None else 2 ** (c.pot.bits - 1),
         slots.POT_NOISE: c.pot.noise,
-        slots.POT_BEND: c.pot.bend,
+        slots.POT_NONLINEARITY: c.pot.nonlinearity,
         slots.POT_WAVE: c.pot.wave,
         slots.LAST: np.nan,
         slots.GIVEN: np.nan,

@@ -86,7 +86,7 @@ def _seen(j, qpos):
     angle = qpos[int(j[s.HINGE])]
     if j[s.POT_PLAY] >= 0:
         angle += qpos[int(j[s.POT_PLAY])]
-    return angle + j[s.POT_BEND] * np.sin(j[s.POT_WAVE] * angle)
+    return angle + j[s.POT_NONLINEARITY] * np.sin(j[s.POT_WAVE] * angle)
 
 
 @njit

@@ -21,7 +21,7 @@ def nonlinearity(p: Parameters) -> Signature:
     on, off = ((seen.angle[n:], (seen.reading - seen.angle)[n:]) for seen in both)
     sizes = [0.5 * float(np.ptp(error)) for _, error in (on, off)]
     pot = potentiometer(p)
-    true = pot.bend * np.sin(min(0.5 * np.pi, pot.wave * max(-low, high)))
+    true = pot.nonlinearity * np.sin(min(0.5 * np.pi, pot.wave * max(-low, high)))
     at = float(on[0][np.argmax(on[1])])
     return Signature(
         "nonlinearity",

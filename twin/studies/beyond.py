@@ -136,7 +136,7 @@ def _trial(record: str, log: Log, paper: Evaluation) -> Trial:
     estimation, validation = quick_start(log.io(), kind="none")
     # How fine the bridge is and how straight the potentiometer stand in their data sheets; all else is found.
     p = Parameters()
-    setting = Setting(JOINT, driver_step=drive(p, log.joint).step, sensor_linearity=potentiometer(p).bend)
+    setting = Setting(JOINT, driver_step=drive(p, log.joint).step, sensor_linearity=potentiometer(p).nonlinearity)
     joint = evaluate(setting, estimation, validation)
     return Trial(record, log, paper, joint, ceiling(log, slice(estimation.N + joint.fit.n_init, None)))
 

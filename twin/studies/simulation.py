@@ -33,7 +33,7 @@ class Part:
     def resting(self) -> float:
         """Part of the record, 0 to 1, in which the joint lies within its backlash of an end."""
         lo, hi = self.truth.end_angles
-        slack = self.truth.backlash + self.pot.bend + 1e-3
+        slack = self.truth.backlash + self.pot.nonlinearity + 1e-3
         return float(np.mean((self.y_true < lo + slack) | (self.y_true > hi - slack)))
 
 

@@ -9,7 +9,7 @@ from sysid.estimation.starts.linear import denominators, polished, same_poles, s
 from sysid.estimation.starts.multi import multi_starts
 from sysid.estimation.starts.profile import has_profile, profile_starts
 from sysid.estimation.starts.stages import plainer, staged_starts
-from sysid.estimation.starts.static_maps import lay_maps
+from sysid.estimation.starts.static_maps import start_maps
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt
@@ -74,7 +74,7 @@ def linear_starts(chain: Chain, u: np.ndarray, y: np.ndarray) -> list[np.ndarray
     linear = chain.linear
     theta = np.zeros(len(chain.names))
     before = chain.blocks[: chain.blocks.index(linear)]
-    w = lay_maps(chain, theta, before, u, u - u.mean())
+    w = start_maps(chain, theta, before, u, u - u.mean())
     level, aim = w - w.mean(), y - y.mean()
     raw = denominators(linear, level, aim)
     parts = [polished(linear, raw, level, aim)]
@@ -112,7 +112,7 @@ def _finish(chain: Chain, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> No
         offset = float(solution[n]) if can_shift else 0.0
     theta[chain.index(linear)] = part
     x = linear.output(part, w)
-    lay_maps(chain, theta, after, x, x + offset)
+    start_maps(chain, theta, after, x, x + offset)
 
 
 def _variation(chain: Chain, first: np.ndarray, u: np.ndarray, y: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -9,7 +9,7 @@ from sysid.block.block import Block, StaticBlock
 from sysid.blocks import Channels, TransferFunction, TransferMatrix
 from sysid.data.record import IOData
 from sysid.estimation.starts.linear import output_error_start, solve_linear
-from sysid.estimation.starts.static_maps import lay_maps
+from sysid.estimation.starts.static_maps import start_maps
 from sysid.model.chain import Chain
 
 
@@ -68,7 +68,7 @@ def _dealt(
     theta[at_first] = part
     x = first.output(part, u)
     between = chain.blocks[chain.blocks.index(first) + 1 : chain.blocks.index(second)]
-    x = lay_maps(chain, theta, between, x, x - x.mean())
+    x = start_maps(chain, theta, between, x, x - x.mean())
     if rng is not None:
         for b in between:
             theta[chain.index(b)] = b.vary(theta[chain.index(b)], rng)
@@ -125,7 +125,7 @@ def _lay(chain: Chain, theta: np.ndarray, blocks: tuple[Block, ...], target: np.
             assert isinstance(m, StaticBlock)
             local = Chain((m,))
             piece = np.zeros(m.n_parameters)
-            columns.append(lay_maps(local, piece, (m,), np.ascontiguousarray(x[:, i]), target[:, i]))
+            columns.append(start_maps(local, piece, (m,), np.ascontiguousarray(x[:, i]), target[:, i]))
             theta[part.start + own.start : part.start + own.stop] = piece
         x = np.column_stack(columns)
     return x
