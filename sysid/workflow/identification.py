@@ -13,7 +13,7 @@ from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import Advice
 from sysid.selection.select import Selection, Space, select
-from sysid.workflow.evaluation import JOINT, Evaluation, Setting, check_parts, evaluate, evaluate_fit
+from sysid.workflow.evaluation import Evaluation, Setting, check_parts, evaluate, evaluate_fit
 from sysid.workflow.record import Record, read_record
 
 
@@ -71,15 +71,10 @@ def identify_file(
     """Reads the file, prepares both parts and fits `setting` to the first; `fitting` is called before the fit.
 
     A structure search sees the first part alone, as every fit does; `candidate(done, total, name)` hears its progress.
-    `detrend` is "mean" if None is given, but "none" of an actuated joint, whose volts and angles count from zero.
+    `detrend` is "mean" if None is given, but "none" of a structure whose signals count from zero (`Recipe.zero`).
     Every InputError names the file, also where the identifier itself finds that the record will not do.
     """
-    joint = isinstance(setting, Setting) and setting.structure == JOINT
-    detrend = detrend or ("none" if joint else "mean")
-    if joint and detrend != "none":
-        raise InputError(
-            f"detrend is {detrend!r}, and volts and angles of an {JOINT} count from zero; leave it out or give none"
-        )
+    detrend = setting.recipe.detrend(detrend) if isinstance(setting, Setting) else detrend or "mean"
     record = read_record(path, input, output, Ts, time)
     try:
         estimation, validation = quick_start(record.data, split, detrend)
@@ -92,7 +87,7 @@ def identify_file(
             selection, evaluation = None, evaluate(setting, estimation, validation)
     except InputError as error:
         raise InputError(f"{record.path}: {error}") from None
-    detrend = "none" if evaluation.setting.structure == JOINT else detrend
+    detrend = "none" if evaluation.setting.recipe.zero else detrend
     return Identification(record, split, detrend, evaluation, advice, selection)
 
 
@@ -102,8 +97,9 @@ def _search(
     """The search on `estimation`, and its chosen fit, as it is, evaluated on `validation`."""
     space = Space(starts=auto.starts)
     found = select(estimation, space, auto.search, auto.seed, journal=auto.journal, progress=candidate)
-    c = found.chosen.candidate
-    setting = Setting(c.structure, c.nb, c.nf, c.nk, c.input, c.output, auto.search, auto.starts, auto.seed)
-    if c.structure == JOINT:  # the search tried the plain one, which now grows
-        return found, evaluate(setting, c.scale(estimation), c.scale(validation))
-    return found, evaluate_fit(setting, found.fit, c.scale(estimation), c.scale(validation))
+    recipe = found.chosen.candidate
+    setting = Setting(recipe, auto.search, auto.starts, auto.seed)
+    parts = recipe.scale(estimation), recipe.scale(validation)
+    if recipe.grown:  # the search tried the plain one
+        return found, evaluate(setting, *parts)
+    return found, evaluate_fit(setting, found.fit, *parts)

@@ -200,7 +200,8 @@ def experiment(log: Log) -> Experiment:
 def _paper_row(name: str, log: Log, setting: Setting) -> Row:
     estimation, validation = quick_start(log.io())
     try:
-        fit = sysid.fit(setting.model(), estimation, search=setting.search, starts=setting.starts, seed=setting.seed)
+        model = setting.recipe.model()
+        fit = sysid.fit(model, estimation, search=setting.search, starts=setting.starts, seed=setting.seed)
     except InputError as error:  # without friction or stops a joint may leave all that is reasonable
         return Row(name, None, reason=str(error))
     most = ceiling(log, slice(estimation.N + fit.n_init, None))
