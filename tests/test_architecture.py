@@ -16,6 +16,7 @@ import twin
 PACKAGES = (sysid, twin)
 FOLDERS = (
     "sysid.blocks",
+    "sysid.estimation.starts",
     "sysid.excitations",
     "sysid.formats",
     "sysid.solver.searches",

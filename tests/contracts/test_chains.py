@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from sysid.base.errors import InputError
 from sysid.blocks import STATIC, Polynomial, TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.starts.deal import starts
+from sysid.estimation.starts import starts
 from sysid.model.chain import Chain
 from sysid.structures import hammerstein_wiener
 

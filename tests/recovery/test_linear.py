@@ -6,7 +6,7 @@ import pytest
 from scipy.signal import dlsim, lfilter
 
 import sysid
-from sysid.estimation.starts.linear import refined_iv
+from sysid.estimation.linear_start import refined_iv
 from sysid.linear.linearize import findop, linapp, tangent, tangent_ss
 from sysid.linear.poles import match
 from sysid.systems import system

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 import sysid
 from sysid.base.criteria import fit_percent
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.starts.deal import starts
+from sysid.estimation.starts import starts
 from sysid.linear.poles import match
 from sysid.solver.searches import TABLE as SEARCHES
 from sysid.systems import TABLE, system

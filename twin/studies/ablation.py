@@ -14,8 +14,8 @@ from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, TravelMap
 from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
+from sysid.estimation.joint_parts import sub
 from sysid.estimation.result import Fit
-from sysid.estimation.starts.stages import sub
 from sysid.model.chain import Chain
 from sysid.workflow.evaluation import Setting
 from twin.experiment import Experiment, run_all

@@ -1,4 +1,4 @@
-"""Lay static maps over the data, as near the identity as they can be."""
+"""Starts of static maps over the data, as near the identity as they can be."""
 
 import numpy as np
 
@@ -7,8 +7,8 @@ from sysid.block.block import StaticBlock
 from sysid.model.chain import Chain
 
 
-def lay_maps(chain: Chain, theta: np.ndarray, blocks: tuple, x: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Lay static maps from x towards target, write them into theta and return their output."""
+def start_maps(chain: Chain, theta: np.ndarray, blocks: tuple, x: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Start static maps from x towards target, write them into theta and return their output."""
     for b in blocks:
         if not isinstance(b, StaticBlock):
             raise InputError(f"block {b.role!r} has no automatic start in this place; give fit() a start")
