@@ -27,6 +27,15 @@ from sysid.blocks import (
     WaveletNetwork,
 )
 from sysid.excitations import Aprbs, Chirp, Multisine, Prbs, Staircase, Steps, Sweep
+from sysid.structures import (
+    ActuatedJoint,
+    Hammerstein,
+    HammersteinWiener,
+    NonlinearArx,
+    OutputError,
+    Wiener,
+    WienerHammerstein,
+)
 
 # Block and parameters in the interior of its domain, for inputs in [-2, 2].
 BLOCKS = {
@@ -138,11 +147,13 @@ EXCITATIONS = {
     "steps": Steps(amplitude=3.0),
     "sweep": Sweep(amplitude=3.0, half_period=2.0),
 }
-# Orders and maps for each structure.
+# A recipe of each structure, with orders and maps.
 STRUCTURES = {
-    "hammerstein": {"input": "saturation"},
-    "hammerstein_wiener": {"input": "saturation", "output": "polynomial"},
-    "output_error": {},
-    "wiener": {"output": "polynomial"},
-    "wiener_hammerstein": {},
+    "actuated_joint": ActuatedJoint(driver_step=0.1, sensor_linearity=0.01),
+    "hammerstein": Hammerstein(2, 2, 1, "saturation"),
+    "hammerstein_wiener": HammersteinWiener(2, 2, 1, "saturation", "polynomial"),
+    "nlarx": NonlinearArx(2, 2, 1),
+    "output_error": OutputError(2, 2, 1),
+    "wiener": Wiener(2, 2, 1, "polynomial"),
+    "wiener_hammerstein": WienerHammerstein(2, 2, 1),
 }

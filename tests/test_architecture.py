@@ -42,6 +42,7 @@ FLOORS = {
 # Extension points: one file, one entry in the folder's TABLE.
 FOLDERS = (
     "sysid.blocks",
+    "sysid.estimation.starts",
     "sysid.excitations",
     "sysid.formats",
     "sysid.solver.searches",
@@ -155,7 +156,7 @@ def test_importing_all_of_sysid_loads_no_robot():
 def test_every_file_of_an_extension_folder_is_in_its_table(folder):
     package = importlib.import_module(folder)
     files = {f"{folder}.{m.name}" for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_")}
-    # A structure is a chain-making function, everything else a class; the module that defines it is the file.
+    # The module that defines an entry is its file.
     in_table = {inspect.unwrap(entry).__module__ for entry in package.TABLE.values()}
     assert files == in_table
 

@@ -15,7 +15,7 @@ from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.objective import Objective, spread
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.result import Fit, check_channels
-from sysid.estimation.starts.deal import starts as make_starts
+from sysid.estimation.starts import starts as make_starts
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Options, Outcome, iterate

@@ -5,8 +5,8 @@ import numpy as np
 from sysid.block.block import StaticBlock
 from sysid.blocks import ProfiledMotor
 from sysid.data.record import IOData
+from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.starts.joint import is_joint, motor_of
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt

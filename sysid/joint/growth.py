@@ -12,10 +12,9 @@ from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor, Play
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
+from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lifted, motor_of, shaken, sub
+from sysid.estimation.play_start import play_starts
 from sysid.estimation.result import Fit
-from sysid.estimation.starts.joint import motor_of
-from sysid.estimation.starts.play import play_starts
-from sysid.estimation.starts.stages import FRICTIONS, friction_starts, lifted, shaken, sub
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 

@@ -10,8 +10,8 @@ from scipy.stats import norm
 from sysid.base.errors import InputError
 from sysid.blocks import CoastingPlay, Play, TravelMap
 from sysid.data.record import IOData
+from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
-from sysid.estimation.starts.joint import is_joint, motor_of
 from sysid.model.chain import Chain
 from sysid.uncertainty.information import information
 

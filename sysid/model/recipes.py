@@ -1,15 +1,166 @@
-"""Blocks of a recipe by name, for one channel or for several."""
+"""What a recipe of models is: the settings of one structure and all that follows from them; and blocks by name."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar
 
 import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.block.block import Block, StaticBlock
-from sysid.blocks import Channels, TransferFunction, TransferMatrix, static
+from sysid.blocks import STATIC, Channels, TransferFunction, TransferMatrix, static
+from sysid.data.preprocess import retrend
+from sysid.data.record import IOData
 
 Map = str | StaticBlock
 Order = int | Sequence[Sequence[int]]
+
+
+@dataclass(frozen=True)
+class Option:
+    """What people read of a setting.
+
+    kind: "order", "map", "name" or "number"; help: for a command line; word: what the report calls a map; allowed:
+    names that it may have; unit: of a number; least: the smallest order.
+    """
+
+    kind: str
+    help: str
+    word: str = ""
+    allowed: tuple[str, ...] = ()
+    unit: str = ""
+    least: int = 0
+
+
+def order(default: int, help: str, least: int = 0) -> Any:
+    """A field that is an order of the model."""
+    return field(default=default, metadata={"option": Option("order", help, least=least)})
+
+
+def static_map(word: str, help: str) -> Any:
+    """A field that names a static map; None is the structure's own default."""
+    return field(default=None, metadata={"option": Option("map", help, word, tuple(STATIC))})
+
+
+def choice(default: str, help: str, allowed: Sequence[str]) -> Any:
+    """A field that is one of several names."""
+    return field(default=default, metadata={"option": Option("name", help, allowed=tuple(allowed))})
+
+
+def number(default: float | None, help: str, unit: str) -> Any:
+    """A field that is a number."""
+    return field(default=default, metadata={"option": Option("number", help, unit=unit)})
+
+
+@dataclass(frozen=True)
+class Recipe(ABC):
+    """Settings of one structure of one input and one output; fields are made by `order`, `static_map`, `choice` and
+    `number`, and command line, summary, report and structure search read them from here.
+
+    name: by which `sysid.structures.TABLE` has it. searched: whether structure search tries it, at every order with
+    exactly its own maps if its orders are nb, nf, nk, and as it is if it has no orders. grown: whether it is fitted by
+    `sysid.grow_joint` instead of `sysid.fit`. auto: the search that "auto" means. zero: what of its record counts from
+    zero, so that no means may be removed. Raises InputError for settings that give no model, before any work.
+    """
+
+    name: ClassVar[str]
+    searched: ClassVar[bool] = False
+    grown: ClassVar[bool] = False
+    auto: ClassVar[str] = "auto"
+    zero: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        self.model()
+
+    @abstractmethod
+    def model(self) -> Any:
+        """The Chain or Nlarx to fit; of a structure that grows, what it begins with."""
+
+    @classmethod
+    def options(cls) -> dict[str, Option]:
+        """What people read of every setting, by field."""
+        return {f.name: f.metadata["option"] for f in fields(cls)}
+
+    @classmethod
+    def of_kind(cls, kind: str) -> tuple[str, ...]:
+        """Names of the fields of one kind."""
+        return tuple(name for name, option in cls.options().items() if option.kind == kind)
+
+    @property
+    def orders(self) -> dict[str, int]:
+        """The orders by name, in the order in which people give them."""
+        return {name: getattr(self, name) for name in self.of_kind("order")}
+
+    @property
+    def maps(self) -> dict[str, str]:
+        """The maps that are named, by field."""
+        return {name: value for name in self.of_kind("map") if (value := getattr(self, name)) is not None}
+
+    def as_dict(self) -> dict[str, Any]:
+        """Every setting that is not an order, by field."""
+        return {name: getattr(self, name) for name, option in self.options().items() if option.kind != "order"}
+
+    @property
+    def order_text(self) -> str:
+        """The orders as a table shows them, "(2,3,1)"; empty where there are none."""
+        return f"({','.join(map(str, self.orders.values()))})" if self.orders else ""
+
+    @property
+    def short(self) -> str:
+        """Structure and orders as a table shows them."""
+        return f"{self.name.replace('_', '-')} {self.order_text}".rstrip()
+
+    def __str__(self) -> str:
+        return " ".join(part for part in (self.name, self.order_text, "/".join(self.maps.values())) if part)
+
+    def in_words(self, fit: Any = None) -> str:
+        """Structure, orders and maps in one phrase; `fit` may add what the fit chose."""
+        orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
+        return ", ".join([f"{self.name.replace('_', '-').title()} ({orders})", *self.maps_in_words()])
+
+    def maps_in_words(self) -> list[str]:
+        """One phrase for each map that is named."""
+        return [f"{self.options()[name].word} {value.replace('_', ' ')}" for name, value in self.maps.items()]
+
+    def as_subject(self, fit: Any = None) -> str:
+        """The same as the subject of a sentence."""
+        return f"A {self.in_words(fit)} model"
+
+    @classmethod
+    def detrend(cls, asked: str | None = None) -> str:
+        """What is removed from a record before a fit: what was asked for, else means where they may be removed.
+
+        Raises InputError where something else than "none" is asked for and signals count from zero.
+        """
+        if cls.zero and asked and asked != "none":
+            raise InputError(
+                f"detrend is {asked!r}, and {cls.zero} of structure {cls.name} count from zero; "
+                "leave it out or give none"
+            )
+        return asked or ("none" if cls.zero else "mean")
+
+    def scale(self, data: IOData) -> IOData:
+        """The record on the scale that this structure needs: with its means back where signals count from zero."""
+        return retrend(data) if self.zero else data
+
+    def physics(self) -> dict[str, Any] | None:
+        """Options of `sysid.joint_values` where the parameters are physical values, else None."""
+        return None
+
+
+@dataclass(frozen=True)
+class LinearOrders(Recipe):
+    """A recipe around B/F of orders nb, nf and nk."""
+
+    nb: int = order(2, "zeros + 1", least=1)
+    nf: int = order(3, "poles")
+    nk: int = order(1, "delay in samples")
+
+
+def named(**maps: str | None) -> dict[str, Any]:
+    """The maps that are named; the others are a structure's own defaults."""
+    return {role: name for role, name in maps.items() if name is not None}
 
 
 def maps(kind: Map | Sequence[Map], role: str, channels: int) -> Block:

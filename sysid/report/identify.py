@@ -70,11 +70,10 @@ def ranking_grid(result: Identification) -> Grid:
         c = row.candidate
         if k > RANKED and c != result.selection.chosen.candidate:
             continue
-        maps = " / ".join(m.replace("_", " ") for m in (c.input, c.output) if m) or "–"
+        maps = " / ".join(m.replace("_", " ") for m in c.maps.values()) or "–"
         chosen = c == result.selection.chosen.candidate
         mark = "chosen" if chosen else ("equal" if row.equal else "")
-        name = f"{c.structure.replace('_', '-')} {c.orders}".rstrip()
-        rows.append((str(k), name, maps, percent(row.fit_percent), str(row.d), mark))
+        rows.append((str(k), c.short, maps, percent(row.fit_percent), str(row.d), mark))
     total = len(result.selection.rows)
     caption = f"The best {min(RANKED, total)} of {total} candidates and the chosen one: fit on parts not fitted to"
     return Grid(("", "structure", "maps", "fit", "d", ""), rows, caption, text_columns=3, last_text=True)

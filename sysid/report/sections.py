@@ -11,7 +11,7 @@ from sysid.report import figures, style
 from sysid.report.page import Grid, Picture
 from sysid.report.units import Quantity, number, percent, pole, poles, shown
 from sysid.uncertainty.intervals import Interval, Root
-from sysid.workflow.evaluation import JOINT, Evaluation
+from sysid.workflow.evaluation import Evaluation
 
 T = TypeVar("T")
 NOT_KNOWN = "not determined"
@@ -261,25 +261,12 @@ def search_sentence(evaluation: Evaluation) -> str:
 
 def setting_in_words(evaluation: Evaluation) -> str:
     """Structure, orders and maps in one phrase."""
-    s = evaluation.setting
-    maps = [f"{role} map {name.replace('_', ' ')}" for role, name in _map_names(evaluation)]
-    if s.structure == JOINT:
-        maps = [
-            f"{'driver' if role == 'input' else 'sensor'} {name.replace('_', ' ')}"
-            for role, name in _map_names(evaluation)
-        ]
-        return ", ".join(["Actuated joint (motor with friction between two stops, linkage, play)", *maps])
-    orders = ", ".join(f"{name} {value}" for name, value in s.orders.items())
-    if isinstance(evaluation.fit, NlarxFit):
-        network = evaluation.fit.network
-        return f"NLARX ({orders}) with a wavelet network of {network.units} units"
-    return ", ".join([f"{s.structure.replace('_', '-').title()} ({orders})", *maps])
+    return evaluation.setting.recipe.in_words(evaluation.fit)
 
 
 def model_in_words(evaluation: Evaluation) -> str:
     """The same as the subject of a sentence."""
-    words = setting_in_words(evaluation)
-    return f"An {words[0].lower()}{words[1:]}" if evaluation.setting.structure == JOINT else f"A {words} model"
+    return evaluation.setting.recipe.as_subject(evaluation.fit)
 
 
 def sentence(phrase: str) -> str:
@@ -295,12 +282,6 @@ def capital(text: str) -> str:
 def only(things: Sequence[T | None]) -> list[T]:
     """Those that exist."""
     return [thing for thing in things if thing is not None]
-
-
-def _map_names(evaluation: Evaluation) -> list[tuple[str, str]]:
-    s = evaluation.setting
-    given = {"input": s.input_map, "output": s.output_map}
-    return [(role, name) for role, name in given.items() if name is not None]
 
 
 def _time_constant(z: complex, Ts: float) -> str:

@@ -19,18 +19,18 @@ from scipy.special import stdtrit
 from sysid.base.errors import InputError
 from sysid.base.json_values import plain
 from sysid.base.threads import available
-from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.result import Fit
-from sysid.model.chain import Chain
+from sysid.model.recipes import Recipe
 from sysid.selection.journal import Journal
 from sysid.solver.iterate import Options
-from sysid.structures import TABLE, build
+from sysid.structures import TABLE
 
 _SHRINKING = 6  # how often the winner's orders may come down
 _SAME, _NEAR = 1.01, 1.1  # times the loss of the best
 BLOCKS = 20  # stretches of the judged samples whose errors are compared pair by pair
+ORDERS = ("nb", "nf", "nk")
 MAPS = ("unit_gain", "saturation", "dead_zone", "piecewise_linear")
 
 
@@ -38,7 +38,7 @@ MAPS = ("unit_gain", "saturation", "dead_zone", "piecewise_linear")
 class Space:
     """What is searched: every combination of nb, nf, nk, and of the maps where the structure has a place for them.
 
-    joint: an actuated joint too.
+    alone: structures without orders too, as they are (an actuated joint).
     """
 
     nb: tuple[int, ...] = (1, 2, 3)
@@ -48,44 +48,12 @@ class Space:
     output: tuple[str, ...] = MAPS
     kept_orders: int = 3
     starts: int = 5
-    joint: bool = True
+    alone: bool = True
 
     def __post_init__(self) -> None:
         for name in ("nb", "nf", "nk", "input", "output"):
             if not getattr(self, name):
                 raise InputError(f"the search space has no {name}; name at least one")
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """One structure with its orders and maps; None for a map that it has no place for, orders 0 where it has none."""
-
-    structure: str
-    nb: int
-    nf: int
-    nk: int
-    input: str | None = None
-    output: str | None = None
-
-    def model(self) -> Chain:
-        """The chain to fit."""
-        return build(self.structure, self.nb, self.nf, self.nk, self.input, self.output)
-
-    @property
-    def orders(self) -> str:
-        """The orders as people write them; empty for a structure that has none."""
-        return f"({self.nb},{self.nf},{self.nk})" if self.nb else ""
-
-    def __str__(self) -> str:
-        maps = "/".join(m for m in (self.input, self.output) if m)
-        return " ".join(part for part in (self.structure, self.orders, maps) if part)
-
-    def scale(self, data: IOData) -> IOData:
-        """The record as this candidate wants it: volts and angles of a joint count from zero, not from a mean."""
-        return retrend(data) if self == JOINT else data
-
-
-JOINT = Candidate("actuated_joint", 0, 0, 0)
 
 
 @dataclass(frozen=True)
@@ -96,7 +64,7 @@ class Row:
     their logarithms at 95 %, see `_ranked` for how near is near).
     """
 
-    candidate: Candidate
+    candidate: Recipe
     fit_percent: float
     d: int
     round: int
@@ -129,7 +97,7 @@ class Selection:
         """The ranked table, ready for JSON."""
         rows = [
             {
-                **vars(r.candidate),
+                **_row(r.candidate),
                 "fit_percent": r.fit_percent,
                 "d": r.d,
                 "round": r.round,
@@ -137,7 +105,7 @@ class Selection:
             }
             for r in self.rows
         ]
-        return plain({"chosen": vars(self.chosen.candidate), "sentence": self.sentence(), "rows": rows})
+        return plain({"chosen": _row(self.chosen.candidate), "sentence": self.sentence(), "rows": rows})
 
 
 def select(
@@ -153,24 +121,23 @@ def select(
 
     jobs: processes (all cores if None); journal: a file that keeps every finished candidate, so that a killed search
     goes on where it stood; progress(done, total, name) is called after each. The numbers do not depend on jobs.
-    The fit of an actuated joint is to the record with its means back, see `retrend`.
+    The fit of a structure whose signals count from zero is to the record with its means back, see `Recipe.scale`.
     Raises InputError for a journal of another record, space or seed.
     """
     space = space or Space()
     folds = _folds(data)
     book = Journal(journal, data, (vars(space), search, seed))
     work = _Work(folds, search, seed, jobs or available(), book, progress)
-    linear = [
-        Candidate("output_error", *o) for o in itertools.product(space.nb, space.nf, space.nk) if o[0] <= o[1] + 1
-    ]
+    every = [dict(zip(ORDERS, o, strict=True)) for o in itertools.product(space.nb, space.nf, space.nk)]
+    linear = [c for o in every if o["nb"] <= o["nf"] + 1 for c in _made_of(o)]
     first = work.judge(1, linear, starts=1, iterations=50)
-    joint = work.judge(1, [JOINT] if space.joint else [], starts=1, iterations=50)
+    alone = work.judge(1, _alone() if space.alone else [], starts=1, iterations=50)
     orders = _best_orders(first, space.kept_orders)
     second = work.judge(2, _around(space, orders), starts=1, iterations=30)
     survivors = sorted(second, key=_score)[: max(3, -(-len(second) // 3))]
-    survivors += [r for r in joint if r.fit_percent > max(other.fit_percent for other in first)]
+    survivors += [r for r in alone if r.fit_percent > max(other.fit_percent for other in first)]
     third = work.judge(3, [r.candidate for r in survivors], starts=space.starts, iterations=200)
-    judged = {r.candidate: r for r in (*first, *joint, *second, *third)}  # the latest round counts
+    judged = {r.candidate: r for r in (*first, *alone, *second, *third)}  # the latest round counts
     rows, chosen = _ranked(judged)
     for _ in range(_SHRINKING):
         smaller = [c for c in _smaller(chosen.candidate) if c not in judged or judged[c].round < 3]
@@ -195,12 +162,12 @@ class _Work:
     book: Journal
     progress: Callable[[int, int, str], None] | None
 
-    def judge(self, number: int, candidates: Sequence[Candidate], starts: int, iterations: int) -> list[Row]:
+    def judge(self, number: int, candidates: Sequence[Recipe], starts: int, iterations: int) -> list[Row]:
         """Judge candidates, those that the journal does not hold in parallel."""
-        rows: dict[Candidate, Row] = {}
+        rows: dict[Recipe, Row] = {}
         todo = []
         for c in candidates:
-            known = self.book.find(number, vars(c))
+            known = self.book.find(number, _row(c))
             if known is None:
                 todo.append(c)
             else:
@@ -210,7 +177,7 @@ class _Work:
         for row in _parallel(jobs, min(self.jobs, max(len(todo), 1))):
             rows[row.candidate] = row
             values = {"fit": row.fit_percent, "d": row.d, "errors": row.errors.tolist(), "converged": row.converged}
-            self.book.add(number, vars(row.candidate), values)
+            self.book.add(number, _row(row.candidate), values)
             if self.progress is not None:
                 self.progress(len(rows), len(candidates), str(row.candidate))
         return [rows[c] for c in candidates]
@@ -255,31 +222,48 @@ def _score(row: Row) -> tuple[float, int]:
     return -row.fit_percent, row.d
 
 
-def _best_orders(rows: list[Row], count: int) -> list[tuple[int, int, int]]:
+def _best_orders(rows: list[Row], count: int) -> list[dict[str, int]]:
     ranked = [r for r in sorted(rows, key=_score) if np.isfinite(r.fit_percent)]
-    return [(r.candidate.nb, r.candidate.nf, r.candidate.nk) for r in ranked[:count]]
+    return [r.candidate.orders for r in ranked[:count]]
 
 
-def _around(space: Space, orders: list[tuple[int, int, int]]) -> list[Candidate]:
-    """Every pair of maps at every order, under the name of the structure that it makes."""
+def _made_of(orders: dict[str, int], **maps: str) -> list[Recipe]:
+    """Every structure of these orders that has a place for these maps and for no other."""
+    kinds = [kind for kind in TABLE.values() if kind.searched and kind.of_kind("order") == ORDERS]
+    return [kind(**orders, **maps) for kind in kinds if set(kind.of_kind("map")) == set(maps)]
+
+
+def _alone() -> list[Recipe]:
+    """The structures without orders."""
+    return [kind() for kind in TABLE.values() if kind.searched and not kind.of_kind("order")]
+
+
+def _around(space: Space, orders: list[dict[str, int]]) -> list[Recipe]:
+    """Every pair of maps at every order, as the structure that it makes."""
     found = []
-    for (nb, nf, nk), first, last in itertools.product(orders, space.input, space.output):
-        a, b = (None if m == "unit_gain" else m for m in (first, last))
-        if a is None and b is None:
-            continue
-        structure = "hammerstein_wiener" if a and b else "hammerstein" if a else "wiener"
-        assert structure in TABLE
-        found.append(Candidate(structure, nb, nf, nk, a, b))
+    for o, first, last in itertools.product(orders, space.input, space.output):
+        maps = {name: m for name, m in (("input_map", first), ("output_map", last)) if m != "unit_gain"}
+        if maps:
+            found += _made_of(o, **maps)
     return found
 
 
-def _smaller(c: Candidate) -> list[Candidate]:
+def _smaller(c: Recipe) -> list[Recipe]:
     """The same maps with fewer zeros, fewer poles, or one coefficient of B given up for a delay."""
-    orders = [(c.nb - 1, c.nf, c.nk), (c.nb, c.nf - 1, c.nk), (c.nb - 1, c.nf - 1, c.nk), (c.nb - 1, c.nf, c.nk + 1)]
-    return [replace(c, nb=nb, nf=nf, nk=nk) for nb, nf, nk in orders if nb >= 1 and nf >= 0]
+    if not c.orders:
+        return []
+    nb, nf, nk = (c.orders[name] for name in ORDERS)
+    orders = [(nb - 1, nf, nk), (nb, nf - 1, nk), (nb - 1, nf - 1, nk), (nb - 1, nf, nk + 1)]
+    return [replace(c, **dict(zip(ORDERS, o, strict=True))) for o in orders if o[0] >= 1 and o[1] >= 0]
 
 
-def _ranked(judged: dict[Candidate, Row]) -> tuple[list[Row], Row]:
+def _row(c: Recipe) -> dict[str, Any]:
+    """A candidate as tables and journals have it: orders 0 where it has none, None for a map without a place."""
+    orders = {**dict.fromkeys(ORDERS, 0), **c.orders}
+    return {"structure": c.name, **orders, "input": c.maps.get("input_map"), "output": c.maps.get("output_map")}
+
+
+def _ranked(judged: dict[Recipe, Row]) -> tuple[list[Row], Row]:
     """Rows best first, the equals of the best marked, and the smallest of these.
 
     Errors are compared by their logarithms: one bad stretch, where every model fails, would else hide all differences.

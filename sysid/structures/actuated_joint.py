@@ -1,13 +1,15 @@
 """Actuated joint: driver, motor with friction between two stops, linkage, play, sensor."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
+from sysid.base.errors import InputError
 from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, TravelMap, static
 from sysid.model.chain import Chain
-from sysid.model.recipes import Map
+from sysid.model.recipes import Map, Recipe, number, static_map
 
 
 def actuated_joint(
@@ -52,3 +54,47 @@ def actuated_joint(
         held |= {"motor.lower": 0.0, "motor.upper": 1.0}
     held |= fixed or {}
     return Chain(tuple(blocks), structure="actuated_joint", fixed=held, bounds=dict(bounds or {}))
+
+
+@dataclass(frozen=True)
+class ActuatedJoint(Recipe):
+    """Settings of a joint that grows from the plain `actuated_joint`; both numbers stand in data sheets.
+
+    driver_step [V]: how far apart the driver's levels are. sensor_linearity [unit of the output]: how far the sensor
+    may be off a straight line.
+    """
+
+    name: ClassVar[str] = "actuated_joint"
+    searched: ClassVar[bool] = True
+    grown: ClassVar[bool] = True
+    auto: ClassVar[str] = "lm"  # a joint's cost bends too much for the changes of method that "auto" makes
+    zero: ClassVar[str] = "volts and angles"
+    input_map: str | None = static_map("driver", "an actuated joint's driver")
+    output_map: str | None = static_map("sensor", "an actuated joint's sensor")
+    driver_step: float | None = number(
+        None, "how far apart the levels of an actuated joint's driver are, if known", unit="V"
+    )
+    sensor_linearity: float = number(
+        0.0, "how far an actuated joint's sensor may be off a straight line, if known", unit="Y"
+    )
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.sensor_linearity < math.inf:
+            raise InputError(
+                f"the sensor's linearity is {self.sensor_linearity}; give how far it may be off, 0 or more"
+            )
+        super().__post_init__()
+
+    def model(self) -> Chain:
+        return actuated_joint(driver=self.input_map, sensor=self.output_map, driver_step=self.driver_step, play=False)
+
+    def in_words(self, fit: Any = None) -> str:
+        parts = "motor with friction between two stops, linkage, play"
+        return ", ".join([f"Actuated joint ({parts})", *self.maps_in_words()])
+
+    def as_subject(self, fit: Any = None) -> str:
+        words = self.in_words(fit)
+        return f"An {words[0].lower()}{words[1:]}"
+
+    def physics(self) -> dict[str, Any]:
+        return {"linearity": self.sensor_linearity}

@@ -1,10 +1,11 @@
 """Hammerstein: static map, then B/F."""
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from sysid.model.chain import Chain
-from sysid.model.recipes import Map, Order, filters, maps
+from sysid.model.recipes import LinearOrders, Map, Order, filters, maps, named, static_map
 
 
 def hammerstein(
@@ -21,3 +22,15 @@ def hammerstein(
     `limits` are the chain's `fixed` and `bounds`, by parameter.
     """
     return Chain((maps(input, "input", nu), filters(nb, nf, nk, nu, ny)), structure="hammerstein", **limits)
+
+
+@dataclass(frozen=True)
+class Hammerstein(LinearOrders):
+    """Settings of `hammerstein`."""
+
+    name: ClassVar[str] = "hammerstein"
+    searched: ClassVar[bool] = True
+    input_map: str | None = static_map("input map", "static map before the linear block")
+
+    def model(self) -> Chain:
+        return hammerstein(self.nb, self.nf, self.nk, **named(input=self.input_map))

@@ -1,10 +1,11 @@
 """Hammerstein-Wiener: static map, B/F, static map."""
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from sysid.model.chain import Chain
-from sysid.model.recipes import Map, Order, filters, maps
+from sysid.model.recipes import LinearOrders, Map, Order, filters, maps, named, static_map
 
 
 def hammerstein_wiener(
@@ -25,3 +26,16 @@ def hammerstein_wiener(
     """
     blocks = (maps(input, "input", nu), filters(nb, nf, nk, nu, ny), maps(output, "output", ny))
     return Chain(blocks, structure="hammerstein_wiener", **limits)
+
+
+@dataclass(frozen=True)
+class HammersteinWiener(LinearOrders):
+    """Settings of `hammerstein_wiener`."""
+
+    name: ClassVar[str] = "hammerstein_wiener"
+    searched: ClassVar[bool] = True
+    input_map: str | None = static_map("input map", "static map before the linear block")
+    output_map: str | None = static_map("output map", "static map behind the linear block")
+
+    def model(self) -> Chain:
+        return hammerstein_wiener(self.nb, self.nf, self.nk, **named(input=self.input_map, output=self.output_map))

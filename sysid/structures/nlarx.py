@@ -1,6 +1,10 @@
 """Nonlinear ARX: a function of past outputs and inputs."""
 
-from sysid.nlarx.model import Nlarx
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from sysid.model.recipes import Recipe, choice, order
+from sysid.nlarx.model import FOCUS, Nlarx
 
 
 def nlarx(
@@ -18,3 +22,22 @@ def nlarx(
     nonlinear: the regressors that enter the network ('y1' is y(t-1)), all where None, none where (); the line has all.
     """
     return Nlarx(na, nb, nk, units, focus, nonlinear)
+
+
+@dataclass(frozen=True)
+class NonlinearArx(Recipe):
+    """Settings of `nlarx` whose network chooses its own size."""
+
+    name: ClassVar[str] = "nlarx"
+    na: int = order(2, "past outputs")
+    nb: int = order(2, "past inputs", least=1)
+    nk: int = order(1, "delay in samples")
+    focus: str = choice("prediction", "errors that nlarx is fitted by", FOCUS)
+
+    def model(self) -> Nlarx:
+        return nlarx(self.na, self.nb, self.nk, focus=self.focus)
+
+    def in_words(self, fit: Any = None) -> str:
+        orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
+        size = f" of {fit.network.units} units" if fit is not None else ""
+        return f"NLARX ({orders}) with a wavelet network{size}"

@@ -1,9 +1,10 @@
 """Output error: B/F alone."""
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from sysid.model.chain import Chain
-from sysid.model.recipes import Order, filters
+from sysid.model.recipes import LinearOrders, Order, filters
 
 
 def output_error(nb: Order = 2, nf: Order = 3, nk: Order = 1, nu: int = 1, ny: int = 1, **limits: Any) -> Chain:
@@ -12,3 +13,14 @@ def output_error(nb: Order = 2, nf: Order = 3, nk: Order = 1, nu: int = 1, ny: i
     `limits` are the chain's `fixed` and `bounds`, by parameter.
     """
     return Chain((filters(nb, nf, nk, nu, ny),), structure="output_error", **limits)
+
+
+@dataclass(frozen=True)
+class OutputError(LinearOrders):
+    """Settings of `output_error`."""
+
+    name: ClassVar[str] = "output_error"
+    searched: ClassVar[bool] = True
+
+    def model(self) -> Chain:
+        return output_error(self.nb, self.nf, self.nk)

@@ -1,10 +1,11 @@
 """Wiener: B/F, then static map."""
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from sysid.model.chain import Chain
-from sysid.model.recipes import Map, Order, filters, maps
+from sysid.model.recipes import LinearOrders, Map, Order, filters, maps, named, static_map
 
 
 def wiener(
@@ -21,3 +22,15 @@ def wiener(
     `limits` are the chain's `fixed` and `bounds`, by parameter.
     """
     return Chain((filters(nb, nf, nk, nu, ny), maps(output, "output", ny)), structure="wiener", **limits)
+
+
+@dataclass(frozen=True)
+class Wiener(LinearOrders):
+    """Settings of `wiener`."""
+
+    name: ClassVar[str] = "wiener"
+    searched: ClassVar[bool] = True
+    output_map: str | None = static_map("output map", "static map behind the linear block")
+
+    def model(self) -> Chain:
+        return wiener(self.nb, self.nf, self.nk, **named(output=self.output_map))

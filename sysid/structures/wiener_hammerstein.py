@@ -1,10 +1,12 @@
 """Wiener-Hammerstein: B/F, static map, B/F."""
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from sysid.block.block import StaticBlock
 from sysid.blocks import TransferFunction, static
 from sysid.model.chain import Chain
+from sysid.model.recipes import LinearOrders
 
 
 def wiener_hammerstein(
@@ -24,3 +26,13 @@ def wiener_hammerstein(
     second = TransferFunction(nb if nb2 is None else nb2, nf if nf2 is None else nf2, nk2, role="linear2")
     blocks = (TransferFunction(nb, nf, nk, role="linear1"), static(middle, "middle"), second)
     return Chain(blocks, structure="wiener_hammerstein", **limits)
+
+
+@dataclass(frozen=True)
+class WienerHammerstein(LinearOrders):
+    """Settings of `wiener_hammerstein`; both filters have the same orders."""
+
+    name: ClassVar[str] = "wiener_hammerstein"
+
+    def model(self) -> Chain:
+        return wiener_hammerstein(self.nb, self.nf, self.nk)

@@ -1,26 +1,30 @@
 """One model fitted to one record, with everything that a report or a table shows of it, as finished numbers."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-import sysid
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import StaticBlock
 from sysid.data.record import IOData
 from sysid.diagnosis.higher_order import HigherOrderTests, higher_order_tests
 from sysid.diagnosis.residuals import ResidualTests
+from sysid.estimation.result import Fit
 from sysid.joint.growth import Growth, grow_joint
 from sysid.joint.values import JointValue, joint_values
-from sysid.nlarx.model import FOCUS
+from sysid.linear import linearize
+from sysid.nlarx.dispatch import fit as fit_model
+from sysid.nlarx.result import NlarxFit
+from sysid.solver.searches import TABLE as SEARCHES
+from sysid.structures import HammersteinWiener, Recipe
+from sysid.uncertainty import intervals
+from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import Root
 from sysid.workflow.extrapolation import ends_met, extrapolated_joint, extrapolated_signals
 
-NLARX = "nlarx"  # the structure whose orders are na, nb, nk, and which also runs one step ahead
-JOINT = "actuated_joint"  # the structure without orders, whose parameters are physical
 RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
 Progress = Callable[[str], None] | None
@@ -28,64 +32,31 @@ Progress = Callable[[str], None] | None
 
 @dataclass(frozen=True)
 class Setting:
-    """What is fitted and how: a structure with its orders and maps, a search, starts and seed.
+    """What is fitted and how: a recipe of `sysid.structures` with its settings, a search, starts and seed.
 
-    A map of None is the structure's own default. Of a nonlinear ARX model nf holds na, and `focus` names the errors
-    that it is fitted by. An actuated joint has no orders; its maps are driver and sensor. Raises InputError for names
-    that do not exist, before any work. Of an actuated joint, from data sheets: `driver_step` [V] is how far apart its
-    driver's levels are, `sensor_linearity` [unit of the output] how far its sensor may be off a straight line.
+    Raises InputError for a search that does not exist, before any work.
     """
 
-    structure: str = "hammerstein_wiener"
-    nb: int = 2
-    nf: int = 3
-    nk: int = 1
-    input_map: str | None = None
-    output_map: str | None = None
+    recipe: Recipe = field(default_factory=HammersteinWiener)
     search: str = "auto"
     starts: int = 5
     seed: int = 0
-    focus: str = "prediction"
-    driver_step: float | None = None
-    sensor_linearity: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.search not in sysid.solver.searches.TABLE:
-            raise unknown("search", self.search, sysid.solver.searches.TABLE)
-        if self.focus not in FOCUS:
-            raise unknown("focus", self.focus, FOCUS)
-        if not 0.0 <= self.sensor_linearity < np.inf:
-            raise InputError(
-                f"the sensor's linearity is {self.sensor_linearity}; give how far it may be off, 0 or more"
-            )
-        self.model()
-
-    def model(self) -> Any:
-        """The model before it is fitted; of an actuated joint the plain one, which grows with the data."""
-        if self.structure == JOINT:
-            return sysid.structures.actuated_joint(
-                driver=self.input_map, sensor=self.output_map, driver_step=self.driver_step, play=False
-            )
-        model = sysid.structures.build(self.structure, self.nb, self.nf, self.nk, self.input_map, self.output_map)
-        return replace(model, focus=self.focus) if self.structure == NLARX else model
-
-    @property
-    def orders(self) -> dict[str, int]:
-        """The orders by name, in the order in which people give them; none of an actuated joint."""
-        if self.structure == JOINT:
-            return {}
-        if self.structure == NLARX:
-            return {"na": self.nf, "nb": self.nb, "nk": self.nk}
-        return {"nb": self.nb, "nf": self.nf, "nk": self.nk}
+        if self.search not in SEARCHES:
+            raise unknown("search", self.search, SEARCHES)
 
     def as_dict(self) -> dict[str, Any]:
-        """The setting by option name."""
-        values = {k: v for k, v in asdict(self).items() if k not in ("nb", "nf", "nk")}
-        if self.structure != NLARX:
-            del values["focus"]
-        if self.structure != JOINT:
-            del values["driver_step"], values["sensor_linearity"]
-        return {"orders": self.orders, **values}
+        """The setting by option name; both maps are there, None for the structure's own default or no place for one."""
+        return {
+            "orders": self.recipe.orders,
+            "structure": self.recipe.name,
+            **dict.fromkeys(("input_map", "output_map")),
+            **self.recipe.as_dict(),
+            "search": self.search,
+            "starts": self.starts,
+            "seed": self.seed,
+        }
 
 
 @dataclass(frozen=True)
@@ -127,7 +98,7 @@ class Evaluation:
     """
 
     setting: Setting
-    fit: sysid.Fit | sysid.NlarxFit
+    fit: Fit | NlarxFit
     estimation: IOData
     validation: IOData
     estimation_output: np.ndarray
@@ -147,17 +118,17 @@ class Evaluation:
     @property
     def linear(self) -> bool:
         """Whether the model has a linear block, and so poles."""
-        return isinstance(self.fit, sysid.Fit) and bool(self.fit.model.dynamics)
+        return isinstance(self.fit, Fit) and bool(self.fit.model.dynamics)
 
     @property
     def poles(self) -> np.ndarray:
         """Poles in z of the linear block; none of a model that has no such block."""
-        return self.fit.poles if isinstance(self.fit, sysid.Fit) else np.empty(0, dtype=complex)
+        return self.fit.poles if isinstance(self.fit, Fit) else np.empty(0, dtype=complex)
 
     @property
     def zeros(self) -> np.ndarray:
         """Zeros in z of the linear block; none of a model that has no such block."""
-        return self.fit.zeros if isinstance(self.fit, sysid.Fit) else np.empty(0, dtype=complex)
+        return self.fit.zeros if isinstance(self.fit, Fit) else np.empty(0, dtype=complex)
 
     @property
     def stable(self) -> bool:
@@ -202,21 +173,19 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     """Fits `setting` to `estimation` and runs it free over both parts; only `estimation` is ever fitted to."""
     check_parts(estimation, validation)
     options: dict[str, Any] = {"starts": setting.starts, "seed": setting.seed, "progress": progress}
-    if setting.structure == JOINT:
-        # A joint's cost bends too much for the changes of method that "auto" makes.
-        setting = replace(setting, search="lm" if setting.search == "auto" else setting.search)
-        growth = grow_joint(estimation, setting.model(), search=setting.search, **options)
+    recipe = setting.recipe
+    setting = replace(setting, search=recipe.auto if setting.search == "auto" else setting.search)
+    if recipe.grown:
+        growth = grow_joint(estimation, recipe.model(), search=setting.search, **options)
         return replace(evaluate_fit(setting, growth.fit, estimation, validation), growth=growth)
-    fit = sysid.fit(setting.model(), estimation, search=setting.search, **options)
+    fit = fit_model(recipe.model(), estimation, search=setting.search, **options)
     return evaluate_fit(setting, fit, estimation, validation)
 
 
-def evaluate_fit(
-    setting: Setting, fit: sysid.Fit | sysid.NlarxFit, estimation: IOData, validation: IOData
-) -> Evaluation:
+def evaluate_fit(setting: Setting, fit: Fit | NlarxFit, estimation: IOData, validation: IOData) -> Evaluation:
     """Runs a model free that was fitted to `estimation` by `setting`, and tests what it leaves of `validation`."""
-    chain = fit if isinstance(fit, sysid.Fit) else None
-    network = fit if isinstance(fit, sysid.NlarxFit) else None
+    chain = fit if isinstance(fit, Fit) else None
+    network = fit if isinstance(fit, NlarxFit) else None
     notes = list(fit.warnings)
     tests = higher = None
     try:
@@ -224,8 +193,8 @@ def evaluate_fit(
         higher = _higher_order(fit, validation)
     except InputError as error:
         notes.append(f"no residual tests: {error}")
-    step, joint = None, chain is not None and setting.structure == JOINT
-    if chain is not None and not joint:
+    step, physics = None, setting.recipe.physics()
+    if chain is not None and chain.model.dynamics:
         step = _step_response(chain, float(np.mean(estimation.u)))
         if step is None:
             notes.append("no step response: the tangent model has no finite one")
@@ -242,7 +211,8 @@ def evaluate_fit(
             f"the fit is {seen} where it was fitted and {unseen} where it was not: the model is too large for this "
             "record, or its parts differ; lower the orders, choose smaller maps or look at the data"
         )
-    if chain and joint:
+    physical = chain is not None and physics is not None
+    if chain and physical:
         notes += extrapolated_joint(chain, estimation, validation)
     else:
         notes += extrapolated_signals(estimation, validation)
@@ -261,7 +231,7 @@ def evaluate_fit(
         maps=_maps(chain, estimation) if chain else {},
         roots=_roots(chain, estimation, coloured=tests is not None and not tests.white) if chain else None,
         one_step=_one_step(network, estimation, validation) if network else None,
-        values=_values(chain, estimation, setting.sensor_linearity) if chain and joint else (),
+        values=_values(chain, estimation, physics) if chain and physics is not None else (),
         notes=tuple(notes),
     )
 
@@ -272,7 +242,7 @@ def check_parts(estimation: IOData, validation: IOData) -> None:
     _check_can_be_scored(validation, "validation")
 
 
-def _one_step(fit: sysid.NlarxFit, estimation: IOData, validation: IOData) -> OneStep:
+def _one_step(fit: NlarxFit, estimation: IOData, validation: IOData) -> OneStep:
     return OneStep(
         fit.predict(estimation),
         fit.predict(validation),
@@ -281,17 +251,17 @@ def _one_step(fit: sysid.NlarxFit, estimation: IOData, validation: IOData) -> On
     )
 
 
-def _higher_order(fit: sysid.Fit | sysid.NlarxFit, data: IOData) -> HigherOrderTests:
+def _higher_order(fit: Fit | NlarxFit, data: IOData) -> HigherOrderTests:
     e = np.ravel(fit.residuals(data))
     return higher_order_tests(e, data.u[data.N - len(e) :, 0])
 
 
-def _roots(fit: sysid.Fit, data: IOData, coloured: bool) -> tuple[Root, ...] | None:
+def _roots(fit: Fit, data: IOData, coloured: bool) -> tuple[Root, ...] | None:
     """Poles with intervals, wider where residuals are coloured; None where the library cannot compute them."""
     if not fit.model.dynamics:
         return None
     try:
-        return sysid.uncertainty.intervals.poles(sysid.information(fit, data, lags="auto" if coloured else None))
+        return intervals.poles(information(fit, data, lags="auto" if coloured else None))
     except InputError:
         return None
 
@@ -304,17 +274,17 @@ def _check_can_be_scored(data: IOData, part: str) -> None:
             )
 
 
-def _values(fit: sysid.Fit, data: IOData, linearity: float) -> tuple[JointValue, ...]:
+def _values(fit: Fit, data: IOData, options: dict[str, Any]) -> tuple[JointValue, ...]:
     """Physical values with the output's own unit in the place of y; an end that was never met has no interval."""
     unit, met = data.y_unit or "y", dict(zip(("end_low", "end_high"), ends_met(fit, data), strict=True))
     values = []
-    for v in joint_values(fit, data=data, linearity=linearity):
+    for v in joint_values(fit, data=data, **options):
         v = replace(v, unit=unit + v.unit[1:]) if v.unit[0] == "y" else v
         values.append(v if met.get(v.name, True) else replace(v, low=None, high=None))
     return tuple(values)
 
 
-def _step_response(fit: sysid.Fit, u0: float) -> Curve | None:
+def _step_response(fit: Fit, u0: float) -> Curve | None:
     """Response [y per u] to a unit step of the model that is tangent at u0, until its slowest pole has settled."""
     import control
 
@@ -322,7 +292,7 @@ def _step_response(fit: sysid.Fit, u0: float) -> Curve | None:
     slowest = min(float(poles.max(initial=0.0)), 0.999)
     samples = int(np.clip(np.ceil(np.log(0.01) / np.log(max(slowest, 0.1))), 20, 2000)) + 10
     try:
-        tangent = sysid.linear.linearize.tangent(fit, u0)
+        tangent = linearize.tangent(fit, u0)
     except InputError:  # a model that integrates has no operating point under a constant input
         return None
     with np.errstate(all="ignore"):
@@ -331,7 +301,7 @@ def _step_response(fit: sysid.Fit, u0: float) -> Curve | None:
     return Curve(np.ravel(response.time), y) if np.all(np.isfinite(y)) else None
 
 
-def _maps(fit: sysid.Fit, data: IOData) -> dict[str, Curve]:
+def _maps(fit: Fit, data: IOData) -> dict[str, Curve]:
     """The static maps over the range that the estimation data visited, by role."""
     maps = {}
     for block, x in zip(fit.model.blocks, fit.model.signals(fit.theta, data.u), strict=False):

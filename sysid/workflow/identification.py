@@ -2,20 +2,19 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-import sysid
 from sysid.base.errors import InputError, unknown
-from sysid.base.versions import versions
 from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
-from sysid.diagnosis.advice import Advice
+from sysid.diagnosis.advice import advise
 from sysid.selection.select import Selection, Space, select
-from sysid.workflow.evaluation import JOINT, Evaluation, Setting, check_parts, evaluate, evaluate_fit
-from sysid.workflow.next_step import NextStep, next_step
-from sysid.workflow.record import Record, read_record
+from sysid.solver.searches import TABLE as SEARCHES
+from sysid.workflow.evaluation import Evaluation, Setting, check_parts, evaluate, evaluate_fit
+from sysid.workflow.identified import Identification
+from sysid.workflow.next_step import next_step
+from sysid.workflow.record import read_record
 
 
 @dataclass(frozen=True)
@@ -28,39 +27,8 @@ class Auto:
     journal: Path | None = None
 
     def __post_init__(self) -> None:
-        if self.search not in sysid.solver.searches.TABLE:
-            raise unknown("search", self.search, sysid.solver.searches.TABLE)
-
-
-@dataclass(frozen=True)
-class Identification:
-    """The record, what it says about itself, how it was prepared, and the model with its tests.
-
-    `selection` is the structure search that the model came from, None where the structure was given.
-    """
-
-    record: Record
-    split: float
-    detrend: str
-    evaluation: Evaluation
-    advice: tuple[Advice, ...] = ()
-    selection: Selection | None = None
-
-    @property
-    def next(self) -> NextStep | None:
-        """What to try next; None where the fit is good."""
-        return next_step(self)
-
-    def as_dict(self) -> dict[str, Any]:
-        """The summary of `qpal identify`, ready for JSON."""
-        return {
-            "read": {**self.record.as_dict(), "split": self.split, "detrend": self.detrend},
-            **self.evaluation.as_dict(),
-            "selection": self.selection.as_dict() if self.selection else None,
-            "advice": [vars(a) for a in self.advice],
-            "next": vars(self.next) if self.next else None,
-            "versions": versions(),
-        }
+        if self.search not in SEARCHES:
+            raise unknown("search", self.search, SEARCHES)
 
 
 def identify_file(
@@ -78,20 +46,15 @@ def identify_file(
     """Reads the file, prepares both parts and fits `setting` to the first; `fitting` is called before the fit.
 
     A structure search sees the first part alone, as every fit does; `candidate(done, total, name)` hears its progress.
-    `detrend` is "mean" if None is given, but "none" of an actuated joint, whose volts and angles count from zero.
+    `detrend` is "mean" if None is given, but "none" of a structure whose signals count from zero (`Recipe.zero`).
     Every InputError names the file, also where the identifier itself finds that the record will not do.
     """
-    joint = isinstance(setting, Setting) and setting.structure == JOINT
-    detrend = detrend or ("none" if joint else "mean")
-    if joint and detrend != "none":
-        raise InputError(
-            f"detrend is {detrend!r}, and volts and angles of an {JOINT} count from zero; leave it out or give none"
-        )
+    detrend = setting.recipe.detrend(detrend) if isinstance(setting, Setting) else detrend or "mean"
     record = read_record(path, input, output, Ts, time)
     try:
         estimation, validation = quick_start(record.data, split, detrend)
         check_parts(estimation, validation)
-        advice = sysid.advise(record.data)
+        advice = advise(record.data)
         fitting()
         if isinstance(setting, Auto):
             selection, evaluation = _search(setting, estimation, validation, candidate)
@@ -99,8 +62,9 @@ def identify_file(
             selection, evaluation = None, evaluate(setting, estimation, validation)
     except InputError as error:
         raise InputError(f"{record.path}: {error}") from None
-    detrend = "none" if evaluation.setting.structure == JOINT else detrend
-    return Identification(record, split, detrend, evaluation, advice, selection)
+    detrend = "none" if evaluation.setting.recipe.zero else detrend
+    found = Identification(record, split, detrend, evaluation, advice, selection)
+    return replace(found, next=next_step(found))
 
 
 def _search(
@@ -109,8 +73,9 @@ def _search(
     """The search on `estimation`, and its chosen fit, as it is, evaluated on `validation`."""
     space = Space(starts=auto.starts)
     found = select(estimation, space, auto.search, auto.seed, journal=auto.journal, progress=candidate)
-    c = found.chosen.candidate
-    setting = Setting(c.structure, c.nb, c.nf, c.nk, c.input, c.output, auto.search, auto.starts, auto.seed)
-    if c.structure == JOINT:  # the search tried the plain one, which now grows
-        return found, evaluate(setting, c.scale(estimation), c.scale(validation))
-    return found, evaluate_fit(setting, found.fit, c.scale(estimation), c.scale(validation))
+    recipe = found.chosen.candidate
+    setting = Setting(recipe, auto.search, auto.starts, auto.seed)
+    parts = recipe.scale(estimation), recipe.scale(validation)
+    if recipe.grown:  # the search tried the plain one
+        return found, evaluate(setting, *parts)
+    return found, evaluate_fit(setting, found.fit, *parts)

@@ -10,6 +10,7 @@ from exported import agrees
 import sysid
 import twin
 from sysid.export import c as export_c
+from sysid.structures import ActuatedJoint
 from sysid.workflow.evaluation import Setting
 from twin import IMPERFECTIONS
 from twin.cli import main
@@ -219,4 +220,4 @@ def test_a_fit_below_zero_counts_as_none():
 
 
 def test_a_joint_has_no_orders():
-    assert Setting("actuated_joint").as_dict()["orders"] == {}
+    assert Setting(ActuatedJoint()).as_dict()["orders"] == {}

@@ -19,6 +19,7 @@ import sysid
 import twin
 from sysid.data.preprocess import quick_start
 from sysid.report.page import Page
+from sysid.structures import HammersteinWiener
 from sysid.workflow.evaluation import Setting, evaluate
 from sysid.workflow.record import read_record
 from twin.cli import main
@@ -201,7 +202,7 @@ def test_a_simulated_log_is_identified_as_if_it_had_never_been_a_file(suffix, tm
         assert main(["identify", str(log), *columns, "--orders", "2,2,1", "--json", "--out", str(tmp_path / "i")]) == 0
         summary = json.loads(capsys.readouterr().out)
         experiment = twin.Experiment(joint="thigh", duration=60.0, seed=3).run()
-        direct = evaluate(Setting(nb=2, nf=2, nk=1), *quick_start(experiment.io()))
+        direct = evaluate(Setting(HammersteinWiener(2, 2, 1)), *quick_start(experiment.io()))
         assert summary["read"]["Ts"] == 0.1
         assert summary["fit_percent"]["validation"] == pytest.approx(direct.validation_fit, abs=1e-9)
 

@@ -12,15 +12,13 @@ import pytest
 from cases import BLOCKS, VARIANTS
 from exported import agrees, c_run, excitation, made, python_run
 
-from sysid import InputError
+from sysid import InputError, structures
 from sysid.block.block import StaticBlock
 from sysid.blocks import STATIC, TABLE, Channels, Custom, Delay, TransferFunction, TransferMatrix
 from sysid.export import c as export_c
 from sysid.export import closed_form
 from sysid.export import python as export_python
 from sysid.model.chain import Chain
-from sysid.structures import TABLE as STRUCTURES
-from sysid.structures import build
 
 LINEAR = np.array([0.2, 0.12, -1.2, 0.5])  # nb 2, nf 2
 MAPS = {**{k: v for k, v in BLOCKS.items() if k in STATIC}, **VARIANTS}
@@ -31,7 +29,7 @@ ON_MAPS = {"hammerstein": ("input",), "wiener": ("output",), "wiener_hammerstein
 def fitted(structure, maps, nk):
     """A structure with the cases' maps and numbers; every initial state of the estimation record away from rest."""
     options = dict(zip(ON_MAPS.get(structure, ("input", "output")), (MAPS[m][0] for m in maps), strict=False))
-    chain = STRUCTURES[structure](2, 2, nk, **options)
+    chain = getattr(structures, structure)(2, 2, nk, **options)
     values = iter([MAPS[m][1] for m in maps])
     theta = []
     for b in chain.blocks:
@@ -192,7 +190,7 @@ def test_what_cannot_be_written_is_refused_in_a_sentence():
 
 
 def test_a_role_of_the_user_s_own_becomes_an_identifier(tmp_path):
-    chain = build("output_error", 2, 2, 1)
+    chain = structures.output_error(2, 2, 1)
     odd = Chain((replace(chain.blocks[0], role="lift arm / 2"),))
     fit, u = made(odd, np.concatenate([LINEAR, np.zeros(2)])), excitation()
     agrees(c_run(fit, u, tmp_path), fit.simulate(u))

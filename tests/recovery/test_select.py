@@ -9,7 +9,8 @@ from scipy.signal import lfilter
 import sysid
 from sysid.base.errors import InputError
 from sysid.data.preprocess import detrend
-from sysid.selection.select import JOINT, Candidate, Space, select
+from sysid.selection.select import Space, select
+from sysid.structures import ActuatedJoint, Hammerstein, HammersteinWiener, OutputError
 from sysid.systems import system
 
 SMALL = Space(
@@ -30,7 +31,7 @@ def hammerstein_record(N=1200, seed=0):
 @pytest.mark.parametrize("seed", range(4))
 def test_the_true_structure_wins(seed):
     found = select(hammerstein_record(seed=seed), SMALL, jobs=1)
-    assert found.chosen.candidate == Candidate("hammerstein", 2, 2, 1, "saturation", None)
+    assert found.chosen.candidate == Hammerstein(2, 2, 1, "saturation")
     assert found.chosen.fit_percent > 97.5  # 98 is what the noise leaves
     assert str(found.chosen.candidate) in found.sentence()
     np.testing.assert_allclose(np.sort_complex(found.fit.poles), np.sort_complex(np.roots([1, -1.5, 0.7])), atol=0.01)
@@ -40,10 +41,10 @@ def test_larger_equals_are_named_and_passed_over():
     """Three poles run as well as two: the table says that they are equal, and two are chosen."""
     space = Space(nb=(2,), nf=(2, 3), nk=(1,), input=("saturation",), output=("unit_gain",), starts=1)
     found = select(hammerstein_record(), space, jobs=1)
-    equals = {(r.candidate.nf, r.candidate.structure) for r in found.rows if r.equal}
+    equals = {(r.candidate.orders["nf"], r.candidate.name) for r in found.rows if r.equal and r.candidate.orders}
     assert {(2, "hammerstein"), (3, "hammerstein")} <= equals
-    assert found.chosen.candidate.nf == 2
-    linear = next(r for r in found.rows if r.candidate.structure == "output_error")
+    assert found.chosen.candidate.orders["nf"] == 2
+    linear = next(r for r in found.rows if r.candidate.name == "output_error")
     assert not linear.equal
 
 
@@ -53,9 +54,9 @@ def test_every_half_is_judged_by_the_model_of_the_other():
     u = np.repeat(np.random.default_rng(2).choice([-1.0, 1.0], 240) * np.tile([1.0, 2.0], 120), 5)
     first, second = np.split(u, 2)
     y = np.concatenate([lfilter([0, 0.5], [1, -0.8], first), lfilter([0, -0.5], [1, -0.8], second)])
-    space = Space(nb=(1,), nf=(1,), nk=(1,), input=("unit_gain",), output=("unit_gain",), joint=False)
+    space = Space(nb=(1,), nf=(1,), nk=(1,), input=("unit_gain",), output=("unit_gain",), alone=False)
     found = select(sysid.IOData(u, y, 0.1), space, jobs=1)
-    row = next(r for r in found.rows if r.candidate == Candidate("output_error", 1, 1, 1))
+    row = next(r for r in found.rows if r.candidate == OutputError(1, 1, 1))
     assert row.fit_percent == pytest.approx(-100.0, abs=10.0)
 
 
@@ -73,8 +74,8 @@ def joint_record(N=1000, seed=0):
 def test_a_joint_is_tried_and_wins_where_the_record_integrates_and_stops():
     record = joint_record()
     found = select(detrend(record), SMALL, jobs=1)
-    assert found.chosen.candidate == JOINT
-    assert str(JOINT) == "actuated_joint"
+    assert found.chosen.candidate == ActuatedJoint()
+    assert str(ActuatedJoint()) == "actuated_joint"
     ends = {v.name: v.value for v in sysid.joint_values(found.fit) if v.name.startswith("end_")}
     assert ends == pytest.approx({"end_low": 2.0, "end_high": 5.0}, abs=0.02)  # on the record's own scale
     assert found.fit.fit_percent(record) > 97.0
@@ -87,16 +88,16 @@ def test_a_joint_goes_no_further_where_a_linear_model_runs_better_or_where_it_is
     y = chain.simulate(np.array([0.3, 0.15, -1.5, 0.7, 0.0, 0.0]), u)
     record = sysid.IOData(u, y + 0.02 * y.std() * rng.normal(size=1000), 0.1)
     rows = {r.candidate: r for r in select(record, SMALL, jobs=1).rows}
-    assert rows[JOINT].round == 1
-    none = select(record, replace(SMALL, joint=False), jobs=1)
-    assert JOINT not in {r.candidate for r in none.rows}
+    assert rows[ActuatedJoint()].round == 1
+    none = select(record, replace(SMALL, alone=False), jobs=1)
+    assert ActuatedJoint() not in {r.candidate for r in none.rows}
 
 
 @pytest.mark.slow
 def test_the_textbook_plant_among_all_default_maps():
     plant = system("textbook")
     found = select(plant.record(3000, 0.02, np.random.default_rng(1)))
-    assert found.chosen.candidate == Candidate("hammerstein_wiener", 2, 2, 1, "saturation", "piecewise_linear")
+    assert found.chosen.candidate == HammersteinWiener(2, 2, 1, "saturation", "piecewise_linear")
 
 
 def test_a_killed_search_goes_on_and_ends_as_if_it_had_not_been(tmp_path):

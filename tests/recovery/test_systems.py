@@ -10,7 +10,7 @@ import sysid
 from sysid.base.criteria import fit_percent
 from sysid.base.poles import match
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.starts.deal import starts
+from sysid.estimation.starts import starts
 from sysid.solver.searches import TABLE as SEARCHES
 from sysid.systems import TABLE, system
 

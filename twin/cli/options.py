@@ -49,15 +49,11 @@ def _whole(text: str) -> int:
         raise typer.BadParameter(f"found {text!r}, give a whole number") from None
 
 
-CHAIN_ORDERS = {"nb": 1, "nf": 0, "nk": 0}  # name and least value, in the order in which they are given
-NLARX_ORDERS = {"na": 0, "nb": 1, "nk": 0}
-
-
 def orders(text: str, names: dict[str, int], example: str) -> dict[str, int]:
-    """Orders by name out of '2,3,1'."""
+    """Orders by name out of '2,3,1'; `names` has the least value of each, in the order in which they are given."""
     parts = [part.strip() for part in text.split(",")]
-    allowed = f"give three whole numbers {','.join(names)}, for example {example}"
-    if len(parts) != 3:
+    allowed = f"give {len(names)} whole numbers {','.join(names)}, for example {example}"
+    if len(parts) != len(names):
         raise InputError(f"--orders is {text!r} with {len(parts)} part(s); {allowed}")
     try:
         values = dict(zip(names, map(int, parts), strict=True))

@@ -118,7 +118,7 @@ def _row(r: JointResult, name: str, e: Evaluation) -> tuple[str, ...]:
     verdicts = "–" if t is None else f"{_yes(t.white)}, {_yes(t.independent)}"
     return (
         r.joint,
-        f"{name} ({s.nb},{s.nf},{s.nk})",
+        f"{name} {s.recipe.order_text}",
         s.search,
         percent(e.validation_fit),
         percent(r.ceiling),
@@ -134,13 +134,12 @@ def _nlarx_rows(r: JointResult) -> list[tuple[str, ...]]:
     e, one = r.nlarx, r.nlarx.one_step
     assert one is not None
     s, c, t = e.setting, e.fit.criteria, e.tests
-    orders = f"({s.nf},{s.nb},{s.nk})"
     verdicts = "–" if t is None else f"{_yes(t.white)}, {_yes(t.independent)}"
     ahead = (percent(one.validation_fit), "–", number(c.fpe, 3), number(c.loss, 3), "–", verdicts, "–")
     return [
         (
             r.joint,
-            f"NLARX {orders}",
+            f"NLARX {s.recipe.order_text}",
             s.search,
             percent(e.validation_fit),
             percent(r.ceiling),
@@ -156,7 +155,7 @@ def _nlarx_rows(r: JointResult) -> list[tuple[str, ...]]:
 
 def _paper_row(r: JointResult) -> tuple[str, ...]:
     p, s = r.paper, r.paper.setting
-    name = f"paper ({s.nb},{s.nf},{s.nk})"
+    name = f"paper {s.recipe.order_text}"
     fit = f"{p.validation_fit:.2f} %"
     return (r.joint, name, s.search, fit, "–", number(p.fpe, 3), number(p.loss, 3), "yes", "claimed", poles(p.poles))
 

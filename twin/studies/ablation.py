@@ -14,8 +14,8 @@ from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, TravelMap
 from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
+from sysid.estimation.joint_parts import sub
 from sysid.estimation.result import Fit
-from sysid.estimation.starts.stages import sub
 from sysid.model.chain import Chain
 from sysid.workflow.evaluation import Setting
 from twin.experiment import Experiment, run_all
@@ -200,7 +200,8 @@ def experiment(log: Log) -> Experiment:
 def _paper_row(name: str, log: Log, setting: Setting) -> Row:
     estimation, validation = quick_start(log.io())
     try:
-        fit = sysid.fit(setting.model(), estimation, search=setting.search, starts=setting.starts, seed=setting.seed)
+        model = setting.recipe.model()
+        fit = sysid.fit(model, estimation, search=setting.search, starts=setting.starts, seed=setting.seed)
     except InputError as error:  # without friction or stops a joint may leave all that is reasonable
         return Row(name, None, reason=str(error))
     most = ceiling(log, slice(estimation.N + fit.n_init, None))

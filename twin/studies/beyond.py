@@ -13,7 +13,8 @@ import numpy as np
 from sysid.base.criteria import fit_percent
 from sysid.data.preprocess import quick_start
 from sysid.joint.values import JointValue
-from sysid.workflow.evaluation import JOINT, Evaluation, Setting, evaluate
+from sysid.structures import ActuatedJoint
+from sysid.workflow.evaluation import Evaluation, Setting, evaluate
 from twin.experiment import DEFAULTS, Experiment
 from twin.hardware.drive import drive
 from twin.hardware.potentiometer import potentiometer
@@ -136,7 +137,9 @@ def _trial(record: str, log: Log, paper: Evaluation) -> Trial:
     estimation, validation = quick_start(log.io(), kind="none")
     # How fine the bridge is and how straight the potentiometer stand in their data sheets; all else is found.
     p = Parameters()
-    setting = Setting(JOINT, driver_step=drive(p, log.joint).step, sensor_linearity=potentiometer(p).nonlinearity)
+    setting = Setting(
+        ActuatedJoint(driver_step=drive(p, log.joint).step, sensor_linearity=potentiometer(p).nonlinearity)
+    )
     joint = evaluate(setting, estimation, validation)
     return Trial(record, log, paper, joint, ceiling(log, slice(estimation.N + joint.fit.n_init, None)))
 

@@ -16,6 +16,7 @@ import twin
 from sysid.base.errors import InputError
 from sysid.base.versions import versions
 from sysid.data.preprocess import quick_start
+from sysid.structures import HammersteinWiener, NonlinearArx
 from sysid.workflow.evaluation import Evaluation, Setting, evaluate
 from twin.log import Log
 from twin.studies import ablation, beyond
@@ -27,8 +28,8 @@ TS = 0.1  # [s]
 DURATION = 250.0  # [s]: 2 x 1,250 samples, what the paper's ratio of FPE to loss points to
 SHORTEST = 60.0  # [s]: below this the halves hold too few samples for the largest of the models
 TRUTH_TOLERANCE = 1e-3  # |z|, between the compiled model's poles and the closed form
-NLARX = Setting("nlarx", nb=2, nf=2, nk=1, search="lm", starts=3)  # with a wavelet network, fitted one step ahead
-DEFAULT = Setting("hammerstein_wiener", 2, 3, 1, "piecewise_linear", "piecewise_linear", "auto")
+NLARX = Setting(NonlinearArx(2, 2, 1), "lm", starts=3)  # with a wavelet network, fitted one step ahead
+DEFAULT = Setting(HammersteinWiener(2, 3, 1, "piecewise_linear", "piecewise_linear"), "auto")
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class PaperRow:
 PAPER: dict[str, PaperRow] = {
     "shoulder": PaperRow(
         "Joint 1 shoulder",
-        Setting("hammerstein_wiener", 3, 3, 1, "sigmoid_network", "piecewise_linear", "lm"),
+        Setting(HammersteinWiener(3, 3, 1, "sigmoid_network", "piecewise_linear"), "lm"),
         71.06,
         0.054,
         0.04841,
@@ -54,7 +55,7 @@ PAPER: dict[str, PaperRow] = {
     ),
     "thigh": PaperRow(
         "Joint 2 thigh",
-        Setting("hammerstein_wiener", 2, 2, 1, "saturation", "piecewise_linear", "auto"),
+        Setting(HammersteinWiener(2, 2, 1, "saturation", "piecewise_linear"), "auto"),
         79.14,
         0.101,
         0.09762,
@@ -62,7 +63,7 @@ PAPER: dict[str, PaperRow] = {
     ),
     "shank": PaperRow(
         "Joint 3 shank",
-        Setting("hammerstein_wiener", 3, 1, 3, "saturation", "piecewise_linear", "gna"),
+        Setting(HammersteinWiener(3, 1, 3, "saturation", "piecewise_linear"), "gna"),
         71.35,
         0.1271,
         0.1228,

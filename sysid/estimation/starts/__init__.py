@@ -1,1 +1,40 @@
-"""Where a search starts: one file a kind of chain."""
+"""Where a search starts: one file a kind of chain, one line in `TABLE`, of which the first that applies counts."""
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.data.record import IOData
+from sysid.estimation.start import Start
+from sysid.estimation.starts.joint import Joint
+from sysid.estimation.starts.matrix import Matrix
+from sysid.estimation.starts.profile import Profile
+from sysid.estimation.starts.single_linear import SingleLinear
+from sysid.estimation.starts.staged_joint import StagedJoint
+from sysid.estimation.starts.two_filters import TwoFilters
+from sysid.model.chain import Chain
+
+TABLE: dict[str, Start] = {
+    "staged_joint": StagedJoint(),
+    "joint": Joint(),
+    "profile": Profile(),
+    "two_filters": TwoFilters(),
+    "single_linear": SingleLinear(),
+    "matrix": Matrix(),
+}
+
+
+def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
+    """Up to `count` starting points theta (P,) within the chain's bounds, with what it holds; the best guess first.
+
+    Of several experiments the longest gives the start. Raises InputError for a chain of no kind in `TABLE`.
+    """
+    for start in TABLE.values():
+        if start.applies(chain):
+            return [_held(chain, theta) for theta in start.starts(chain, data, count, seed)]
+    raise InputError("this chain has no automatic start; give fit() a start of one value for each parameter")
+
+
+def _held(chain: Chain, theta: np.ndarray) -> np.ndarray:
+    """theta within the chain's bounds, and what is fixed at its value."""
+    within = np.clip(theta, *chain.limits)
+    return np.array([chain.fixed.get(name, value) for name, value in zip(chain.names, within, strict=True)])

@@ -7,6 +7,8 @@ import numpy as np
 from sysid.block.block import Block
 from sysid.blocks import Motor, Play, TravelMap
 from sysid.data.record import IOData
+from sysid.estimation.joint_parts import is_joint, motor_of
+from sysid.estimation.start import Start, longest
 from sysid.model.chain import Chain
 
 _TRIED = 150  # candidates a start that is asked for
@@ -26,34 +28,30 @@ class _Record:
     sign: float
 
 
-def is_joint(chain: Chain) -> bool:
-    """Whether the chain has a motor."""
-    return any(isinstance(b, Motor) for b in chain.blocks)
-
-
-def motor_of(chain: Chain) -> Motor:
-    """The chain's motor."""
-    return next(b for b in chain.blocks if isinstance(b, Motor))
-
-
-def joint_starts(chain: Chain, record: IOData, count: int, seed: int) -> list[np.ndarray]:
-    """`count` starting points theta (P,): the best of many draws in free run, then others that differ from it.
+class Joint(Start):
+    """A chain with a motor: the best of many draws in free run, then others that differ from it.
 
     A draw is friction, asymmetry, load and lag; the speed per volt follows from the speeds seen. Free runs cost a
     fraction of a millisecond each, and a motor's cost has too many valleys for one good guess.
     """
-    seen = _read(record.u[:, 0], record.y[:, 0])
-    rng = np.random.default_rng([seed, 7])
-    draws = [_draw(chain, seen, rng, k) for k in range(_TRIED * count)]
-    costs = np.array([_cost(chain, theta, seen) for theta in draws])
-    order = np.argsort(costs, kind="stable")
-    chosen: list[np.ndarray] = []
-    for k in order:
-        if all(_apart(chain, draws[k], other) for other in chosen):
-            chosen.append(draws[k])
-        if len(chosen) == count:
-            break
-    return chosen + [draws[k] for k in order[: count - len(chosen)]]
+
+    def applies(self, chain: Chain) -> bool:
+        return is_joint(chain)
+
+    def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
+        record = longest(data)
+        seen = _read(record.u[:, 0], record.y[:, 0])
+        rng = np.random.default_rng([seed, 7])
+        draws = [_draw(chain, seen, rng, k) for k in range(_TRIED * count)]
+        costs = np.array([_cost(chain, theta, seen) for theta in draws])
+        order = np.argsort(costs, kind="stable")
+        chosen: list[np.ndarray] = []
+        for k in order:
+            if all(_apart(chain, draws[k], other) for other in chosen):
+                chosen.append(draws[k])
+            if len(chosen) == count:
+                break
+        return chosen + [draws[k] for k in order[: count - len(chosen)]]
 
 
 def _read(u: np.ndarray, y: np.ndarray) -> _Record:

@@ -5,6 +5,7 @@ from scipy.optimize import lsq_linear
 
 from sysid.blocks import ProfiledMotor
 from sysid.data.record import IOData
+from sysid.estimation.start import Start, generators
 from sysid.model.chain import Chain
 
 _WINDOWS = (400, 250, 100, 40)  # windows a record: few where the output is noisy, many where it is clean
@@ -12,12 +13,18 @@ _STATE = 20  # samples that give position and speed at the beginning
 _CALM = 0.1  # a profile's bend by its own level weighs as much as this share of an error that large in one window
 
 
-def has_profile(chain: Chain) -> bool:
-    """Whether the chain is one motor with a friction profile, with nothing before or behind it."""
-    return len(chain.blocks) == 1 and isinstance(chain.blocks[0], ProfiledMotor)
+class Profile(Start):
+    """One motor with a friction profile, with nothing before or behind it."""
+
+    def applies(self, chain: Chain) -> bool:
+        return len(chain.blocks) == 1 and isinstance(chain.blocks[0], ProfiledMotor)
+
+    def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
+        first, block = _from_balance(chain, data), chain.blocks[0]
+        return [first, *(block.vary(first, rng) for rng in generators(count, seed))]
 
 
-def profile_start(chain: Chain, data: IOData) -> np.ndarray:
+def _from_balance(chain: Chain, data: IOData) -> np.ndarray:
     """theta (P,) of a chain of one `ProfiledMotor`, for the first experiment of the record.
 
     Over a window of W samples the volts balance: inertia (v_end - v_begin) / W + drag mean v + sign(v) mean friction =
@@ -35,12 +42,6 @@ def profile_start(chain: Chain, data: IOData) -> np.ndarray:
         if cost < least:
             best, least = theta, cost
     return best
-
-
-def profile_starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
-    """`count` starting points theta (P,): the one from the data, then variations of it."""
-    first, block = profile_start(chain, data), chain.blocks[0]
-    return [first, *(block.vary(first, np.random.default_rng([seed, k])) for k in range(1, count))]
 
 
 def first_state(y: np.ndarray, n: int = _STATE) -> tuple[float, float]:

@@ -1,15 +1,12 @@
-"""Where a search starts: linear models, maps laid around them, and variations."""
+"""Starts of one filter between maps: linear models, maps around them, and variations."""
 
 import numpy as np
 
 from sysid.data.record import IOData
+from sysid.estimation.linear_start import denominators, polished, same_poles, solve_linear
+from sysid.estimation.map_start import start_maps
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.starts.joint import is_joint, joint_starts
-from sysid.estimation.starts.linear import denominators, polished, same_poles, solve_linear
-from sysid.estimation.starts.multi import multi_starts
-from sysid.estimation.starts.profile import has_profile, profile_starts
-from sysid.estimation.starts.stages import plainer, staged_starts
-from sysid.estimation.starts.static_maps import start_maps
+from sysid.estimation.start import Start, generators, longest
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt
@@ -17,36 +14,27 @@ from sysid.solver.searches import LevenbergMarquardt
 _COARSE = 12  # steps with coarse maps
 
 
-def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
-    """`count` starting points theta (P,): linear models first, then variations of their poles and maps.
+class SingleLinear(Start):
+    """One transfer function between maps: linear models first, then variations of their poles and maps.
 
-    Of several experiments the longest gives the start. Chains of several channels or of two transfer functions start in
-    `sysid.estimation.starts.multi`. Maps of many knots begin with few: the best of these is a better place to start
-    from.
+    Maps of many knots begin with few: the best of these is a better place to start from.
     """
-    record = max(data.experiments, key=lambda e: e.N)
-    if is_joint(chain):
-        return (
-            joint_starts(chain, record, count, seed)
-            if plainer(chain) is None
-            else staged_starts(chain, data, count, seed)
-        )
-    if has_profile(chain):
-        return [_with_fixed(chain, theta) for theta in profile_starts(chain, data, count, seed)]
-    # One generator a start, so that start k is the same however many are asked for.
-    draws = [np.random.default_rng([seed, k]) for k in range(1, count)]
-    if chain.channels != (1, 1) or len(chain.dynamics) != 1:
-        return [_with_fixed(chain, theta) for theta in multi_starts(chain, record, draws)]
-    u, y = record.u[:, 0], record.y[:, 0]
-    coarse = chain.coarser()
-    if coarse is None:
-        return [_with_fixed(chain, theta) for theta in _around(chain, u, y, draws)]
-    # Most starts go by way of the coarse maps; the last ones do not, for where that way leads astray.
-    direct = count // 3
-    found = [chain.refine(coarse, _few_steps(coarse, theta, u, y)) for theta in _around(coarse, u, y, draws[direct:])]
-    if direct:
-        found += _around(chain, u, y, draws[: direct - 1])
-    return [_with_fixed(chain, theta) for theta in found]
+
+    def applies(self, chain: Chain) -> bool:
+        return chain.channels == (1, 1) and len(chain.dynamics) == 1
+
+    def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
+        record, draws = longest(data), generators(count, seed)
+        u, y = record.u[:, 0], record.y[:, 0]
+        coarse = chain.coarser()
+        if coarse is None:
+            return _around(chain, u, y, draws)
+        # Most starts go by way of the coarse maps; the last ones do not, for where that way leads astray.
+        direct = count // 3
+        found = [
+            chain.refine(coarse, _few_steps(coarse, theta, u, y)) for theta in _around(coarse, u, y, draws[direct:])
+        ]
+        return found + (_around(chain, u, y, draws[: direct - 1]) if direct else [])
 
 
 def _around(chain: Chain, u: np.ndarray, y: np.ndarray, draws: list[np.random.Generator]) -> list[np.ndarray]:
@@ -135,11 +123,4 @@ def _variation(chain: Chain, first: np.ndarray, u: np.ndarray, y: np.ndarray, rn
     _finish(chain, theta, w, y)
     for b in chain.blocks[k + 1 :]:
         theta[chain.index(b)] = b.vary(chain.part(theta, b), rng)
-    return theta
-
-
-def _with_fixed(chain: Chain, theta: np.ndarray) -> np.ndarray:
-    theta = theta.copy()
-    for i, (name, slot) in enumerate(zip(chain.names, chain.slots, strict=True)):
-        theta[i] = chain.fixed.get(name, float(np.clip(theta[i], slot.lower, slot.upper)))
     return theta

@@ -1,7 +1,4 @@
-"""Starts of a joint with more physics: a plainer joint is fitted first, and what it lacks starts from its optimum.
-
-A cost over friction curves and plays has many valleys, and which one is right shows only where all else fits already.
-"""
+"""Parts of a joint that a motor drives: joints with more or fewer of them, and first values for what is added."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -12,16 +9,8 @@ import numpy as np
 from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor
 from sysid.data.record import IOData
-from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.problem import ChainProblem
-from sysid.estimation.starts.joint import joint_starts, motor_of
-from sysid.estimation.starts.play import play_starts
 from sysid.model.chain import Chain
-from sysid.solver.iterate import Options, iterate
-from sysid.solver.searches import LevenbergMarquardt
 
-_STEPS = Options(max_iterations=60, tolerance=0.01)
-_TRIED = 4  # starts of the plainest joint
 Part = dict[str, float]
 # How far a value is shaken (standard deviation): in parts of itself, or, of those that may be zero, in their own unit.
 _SHAKEN = {
@@ -31,6 +20,16 @@ _SHAKEN = {
 _DELAY = 0.3  # samples
 _LOAD = 0.1  # of the mean dry friction
 _END = 0.003  # of the way between the ends
+
+
+def is_joint(chain: Chain) -> bool:
+    """Whether the chain has a motor."""
+    return any(isinstance(b, Motor) for b in chain.blocks)
+
+
+def motor_of(chain: Chain) -> Motor:
+    """The chain's motor."""
+    return next(b for b in chain.blocks if isinstance(b, Motor))
 
 
 def plainer(chain: Chain) -> Chain | None:
@@ -85,35 +84,10 @@ def shaken(chain: Chain, theta: np.ndarray, rng: np.random.Generator) -> np.ndar
     return np.where(chain.free, out, theta)
 
 
-def staged_starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
-    """`count` starting points theta (P,) of a joint whose `plainer` one exists."""
-    plain, middle = plainer(chain), without_play(chain)
-    assert plain is not None
-    record = max(data.experiments, key=lambda e: e.N)
-    found = _best(plain, joint_starts(plain, record, _TRIED, seed), data)
-    if middle != plain:
-        names = tuple(name for name in FRICTIONS if getattr(motor_of(chain), name))
-        points = [lifted(plain, found, middle, more) for more in friction_starts(names, plain, found, data)]
-        found = _best(middle, points, data)
-    if middle is chain:
-        return [found]
-    return [lifted(middle, found, chain, more) for more in play_starts(chain, middle, found, data)[:count]]
-
-
 def friction_starts(names: tuple[str, ...], chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
     """First values of the frictions `names`, in every combination, beside the optimum theta of `chain`."""
     parts = product(*(FRICTIONS[name](chain, theta, data) for name in names))
     return [{name: value for part in combination for name, value in part.items()} for combination in parts]
-
-
-def _best(chain: Chain, points: list[np.ndarray], data: IOData) -> np.ndarray:
-    best, least = points[0], np.inf
-    for theta in points:
-        problem = ChainProblem(chain, with_initial_states(chain, theta, data), tuple(data.experiments), chain.free)
-        outcome = iterate(problem, problem.start, LevenbergMarquardt(), _STEPS)
-        if outcome.cost < least:
-            best, least = problem.thetas(outcome.p)[0], outcome.cost
-    return best
 
 
 def _read(chain: Chain, theta: np.ndarray) -> tuple[str, float, float, float]:

@@ -1,0 +1,76 @@
+"""Starts of two filters in series, with maps between them."""
+
+import itertools
+
+import numpy as np
+
+from sysid.blocks import TransferFunction
+from sysid.data.record import IOData
+from sysid.estimation.linear_start import output_error_start, solve_linear
+from sysid.estimation.map_start import start_maps
+from sysid.estimation.start import Start, generators, longest
+from sysid.model.chain import Chain
+
+
+class TwoFilters(Start):
+    """Wiener-Hammerstein: one linear model of all orders, its poles dealt to both filters in every possible way.
+
+    Starts differ in who gets which poles (Sjoberg and Schoukens 2012, Automatica 48); after all deals come variations
+    of the map between.
+    """
+
+    def applies(self, chain: Chain) -> bool:
+        return chain.channels == (1, 1) and len(chain.dynamics) == 2
+
+    def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
+        record, draws = longest(data), generators(count, seed)
+        u, y = record.u[:, 0], record.y[:, 0]
+        (_, first), (_, second) = chain.dynamics
+        whole = TransferFunction(first.nb + second.nb - 1, first.nf + second.nf, first.nk + second.nk)
+        poles = whole.poles(output_error_start(whole, u - u.mean(), y - y.mean()))
+        deals = _deals(poles, first.nf)
+        found = []
+        for k in range(len(draws) + 1):
+            mine = deals[k % len(deals)]
+            rng = draws[k - 1] if k >= len(deals) else None
+            found.append(_dealt(chain, poles, mine, u, y, rng))
+        return found
+
+
+def _deals(poles: np.ndarray, n: int) -> list[tuple[int, ...]]:
+    """Ways to pick n of the poles with complex pairs kept together; any n where there is none."""
+    whole = []
+    for mine in itertools.combinations(range(len(poles)), n):
+        picked = poles[list(mine)]
+        if abs(np.poly(picked).imag).max() < 1e-9:
+            whole.append(mine)
+    return whole or [tuple(range(n))]
+
+
+def _dealt(
+    chain: Chain,
+    poles: np.ndarray,
+    mine: tuple[int, ...],
+    u: np.ndarray,
+    y: np.ndarray,
+    rng: np.random.Generator | None,
+) -> np.ndarray:
+    (at_first, first), (at_second, second) = chain.dynamics
+    theta = np.zeros(len(chain.names))
+    others = [i for i in range(len(poles)) if i not in mine]
+    part = np.zeros(first.n_parameters)
+    F = np.real(np.poly(poles[list(mine)]))
+    part[first.nb : first.nb + first.nf] = F[1:]
+    part[0] = F.sum() if abs(F.sum()) > 1e-9 else 1.0  # gain 1, so that the map between sees the scale of u
+    theta[at_first] = part
+    x = first.output(part, u)
+    between = chain.blocks[chain.blocks.index(first) + 1 : chain.blocks.index(second)]
+    x = start_maps(chain, theta, between, x, x - x.mean())
+    if rng is not None:
+        for b in between:
+            theta[chain.index(b)] = b.vary(theta[chain.index(b)], rng)
+    part = np.zeros(second.n_parameters)
+    part[second.nb : second.nb + second.nf] = np.real(np.poly(poles[others]))[1:]
+    solve_linear(second, part, x, y)
+    theta[at_second] = part
+    return theta

@@ -1,0 +1,50 @@
+"""What identifying a file gives: the record, the evaluated model, and what to try next."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from sysid.base.versions import versions
+from sysid.diagnosis.advice import Advice
+from sysid.selection.select import Selection
+from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.record import Record
+
+
+@dataclass(frozen=True)
+class NextStep:
+    """Why to go on, and the command that does."""
+
+    why: str
+    command: str
+
+    def sentence(self) -> str:
+        """Both, as the report and the console say them."""
+        return f"Next: {self.why}; try: {self.command}"
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The record, what it says about itself, how it was prepared, and the model with its tests.
+
+    `selection` is the structure search that the model came from, None where the structure was given. `next` is what to
+    try next, None where the fit is good.
+    """
+
+    record: Record
+    split: float
+    detrend: str
+    evaluation: Evaluation
+    advice: tuple[Advice, ...] = ()
+    selection: Selection | None = None
+    next: NextStep | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary of `qpal identify`, ready for JSON."""
+        return {
+            "read": {**self.record.as_dict(), "split": self.split, "detrend": self.detrend},
+            **self.evaluation.as_dict(),
+            "selection": self.selection.as_dict() if self.selection else None,
+            "advice": [vars(a) for a in self.advice],
+            "next": vars(self.next) if self.next else None,
+            "versions": versions(),
+        }

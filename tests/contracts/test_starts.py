@@ -1,0 +1,53 @@
+"""Automatic starts: which one a chain gets, and what every starting point keeps to."""
+
+import numpy as np
+import pytest
+
+from sysid.base.errors import InputError
+from sysid.blocks import CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledMotor, TransferFunction
+from sysid.data.record import IOData
+from sysid.estimation.starts import TABLE, starts
+from sysid.model.chain import Chain
+from sysid.structures import actuated_joint, hammerstein_wiener, output_error, wiener_hammerstein
+
+MADE_FOR = {
+    "staged_joint": actuated_joint(motor=Motor(load=3, stribeck=True), play=CoastingPlay()),
+    "joint": actuated_joint(play=Play()),
+    "profile": Chain((ProfiledMotor(knots=3, low=0.0, high=1.0),)),
+    "two_filters": wiener_hammerstein(2, 2, 1),
+    "single_linear": hammerstein_wiener(2, 2, 1),
+    "matrix": hammerstein_wiener(1, 1, 1, "saturation", "unit_gain", nu=2, ny=2),
+}
+
+
+def record(N=200, nu=1):
+    u = np.repeat(np.random.default_rng(8).uniform(-1.0, 1.0, (N // 5, nu)), 5, axis=0)
+    return IOData(u, 0.05 * np.cumsum(u, axis=0) + 0.3 * np.roll(u, 1, axis=0), 0.1)
+
+
+@pytest.mark.parametrize("name", list(TABLE))
+def test_the_first_start_of_the_table_that_applies_is_the_one_that_is_made_for_a_chain(name):
+    assert next(n for n, start in TABLE.items() if start.applies(MADE_FOR[name])) == name
+
+
+@pytest.mark.parametrize("name", ["profile", "two_filters", "matrix"])
+def test_start_k_is_the_same_however_many_are_asked_for(name):
+    chain, data = MADE_FOR[name], record(nu=MADE_FOR[name].channels[0])
+    few, many = starts(chain, data, 3, 4), starts(chain, data, 5, 4)
+    assert len(many) == 5
+    np.testing.assert_array_equal(few, many[:3])
+
+
+def test_every_start_keeps_what_is_held_and_stays_within_bounds():
+    chain = output_error(2, 2, 1, fixed={"linear.b0": 7.0}, bounds={"linear.f1": (-0.2, 0.1), "linear.b1": (3.0, 4.0)})
+    points = dict(zip(chain.names, np.transpose(starts(chain, record(), 4, 0)), strict=True))
+    assert set(points["linear.b0"]) == {7.0}
+    assert np.all((points["linear.f1"] >= -0.2) & (points["linear.f1"] <= 0.1))
+    assert np.all((points["linear.b1"] >= 3.0) & (points["linear.b1"] <= 4.0))
+
+
+def test_a_chain_of_no_known_kind_asks_for_a_start_of_its_own():
+    several = Chain(tuple(TransferFunction(1, 1, 1, role=role) for role in "abc"))
+    for chain in (several, Chain((LimitedIntegrator(),))):
+        with pytest.raises(InputError, match="no automatic start; give fit"):
+            starts(chain, record(), 1, 0)

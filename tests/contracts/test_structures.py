@@ -1,0 +1,93 @@
+"""Every recipe of the table: named alike everywhere, described for people, and reachable from where it has to be."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+import typer
+from cases import STRUCTURES
+
+from sysid.base.errors import InputError
+from sysid.data.record import IOData
+from sysid.model.recipes import Option
+from sysid.structures import TABLE, ActuatedJoint, HammersteinWiener, NonlinearArx, OutputError
+from twin.cli.app import build
+from twin.cli.recipes import recipe
+
+
+def test_cases_have_every_structure():
+    assert set(STRUCTURES) == set(TABLE)
+
+
+@pytest.mark.parametrize("name", sorted(TABLE))
+def test_a_recipe_and_its_model_bear_the_tables_name(name):
+    assert TABLE[name].name == STRUCTURES[name].model().structure == name
+    assert type(STRUCTURES[name]) is TABLE[name]
+
+
+@pytest.mark.parametrize("name", sorted(TABLE))
+def test_every_setting_is_described_and_an_option_of_identify(name):
+    command = typer.main.get_command(build()).commands["identify"]
+    helps = {parameter.name: parameter.help for parameter in command.params}
+    for f in fields(TABLE[name]):
+        option = f.metadata["option"]
+        assert isinstance(option, Option)
+        if option.kind != "order":
+            assert option.help in helps[f.name]
+            assert all(allowed in helps[f.name] for allowed in option.allowed)
+
+
+@pytest.mark.parametrize("name", sorted(TABLE))
+def test_the_command_line_gives_every_setting_to_its_recipe(name):
+    """Orders of 4, 5, 6 in the order in which the structure names them; every other setting as in the cases."""
+    orders = dict(zip(STRUCTURES[name].orders, (4, 5, 6), strict=False))
+    text = {"orders": ",".join(map(str, orders.values()))} if orders else {}
+    found = recipe(name, {**STRUCTURES[name].as_dict(), **text})
+    assert type(found) is TABLE[name]
+    assert found.orders == orders
+    assert found.as_dict() == STRUCTURES[name].as_dict()
+
+
+@pytest.mark.parametrize("name", sorted(TABLE))
+def test_what_structure_search_tries_has_the_orders_that_it_varies_or_none(name):
+    assert not TABLE[name].searched or tuple(STRUCTURES[name].orders) in ((), ("nb", "nf", "nk"))
+
+
+@pytest.mark.parametrize("name", sorted(TABLE))
+def test_records_of_what_counts_from_zero_keep_their_means(name):
+    """Whoever refuses to have means removed puts them back; whoever does not leaves the record alone."""
+    data = IOData(np.array([-1.0, 1.0]), np.array([-2.0, 2.0]), 1.0, u_offset=np.array([3.0]), y_offset=np.array([4.0]))
+    scaled, kind = STRUCTURES[name].scale(data), TABLE[name]
+    assert kind.detrend("none") == "none"
+    if kind.detrend() == "none":
+        with pytest.raises(InputError, match=f"detrend is 'mean', and .*{name}.* count from zero"):
+            kind.detrend("mean")
+        np.testing.assert_array_equal(scaled.u[:, 0], [2.0, 4.0])
+        np.testing.assert_array_equal(scaled.y[:, 0], [2.0, 6.0])
+    else:
+        assert kind.detrend("mean") == kind.detrend() == "mean"
+        assert scaled is data
+
+
+def test_settings_that_give_no_model_are_refused_before_any_work():
+    for make, words in (
+        (lambda: HammersteinWiener(0, 2, 1), "nb >= 1"),
+        (lambda: HammersteinWiener(input_map="staircase"), "input map 'staircase'"),
+        (lambda: NonlinearArx(focus="guess"), "focus 'guess'"),
+        (lambda: ActuatedJoint(input_map="staircase"), "driver map 'staircase'"),
+        (lambda: ActuatedJoint(sensor_linearity=-0.1), "linearity is -0.1"),
+    ):
+        with pytest.raises(InputError, match=words):
+            make()
+
+
+def test_words_for_people():
+    wiener = HammersteinWiener(2, 3, 1, None, "dead_zone")
+    assert str(wiener) == "hammerstein_wiener (2,3,1) dead_zone"
+    assert wiener.short == "hammerstein-wiener (2,3,1)"
+    assert wiener.as_subject() == "A Hammerstein-Wiener (nb 2, nf 3, nk 1), output map dead zone model"
+    joint = ActuatedJoint("saturation", "polynomial")
+    assert joint.short == "actuated-joint"
+    assert joint.as_subject().startswith("An actuated joint (motor")
+    assert joint.in_words().endswith("driver saturation, sensor polynomial")
+    assert OutputError(1, 2, 0).orders == {"nb": 1, "nf": 2, "nk": 0}

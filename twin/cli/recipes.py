@@ -1,0 +1,119 @@
+"""Options of the command line that the recipes of models ask for: what a recipe's fields say is all that they know."""
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from typing import Annotated, Any
+
+import typer
+
+from sysid.base.errors import InputError, unknown
+from sysid.model.recipes import Option, Recipe
+from sysid.structures import TABLE
+from twin.cli import options
+
+DEFAULT = "hammerstein_wiener"
+ORDERS = "orders"
+
+
+def takes_recipes(verb: Callable[..., None]) -> Callable[..., None]:
+    """The verb, its **settings taken apart into one option for each field that a recipe has, behind `structure`."""
+    own = inspect.signature(verb)
+    found: list[inspect.Parameter] = []
+    for parameter in own.parameters.values():
+        if parameter.kind is not inspect.Parameter.VAR_KEYWORD:
+            found.append(parameter)
+        if parameter.name == "structure":
+            found += [
+                inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD, default=None, annotation=annotation)
+                for name, annotation in _annotations().items()
+            ]
+    verb.__signature__ = own.replace(parameters=found)  # type: ignore[attr-defined]
+    return verb
+
+
+def recipe(structure: str, given: Mapping[str, Any]) -> Recipe:
+    """The recipe called `structure` with the settings that are given (None: not given).
+
+    Raises InputError for a setting that it does not have.
+    """
+    if structure not in TABLE:
+        raise unknown("structure", structure, TABLE)
+    kind = TABLE[structure]
+    settings = {name: value for name, value in given.items() if value is not None}
+    for name in settings:
+        if name not in _names(kind):
+            others = [other for other, each in TABLE.items() if name in _names(each)]
+            raise InputError(
+                f"--{_dashed(name)} is given with --structure {structure}, which has no {name.replace('_', ' ')}; "
+                f"leave it out or give --structure {' or '.join(others)}"
+            )
+    text = settings.pop(ORDERS, None)
+    if text is not None:
+        least = {name: kind.options()[name].least for name in kind.of_kind("order")}
+        settings |= options.orders(text, least, _example(kind))
+    return kind(**settings)
+
+
+def none_given(given: Mapping[str, Any], structure: str) -> None:
+    """Raises InputError for a setting of one structure where `structure` searches for one."""
+    for name, value in given.items():
+        if value is not None:
+            raise InputError(
+                f"--{_dashed(name)} is given with --structure {structure}, which searches it; leave it out or name a "
+                "structure"
+            )
+
+
+def counted_from_zero() -> str:
+    """The structures from whose records no means are removed, in words."""
+    return ", ".join(f"{_article(name)} {name.replace('_', ' ')}" for name, kind in TABLE.items() if kind.zero)
+
+
+def _names(kind: type[Recipe]) -> list[str]:
+    """Names of a recipe's settings; its orders are one."""
+    orders = [ORDERS] if kind.of_kind("order") else []
+    return orders + [name for name, option in kind.options().items() if option.kind != "order"]
+
+
+def _annotations() -> dict[str, Any]:
+    """Every setting of every recipe, the default one's first."""
+    kinds = [TABLE[DEFAULT], *(kind for name, kind in TABLE.items() if name != DEFAULT)]
+    found: dict[str, list[Option]] = {}
+    for kind in kinds:
+        for name in _names(kind):
+            if name != ORDERS:
+                found.setdefault(name, []).append(kind.options()[name])
+    return {ORDERS: _orders(kinds), **{name: _annotation(of) for name, of in found.items()}}
+
+
+def _orders(kinds: Iterable[type[Recipe]]) -> Any:
+    """The option for orders: what the first recipe's are, the names of those that differ, and all defaults."""
+    first: dict[tuple[str, ...], type[Recipe]] = {}
+    for kind in kinds:
+        if kind.of_kind("order"):
+            first.setdefault(kind.of_kind("order"), kind)
+    (names, own), *others = first.items()
+    words = [", ".join(own.options()[name].help for name in names)]
+    words += [f"of {kind.name} {','.join(theirs)}" for theirs, kind in others]
+    help = f"{'; '.join(words)} [{'; '.join(map(_example, first.values()))}]"
+    return Annotated[str | None, typer.Option(metavar=",".join(names).upper(), help=help)]
+
+
+def _annotation(found: list[Option]) -> Any:
+    """One option out of what each recipe that has it says of it."""
+    help = ", or ".join(dict.fromkeys(option.help for option in found))
+    if found[0].kind == "number":
+        return Annotated[float | None, options.number(found[0].unit, help)]
+    return Annotated[str | None, options.name(help, found[0].allowed)]
+
+
+def _example(kind: type[Recipe]) -> str:
+    return ",".join(str(value) for value in kind().orders.values())
+
+
+def _dashed(name: str) -> str:
+    return name.replace("_", "-")
+
+
+def _article(word: str) -> str:
+    return "an" if word[0] in "aeiou" else "a"
