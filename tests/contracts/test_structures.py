@@ -7,10 +7,20 @@ import pytest
 import typer
 from cases import STRUCTURES
 
+from sysid import structures
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.model.recipes import Option
-from sysid.structures import TABLE, ActuatedJoint, HammersteinWiener, NonlinearArx, OutputError
+from sysid.structures import (
+    TABLE,
+    ActuatedJoint,
+    Hammerstein,
+    HammersteinWiener,
+    NonlinearArx,
+    OutputError,
+    Wiener,
+    WienerHammerstein,
+)
 from twin.cli.app import build
 from twin.cli.recipes import recipe
 
@@ -79,6 +89,25 @@ def test_settings_that_give_no_model_are_refused_before_any_work():
     ):
         with pytest.raises(InputError, match=words):
             make()
+
+
+def test_a_recipe_makes_the_chain_that_its_function_makes():
+    """A map that is not named is the function's own default."""
+    for found, expected in (
+        (Hammerstein(4, 5, 6, "dead_zone"), structures.hammerstein(4, 5, 6, "dead_zone")),
+        (HammersteinWiener(4, 5, 6), structures.hammerstein_wiener(4, 5, 6)),
+        (HammersteinWiener(4, 5, 6, None, "dead_zone"), structures.hammerstein_wiener(4, 5, 6, output="dead_zone")),
+        (OutputError(4, 5, 6), structures.output_error(4, 5, 6)),
+        (Wiener(4, 5, 6, "dead_zone"), structures.wiener(4, 5, 6, "dead_zone")),
+        (WienerHammerstein(4, 5, 6), structures.wiener_hammerstein(4, 5, 6)),
+        (NonlinearArx(4, 5, 6, "simulation"), structures.nlarx(4, 5, 6, focus="simulation")),
+        (ActuatedJoint("dead_zone"), structures.actuated_joint("dead_zone", play=False)),
+        (
+            ActuatedJoint(None, "dead_zone", 0.2),
+            structures.actuated_joint(None, sensor="dead_zone", driver_step=0.2, play=False),
+        ),
+    ):
+        assert found.model() == expected
 
 
 def test_words_for_people():

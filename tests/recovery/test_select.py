@@ -12,6 +12,7 @@ from sysid.data.preprocess import detrend
 from sysid.selection.select import Space, select
 from sysid.structures import ActuatedJoint, Hammerstein, HammersteinWiener, OutputError
 from sysid.systems import system
+from sysid.workflow import identification
 
 SMALL = Space(
     nb=(1, 2), nf=(1, 2), nk=(1, 2), input=("unit_gain", "saturation"), output=("unit_gain", "dead_zone"), starts=1
@@ -91,6 +92,37 @@ def test_a_joint_goes_no_further_where_a_linear_model_runs_better_or_where_it_is
     assert rows[ActuatedJoint()].round == 1
     none = select(record, replace(SMALL, alone=False), jobs=1)
     assert ActuatedJoint() not in {r.candidate for r in none.rows}
+
+
+def test_a_joint_that_a_search_finds_grows_on_the_scale_of_the_file(tmp_path, monkeypatch):
+    record = joint_record(600)
+    np.savetxt(tmp_path / "joint.csv", np.column_stack([record.u, record.y]), delimiter=",", header="u,y", comments="")
+    monkeypatch.setattr(identification, "Space", lambda starts: replace(SMALL, starts=starts))
+    found = identification.identify_file(tmp_path / "joint.csv", identification.Auto("lm", 1), "u", "y", Ts=0.1)
+    assert found.selection.chosen.candidate == found.evaluation.setting.recipe == ActuatedJoint()
+    assert found.detrend == "none"
+    assert found.evaluation.growth is not None
+    np.testing.assert_allclose(found.evaluation.estimation.y, record.y[:300], atol=1e-12)
+    ends = {v.name: v.value for v in found.evaluation.values if v.name.startswith("end_")}
+    assert ends == pytest.approx({"end_low": 2.0, "end_high": 5.0}, abs=0.05)
+
+
+def test_every_structure_is_tried_with_exactly_the_maps_that_it_has_places_for():
+    """And no linear model with more zeros than a sampled plant of that many poles has."""
+    space = Space(
+        (1, 2, 3), (1,), (1,), ("unit_gain", "saturation"), ("unit_gain", "dead_zone"), kept_orders=1, starts=1
+    )
+    found = select(hammerstein_record(400), space, jobs=1)
+    first = {str(r.candidate) for r in found.rows if r.candidate.name == "output_error" and r.round == 1}
+    assert first == {"output_error (1,1,1)", "output_error (2,1,1)"}
+    kinds = {(r.candidate.name, *r.candidate.maps.values()) for r in found.rows}
+    assert kinds == {
+        ("output_error",),
+        ("actuated_joint",),
+        ("hammerstein", "saturation"),
+        ("wiener", "dead_zone"),
+        ("hammerstein_wiener", "saturation", "dead_zone"),
+    }
 
 
 @pytest.mark.slow
