@@ -18,10 +18,10 @@ PACKAGES = (sysid, twin)
 # The rooms of each package from the ground up, floor by floor: a room imports rooms of lower floors alone.
 FLOORS = {
     "sysid": (
-        ("base", "block"),
-        ("blocks", "data", "excitations", "solver"),
-        ("formats", "model"),
-        ("diagnosis",),
+        ("base",),
+        ("block", "data", "excitations", "solver"),
+        ("blocks", "diagnosis", "formats"),
+        ("model",),
         ("estimation",),
         ("export", "nlarx", "uncertainty"),
         ("structures", "validation"),

@@ -1,14 +1,56 @@
 """Play of a link with inertia: it coasts where the drive slows down, and lies where its weight pulls."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from sysid.block.block import Block, Slot
+from sysid.block.block import Slot
+from sysid.block.compiler.recursion import Recursion
+from sysid.block.step import sign
+from sysid.block.writing import Writer, solved
+
+
+def begin(s, x, p):
+    s.place = x + p.rest * p.width
+    s.before = x
+
+
+def step(s, x, p):
+    half = 0.5 * p.width
+    low, high = x - half, x + half
+    if s.place < low or s.place > high:  # a side takes it along
+        s.place = low if s.place < low else high
+        s.speed = x - s.before
+    s.before = x
+    y = s.place
+    fly(s, p)
+    return y
+
+
+def fly(s, p):
+    """One sample of free flight under a constant pull: it may come to rest and fall the other way."""
+    pull, left = p.pull0 + p.pull1 * s.place, 1.0
+    for _ in range(2):
+        way = sign(s.speed)
+        if way == 0.0 and abs(pull) > p.drag:
+            way = -sign(pull)
+        if way == 0.0:  # its bearing holds it
+            s.speed = 0.0
+            break
+        rate = -pull - p.drag * way
+        rests = s.speed != 0.0 and (s.speed + rate * left) * way < 0.0
+        span = -s.speed / rate if rests else left
+        s.place += (s.speed + 0.5 * rate * span) * span
+        if not rests:
+            s.speed += rate * span
+            break
+        s.speed = 0.0
+        left -= span
 
 
 @dataclass(frozen=True)
-class CoastingPlay(Block):
+class CoastingPlay(Recursion):
     """y lies within x - width / 2 and x + width / 2; between the two it flies: v' = -(pull0 + pull1 y) - drag sign v.
 
     x moves evenly from sample to sample, and a link that meets a side goes on with it (no rebound). drag [y/sample^2]
@@ -18,22 +60,28 @@ class CoastingPlay(Block):
     play it starts, at rest, from -1/2 to 1/2. Derivatives at a switch are those of the branch taken.
     """
 
+    functions: ClassVar = {"step": step, "begin": begin}
+
     def slots(self) -> tuple[Slot, ...]:
         return (
             Slot("width", lower=0.0),
-            Slot("rest", lower=-0.5, upper=0.5, initial=True),
+            Slot("rest", lower=-0.5, upper=0.5, initial=True, holds=True),
             Slot("drag", "y/sample^2", lower=0.0),
             Slot("pull0", "y/sample^2"),
             Slot("pull1", "1/sample^2"),
         )
 
-    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.block.kernels_play import coasting_play
-
-        y = np.empty_like(x)
-        width, rest, drag, pull0, pull1 = (float(value) for value in theta)
-        coasting_play(width, rest, drag, pull0, pull1, x, y, J, q if J.shape[1] else 0)
-        return y
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        """The equation of motion in v', not of the exact solution that the step takes."""
+        width, _, drag, pull, slope = theta.tolist()
+        low, high = f"{w.x}(t) - {w.num(0.5 * width)}", f"{w.x}(t) + {w.num(0.5 * width)}"
+        return [
+            f"v' = -P - {w.num(drag)}*sign(v), {w.y}' = v, time in samples, while {low} <= {w.y}(t) <= {high}",
+            f"  P = {w.sum([(pull, ''), (slope, w.y)])}",
+            f"  v stays 0 where |P| <= {w.num(drag)}",
+            f"  {w.y}(t) = {low} where it would be less, {high} where more; there v = {w.x}(t) - {w.x}(t-1)",
+            solved("P" if slope else "", 1, "sample"),
+        ]
 
     def start(self, x: np.ndarray) -> np.ndarray:
         return np.zeros(self.n_parameters)

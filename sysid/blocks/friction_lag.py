@@ -1,21 +1,43 @@
 """Speed of a drive that smooth dry friction slows: voltage in, speed out."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.block.block import Block, Slot, Symmetry
+from sysid.block.block import Slot, Symmetry
+from sysid.block.compiler.recursion import Recursion
+from sysid.block.step import tanh
+from sysid.block.writing import Writer
+
+
+def begin(s, x, p):
+    s.speed = p.v0
+
+
+def rate(v, x, p):
+    return p.gain * x - p.drag * v - p.friction * tanh(v / p.onset)
+
+
+def step(s, x, p, block):
+    y, h = s.speed, 1.0 / block.substeps
+    for _ in range(block.substeps):
+        middle = s.speed + 0.5 * h * rate(s.speed, x, p)
+        s.speed += h * rate(middle, x, p)
+    return y
 
 
 @dataclass(frozen=True)
-class FrictionLag(Block):
+class FrictionLag(Recursion):
     """v' = gain u - drag v - friction tanh(v / onset), time in samples.
 
     A first-order lag that is fast and weak while it turns slowly and slow and strong beyond `onset`: what dry friction
     makes of a motor that keeps turning through zero, seen at its speed. It never sticks; a motor that stands still
     under voltage needs `Motor`. Each sample is integrated by the midpoint rule in `substeps` parts.
     """
+
+    functions: ClassVar = {"step": step, "begin": begin}
 
     substeps: int = 8
 
@@ -32,13 +54,14 @@ class FrictionLag(Block):
             Slot("v0", initial=True),
         )
 
-    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.block.kernels_profile import friction_lag
-
-        y = np.empty_like(x)
-        gain, drag, friction, onset, v0 = theta
-        friction_lag(gain, drag, friction, onset, v0, self.substeps, x, y, J, q if J.shape[1] else 0)
-        return y
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        """The equation of motion in v', whose solution by the midpoint rule the step is."""
+        gain, drag, friction, onset, _ = theta.tolist()
+        rate = w.sum([(gain, w.x), (-drag, w.y), (-friction, f"tanh({w.y}/{w.num(onset)})")])
+        return [
+            f"{w.y}' = {rate}, time in samples",
+            f"  {w.x} is held over each sample; midpoint rule in {self.substeps} equal parts of it",
+        ]
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """A lag of ten samples with unit gain and a little friction."""

@@ -1,15 +1,65 @@
 """Motor on a guide whose dry friction and load change along the way: voltage in, position out, no stops."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.block.block import Block, Slot, Symmetry
+from sysid.block.block import Slot, Symmetry
+from sysid.block.compiler.recursion import Recursion
+from sysid.block.lag import lagged
+from sysid.block.step import floor, sign
+from sysid.block.writing import Writer, solved
+
+SHORTEST = 1e-12  # samples; what is left of a sample below it is over
+
+
+def begin(s, x, p):
+    s.position, s.speed = p.x0, p.v0
+
+
+def level(row, i, share, block):
+    """A profile, `share` of the way through its segment i."""
+    value = row[i]
+    if block.knots > 1:
+        value += share * (row[i + 1] - value)
+    return value
+
+
+def step(s, x, p, block):
+    y = s.position
+    for _ in range(block.substeps):
+        h = 1.0 / block.substeps
+        for _ in range(4):  # turns: one is usual, two can be
+            if h <= SHORTEST:
+                break
+            place = (s.position - block.low) * ((block.knots - 1) / (block.high - block.low))
+            i = int(min(max(floor(place), 0.0), max(block.knots - 2.0, 0.0)))
+            share = min(max(place - i, 0.0), 1.0)
+            way = sign(s.speed)
+            if way == 0.0 and x > level(p.rise, i, share, block):
+                way = 1.0
+            elif way == 0.0 and x < -level(p.fall, i, share, block):
+                way = -1.0
+            if way == 0.0:  # friction holds it
+                s.speed = 0.0
+                break
+            if way > 0.0:
+                drag = p.drag_up
+                target = (x - level(p.rise, i, share, block)) / drag
+            else:
+                drag = p.drag_down
+                target = (x + level(p.fall, i, share, block)) / drag
+            span, turns = lagged(s, target, p.inertia / drag, way, h)
+            h -= span
+            if not turns:
+                break
+    return y
 
 
 @dataclass(frozen=True)
-class ProfiledMotor(Block):
+class ProfiledMotor(Recursion):
     """inertia x'' = u - drag x' - friction: time in samples, x in the unit of the output, all forces in volts.
 
     Against motion up stands rise(x), against motion down fall(x): straight lines between `knots` equal steps from `low`
@@ -22,6 +72,8 @@ class ProfiledMotor(Block):
     that of the part's start and the lag inertia / drag is taken exactly; derivatives at a turn or a knot are those of
     the branch that is taken.
     """
+
+    functions: ClassVar = {"step": step, "begin": begin}
 
     knots: int = 7
     low: float = 0.0
@@ -40,18 +92,30 @@ class ProfiledMotor(Block):
             *(Slot(name, "V sample", lower=1e-12) for name in ("drag_up", "drag_down")),
         ]
         profiles = [Slot(f"{side}{i}", "V") for side in ("rise", "fall") for i in range(self.knots)]
-        return (*plain, *profiles, Slot("x0", initial=True), Slot("v0", "1/sample", initial=True))
-
-    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.block.kernels_profile import profiled_motor
-
-        y = np.empty_like(x)
-        profiled_motor(theta, self.knots, self.low, self.high, self.substeps, x, y, J, q if J.shape[1] else 0)
-        return y
+        return (*plain, *profiles, Slot("x0", initial=True, holds=True), Slot("v0", "1/sample", initial=True))
 
     def profiles(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """rise (knots,) and fall (knots,) [V] out of theta."""
         return theta[3 : 3 + self.knots], theta[3 + self.knots : 3 + 2 * self.knots]
+
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        """The equation of motion in v', not of the exact solution that the step takes."""
+        m, (rise, fall) = (
+            self.by_name(theta),
+            self.profiles(theta),
+        )
+        up, down = w.num(m["drag_up"]), w.num(m["drag_down"])
+        places = np.linspace(self.low, self.high, self.knots) if self.knots > 1 else np.array([self.low])
+        return [
+            f"{w.num(m['inertia'])}*v' = {w.x} - D*v - F, {w.y}' = v, time in samples",
+            f"  D = {up}, F = rise({w.y}) where v > 0; D = {down}, F = -fall({w.y}) where v < 0",
+            f"  v stays 0 where -fall({w.y}) <= {w.x} <= rise({w.y})",
+            f"  rise and fall are straight between these values, constant beyond, at {w.y} = {w.list(places)}:",
+            f"  rise = {w.list(rise)}",
+            f"  fall = {w.list(fall)}",
+            f"  {w.x} is held for one sample",
+            solved("F" if self.knots > 1 else "", self.substeps),
+        ]
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """A motor that crosses the profile in a tenth of the record at the largest input."""

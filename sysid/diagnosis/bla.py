@@ -12,7 +12,6 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.poles import mirrored
 from sysid.data.record import IOData, siso
-from sysid.model.chain import Chain
 
 
 @dataclass(frozen=True)
@@ -231,29 +230,6 @@ def parametric(bla: Bla, nb: int, nf: int, nk: int = 1) -> Parametric:
         p = np.concatenate([np.linalg.lstsq(_split(columns), _split(bla.G * weight), rcond=None)[0], f])
     cost = float(np.sum(residual(p) ** 2))
     return Parametric(p[:nb], p[nb:], nk, cost, max(F - 0.5 * (nb + nf), 0.5))
-
-
-def start(chain: Chain, model: Parametric, data: IOData) -> np.ndarray:
-    """theta (P,) for `sysid.fit(chain, data, start=...)`: the chain's one filter as `model`, its maps as good as none.
-
-    Raises InputError where the chain's orders are others than the model's.
-    """
-    linear = chain.linear
-    if (linear.nb, linear.nf, linear.nk) != (len(model.b), len(model.f), model.nk):
-        raise InputError(
-            f"the chain has orders {linear.nb}, {linear.nf}, {linear.nk} and the approximation "
-            f"{len(model.b)}, {len(model.f)}, {model.nk}; fit the approximation with the chain's orders"
-        )
-    x, _ = siso(data)
-    theta = []
-    for block in chain.blocks:
-        if block is linear:
-            own = np.concatenate([model.b, model.f, np.zeros(linear.n_parameters - linear.nb - linear.nf)])
-        else:
-            own = block.start(x)
-        x = block.output(own, x)
-        theta.append(own)
-    return np.concatenate(theta)
 
 
 def _weights(bla: Bla) -> np.ndarray:

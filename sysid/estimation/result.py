@@ -12,15 +12,12 @@ from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
 from sysid.base.json_values import plain
 from sysid.base.threads import one_blas_thread
-from sysid.blocks import CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledMotor
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.initial_state import estimate_initial
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance, pole_std
 from sysid.solver.iterate import Stop
-
-_STANDS = (CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledMotor)  # blocks that are at rest at any position
 
 
 @dataclass(frozen=True)
@@ -198,13 +195,8 @@ def rested(model: Chain, theta: np.ndarray) -> np.ndarray:
 
     In a fit this is where its record, the first of several, began.
     """
-    still = np.where(model.initial, 0.0, theta)
-    for block in model.blocks:
-        if isinstance(block, _STANDS):
-            own = model.index(block)
-            speed = np.array([slot.name == "v0" for slot in block.slots()])
-            still[own] = np.where(speed, 0.0, theta[own])
-    return still
+    moves = np.array([slot.initial and not slot.holds for slot in model.slots], dtype=bool)
+    return np.where(moves, 0.0, theta)
 
 
 def check_channels(model: Chain, data: IOData) -> None:

@@ -1,34 +1,16 @@
 """A chain with its numbers as a wiring of one-channel units: what exporters and the closed form walk through."""
 
-import math
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TypeVar
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.block.block import Block, StaticBlock
-from sysid.blocks import CubicSpline, Motor, PiecewiseLinear, TravelMap
+from sysid.block.compiler.recursion import Map, Recursion
 from sysid.model.chain import Chain
-
-T = TypeVar("T")
-SHORTEST = 1e-12  # samples; what is left of a sample below it is over, as in the kernels
-EVENTS = 4  # turns of a motor within one stretch of constant input, as in the kernels
-
-
-@dataclass(frozen=True)
-class Code:
-    """Body of an exported function of `x`: may read tables by name and keep `state` numbers in `s`.
-
-    `start` holds what the first of these numbers are called and begin with; all others begin with zero.
-    """
-
-    body: str
-    state: int = 0
-    tables: dict[str, np.ndarray] = field(default_factory=dict)
-    start: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -38,36 +20,6 @@ class Unit:
     name: str
     block: Block
     theta: np.ndarray
-
-
-@dataclass(frozen=True)
-class Writer:
-    """Names of a unit's input x and output y, and how its numbers are written (None: exactly)."""
-
-    x: str
-    y: str
-    digits: int | None
-
-    def num(self, value: float) -> str:
-        """A number, in brackets where it is negative."""
-        plain = number(value) if self.digits is None else f"{float(value):.{self.digits}g}"
-        return f"({plain})" if plain.startswith("-") else plain
-
-    def sum(self, terms: list[tuple[float, str]]) -> str:
-        """c1*a + c2*b - ... without the terms of weight zero; an empty name stands for the number alone."""
-        parts: list[str] = []
-        for c, name in terms:
-            if c == 0.0:
-                continue
-            sign = ("-" if c < 0 else "") if not parts else (" - " if c < 0 else " + ")
-            size = self.num(abs(c))
-            factor = size if not name else (name if size in ("1", "1.0") else f"{size}*{name}")
-            parts.append(sign + factor)
-        return "".join(parts) or "0"
-
-    def minus(self, value: float) -> str:
-        """(x - value) as a factor."""
-        return self.x if value == 0.0 else f"({self.sum([(1.0, self.x), (-value, '')])})"
 
 
 # A layer is one block of the chain: for each of its outputs, the units that are summed and the input each one reads.
@@ -96,51 +48,22 @@ def _layer(k: int, block: Block, theta: np.ndarray) -> Layer:
     raise InputError(f"block {block.role!r} has {len(units)} parts for {n_in} inputs and {n_out} outputs")
 
 
-def entry(table: Mapping[type[Block], Callable[..., T]], unit: Unit, what: str) -> Callable[..., T]:
-    """The line of `table` for a unit's block; raises InputError for a block without one."""
-    if type(unit.block) not in table:
+def written(unit: Unit, what: str) -> Callable[..., Any]:
+    """How a unit's block writes itself: its method `c`, `python` or `equations`.
+
+    Raises InputError for a block without one, or whose run is another than that of the block that it took this from.
+    """
+    kind = type(unit.block)
+    order = kind.__mro__
+    own = next(c for c in order if {what, "functions"} & set(vars(c)))
+    run = next(c for c in order if {"propagate", "evaluate"} & set(vars(c)))
+    if own is Block or (run not in (Recursion, Map) and order.index(run) < order.index(own)):
         static = isinstance(unit.block, StaticBlock)
         way = "fit a piecewise linear map or a spline in its place" if static else "run the fit itself, in Python"
-        raise InputError(
-            f"{unit.name} is a {type(unit.block).__name__} block, which has no formula to write as {what}; {way}"
-        )
-    return table[type(unit.block)]
-
-
-def break_points(block: PiecewiseLinear, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """x and y of the break points (knots,), free or fixed."""
-    n = block.knots
-    return (theta[:n], theta[n:]) if block.free_knots else (np.array(block.at, dtype=float), theta)
-
-
-def cubics(block: CubicSpline, theta: np.ndarray) -> tuple[float, float, np.ndarray]:
-    """lo, hi and coefficients (m, 4) on the m equal intervals between, powers 0..3 of the place within an interval."""
-    lo, hi = block.span if block.span is not None else theta[:2]
-    values = theta if block.span is not None else theta[2:]
-    return float(lo), float(hi), block.pieces @ values
-
-
-def strokes(block: TravelMap, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Knots of a travel map (knots,) and the share of the way that each one stands for."""
-    return np.linspace(0.0, 1.0, block.knots), np.concatenate([[0.0], theta[2:], [1.0]])
-
-
-def arcs(block: TravelMap, theta: np.ndarray) -> np.ndarray:
-    """The curve of a smooth travel map's shares as `cubics` has it, from 0 to 1: coefficients (knots - 1, 4)."""
-    return CubicSpline(block.knots, span=(0.0, 1.0)).pieces @ strokes(block, theta)[1]
-
-
-def by_name(block: Block, theta: np.ndarray) -> dict[str, float]:
-    """theta (p,) by the names of the block's parameters."""
-    return {slot.name: float(value) for slot, value in zip(block.slots(), theta, strict=True)}
-
-
-def arrivals(block: Motor, theta: np.ndarray) -> list[tuple[int, float]]:
-    """The stretches of one sample over which a motor's input stands: how many samples old it is, how long it stands."""
-    delay = by_name(block, theta).get("delay", 0.0)
-    whole = math.floor(delay)
-    stretches = [(whole + 1, delay - whole), (whole, 1.0 - (delay - whole))]
-    return [(age, length) for age, length in stretches if length > SHORTEST]
+        form = {"c": "C", "python": "Python", "equations": "text"}[what]
+        raise InputError(f"{unit.name} is a {kind.__name__} block, which has no formula to write as {form}; {way}")
+    method: Callable[..., Any] = getattr(unit.block, what)
+    return method
 
 
 def identifier(name: str) -> str:
@@ -148,11 +71,6 @@ def identifier(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name, flags=re.ASCII):
         raise InputError(f"{name!r} is no identifier; give letters, digits and _, a letter first")
     return name
-
-
-def number(value: float) -> str:
-    """The shortest text that reads back as exactly this float, in C and in Python."""
-    return repr(float(value))
 
 
 def offsets(value: float | np.ndarray, n: int, name: str) -> np.ndarray:

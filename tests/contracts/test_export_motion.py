@@ -7,9 +7,11 @@ import pytest
 from cases import BLOCKS, MOVING
 from exported import agrees, c_run, excitation, made, python_run, python_space
 
+from sysid.block.writing import Writer
 from sysid.blocks import (
     CoastingPlay,
     Delay,
+    Dynamic,
     FrictionLag,
     LimitedIntegrator,
     Motor,
@@ -24,7 +26,6 @@ from sysid.excitations import Sweep
 from sysid.export import c as export_c
 from sysid.export import closed_form
 from sysid.export import python as export_python
-from sysid.export.motion_c import EMITTERS
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
@@ -82,7 +83,7 @@ OPTIONS = {
     "travel_map_line": (TravelMap(2, role="part"), np.array([0.7, -0.4])),
     "travel_map_smooth_line": (TravelMap(2, smooth=True, role="part"), np.array([0.7, -0.4])),
 }
-OWN = (*EMITTERS, Quantiser, TravelMap)
+OWN = (CoastingPlay, Delay, Dynamic, FrictionLag, LimitedIntegrator, Motor, Play, ProfiledMotor, Quantiser, TravelMap)
 CASES = {k: v for k, v in {**BLOCKS, **MOVING, **OPTIONS}.items() if type(v[0]) in OWN}
 
 
@@ -262,7 +263,7 @@ def test_any_motor_with_everything(seed):
 @pytest.mark.parametrize("name", ["delay", "delay_none", "limited_integrator", "play"])
 def test_formula_of_a_recursion_evaluates_to_it(name):
     block, theta = CASES[name]
-    (line,) = closed_form.FORMULAS[type(block)](block, theta, closed_form.Writer("w", "x", None))
+    (line,) = block.equations(theta, Writer("w", "x", None))
     left, _, right = line.partition(" = ")
     assert left == "x(t)"
     u = excitation(N=60)

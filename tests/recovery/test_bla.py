@@ -8,6 +8,7 @@ import sysid
 from sysid import InputError, IOData
 from sysid.base.poles import match
 from sysid.diagnosis import bla
+from sysid.estimation.bla_start import bla_start
 
 B, F = [0.0, 0.5, 0.2], [1.0, -1.2, 0.5]
 N, LINES = 512, np.arange(1, 161)
@@ -154,12 +155,12 @@ def test_a_start_from_the_approximation_reaches_the_optimum():
     data = record(rng, 0.02, cubic, realisations=2, periods=4)
     model = bla.parametric(bla.estimate(data, N), 2, 2, 1)
     chain = sysid.structures.hammerstein(2, 2, 1, input="polynomial")
-    theta = bla.start(chain, model, data.experiments[0])
+    theta = bla_start(chain, model, data.experiments[0])
     fit = sysid.fit(chain, data.experiments[0], start=theta, starts=1)
     assert fit.stop.converged
     assert fit.criteria.loss == pytest.approx(0.02**2, rel=0.1)  # 2048 samples: a standard error of 3 %
     with pytest.raises(InputError, match="with the chain's orders"):
-        bla.start(sysid.structures.hammerstein(2, 3, 1), model, data)
+        bla_start(sysid.structures.hammerstein(2, 3, 1), model, data)
 
 
 def test_records_that_cannot_tell():

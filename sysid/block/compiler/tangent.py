@@ -1,0 +1,135 @@
+"""Forward-mode derivatives of a program, source to source: the branch taken, two levels.
+
+Between two loops, and within the innermost one, every value carries its derivatives with respect to what this stretch
+began with: a number for each state, input and parameter that it depends on. At the end of the stretch one pass over
+the columns of the Jacobian takes these numbers to the vectors of what lives on. So a column costs a product for each
+dependence, however long the stretch is, and what is known to be zero costs nothing.
+"""
+
+from sysid.block.compiler.activity import alive, head, now
+from sysid.block.compiler.columns import Columns
+from sysid.block.compiler.derive import Map
+from sysid.block.compiler.ir import Assign, Body, Break, Expr, For, If, Return, Stmt, Var, ends, loops, statements
+from sysid.block.compiler.show import row, show, variable
+
+_SMALL = 6  # statements behind an if that are written into both of its branches
+
+
+class Writer(Columns):
+    """Lines of the kernel with tangents, and what they ask for at its head."""
+
+    def block(self, body: Body, out: frozenset[Var], left: frozenset[Var]) -> None:
+        """A body whose vectors are up to date where it begins, and where it ends."""
+        i = 0
+        while i < len(body):
+            j = i
+            while j < len(body) and not loops(body[j]):
+                j += 1
+            if j > i:
+                self.run(body[i:j], {}, alive(body[j:], out, left, self.states, self.found), left)
+            if j < len(body):
+                self._nested(body[j], alive(body[j + 1 :], out, left, self.states, self.found), left)
+            i = j + 1
+
+    def _nested(self, s: Stmt, out: frozenset[Var], left: frozenset[Var]) -> None:
+        if isinstance(s, For):
+            self.emit(f"for v_{s.index} in range({show(s.count)}):")
+            self.inside(lambda: self.block(s.body, head(s, out, self.states, self.found), out))
+        elif isinstance(s, If):
+            self.emit(f"if {show(s.test)}:")
+            self.inside(lambda: self.block(s.body, out, left))
+            if s.orelse:
+                self.emit("else:")
+                self.inside(lambda: self.block(s.orelse, out, left))
+
+    def run(self, body: Body, env: dict[Var, Map], out: frozenset[Var], left: frozenset[Var], final: bool = True):  # type: ignore[no-untyped-def]
+        """Statements without a loop; env holds the derivatives of what they have set. Ends with the vectors of `out`
+        up to date if `final`, else gives env; None where control never gets to the end.
+        """
+        for i, s in enumerate(body):
+            rest = body[i + 1 :]
+            if isinstance(s, Assign):
+                self.assign(s, env)
+            elif isinstance(s, Break):
+                self.commit(env, left)
+                self.emit("break")
+                return None
+            elif isinstance(s, Return):
+                self.give(s.value, env)
+                return None
+            elif isinstance(s, If):
+                if final and (ends(s.body) or ends(s.orelse) or sum(1 for _ in statements(rest)) <= _SMALL):
+                    self.emit(f"if {show(s.test)}:")
+                    self.inside(lambda s=s, rest=rest, env=env: self._leaf(s.body, rest, env, out, left))  # type: ignore[misc]
+                    self.emit("else:")
+                    self.inside(lambda s=s, rest=rest, env=env: self._leaf(s.orelse, rest, env, out, left))  # type: ignore[misc]
+                    return None
+                merged = self.merge(s, env, alive(rest, out, left, self.states, self.found), left)
+                if merged is None:
+                    return None
+                env = merged
+        if final:
+            self.commit(env, out)
+        return env
+
+    def _leaf(self, body: Body, rest: Body, env: dict[Var, Map], out: frozenset[Var], left: frozenset[Var]) -> None:
+        self.run(body if ends(body) else body + rest, dict(env), out, left)
+
+    def merge(self, s: If, env: dict[Var, Map], out: frozenset[Var], left: frozenset[Var]) -> dict[Var, Map] | None:
+        """Both branches, and behind them one set of derivatives whichever was taken."""
+        self.emit(f"if {show(s.test)}:")
+        begin = len(self.lines)
+        a = self.inside(lambda: self.run(s.body, dict(env), out, left, final=ends(s.body)))
+        middle = len(self.lines)
+        self.emit("else:")
+        b = self.inside(lambda: self.run(s.orelse, dict(env), out, left, final=ends(s.orelse)))
+        if a is None or b is None:
+            return b if a is None else a  # type: ignore[return-value]
+        first, second = [], []
+        merged: dict[Var, Map] = {}
+        for v in sorted({*a, *b}, key=variable):  # type: ignore[misc]
+            if v not in out and v not in self.found.light:
+                continue
+            one, other = a.get(v, {("v", variable(v)): 1.0}), b.get(v, {("v", variable(v)): 1.0})  # type: ignore[attr-defined]
+            merged[v] = {}
+            for key in sorted({*one, *other}):
+                x, y = one.get(key, 0.0), other.get(key, 0.0)
+                if x == y:
+                    merged[v][key] = x
+                    continue
+                self.count += 1
+                first.append(f"m{self.count} = {x}")
+                second.append(f"m{self.count} = {y}")
+                merged[v][key] = f"m{self.count}"
+        pad = "    " * (self.depth + 1)
+        self.lines[middle:middle] = [pad + line for line in first]
+        self.lines += [pad + line for line in second]
+        assert begin <= middle
+        return merged
+
+    def assign(self, s: Assign, env: dict[Var, Map]) -> None:
+        v, target = s.target, variable(s.target)
+        if v in self.found.inputs:
+            if not now(s.value):
+                self.places.append(f"row_{v.name}")
+                self.emit(f"row_{v.name} = {row(s.value)}")
+            self.emit(f"{target} = {show(s.value)}")
+            return
+        if v not in self.found.active:
+            self.emit(f"{target} = {show(s.value)}")
+            return
+        value, derivative = self.derive(s.value, env)
+        if v in self.found.light:
+            self._light(v, derivative)
+        else:
+            env[v] = derivative
+        self.emit(f"{target} = {value}")
+
+    def give(self, e: Expr, env: dict[Var, Map]) -> None:
+        """The output of this sample, and with it the states of the next."""
+        value, derivative = self.derive(e, env)
+        self.emit(f"y[t] = {value}")
+        if self.output is not None:
+            self.commit(env, self.states | {self.output})
+        else:
+            self.commit(env, self.states, derivative)

@@ -1,0 +1,308 @@
+"""A program with its numbers as the body of an exported function, what C99 and Python share."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.block.compiler.ir import (
+    COMPARISONS,
+    Ago,
+    Assign,
+    Body,
+    Expr,
+    For,
+    If,
+    Num,
+    Op,
+    Param,
+    Program,
+    Return,
+    Stmt,
+    Var,
+    expressions,
+    own,
+    statements,
+    walk,
+)
+from sysid.block.writing import Code, number
+
+_RANK = {"if": 0, "or": 1, "and": 2, "not": 3, **dict.fromkeys(COMPARISONS, 4), "+": 5, "-": 5, "*": 6, "/": 6}
+_RANK |= {"neg": 7, "**": 8}
+_TAKEN = {  # names that a local variable may not have in either language
+    *[
+        "auto",
+        "break",
+        "case",
+        "char",
+        "const",
+        "continue",
+        "default",
+        "do",
+        "double",
+        "else",
+        "enum",
+        "extern",
+        "float",
+        "for",
+        "goto",
+        "if",
+        "inline",
+        "int",
+        "long",
+    ],
+    *[
+        "register",
+        "restrict",
+        "return",
+        "short",
+        "signed",
+        "sizeof",
+        "static",
+        "struct",
+        "switch",
+        "typedef",
+        "union",
+        "unsigned",
+        "void",
+        "volatile",
+    ],
+    *[
+        "while",
+        "and",
+        "as",
+        "assert",
+        "class",
+        "def",
+        "del",
+        "elif",
+        "except",
+        "finally",
+        "from",
+        "global",
+        "import",
+        "in",
+        "is",
+        "lambda",
+        "nonlocal",
+        "not",
+        "or",
+    ],
+    *[
+        "pass",
+        "raise",
+        "try",
+        "with",
+        "yield",
+        "None",
+        "True",
+        "False",
+        "s",
+        "x",
+        "math",
+        "exp",
+        "log",
+        "sqrt",
+        "tanh",
+        "sin",
+        "cos",
+        "floor",
+        "fabs",
+        "fmin",
+        "fmax",
+        "pow",
+    ],
+    *["abs", "min", "max", "range", "main", "out", "y0", "y1", "yn", "j0", "j1", "jn"],
+}
+
+
+@dataclass
+class Text:
+    """What both languages share: expressions, what is kept from sample to sample, and how a body begins and ends."""
+
+    program: Program
+    rows: Mapping[str, np.ndarray]
+    words: ClassVar[Mapping[str, str]] = {}
+
+    def __post_init__(self) -> None:
+        step = self.program.step
+        self.spans = {s.index: s.count for s in statements(step) if isinstance(s, For)}
+        self.whole = wholes(step) | wholes(self.program.begin)
+        self.oldest = max((self._span(e.n)[1] for e in expressions(step) if isinstance(e, Ago)), default=0)
+        self.waits = any(isinstance(e, Ago) for e in expressions(self.program.begin))  # for the first input
+        self.flag = len(self.program.states)
+        self.kept = self.flag + (1 + self.oldest if self.oldest or self.waits else 0)
+        self.direct = False  # whether states are written where they are kept
+        self.moved = {s.target.name for s in statements(step) if isinstance(s, Assign) and s.target.state}
+
+    def code(self) -> Code:
+        """The whole body, with its tables and what its states begin with."""
+        tables = {r.upper(): np.asarray(self.rows[r]) for r in self.program.rows if self._reads(r)}
+        return Code("\n".join(self.lines()), self.kept, tables, self._start())
+
+    def _reads(self, row: str) -> bool:
+        return any(isinstance(e, Param) and e.name == row for e in expressions(self.program.step))
+
+    def _past(self, e: Expr) -> bool:
+        return any(isinstance(each, Ago) and each.n != Num(0) for each in walk(e))
+
+    def _start(self) -> dict[str, float]:
+        start = dict.fromkeys(self.program.states, 0.0)
+        if not self.waits:
+            for s in statements(self.program.begin):
+                if not isinstance(s, Assign) or not isinstance(s.value, Num):
+                    raise InputError("what a state begins with has no value without a run of begin; write it plainly")
+                start[s.target.name] = float(s.value.value)
+        return start
+
+    def _span(self, n: Expr) -> tuple[int, int]:
+        """Smallest and largest value of how far the program looks back."""
+        if isinstance(n, Num):
+            return int(n.value), int(n.value)
+        if isinstance(n, Var) and isinstance(self.spans.get(n.name), Num):
+            return 0, int(self.spans[n.name].value) - 1  # type: ignore[union-attr]
+        if isinstance(n, Op) and n.op in ("+", "-"):
+            (a, b), (c, d) = (self._span(v) for v in n.args)
+            return (a + c, b + d) if n.op == "+" else (a - d, b - c)
+        if isinstance(n, Op) and n.op == "int":
+            return self._span(n.args[0])
+        raise InputError("how far a step looks back changes as it runs, so it cannot be written out; make it a number")
+
+    # Expressions
+
+    def name(self, v: Var) -> str:
+        if v.state and self.direct:
+            return f"s[{self.program.states.index(v.name)}]"
+        others = self.program.states if not v.state else ()
+        name = v.name
+        while name in _TAKEN or name in others or name.upper() in {r.upper() for r in self.rows if name.isupper()}:
+            name += "_"
+        return name
+
+    def show(self, e: Expr, rank: int = 0, whole: bool = False) -> str:
+        """An expression, in brackets where it binds less than `rank`; `whole` asks for a whole number."""
+        if isinstance(e, Num):
+            text = self.plain(e.value, whole)
+            return f"({text})" if text.startswith("-") and rank > 0 else text
+        if isinstance(e, Var):
+            return self.name(e)
+        if isinstance(e, Param):
+            return f"{e.name.upper()}[{self.show(e.index, 0, True)}]" if e.index is not None else e.name
+        if isinstance(e, Ago):
+            return self.ago(e.n)
+        assert isinstance(e, Op)
+        text, own_rank = self.operation(e)
+        return f"({text})" if own_rank < rank else text
+
+    def plain(self, value: float, whole: bool) -> str:
+        return str(int(value)) if whole else number(value)
+
+    def operation(self, e: Op) -> tuple[str, int]:
+        """Text of an operation and how tightly it binds (10: not at all loose)."""
+        rank = _RANK.get(e.op, 10)
+        if e.op in ("+", "-", "*", "/") or e.op in COMPARISONS:
+            whole = e.op != "/" and all(self.integer(a) for a in e.args)
+            up = 1 if e.op in COMPARISONS else 0
+            left, right = self.show(e.args[0], rank + up, whole), self.show(e.args[1], rank + 1, whole)
+            return f"{left} {e.op} {right}", rank
+        if e.op in ("and", "or"):
+            sides = [self.show(a, 10 if isinstance(a, Op) and {a.op, e.op} == {"and", "or"} else rank) for a in e.args]
+            return f" {self.words[e.op]} ".join(sides), rank
+        if e.op == "not":
+            return f"{self.words['not']}{self.show(e.args[0], 10)}", rank
+        if e.op == "neg":
+            return f"-{self.show(e.args[0], 8, self.integer(e))}", rank
+        if e.op == "sign":
+            a = self.show(e.args[0], 5)
+            nested = self.choice(f"{a} < 0.0", number(-1.0), number(0.0))
+            return self.choice(f"{a} > 0.0", number(1.0), f"({nested})"), 0
+        if e.op == "if":
+            whole = self.integer(e)
+            a, b = (self.show(v, 1, whole) for v in e.args[1:])
+            return self.choice(self.show(e.args[0], 1), a, b), 0
+        return self.call(e), 10
+
+    def integer(self, e: Expr) -> bool:
+        """Whether an expression is a whole number by its kind."""
+        return is_whole(e, self.whole | {Var(i) for i in self.spans})
+
+    def choice(self, test: str, a: str, b: str) -> str:
+        raise NotImplementedError
+
+    def call(self, e: Op) -> str:
+        raise NotImplementedError
+
+    def ago(self, n: Expr) -> str:
+        low, high = self._span(n)
+        if high == 0:
+            return "x"
+        if isinstance(n, Num):
+            return f"s[{self.flag + int(n.value)}]"
+        where = self.show(Op("+", (Num(self.flag), n)), 0, True)
+        if low > 0:
+            return f"s[{where}]"
+        return f"({self.choice(f'{self.show(n, 5, True)} > 0', f's[{where}]', 'x')})"
+
+    def lines(self) -> list[str]:
+        raise NotImplementedError
+
+
+def indented(lines: list[str]) -> list[str]:
+    return [f"    {line}" for line in lines]
+
+
+def locals_of(body: Body) -> set[Var]:
+    return {s.target for s in statements(body) if isinstance(s, Assign) and not s.target.state}
+
+
+def uses(s: Stmt) -> set[Var]:
+    """Variables that a statement reads or sets, nested ones included."""
+    found = {v for each in statements((s,)) for e in own(each) for v in walk(e) if isinstance(v, Var)}
+    return found | {each.target for each in statements((s,)) if isinstance(each, Assign)}
+
+
+def used(body: Body) -> set[Var]:
+    return {v for s in body for v in uses(s)}
+
+
+def home(body: Body, v: Var) -> Body | None:
+    """The one body within these statements that holds all uses of v; None where this is the innermost one."""
+    holders = [s for s in body if v in uses(s)]
+    if len(holders) != 1 or isinstance(holders[0], (Assign, Return)):
+        return None
+    s = holders[0]
+    if any(v in walk(e) for e in own(s)):
+        return None
+    inner = [
+        b
+        for b in ((s.body, s.orelse) if isinstance(s, If) else (s.body,) if isinstance(s, For) else ())
+        if v in used(b)
+    ]
+    return inner[0] if len(inner) == 1 else None
+
+
+def is_whole(e: Expr, known: set[Var]) -> bool:
+    if isinstance(e, Num):
+        return not isinstance(e.value, float)
+    if isinstance(e, Var):
+        return e in known
+    if not isinstance(e, Op):
+        return False
+    if e.op in ("and", "or", "not", "int", *COMPARISONS):
+        return True
+    if e.op in ("+", "-", "*", "min", "max", "neg", "abs", "if"):
+        return all(is_whole(a, known) for a in (e.args[1:] if e.op == "if" else e.args))
+    return False
+
+
+def wholes(body: Body) -> set[Var]:
+    """Local variables that only ever hold whole numbers."""
+    indices = {Var(s.index) for s in statements(body) if isinstance(s, For)}
+    known = locals_of(body)
+    while True:
+        less = {s.target for s in statements(body) if isinstance(s, Assign) and not is_whole(s.value, known | indices)}
+        if not known & less:
+            return known
+        known -= less
