@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sysid.block import Block
-from sysid.blocks import CoastingPlay, Delay, FrictionLag, LimitedIntegrator, Motor, Play, ProfiledMotor
+from sysid.blocks import CoastingPlay, Delay, FrictionLag, LimitedIntegrator, Motor, ProfiledMotor
 from sysid.wiring import Writer, by_name
 
 
@@ -34,11 +34,6 @@ def limited_integrator(block: LimitedIntegrator, theta: np.ndarray, w: Writer) -
     gain, lower, upper, _ = theta.tolist()
     step = w.sum([(1.0, f"{w.y}(t-1)"), (gain, f"{w.x}(t-1)")])
     return [f"{w.y}(t) = min(max({step}, {w.num(lower)}), {w.num(upper)})"]
-
-
-def play(block: Play, theta: np.ndarray, w: Writer) -> list[str]:
-    half = w.num(0.5 * theta[0])
-    return [f"{w.y}(t) = min(max({w.y}(t-1), {w.x}(t) - {half}), {w.x}(t) + {half})"]
 
 
 def coasting_play(block: CoastingPlay, theta: np.ndarray, w: Writer) -> list[str]:
@@ -106,12 +101,4 @@ def _list(values: np.ndarray, w: Writer) -> str:
     return ", ".join(w.num(v) for v in values)
 
 
-FORMULAS: dict[type[Block], Callable[..., list[str]]] = {
-    CoastingPlay: coasting_play,
-    Delay: delay,
-    FrictionLag: friction_lag,
-    LimitedIntegrator: limited_integrator,
-    Motor: motor,
-    Play: play,
-    ProfiledMotor: profiled_motor,
-}
+FORMULAS: dict[type[Block], Callable[..., list[str]]] = {}

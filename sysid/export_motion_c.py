@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sysid.block import Block
-from sysid.blocks import CoastingPlay, Delay, FrictionLag, LimitedIntegrator, Motor, Play, ProfiledMotor
+from sysid.blocks import CoastingPlay, Delay, FrictionLag, LimitedIntegrator, Motor, ProfiledMotor
 from sysid.wiring import EVENTS, SHORTEST, Code, arrivals, by_name, number
 
 # First-order lag towards `speed` over a time h, or up to the turn where speed passes zero on the way.
@@ -55,15 +55,6 @@ def limited_integrator(block: LimitedIntegrator, theta: np.ndarray) -> Code:
 s[0] = next > {hi} ? {hi} : (next < {lo} ? {lo} : next);
 return y;"""
     return Code(body, 1, start={"position": min(max(start, lower), upper)})
-
-
-def play(block: Play, theta: np.ndarray) -> Code:
-    half = number(0.5 * theta[0])
-    body = f"""if (s[1] == 0.0) {{ s[0] = x + s[0] * {number(theta[0])}; s[1] = 1.0; }}
-if (s[0] < x - {half}) s[0] = x - {half};
-else if (s[0] > x + {half}) s[0] = x + {half};
-return s[0];"""
-    return Code(body, 2, start={"rest, later the output": float(theta[1])})
 
 
 def coasting_play(block: CoastingPlay, theta: np.ndarray) -> Code:
@@ -235,12 +226,4 @@ def _inner(depth: int, lines: list[str]) -> list[str]:
     return ["    " * depth + line for line in lines]
 
 
-EMITTERS: dict[type[Block], Callable[..., Code]] = {
-    CoastingPlay: coasting_play,
-    Delay: delay,
-    FrictionLag: friction_lag,
-    LimitedIntegrator: limited_integrator,
-    Motor: motor,
-    Play: play,
-    ProfiledMotor: profiled_motor,
-}
+EMITTERS: dict[type[Block], Callable[..., Code]] = {}

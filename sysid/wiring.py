@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -12,23 +12,12 @@ from sysid.block import Block, StaticBlock
 from sysid.blocks import CubicSpline, Motor, PiecewiseLinear, TravelMap
 from sysid.chain import Chain
 from sysid.errors import InputError
+from sysid.model.compiler.recursion import Recursion
+from sysid.model.writing import Code, Writer, number
 
 T = TypeVar("T")
 SHORTEST = 1e-12  # samples; what is left of a sample below it is over, as in the kernels
 EVENTS = 4  # turns of a motor within one stretch of constant input, as in the kernels
-
-
-@dataclass(frozen=True)
-class Code:
-    """Body of an exported function of `x`: may read tables by name and keep `state` numbers in `s`.
-
-    `start` holds what the first of these numbers are called and begin with; all others begin with zero.
-    """
-
-    body: str
-    state: int = 0
-    tables: dict[str, np.ndarray] = field(default_factory=dict)
-    start: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -38,36 +27,6 @@ class Unit:
     name: str
     block: Block
     theta: np.ndarray
-
-
-@dataclass(frozen=True)
-class Writer:
-    """Names of a unit's input x and output y, and how its numbers are written (None: exactly)."""
-
-    x: str
-    y: str
-    digits: int | None
-
-    def num(self, value: float) -> str:
-        """A number, in brackets where it is negative."""
-        plain = number(value) if self.digits is None else f"{float(value):.{self.digits}g}"
-        return f"({plain})" if plain.startswith("-") else plain
-
-    def sum(self, terms: list[tuple[float, str]]) -> str:
-        """c1*a + c2*b - ... without the terms of weight zero; an empty name stands for the number alone."""
-        parts: list[str] = []
-        for c, name in terms:
-            if c == 0.0:
-                continue
-            sign = ("-" if c < 0 else "") if not parts else (" - " if c < 0 else " + ")
-            size = self.num(abs(c))
-            factor = size if not name else (name if size in ("1", "1.0") else f"{size}*{name}")
-            parts.append(sign + factor)
-        return "".join(parts) or "0"
-
-    def minus(self, value: float) -> str:
-        """(x - value) as a factor."""
-        return self.x if value == 0.0 else f"({self.sum([(1.0, self.x), (-value, '')])})"
 
 
 # A layer is one block of the chain: for each of its outputs, the units that are summed and the input each one reads.
@@ -98,6 +57,9 @@ def _layer(k: int, block: Block, theta: np.ndarray) -> Layer:
 
 def entry(table: Mapping[type[Block], Callable[..., T]], unit: Unit, what: str) -> Callable[..., T]:
     """The line of `table` for a unit's block; raises InputError for a block without one."""
+    if isinstance(unit.block, Recursion):
+        way = {"C": "c", "Python": "python", "text": "equations"}[what]
+        return lambda block, *rest: getattr(block, way)(*rest)
     if type(unit.block) not in table:
         static = isinstance(unit.block, StaticBlock)
         way = "fit a piecewise linear map or a spline in its place" if static else "run the fit itself, in Python"
@@ -148,11 +110,6 @@ def identifier(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name, flags=re.ASCII):
         raise InputError(f"{name!r} is no identifier; give letters, digits and _, a letter first")
     return name
-
-
-def number(value: float) -> str:
-    """The shortest text that reads back as exactly this float, in C and in Python."""
-    return repr(float(value))
 
 
 def offsets(value: float | np.ndarray, n: int, name: str) -> np.ndarray:

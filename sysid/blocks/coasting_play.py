@@ -4,11 +4,50 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot
+from sysid.block import Slot
+from sysid.model.compiler.recursion import Recursion
+
+
+def begin(s, x, p):
+    s.place = x + p.rest * p.width
+    s.before = x
+
+
+def step(s, x, p):
+    half = 0.5 * p.width
+    low, high = x - half, x + half
+    if s.place < low or s.place > high:  # a side takes it along
+        s.place = low if s.place < low else high
+        s.speed = x - s.before
+    s.before = x
+    y = s.place
+    fly(s, p)
+    return y
+
+
+def fly(s, p):
+    """One sample of free flight under a constant pull: it may come to rest and fall the other way."""
+    pull, left = p.pull0 + p.pull1 * s.place, 1.0
+    for _ in range(2):
+        way = sign(s.speed)
+        if way == 0.0 and abs(pull) > p.drag:
+            way = -sign(pull)
+        if way == 0.0:  # its bearing holds it
+            s.speed = 0.0
+            break
+        rate = -pull - p.drag * way
+        rests = s.speed != 0.0 and (s.speed + rate * left) * way < 0.0
+        span = -s.speed / rate if rests else left
+        s.place += (s.speed + 0.5 * rate * span) * span
+        if not rests:
+            s.speed += rate * span
+            break
+        s.speed = 0.0
+        left -= span
 
 
 @dataclass(frozen=True)
-class CoastingPlay(Block):
+class CoastingPlay(Recursion):
     """y lies within x - width / 2 and x + width / 2; between the two it flies: v' = -(pull0 + pull1 y) - drag sign v.
 
     x moves evenly from sample to sample, and a link that meets a side goes on with it (no rebound). drag [y/sample^2]
@@ -18,6 +57,8 @@ class CoastingPlay(Block):
     play it starts, at rest, from -1/2 to 1/2. Derivatives at a switch are those of the branch taken.
     """
 
+    recursion = {"step": step, "begin": begin}
+
     def slots(self) -> tuple[Slot, ...]:
         return (
             Slot("width", lower=0.0),
@@ -26,14 +67,6 @@ class CoastingPlay(Block):
             Slot("pull0", "y/sample^2"),
             Slot("pull1", "1/sample^2"),
         )
-
-    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_play import coasting_play
-
-        y = np.empty_like(x)
-        width, rest, drag, pull0, pull1 = (float(value) for value in theta)
-        coasting_play(width, rest, drag, pull0, pull1, x, y, J, q if J.shape[1] else 0)
-        return y
 
     def start(self, x: np.ndarray) -> np.ndarray:
         return np.zeros(self.n_parameters)

@@ -4,28 +4,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot, Symmetry
+from sysid.block import Slot, Symmetry
+from sysid.model.compiler.recursion import Recursion
 
 LONGEST = 1000.0  # samples
 
 
+def step(s, x, p):
+    whole = floor(p.delay)
+    late = p.delay - whole
+    return (1.0 - late) * ago(x, int(whole)) + late * ago(x, int(whole) + 1)
+
+
 @dataclass(frozen=True)
-class Delay(Block):
+class Delay(Recursion):
     """y at time t - delay [samples], straight between samples; before the record the first sample holds.
 
     For slow signals. An input that is held over the sample jumps, and a jump between samples is no straight line: use a
     `Motor`'s own delay there. The derivative at a whole number of samples is that of a longer delay.
     """
 
+    recursion = {"step": step}
+
     def slots(self) -> tuple[Slot, ...]:
         return (Slot("delay", "samples", lower=0.0, upper=LONGEST),)
-
-    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_motion import fractional_delay
-
-        y = np.empty_like(x)
-        fractional_delay(float(theta[0]), x, y, J, q if J.shape[1] else 0)
-        return y
 
     def start(self, x: np.ndarray) -> np.ndarray:
         return np.zeros(1)

@@ -4,18 +4,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot, Symmetry
+from sysid.block import Slot, Symmetry
 from sysid.errors import InputError
+from sysid.model.compiler.recursion import Recursion
+
+
+def begin(s, x, p):
+    s.speed = p.v0
+
+
+def rate(v, x, p):
+    return p.gain * x - p.drag * v - p.friction * tanh(v / p.onset)
+
+
+def step(s, x, p, block):
+    y, h = s.speed, 1.0 / block.substeps
+    for _ in range(block.substeps):
+        middle = s.speed + 0.5 * h * rate(s.speed, x, p)
+        s.speed += h * rate(middle, x, p)
+    return y
 
 
 @dataclass(frozen=True)
-class FrictionLag(Block):
+class FrictionLag(Recursion):
     """v' = gain u - drag v - friction tanh(v / onset), time in samples.
 
     A first-order lag that is fast and weak while it turns slowly and slow and strong beyond `onset`: what dry friction
     makes of a motor that keeps turning through zero, seen at its speed. It never sticks; a motor that stands still
     under voltage needs `Motor`. Each sample is integrated by the midpoint rule in `substeps` parts.
     """
+
+    recursion = {"step": step, "begin": begin}
 
     substeps: int = 8
 
@@ -31,14 +50,6 @@ class FrictionLag(Block):
             Slot("onset", lower=1e-3),
             Slot("v0", initial=True),
         )
-
-    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_profile import friction_lag
-
-        y = np.empty_like(x)
-        gain, drag, friction, onset, v0 = theta
-        friction_lag(gain, drag, friction, onset, v0, self.substeps, x, y, J, q if J.shape[1] else 0)
-        return y
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """A lag of ten samples with unit gain and a little friction."""

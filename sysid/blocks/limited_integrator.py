@@ -4,27 +4,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot, Symmetry
+from sysid.block import Slot, Symmetry
+from sysid.model.compiler.recursion import Recursion
+
+
+def begin(s, x, p):
+    s.position = min(max(p.x0, p.lower), p.upper)
+
+
+def step(s, x, p):
+    y = s.position
+    s.position = min(max(y + p.gain * x, p.lower), p.upper)
+    return y
 
 
 @dataclass(frozen=True)
-class LimitedIntegrator(Block):
+class LimitedIntegrator(Recursion):
     """x_{t+1} = x_t + gain w_t, held between `lower` and `upper`; x_0 is estimated.
 
     For a plant whose speed does not remember: where inertia matters a stop also takes the speed away, see `Motor`. The
     derivative at a stop is that of the stop.
     """
 
+    recursion = {"step": step, "begin": begin}
+
     def slots(self) -> tuple[Slot, ...]:
         return (Slot("gain"), Slot("lower"), Slot("upper"), Slot("x0", initial=True))
-
-    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_motion import limited_integrator
-
-        y = np.empty_like(x)
-        gain, lower, upper, start = (float(value) for value in theta)
-        limited_integrator(gain, lower, upper, start, x, y, J, q if J.shape[1] else 0)
-        return y
 
     def start(self, x: np.ndarray) -> np.ndarray:
         return np.array([1.0 / max(float(np.abs(x).sum()), 1e-9), -1.0, 1.0, 0.0])

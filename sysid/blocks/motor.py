@@ -4,16 +4,79 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot, Symmetry
+from sysid.block import Slot, Symmetry
 from sysid.errors import InputError
+from sysid.model.compiler.recursion import Recursion
+from sysid.model.lag import lagged
 
 _FASTEST = 1e-3  # samples; a lag below it cannot be told from none
 LONGEST = 20.0  # samples of delay
+SHORTEST = 1e-12  # samples; what is left of a sample below it is over
 MOST_LOSS = 3.0  # of the load: a screw that raises with an efficiency of a quarter
 
 
+def begin(s, x, p):
+    s.position, s.speed = p.x0, p.v0
+
+
+def step(s, x, p, block):
+    y, whole = s.position, floor(p.delay)
+    late = p.delay - whole
+    for part in range(2):  # a sample sees the end of one input and the beginning of the next
+        w = ago(x, int(whole) + 1 - part)
+        length = late if part == 0 else 1.0 - late
+        if length > SHORTEST:
+            for _ in range(block.substeps):
+                stretch(s, w, length / block.substeps, p, block)
+    return y
+
+
+def stretch(s, w, h, p, block):
+    """A time h of constant input; load and Stribeck's curve are those of its start."""
+    if block.jams and s.jammed > 0.0:
+        kept = min(s.jammed, h)
+        s.jammed -= kept
+        h -= kept
+    for _ in range(4):  # turns: one is usual, two can be
+        if h <= SHORTEST:
+            break
+        away = s.position - block.at
+        load = p.load0 + p.load1 * away + p.load2 * away * away
+        lost = p.loss * abs(load)
+        way = sign(s.speed)
+        if way == 0.0 and w - load > p.rise + p.stick + lost and s.position < p.upper:
+            way = 1.0
+        elif way == 0.0 and w - load < -(p.fall + p.stick + lost) and s.position > p.lower:
+            way = -1.0
+        if way == 0.0:  # friction or a stop holds it
+            s.speed = 0.0
+            break
+        friction = (p.rise if way > 0.0 else p.fall) + lost
+        if block.stribeck:
+            ratio = s.speed / p.stick_speed
+            friction += p.stick * exp(-ratio * ratio)
+        span, turns = lagged(s, p.gain * (w - load - way * friction), p.lag, way, h)
+        h -= span
+        if block.stops:
+            stop(s, p, block)
+        if not turns:
+            break
+
+
+def stop(s, p, block):
+    """The end stops take the speed away, and may jam the motor; one that it is leaving lets it go."""
+    beyond = s.position > p.upper or s.position < p.lower
+    meets = s.position >= p.upper or s.position <= p.lower
+    if beyond or (meets and s.speed * (s.position - 0.5 * (p.upper + p.lower)) > 0.0):
+        place = p.upper if s.position >= p.upper else p.lower
+        if block.jams:
+            since = (s.position - place) / s.speed if s.speed != 0.0 else 0.0
+            s.jammed = max(p.jam * abs(s.speed) - since, 0.0)
+        s.position, s.speed = place, 0.0
+
+
 @dataclass(frozen=True)
-class Motor(Block):
+class Motor(Recursion):
     """lag v' + v = gain (u - L(x) - F sign v), x' = v between two stops; time in samples, x in strokes.
 
     gain is the speed per volt, lag the motor's time constant. F is dry friction in volts: `rise` against motion up and
@@ -28,6 +91,12 @@ class Motor(Block):
     follow a load or a Stribeck curve that changes within it. Derivatives are exact but for the switches themselves,
     where they are those of the branch that is taken.
     """
+
+    recursion = {"step": step, "begin": begin}
+    absent = {
+        **dict.fromkeys(("stick", "load0", "load1", "load2", "loss", "jam", "delay"), 0.0),
+        **{"stick_speed": 1.0, "lower": -np.inf, "upper": np.inf},
+    }
 
     load: int = 1
     loss: bool = False
@@ -49,51 +118,24 @@ class Motor(Block):
             raise InputError(f"substeps is {self.substeps}; give at least 1")
 
     def slots(self) -> tuple[Slot, ...]:
-        return tuple(slot for _, slot in self._kept())
-
-    def _kept(self) -> list[tuple[int, Slot]]:
-        """Place in the kernel's full vector, and slot, of every parameter that this motor has."""
-        from sysid import kernels_motion as k
-
         found = [
-            (k.GAIN, Slot("gain", "1/V/sample", lower=0.0)),
-            (k.LAG, Slot("lag", "samples", lower=_FASTEST)),
-            (k.RISE, Slot("rise", "V", lower=0.0)),
-            (k.FALL, Slot("fall", "V", lower=0.0)),
+            Slot("gain", "1/V/sample", lower=0.0),
+            Slot("lag", "samples", lower=_FASTEST),
+            Slot("rise", "V", lower=0.0),
+            Slot("fall", "V", lower=0.0),
         ]
         if self.stribeck:
-            found += [
-                (k.STICK, Slot("stick", "V", lower=0.0)),
-                (k.STICK_SPEED, Slot("stick_speed", "1/sample", lower=1e-9)),
-            ]
-        found += [(place, Slot(f"load{i}", "V")) for i, place in enumerate((k.LOAD0, k.LOAD1, k.LOAD2)[: self.load])]
+            found += [Slot("stick", "V", lower=0.0), Slot("stick_speed", "1/sample", lower=1e-9)]
+        found += [Slot(f"load{i}", "V") for i in range(self.load)]
         if self.loss:
-            found.append((k.LOSS, Slot("loss", lower=0.0, upper=MOST_LOSS)))
+            found.append(Slot("loss", lower=0.0, upper=MOST_LOSS))
         if self.jams:
-            found.append((k.JAM, Slot("jam", "samples^2", lower=0.0)))
+            found.append(Slot("jam", "samples^2", lower=0.0))
         if self.delayed:
-            found.append((k.DELAY, Slot("delay", "samples", lower=0.0, upper=LONGEST)))
+            found.append(Slot("delay", "samples", lower=0.0, upper=LONGEST))
         if self.stops:
-            found += [(k.LOWER, Slot("lower")), (k.UPPER, Slot("upper"))]
-        return [*found, (k.X0, Slot("x0", initial=True)), (k.V0, Slot("v0", "1/sample", initial=True))]
-
-    def _full(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The kernel's parameters (MOTOR,) and where each stands in theta, -1 for none."""
-        from sysid import kernels_motion as k
-
-        full, column = np.zeros(k.MOTOR), np.full(k.MOTOR, -1)
-        full[k.STICK_SPEED], full[k.LOWER], full[k.UPPER] = 1.0, -np.inf, np.inf
-        for i, (place, _) in enumerate(self._kept()):
-            full[place], column[place] = theta[i], i
-        return full, column
-
-    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_motion import motor
-
-        full, column = self._full(theta)
-        y = np.empty_like(x)
-        motor(full, self.substeps, self.at, x, y, J, q if J.shape[1] else 0, column, self.n_parameters)
-        return y
+            found += [Slot("lower"), Slot("upper")]
+        return (*found, Slot("x0", initial=True), Slot("v0", "1/sample", initial=True))
 
     def value(self, theta: np.ndarray, name: str) -> float:
         """The parameter called `name`, 0 where this motor has none."""

@@ -4,26 +4,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot
+from sysid.block import Slot
+from sysid.model.compiler.recursion import Recursion
+
+
+def begin(s, x, p):
+    s.place = x + p.rest * p.width
+
+
+def step(s, x, p):
+    half = 0.5 * p.width
+    s.place = min(max(s.place, x - half), x + half)
+    return s.place
 
 
 @dataclass(frozen=True)
-class Play(Block):
+class Play(Recursion):
     """y stays while x - width / 2 <= y <= x + width / 2 and is carried along at either side.
 
     `rest` says where in the play the output starts, from -1/2 to 1/2. The derivative at a reversal is that of the
     branch taken. What is behind has no inertia here; where it has, see `CoastingPlay`.
     """
 
+    recursion = {"step": step, "begin": begin}
+
     def slots(self) -> tuple[Slot, ...]:
         return Slot("width", lower=0.0), Slot("rest", lower=-0.5, upper=0.5, initial=True)
-
-    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_play import play
-
-        y = np.empty_like(x)
-        play(float(theta[0]), float(theta[1]), x, y, J, q if J.shape[1] else 0)
-        return y
 
     def start(self, x: np.ndarray) -> np.ndarray:
         return np.zeros(self.n_parameters)

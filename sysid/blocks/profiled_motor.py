@@ -4,12 +4,59 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.block import Block, Slot, Symmetry
+from sysid.block import Slot, Symmetry
 from sysid.errors import InputError
+from sysid.model.compiler.recursion import Recursion
+from sysid.model.lag import lagged
+
+SHORTEST = 1e-12  # samples; what is left of a sample below it is over
+
+
+def begin(s, x, p):
+    s.position, s.speed = p.x0, p.v0
+
+
+def level(row, i, share, block):
+    """A profile, `share` of the way through its segment i."""
+    value = row[i]
+    if block.knots > 1:
+        value += share * (row[i + 1] - value)
+    return value
+
+
+def step(s, x, p, block):
+    y = s.position
+    for _ in range(block.substeps):
+        h = 1.0 / block.substeps
+        for _ in range(4):  # turns: one is usual, two can be
+            if h <= SHORTEST:
+                break
+            place = (s.position - block.low) * ((block.knots - 1) / (block.high - block.low))
+            i = int(min(max(floor(place), 0.0), max(block.knots - 2.0, 0.0)))
+            share = min(max(place - i, 0.0), 1.0)
+            way = sign(s.speed)
+            if way == 0.0 and x > level(p.rise, i, share, block):
+                way = 1.0
+            elif way == 0.0 and x < -level(p.fall, i, share, block):
+                way = -1.0
+            if way == 0.0:  # friction holds it
+                s.speed = 0.0
+                break
+            if way > 0.0:
+                drag = p.drag_up
+                target = (x - level(p.rise, i, share, block)) / drag
+            else:
+                drag = p.drag_down
+                target = (x + level(p.fall, i, share, block)) / drag
+            span, turns = lagged(s, target, p.inertia / drag, way, h)
+            h -= span
+            if not turns:
+                break
+    return y
 
 
 @dataclass(frozen=True)
-class ProfiledMotor(Block):
+class ProfiledMotor(Recursion):
     """inertia x'' = u - drag x' - friction: time in samples, x in the unit of the output, all forces in volts.
 
     Against motion up stands rise(x), against motion down fall(x): straight lines between `knots` equal steps from `low`
@@ -22,6 +69,8 @@ class ProfiledMotor(Block):
     that of the part's start and the lag inertia / drag is taken exactly; derivatives at a turn or a knot are those of
     the branch that is taken.
     """
+
+    recursion = {"step": step, "begin": begin}
 
     knots: int = 7
     low: float = 0.0
@@ -41,13 +90,6 @@ class ProfiledMotor(Block):
         ]
         profiles = [Slot(f"{side}{i}", "V") for side in ("rise", "fall") for i in range(self.knots)]
         return (*plain, *profiles, Slot("x0", initial=True), Slot("v0", "1/sample", initial=True))
-
-    def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        from sysid.kernels_profile import profiled_motor
-
-        y = np.empty_like(x)
-        profiled_motor(theta, self.knots, self.low, self.high, self.substeps, x, y, J, q if J.shape[1] else 0)
-        return y
 
     def profiles(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """rise (knots,) and fall (knots,) [V] out of theta."""

@@ -1,0 +1,185 @@
+"""What of a program carries derivatives, and conditional values as statements, so that the branch taken is told."""
+
+from dataclasses import dataclass, replace
+
+from sysid.model.compiler.ir import (
+    FLAT,
+    Ago,
+    Assign,
+    Body,
+    Break,
+    Expr,
+    For,
+    If,
+    Num,
+    Op,
+    Param,
+    Program,
+    Return,
+    Stmt,
+    Var,
+    expressions,
+    rebuilt,
+    statements,
+)
+
+
+@dataclass(frozen=True)
+class Activity:
+    """Variables by how they carry their derivative.
+
+    active: any at all. light: with respect to single parameters alone, kept as numbers. inputs: one sample of the
+    input, kept as its row. The others keep a vector, one entry a column of the Jacobian.
+    """
+
+    active: frozenset[Var]
+    light: frozenset[Var]
+    inputs: frozenset[Var]
+
+    def of(self, e: Expr) -> bool:
+        """Whether the derivative of an expression may be other than zero."""
+        if isinstance(e, (Param, Ago)):
+            return True
+        if isinstance(e, Var):
+            return e in self.active
+        if not isinstance(e, Op) or e.op in FLAT:
+            return False
+        return any(self.of(a) for a in (e.args[1:] if e.op == "if" else e.args))
+
+    def leaves(self, e: Expr) -> list[Expr]:
+        """Variables, parameters and inputs that the derivative of an expression goes back to."""
+        if not self.of(e):
+            return []
+        if not isinstance(e, Op):
+            return [e]
+        return [leaf for a in (e.args[1:] if e.op == "if" else e.args) for leaf in self.leaves(a)]
+
+    def vectors(self, e: Expr) -> set[Var]:
+        """Variables whose vectors the derivative of an expression asks for."""
+        return {v for v in self.leaves(e) if isinstance(v, Var) and v not in self.light and v not in self.inputs}
+
+
+def activity(program: Program) -> Activity:
+    """Which variables carry derivatives, anywhere in the program."""
+    assigned = [s for body in (program.begin, program.step) for s in statements(body) if isinstance(s, Assign)]
+    found = Activity(frozenset(), frozenset(), frozenset())
+    while True:
+        active = frozenset(s.target for s in assigned if found.of(s.value))
+        if active == found.active:
+            break
+        found = replace(found, active=found.active | active)
+    light = frozenset(v for v in found.active if not v.state)
+    while True:
+        kept = light - {s.target for s in assigned if not all(_light(leaf, light) for leaf in found.leaves(s.value))}
+        if kept == light:
+            break
+        light = kept
+    once = [s for s in assigned if sum(o.target == s.target for o in assigned) == 1]
+    inputs = frozenset(s.target for s in once if isinstance(s.value, Ago) and not s.target.state)
+    return Activity(found.active, light, inputs)
+
+
+def _light(leaf: Expr, light: frozenset[Var]) -> bool:
+    return (isinstance(leaf, Param) and leaf.index is None) or leaf in light
+
+
+def lowered(body: Body, found: Activity, taken: set[str]) -> Body:
+    """The same with if-else values, min and max that carry derivatives written as statements."""
+    out: list[Stmt] = []
+    for s in body:
+        if isinstance(s, Assign):
+            _assign(s.target, s.value, found, taken, out)
+        elif isinstance(s, If):
+            out.append(replace(s, body=lowered(s.body, found, taken), orelse=lowered(s.orelse, found, taken)))
+        elif isinstance(s, For):
+            out.append(replace(s, body=lowered(s.body, found, taken)))
+        elif isinstance(s, Return):
+            out.append(Return(_plain(s.value, found, taken, out)))
+        else:
+            out.append(s)
+    return tuple(out)
+
+
+def _branches(e: Expr, found: Activity) -> bool:
+    """Whether this very expression has a derivative that depends on a comparison."""
+    return isinstance(e, Op) and e.op in ("if", "min", "max") and found.of(e)
+
+
+def _assign(target: Var, e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> None:
+    if not _branches(e, found):
+        out.append(Assign(target, _plain(e, found, taken, out)))
+        return
+    assert isinstance(e, Op)
+    if e.op == "if":
+        test, args = e.args[0], e.args[1:]
+    else:
+        a, b = (_atom(arg, found, taken, out) for arg in e.args)
+        # As Python has it: the first one, unless the second is smaller (min) or larger (max).
+        test, args = Op("<" if e.op == "min" else ">", (b, a)), (b, a)
+    sides: list[list[Stmt]] = [[], []]
+    for side, arg in zip(sides, args, strict=True):
+        if arg != target:
+            _assign(target, arg, found, taken, side)
+    out.append(If(test, tuple(sides[0]), tuple(sides[1])))
+
+
+def _plain(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Expr:
+    """The expression with its branching parts set down before it."""
+    if _branches(e, found):
+        return _named(e, found, taken, out)
+    if not found.of(e):
+        return e
+    return rebuilt(e, lambda a: _plain(a, found, taken, out))
+
+
+def _atom(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Expr:
+    """The expression, or a name for it where it stands twice otherwise."""
+    return _named(e, found, taken, out) if isinstance(e, Op) else e
+
+
+def _named(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Var:
+    k = 1
+    while f"part{k}" in taken:
+        k += 1
+    taken.add(f"part{k}")
+    target = Var(f"part{k}")
+    _assign(target, e, found, taken, out)
+    return target
+
+
+def names(program: Program) -> set[str]:
+    """All local names of a program."""
+    found = {s.target.name for body in (program.begin, program.step) for s in statements(body) if isinstance(s, Assign)}
+    found |= {s.index for body in (program.begin, program.step) for s in statements(body) if isinstance(s, For)}
+    return found
+
+
+def alive(body: Body, out: frozenset[Var], left: frozenset[Var], states: frozenset[Var], found: Activity) -> frozenset:
+    """Variables whose vectors are asked for from here on; `out` behind the body, `left` behind a break."""
+    for s in reversed(body):
+        if isinstance(s, Assign):
+            out = (out - {s.target}) | found.vectors(s.value)
+        elif isinstance(s, If):
+            out = alive(s.body, out, left, states, found) | alive(s.orelse, out, left, states, found)
+        elif isinstance(s, For):
+            out = head(s, out, states, found)
+        elif isinstance(s, Break):
+            out = left
+        elif isinstance(s, Return):
+            out = states | found.vectors(s.value)
+    return out
+
+
+def head(loop: For, out: frozenset[Var], states: frozenset[Var], found: Activity) -> frozenset[Var]:
+    """Variables whose vectors are asked for at the head of a loop, `out` behind it."""
+    more = out
+    while True:
+        wider = more | alive(loop.body, more, out, states, found)
+        if wider == more:
+            return more
+        more = wider
+
+
+def looks_back(program: Program) -> bool:
+    """Whether the program reads earlier samples of the input."""
+    return any(isinstance(e, Ago) and e.n != Num(0) for e in expressions(program.step))

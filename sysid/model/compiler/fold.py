@@ -1,0 +1,278 @@
+"""Put numbers into a program and carry out what can be carried out: what a block does not have leaves no trace."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.model.compiler.ir import (
+    Ago,
+    Assign,
+    Body,
+    Break,
+    Const,
+    Expr,
+    For,
+    If,
+    Num,
+    Op,
+    Param,
+    Program,
+    Return,
+    Stmt,
+    Var,
+    ends,
+    expressions,
+    rebuilt,
+    statements,
+)
+
+_LONGEST = 8  # iterations that are tried one by one
+Env = dict[Var, Num]
+
+
+def specialised(
+    program: Program, params: Mapping[str, float], rows: Mapping[str, np.ndarray], structure: Mapping[str, float]
+) -> Program:
+    """The program of one block with one theta: its parameters are numbers, rows stay where they are indexed."""
+    folder = _Folder(params, rows, structure)
+    while True:
+        begin, first = folder.body(program.begin, {})
+        still = dict.fromkeys((Var(s, True) for s in program.states), Num(0.0))
+        held = {v: n for v, n in {**still, **(first or {})}.items() if v.state and not _moves(program.step, v, n)}
+        held = {v: n for v, n in held.items() if v in (first or {}) or not _sets(begin, v)}
+        step, _ = folder.body(program.step, dict(held))
+        folded = _without_dead(replace(program, begin=begin, step=step))
+        if folded == program:
+            return folded
+        program = folded
+
+
+def _sets(body: Body, v: Var) -> bool:
+    return any(isinstance(s, Assign) and s.target == v for s in statements(body))
+
+
+def _moves(body: Body, v: Var, value: Num) -> bool:
+    return any(isinstance(s, Assign) and s.target == v and s.value != value for s in statements(body))
+
+
+class _Folder:
+    def __init__(
+        self, params: Mapping[str, float], rows: Mapping[str, np.ndarray], structure: Mapping[str, float]
+    ) -> None:
+        self.params, self.rows, self.structure = params, rows, structure
+
+    def expr(self, e: Expr, env: Env) -> Expr:
+        if isinstance(e, Var):
+            return env.get(e, e)
+        if isinstance(e, Const):
+            return Num(self.structure[e.name])
+        if isinstance(e, Param) and e.index is None:
+            return Num(float(self.params[e.name]))
+        e = rebuilt(e, lambda a: self.expr(a, env))
+        if isinstance(e, Param) and isinstance(e.index, Num):
+            return Num(float(self.rows[e.name][int(e.index.value)]))
+        return simple(e) if isinstance(e, Op) else e
+
+    def body(self, body: Body, env: Env) -> tuple[Body, Env | None]:
+        """Statements with their numbers put in, and what is known behind them; None where control never gets there."""
+        out: list[Stmt] = []
+        for i, s in enumerate(body):
+            if isinstance(s, Assign):
+                value = self.expr(s.value, env)
+                env = {k: v for k, v in env.items() if k != s.target}
+                if isinstance(value, Num):
+                    env[s.target] = value
+                out.append(Assign(s.target, value))
+            elif isinstance(s, If):
+                more, known = self._if(s, env)
+                out += more
+                if known is None:
+                    return tuple(out), None
+                env = known
+            elif isinstance(s, For):
+                more, env = self._for(s, env, body)
+                out += more
+            elif isinstance(s, Return):
+                return (*out, Return(self.expr(s.value, env))), None
+            elif isinstance(s, Break):
+                return (*out, s), None
+            if i + 1 < len(body) and out and ends((out[-1],)):
+                return tuple(out), None
+        return tuple(out), env
+
+    def _if(self, s: If, env: Env) -> tuple[Body, Env | None]:
+        test = self.expr(s.test, env)
+        if isinstance(test, Num):
+            return self.body(s.body if test.value else s.orelse, env)
+        (a, known_a), (b, known_b) = self.body(s.body, dict(env)), self.body(s.orelse, dict(env))
+        if known_a is None or known_b is None:
+            known = known_b if known_a is None else known_a
+        else:
+            known = {k: v for k, v in known_a.items() if known_b.get(k) == v and _same(v, known_b[k])}
+        if not a and b:
+            return (If(negated(test), b, ()),), known
+        return ((If(test, a, b),) if a or b else ()), known
+
+    def _for(self, s: For, env: Env, around: Body) -> tuple[Body, Env]:
+        count = self.expr(s.count, env)
+        own_break = any(isinstance(e, Break) for e in _own_level(s.body))
+        if isinstance(count, Num) and count.value <= _LONGEST and not own_break:
+            rounds, known = [], dict(env)
+            for k in range(int(count.value)):
+                done, after = self.body(s.body, {**known, Var(s.index): Num(k)})
+                known = after or {}
+                if not self._idle(done):
+                    rounds.append(done)
+            if len(rounds) <= 1:
+                return (rounds[0] if rounds else ()), {k: v for k, v in known.items() if k != Var(s.index)}
+        moved = {e.target for e in statements(s.body) if isinstance(e, Assign)} | {Var(s.index)}
+        env = {k: v for k, v in env.items() if k not in moved}
+        body, _ = self.body(s.body, dict(env))
+        return ((For(s.index, count, body),) if body else ()), env
+
+    def _idle(self, body: Body) -> bool:
+        """Whether statements do nothing but set locals to numbers that were put in wherever they are read."""
+        return all(isinstance(s, Assign) and not s.target.state for s in body)
+
+
+def _own_level(body: Body) -> list[Stmt]:
+    """Statements of a loop's body that are not in a loop within it."""
+    found: list[Stmt] = []
+    for s in body:
+        found.append(s)
+        if isinstance(s, If):
+            found += [*_own_level(s.body), *_own_level(s.orelse)]
+    return found
+
+
+def _same(a: Num, b: Num) -> bool:
+    return type(a.value) is type(b.value)
+
+
+def _without_dead(program: Program) -> Program:
+    """Without what sets a value that nobody reads."""
+    while True:
+        read = {e for body in (program.begin, program.step) for e in expressions(body) if isinstance(e, Var)}
+        slim = replace(program, begin=_kept(program.begin, read), step=_kept(program.step, read))
+        states = tuple(s for s in slim.states if Var(s, True) in read)
+        slim = replace(slim, states=states)
+        if slim == program:
+            return slim
+        program = slim
+
+
+def _kept(body: Body, read: set[Var]) -> Body:
+    out: list[Stmt] = []
+    for s in body:
+        if isinstance(s, Assign):
+            if s.target in read and s.value != s.target:
+                out.append(s)
+        elif isinstance(s, If):
+            a, b = _kept(s.body, read), _kept(s.orelse, read)
+            if a or b:
+                out.append(If(s.test, a, b) if a else If(negated(s.test), b, ()))
+        elif isinstance(s, For):
+            inner = _kept(s.body, read)
+            if inner:
+                out.append(replace(s, body=inner))
+        else:
+            out.append(s)
+    return _joined(out, read)
+
+
+def _joined(out: list[Stmt], read: set[Var]) -> Body:
+    """A value that is only handed on is given its last name at once."""
+    return tuple(out)
+
+
+_FLIPPED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "=="}
+
+
+def negated(test: Expr) -> Expr:
+    """The opposite of a test."""
+    if isinstance(test, Op) and test.op == "not":
+        return test.args[0]
+    if isinstance(test, Op) and test.op in ("==", "!="):
+        return replace(test, op=_FLIPPED[test.op])
+    return Op("not", (test,))
+
+
+def simple(e: Op) -> Expr:
+    """An operation whose arguments are simple, carried out or left away where numbers allow it."""
+    if all(isinstance(a, Num) for a in e.args):
+        try:
+            return Num(_computed(e.op, *(a.value for a in e.args)))  # type: ignore[union-attr]
+        except (ArithmeticError, ValueError):
+            return e
+    if e.op == "if":
+        test, a, b = e.args
+        return (a if test.value else b) if isinstance(test, Num) else a if a == b else e
+    if e.op == "neg":
+        inner = e.args[0]
+        return inner.args[0] if isinstance(inner, Op) and inner.op == "neg" else e
+    return _pair(e) if len(e.args) == 2 else e
+
+
+def _pair(e: Op) -> Expr:
+    """An operation on two arguments, one of which may be a number."""
+    a, b = e.args
+    x, y = (v.value if isinstance(v, Num) else None for v in (a, b))
+    op = e.op
+    if op in ("and", "or"):
+        for value, other in ((x, b), (y, a)):
+            if value is not None:
+                return Num(bool(value)) if bool(value) == (op == "or") else other
+    if op in ("<", "<=", ">", ">="):
+        return _against_infinity(e, x, y)
+    if op == "+":
+        if isinstance(y, float) and y < 0.0:
+            return Op("-", (a, Num(-y)))
+        return b if x == 0 else a if y == 0 else e
+    if op == "-":
+        return Op("neg", (b,)) if x == 0 else a if y == 0 else e
+    if op == "*":
+        return Num(0.0) if 0 in (x, y) else b if x == 1 else a if y == 1 else e
+    if op == "/":
+        return Num(0.0) if x == 0 else a if y == 1 else e
+    if op in ("min", "max"):
+        other = math.inf if op == "min" else -math.inf
+        return b if x == other else a if y == other else e
+    return e
+
+
+def _against_infinity(e: Op, x: float | None, y: float | None) -> Expr:
+    """A finite number compared with one that is not."""
+    for value, upside in ((x, e.op[0] == ">"), (y, e.op[0] == "<")):
+        if value is not None and math.isinf(value):
+            return Num((value > 0) == upside)
+    return e
+
+
+def _computed(op: str, *v: float) -> float:
+    table = {
+        "+": lambda a, b: a + b,
+        "-": lambda a, b: a - b,
+        "*": lambda a, b: a * b,
+        "/": lambda a, b: a / b,
+        "**": lambda a, b: a**b,
+        "neg": lambda a: -a,
+        "<": lambda a, b: a < b,
+        "<=": lambda a, b: a <= b,
+        ">": lambda a, b: a > b,
+        ">=": lambda a, b: a >= b,
+        "==": lambda a, b: a == b,
+        "!=": lambda a, b: a != b,
+        "and": lambda a, b: bool(a and b),
+        "or": lambda a, b: bool(a or b),
+        "not": lambda a: not a,
+        "if": lambda t, a, b: a if t else b,
+        "floor": lambda a: float(math.floor(a)),
+        "sign": lambda a: math.copysign(1.0, a) if a else 0.0,
+        "abs": abs,
+        "int": int,
+        "min": min,
+        "max": max,
+    }
+    return table[op](*v) if op in table else getattr(math, op)(*v)

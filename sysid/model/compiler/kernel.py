@@ -1,0 +1,194 @@
+"""Compiled kernels of a step: their source, and the folder that keeps it so that numba can keep what it compiles."""
+
+import hashlib
+import importlib.util
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+from sysid.model.compiler.ir import Assign, Body, Break, For, If, Program, Return
+
+_HEAD = '''"""Written by sysid.model.compiler from the step of {name}. Not kept under version control, made again where missing."""
+
+from math import cos, exp, inf, log, sin, sqrt, tanh
+
+import numpy as np
+from numba import njit
+from numpy import floor, sign
+
+PARAMETERS = {params}
+ROWS = {rows}
+STRUCTURE = {consts}
+
+'''
+
+
+def kernels(name: str, key: str, program: Callable[[], Program], absent: Mapping[str, float], near: Path | None) -> ModuleType:
+    """The module with `value` and `tangent` of a step, written first where no folder has it.
+
+    `key` changes with the step, `program` reads it, which only a missing file asks for; `near` is the folder of the
+    block's own file. A module that no folder takes is compiled anew in each process.
+    """
+    own = hashlib.blake2b(f"{key} {sorted(absent.items())} {_version()}".encode(), digest_size=8).hexdigest()
+    stem = f"{re.sub(r'[^A-Za-z0-9]', '_', name)}_{own}"
+    full = f"sysid_compiled_{stem}"
+    if full in sys.modules:
+        return sys.modules[full]
+    for folder in _folders(near):
+        path = folder / f"{stem}.py"
+        if path.is_file() or _written(path, lambda: source(name, program(), absent)):
+            spec = importlib.util.spec_from_file_location(full, path)
+            assert spec is not None
+            assert spec.loader is not None
+            module = importlib.util.module_from_spec(spec)
+            sys.modules[full] = module
+            spec.loader.exec_module(module)
+            return module
+    module = ModuleType(full)
+    text = source(name, program(), absent).replace("cache=True, ", "")
+    exec(compile(text, full, "exec"), module.__dict__)  # our own text, of a program that the subset has checked
+    sys.modules[full] = module
+    return module
+
+
+@cache
+def _version() -> str:
+    """Changes with the compiler itself."""
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    return hashlib.blake2b(b"".join(f.read_bytes() for f in files), digest_size=8).hexdigest()
+
+
+def _folders(near: Path | None) -> list[Path]:
+    """Where kernels may lie: beside the block's compiled module, else in the user's own cache."""
+    home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    user = Path(home) if home else Path.home() / ".cache"
+    return [*([near / "__pycache__"] if near else []), user / "sysid" / "kernels"]
+
+
+def _written(path: Path, text: Callable[[], str]) -> bool:
+    """Write a file that is complete whenever it is seen; one that another process has put there first is kept."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(suffix=".part", dir=path.parent)
+    except OSError:
+        return False
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as f:
+            f.write(text())
+        try:
+            os.link(temporary, path)
+        except FileExistsError:
+            pass
+        except OSError:  # a file system without links
+            os.replace(temporary, path)
+        return path.is_file()
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+
+
+def source(name: str, program: Program, absent: Mapping[str, float]) -> str:
+    """Text of the module of a program."""
+    head = _HEAD.format(name=name, params=program.params, rows=program.rows, consts=program.consts)
+    return head + _value(program, absent) + "\n\n" + _tangent(program, absent)
+
+
+def _arguments(program: Program) -> str:
+    rows = [f"a_{r}, n_{r}" for r in program.rows]
+    return ", ".join(["theta", "column", *(f"k_{c}" for c in program.consts), *rows])
+
+
+def _parameters(program: Program, absent: Mapping[str, float]) -> list[str]:
+    """Parameters by name; those that this block does without have column -1."""
+    lines = []
+    for i, p in enumerate(program.params):
+        other = f" if column[{i}] >= 0 else {float(absent[p])!r}" if p in absent else ""
+        lines.append(f"    p_{p} = theta[column[{i}]]{other}")
+    return lines
+
+
+def _value(program: Program, absent: Mapping[str, float]) -> str:
+    lines = [
+        "@njit(cache=True, nogil=True, error_model='numpy')",
+        f"def value({_arguments(program)}, x, y):",
+        *_parameters(program, absent),
+        *(f"    s_{s} = 0.0" for s in program.states),
+        "    t = 0",
+        "    u = x[0]",
+        *_plain(program.begin, 1),
+        "    for t in range(len(x)):",
+        "        u = x[t]",
+        *_plain(program.step, 2),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _plain(body: Body, depth: int) -> list[str]:
+    """Statements as they are, without derivatives."""
+    from sysid.model.compiler.show import show, variable
+
+    pad, lines = "    " * depth, []
+    for s in body:
+        if isinstance(s, Assign):
+            value = show(s.value)
+            lines.append(f"{pad}{variable(s.target)} = {value[1:-1] if _wrapped(value) else value}")
+        elif isinstance(s, If):
+            lines += [f"{pad}if {show(s.test)}:", *(_plain(s.body, depth + 1) or [f"{pad}    pass"])]
+            if s.orelse:
+                lines += [f"{pad}else:", *_plain(s.orelse, depth + 1)]
+        elif isinstance(s, For):
+            lines += [f"{pad}for v_{s.index} in range({show(s.count)}):", *_plain(s.body, depth + 1)]
+        elif isinstance(s, Return):
+            lines.append(f"{pad}y[t] = {show(s.value)}")
+        elif isinstance(s, Break):
+            lines.append(f"{pad}break")
+    return lines
+
+
+def _wrapped(text: str) -> bool:
+    """Whether one pair of brackets holds the whole text."""
+    depth = 0
+    for i, c in enumerate(text):
+        depth += (c == "(") - (c == ")")
+        if depth == 0:
+            return i == len(text) - 1 and text[0] == "("
+    return False
+
+
+def _tangent(program: Program, absent: Mapping[str, float]) -> str:
+    from sysid.model.compiler.tangent import Writer
+
+    w = Writer(program, frozenset(absent))
+    w.depth = 1
+    w.block(w.begin, w.states, frozenset())
+    begin, w.lines, w.depth = w.lines, [], 2
+    w.block(w.step, frozenset(), frozenset())
+    buffer = ["for c in range(q):", "    dx[c] = J[t, c]"] if w.buffered else []
+    lines = [
+        "@njit(cache=True, nogil=True, error_model='numpy')",
+        f"def tangent({_arguments(program)}, x, y, J, q):",
+        "    n = q + len(theta)",
+        *_parameters(program, absent),
+        *(
+            f"    c_{p} = q + column[{i}]" + (f" if column[{i}] >= 0 else -1" if p in absent else "")
+            for i, p in enumerate(program.params)
+        ),
+        *(f"    s_{s} = 0.0" for s in program.states),
+        *(f"    {v} = np.zeros(n)" for v in sorted(w.vectors)),
+        *(f"    {i} = 0" for i in w.places),
+        *(["    dx = np.zeros(q)"] if w.buffered else []),
+        *(["    W = J[:, :q].copy()"] if w.back else []),
+        "    t = 0",
+        "    u = x[0]",
+        *(f"    {line}" for line in buffer),
+        *begin,
+        "    for t in range(len(x)):",
+        "        u = x[t]",
+        *(f"        {line}" for line in buffer),
+        *w.lines,
+    ]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,42 @@
+"""Expressions as text of the compiled kernels."""
+
+from sysid.model.compiler.ir import COMPARISONS, Ago, Const, Expr, Num, Op, Param, Var
+
+
+def variable(v: Var) -> str:
+    """How a variable or a state is called in a kernel."""
+    return f"s_{v.name}" if v.state else f"v_{v.name}"
+
+
+def show(e: Expr, args: list[str] | None = None, place: bool = False) -> str:
+    """An expression; `args` are texts for its arguments, `place` asks where a parameter of a row stands in theta."""
+    if isinstance(e, Num):
+        return repr(e.value) if e.value >= 0 else f"({e.value!r})"
+    if isinstance(e, Var):
+        return variable(e)
+    if isinstance(e, Const):
+        return f"k_{e.name}"
+    if isinstance(e, Param):
+        if e.index is None:
+            return f"p_{e.name}"
+        # Whatever a state has become, memory beside the row is not touched.
+        where = f"a_{e.name} + min(max({show(e.index)}, 0), n_{e.name} - 1)"
+        return where if place else f"theta[{where}]"
+    if isinstance(e, Ago):
+        return "u" if e.n == Num(0) else f"x[max(t - max({show(e.n)}, 0), 0)]"
+    return operation(e, [show(a) for a in e.args] if args is None else args)
+
+
+def operation(e: Op, a: list[str]) -> str:
+    """An operation on arguments that are written already, in brackets where another one may stand beside it."""
+    if e.op in ("+", "-", "*", "/", "**", "and", "or", *COMPARISONS):
+        return f"({a[0]} {e.op} {a[1]})"
+    if e.op == "neg":
+        return f"(-{a[0]})"
+    if e.op == "not":
+        return f"(not {a[0]})"
+    if e.op == "if":
+        return f"({a[1]} if {a[0]} else {a[2]})"
+    if e.op == "sign":
+        return f"sign({a[0]})"
+    return f"{e.op}({', '.join(a)})"

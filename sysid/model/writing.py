@@ -1,0 +1,53 @@
+"""What a block gives to those that write it out: code of an exported function, and names and numbers of an equation."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Code:
+    """Body of an exported function of `x`: may read tables by name and keep `state` numbers in `s`.
+
+    `start` holds what the first of these numbers are called and begin with; all others begin with zero.
+    """
+
+    body: str
+    state: int = 0
+    tables: dict[str, np.ndarray] = field(default_factory=dict)
+    start: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Writer:
+    """Names of a unit's input x and output y, and how its numbers are written (None: exactly)."""
+
+    x: str
+    y: str
+    digits: int | None
+
+    def num(self, value: float) -> str:
+        """A number, in brackets where it is negative."""
+        plain = number(value) if self.digits is None else f"{float(value):.{self.digits}g}"
+        return f"({plain})" if plain.startswith("-") else plain
+
+    def sum(self, terms: list[tuple[float, str]]) -> str:
+        """c1*a + c2*b - ... without the terms of weight zero; an empty name stands for the number alone."""
+        parts: list[str] = []
+        for c, name in terms:
+            if c == 0.0:
+                continue
+            sign = ("-" if c < 0 else "") if not parts else (" - " if c < 0 else " + ")
+            size = self.num(abs(c))
+            factor = size if not name else (name if size in ("1", "1.0") else f"{size}*{name}")
+            parts.append(sign + factor)
+        return "".join(parts) or "0"
+
+    def minus(self, value: float) -> str:
+        """(x - value) as a factor."""
+        return self.x if value == 0.0 else f"({self.sum([(1.0, self.x), (-value, '')])})"
+
+
+def number(value: float) -> str:
+    """The shortest text that reads back as exactly this float, in C and in Python."""
+    return repr(float(value))
