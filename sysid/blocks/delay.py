@@ -11,9 +11,9 @@ LONGEST = 1000.0  # samples
 
 
 def step(s, x, p):
-    whole = floor(p.delay)
+    whole = int(floor(p.delay))
     late = p.delay - whole
-    return (1.0 - late) * ago(x, int(whole)) + late * ago(x, int(whole) + 1)
+    return (1.0 - late) * ago(x, whole) + late * ago(x, whole + 1)
 
 
 @dataclass(frozen=True)

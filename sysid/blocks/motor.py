@@ -20,10 +20,10 @@ def begin(s, x, p):
 
 
 def step(s, x, p, block):
-    y, whole = s.position, floor(p.delay)
+    y, whole = s.position, int(floor(p.delay))
     late = p.delay - whole
     for part in range(2):  # a sample sees the end of one input and the beginning of the next
-        w = ago(x, int(whole) + 1 - part)
+        w = ago(x, whole + 1 - part)
         length = late if part == 0 else 1.0 - late
         if length > SHORTEST:
             for _ in range(block.substeps):

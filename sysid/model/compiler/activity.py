@@ -19,8 +19,10 @@ from sysid.model.compiler.ir import (
     Stmt,
     Var,
     expressions,
+    mapped,
     rebuilt,
     statements,
+    walk,
 )
 
 
@@ -147,6 +149,36 @@ def _named(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Var:
     return target
 
 
+def hoisted(program: Program) -> Program:
+    """The same with what depends on parameters and structure alone computed once, before the first sample."""
+    assigned = [s.target for body in (program.begin, program.step) for s in statements(body) if isinstance(s, Assign)]
+    known: set[Var] = set()
+    early: list[Stmt] = []
+    late: list[Stmt] = []
+    for s in program.step:
+        alone = isinstance(s, Assign) and not s.target.state and assigned.count(s.target) == 1
+        if alone and isinstance(s, Assign) and all(_constant(e, known) for e in walk(s.value)):
+            known.add(s.target)
+            early.append(s)
+        else:
+            late.append(s)
+
+    def checked(e: Expr) -> Expr:
+        e = rebuilt(e, checked)
+        return replace(e, checked=True) if isinstance(e, Ago) and all(_constant(n, known) for n in walk(e.n)) else e
+
+    return replace(program, begin=(*early, *program.begin), step=mapped(tuple(late), checked))
+
+
+def delays(program: Program) -> list[Expr]:
+    """How far a hoisted program looks back, where that does not change from sample to sample."""
+    return [e.n for e in expressions(program.step) if isinstance(e, Ago) and e.checked and not isinstance(e.n, Num)]
+
+
+def _constant(e: Expr, known: set[Var]) -> bool:
+    return e in known if isinstance(e, Var) else not isinstance(e, Ago) and not (isinstance(e, Param) and e.index)
+
+
 def names(program: Program) -> set[str]:
     """All local names of a program."""
     found = {s.target.name for body in (program.begin, program.step) for s in statements(body) if isinstance(s, Assign)}
@@ -180,6 +212,11 @@ def head(loop: For, out: frozenset[Var], states: frozenset[Var], found: Activity
         more = wider
 
 
+def now(e: Expr) -> bool:
+    """Whether an expression is the present input."""
+    return isinstance(e, Ago) and e.n == Num(0)
+
+
 def looks_back(program: Program) -> bool:
     """Whether the program reads earlier samples of the input."""
-    return any(isinstance(e, Ago) and e.n != Num(0) for e in expressions(program.step))
+    return any(isinstance(e, Ago) and not now(e) for e in expressions(program.step))

@@ -40,9 +40,10 @@ class Const:
 
 @dataclass(frozen=True)
 class Ago:
-    """The input so many samples ago; before the record its first sample."""
+    """The input so many samples ago; before the record its first sample. `checked`: n is known not to be negative."""
 
     n: "Expr"
+    checked: bool = False
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,21 @@ def rebuilt(e: Expr, f: Callable[[Expr], Expr]) -> Expr:
     if isinstance(e, Param) and e.index is not None:
         return replace(e, index=f(e.index))
     return replace(e, n=f(e.n)) if isinstance(e, Ago) else e
+
+
+def mapped(body: Body, f: Callable[[Expr], Expr]) -> Body:
+    """The statements with f of every expression that they read."""
+    out: list[Stmt] = []
+    for s in body:
+        if isinstance(s, (Assign, Return)):
+            out.append(replace(s, value=f(s.value)))
+        elif isinstance(s, If):
+            out.append(If(f(s.test), mapped(s.body, f), mapped(s.orelse, f)))
+        elif isinstance(s, For):
+            out.append(For(s.index, f(s.count), mapped(s.body, f)))
+        else:
+            out.append(s)
+    return tuple(out)
 
 
 def statements(body: Body) -> Iterator[Stmt]:

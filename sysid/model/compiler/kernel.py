@@ -11,7 +11,9 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+from sysid.model.compiler.activity import delays, hoisted
 from sysid.model.compiler.ir import Assign, Body, Break, For, If, Program, Return
+from sysid.model.compiler.show import show, variable
 
 _HEAD = '''"""Written by sysid.model.compiler from the step of {name}. Not kept under version control, made again where missing."""
 
@@ -93,6 +95,7 @@ def _written(path: Path, text: Callable[[], str]) -> bool:
 
 def source(name: str, program: Program, absent: Mapping[str, float]) -> str:
     """Text of the module of a program."""
+    program = hoisted(program)
     head = _HEAD.format(name=name, params=program.params, rows=program.rows, consts=program.consts)
     return head + _value(program, absent) + "\n\n" + _tangent(program, absent)
 
@@ -120,6 +123,7 @@ def _value(program: Program, absent: Mapping[str, float]) -> str:
         "    t = 0",
         "    u = x[0]",
         *_plain(program.begin, 1),
+        *(line for n in delays(program) for line in (f"    if {show(n)} < 0:", "        y[:] = np.nan", "        return")),
         "    for t in range(len(x)):",
         "        u = x[t]",
         *_plain(program.step, 2),
@@ -129,8 +133,6 @@ def _value(program: Program, absent: Mapping[str, float]) -> str:
 
 def _plain(body: Body, depth: int) -> list[str]:
     """Statements as they are, without derivatives."""
-    from sysid.model.compiler.show import show, variable
-
     pad, lines = "    " * depth, []
     for s in body:
         if isinstance(s, Assign):
@@ -186,6 +188,11 @@ def _tangent(program: Program, absent: Mapping[str, float]) -> str:
         "    u = x[0]",
         *(f"    {line}" for line in buffer),
         *begin,
+        *(
+            line
+            for n in delays(program)
+            for line in (f"    if {show(n)} < 0:", "        y[:], J[:, :n] = np.nan, np.nan", "        return")
+        ),
         "    for t in range(len(x)):",
         "        u = x[t]",
         *(f"        {line}" for line in buffer),

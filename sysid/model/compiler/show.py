@@ -23,8 +23,13 @@ def show(e: Expr, args: list[str] | None = None, place: bool = False) -> str:
         where = f"a_{e.name} + min(max({show(e.index)}, 0), n_{e.name} - 1)"
         return where if place else f"theta[{where}]"
     if isinstance(e, Ago):
-        return "u" if e.n == Num(0) else f"x[max(t - max({show(e.n)}, 0), 0)]"
+        return "u" if e.n == Num(0) else f"x[{row(e)}]"
     return operation(e, [show(a) for a in e.args] if args is None else args)
+
+
+def row(e: Ago) -> str:
+    """Number of the sample that an earlier input is."""
+    return f"max(t - {show(e.n) if e.checked else f'max({show(e.n)}, 0)'}, 0)"
 
 
 def operation(e: Op, a: list[str]) -> str:

@@ -8,7 +8,7 @@ dependence, however long the stretch is, and what is known to be zero costs noth
 
 from dataclasses import dataclass, field
 
-from sysid.model.compiler.activity import Activity, activity, alive, head, looks_back, lowered, names
+from sysid.model.compiler.activity import Activity, activity, alive, head, looks_back, lowered, names, now
 from sysid.model.compiler.ir import (
     Ago,
     Assign,
@@ -28,7 +28,7 @@ from sysid.model.compiler.ir import (
     loops,
     statements,
 )
-from sysid.model.compiler.show import show, variable
+from sysid.model.compiler.show import row, show, variable
 
 Key = tuple[str, ...]
 Coefficient = str | float
@@ -189,9 +189,9 @@ class Writer:
     def assign(self, s: Assign, env: dict[Var, Map]) -> None:
         v, target = s.target, variable(s.target)
         if v in self.found.inputs:
-            if s.value != Ago(Num(0)):
+            if not now(s.value):
                 self.places.append(f"row_{v.name}")
-                self.emit(f"row_{v.name} = {show_row(s.value)}")
+                self.emit(f"row_{v.name} = {row(s.value)}")
             self.emit(f"{target} = {show(s.value)}")
             return
         if v not in self.found.active:
@@ -249,10 +249,10 @@ class Writer:
                 self.emit(f"i{self.count} = {show(e, place=True)}")
                 self.emit(f"t{self.count} = theta[i{self.count}]")
                 values[id(e)] = f"t{self.count}"
-            elif isinstance(e, Ago) and e.n != Num(0):
+            elif isinstance(e, Ago) and not now(e):
                 self.count += 1
                 self.places.append(f"row_{self.count}")
-                self.emit(f"row_{self.count} = {show_row(e)}")
+                self.emit(f"row_{self.count} = {row(e)}")
                 self.emit(f"t{self.count} = x[row_{self.count}]")
                 values[id(e)] = f"t{self.count}"
             else:
@@ -297,7 +297,7 @@ class Writer:
         if isinstance(e, Param):
             return {("p", e.name): 1.0} if e.index is None else {("a", values[id(e)].replace("t", "i")): 1.0}
         if isinstance(e, Ago):
-            return {("x",): 1.0} if e.n == Num(0) else {("r", values[id(e)].replace("t", "row_")): 1.0}
+            return {("x",): 1.0} if now(e) else {("r", values[id(e)].replace("t", "row_")): 1.0}
         assert isinstance(e, Var)
         if e in env:
             return env[e]
@@ -307,7 +307,7 @@ class Writer:
             return {("p", k): self.temporary(f"l_{e.name}_{k}") for k in self._parameters(e)}
         if e in self.found.inputs:
             source = next(s.value for b in (self.begin, self.step) for s in statements(b) if _sets(s, e))
-            return {("x",): 1.0} if source == Ago(Num(0)) else {("r", f"row_{e.name}"): 1.0}
+            return {("x",): 1.0} if now(source) else {("r", f"row_{e.name}"): 1.0}
         return {("v", variable(e)): 1.0}
 
     def _times(self, a: Coefficient, b: Coefficient) -> Coefficient:
@@ -400,12 +400,6 @@ class Writer:
                 self.emit(f"{guard}{place.format(f'c_{key[1]}')} += {c}")
             elif key[0] == "a":
                 self.emit(f"{place.format(f'q + {key[1]}')} += {c}")
-
-
-def show_row(e: Expr) -> str:
-    """Number of the sample that an earlier input is."""
-    assert isinstance(e, Ago)
-    return f"max(t - max({show(e.n)}, 0), 0)"
 
 
 def _sets(s: Stmt, v: Var) -> bool:
