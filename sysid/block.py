@@ -6,6 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
+from sysid.model.writing import Code, Writer
+
 
 @dataclass(frozen=True)
 class Slot:
@@ -16,6 +18,7 @@ class Slot:
     lower: float = -np.inf
     upper: float = np.inf
     initial: bool = False
+    holds: bool = False  # an initial state that a block at rest keeps (a position), not one that is then zero (a speed)
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,18 @@ class Block(ABC):
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Another start near theta for the multi-start."""
         return theta
+
+    def c(self, theta: np.ndarray) -> Code:
+        """C99 of this block's run with these numbers, for `export_c`; a block without has no text."""
+        raise NotImplementedError
+
+    def python(self, theta: np.ndarray) -> Code:
+        """The same in Python, for `export_python`."""
+        raise NotImplementedError
+
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        """The block with its numbers as equations, for `closed_form`."""
+        raise NotImplementedError
 
     @cached_property
     def has_basis(self) -> bool:

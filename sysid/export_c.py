@@ -1,163 +1,15 @@
-"""A fitted chain as one standalone C99 file: a state, init(), step(u) -> y; one line in `EMITTERS` a block."""
+"""A fitted chain as one standalone C99 file: a state, init(), step(u) -> y: each block gives its own."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from sysid import closed_form
-from sysid.block import Block
-from sysid.blocks import (
-    CubicSpline,
-    DeadZone,
-    DeadZoneSaturation,
-    PiecewiseLinear,
-    Polynomial,
-    Quantiser,
-    Saturation,
-    SigmoidNetwork,
-    TransferFunction,
-    TravelMap,
-    UnitGain,
-    WaveletNetwork,
-)
-from sysid.export_motion_c import EMITTERS as MOTION
 from sysid.files import write_text
 from sysid.fitting import Fit
-from sysid.wiring import (
-    Code,
-    Layer,
-    Unit,
-    arcs,
-    break_points,
-    cubics,
-    entry,
-    identifier,
-    layers,
-    number,
-    offsets,
-    strokes,
-)
-
-# Segment i that x lies in, the outer ones without end, and the share r of the way through it.
-_LINES = """int i = 0;
-while (i < {last} && KX[i + 1] < x) ++i;
-const double r = (x - KX[i]) / (KX[i + 1] - KX[i]);"""
-
-
-def cubic_spline(block: CubicSpline, theta: np.ndarray) -> Code:
-    return _curve(*cubics(block, theta), "{}")
-
-
-def _curve(lo: float, hi: float, c: np.ndarray, of: str) -> Code:
-    """What `of` makes of the curve with coefficients c (m, 4) between lo and hi."""
-    m = len(c)
-    value = of.format("p[0] + v * (p[1] + v * (p[2] + v * p[3])) + beyond * slope")
-    body = f"""const double r = (x - {number(lo)}) / ({number(hi)} - {number(lo)});
-const double inside = r < 0.0 ? 0.0 : (r > 1.0 ? 1.0 : r);
-int i = 0;
-while (i < {m - 1} && inside * {m}.0 >= i + 1) ++i;
-const double *p = C + 4 * i;
-const double v = inside * {m}.0 - i, beyond = (r - inside) * {m}.0;
-const double slope = p[1] + v * (2.0 * p[2] + v * 3.0 * p[3]);
-return {value};"""
-    return Code(body, tables={"C": c.ravel()})
-
-
-def dead_zone(block: DeadZone, theta: np.ndarray) -> Code:
-    lo, hi = map(number, theta)
-    return Code(f"return x < {lo} ? x - ({lo}) : (x > {hi} ? x - ({hi}) : 0.0);")
-
-
-def dead_zone_saturation(block: DeadZoneSaturation, theta: np.ndarray) -> Code:
-    s_lo, d_lo, d_up, s_up, a_lo, a_up = map(number, theta)
-    body = f"""if (x < {d_lo}) return {a_lo} * ((x < {s_lo} ? {s_lo} : x) - ({d_lo}));
-if (x > {d_up}) return {a_up} * ((x > {s_up} ? {s_up} : x) - ({d_up}));
-return 0.0;"""
-    return Code(body)
-
-
-def piecewise_linear(block: PiecewiseLinear, theta: np.ndarray) -> Code:
-    x, y = break_points(block, theta)
-    return Code(f"{_LINES.format(last=len(x) - 2)}\nreturn KY[i] + r * (KY[i + 1] - KY[i]);", tables={"KX": x, "KY": y})
-
-
-def polynomial(block: Polynomial, theta: np.ndarray) -> Code:
-    body = f"""double y = 0.0;
-for (int i = 0; i < {len(theta)}; ++i) y = y * x + C[i];
-return y;"""
-    return Code(body, tables={"C": theta})
-
-
-def quantiser(block: Quantiser, theta: np.ndarray) -> Code:
-    return Code(f"return {number(block.step)} * floor(x / {number(block.step)} + 0.5);")
-
-
-def saturation(block: Saturation, theta: np.ndarray) -> Code:
-    lo, hi = map(number, theta)
-    return Code(f"return x < {lo} ? {lo} : (x > {hi} ? {hi} : x);")
-
-
-def sigmoid_network(block: SigmoidNetwork, theta: np.ndarray) -> Code:
-    n = block.units
-    body = f"""double y = {number(theta[0])} + {number(theta[1])} * x;
-for (int k = 0; k < {n}; ++k) y += S[k] * (1.0 / (1.0 + exp(-(B[k] * x + C[k]))));
-return y;"""
-    return Code(body, tables={"S": theta[2 : 2 + n], "B": theta[2 + n : 2 + 2 * n], "C": theta[2 + 2 * n :]})
-
-
-def transfer_function(block: TransferFunction, theta: np.ndarray) -> Code:
-    B, F = block.padded(theta)
-    n = block.n_state
-    if n == 0:
-        return Code(f"return {number(B[0])} * x;")
-    # Transposed direct form II in the order of the library's own kernel, so that rounding agrees too.
-    body = f"""const double y = s[0] + B[0] * x;
-for (int i = 0; i < {n}; ++i) s[i] = s[i + 1] + B[i + 1] * x - F[i] * y;
-return y;"""
-    return Code(body, n + 1, {"B": B, "F": F[1:]})
-
-
-def travel_map(block: TravelMap, theta: np.ndarray) -> Code:
-    x, s = strokes(block, theta)
-    low, way = number(theta[0]), number(theta[1] - theta[0])
-    if block.curved:
-        return _curve(0.0, 1.0, arcs(block, theta), f"{low} + {way} * ({{}})")
-    body = f"{_LINES.format(last=len(x) - 2)}\nreturn {low} + {way} * (KY[i] + r * (KY[i + 1] - KY[i]));"
-    return Code(body, tables={"KX": x, "KY": s})
-
-
-def unit_gain(block: UnitGain, theta: np.ndarray) -> Code:
-    return Code("return x;")
-
-
-def wavelet_network(block: WaveletNetwork, theta: np.ndarray) -> Code:
-    n = block.units
-    body = f"""double y = {number(theta[0])} + {number(theta[1])} * x;
-for (int k = 0; k < {n}; ++k) {{
-    const double z = B[k] * (x - C[k]), e = exp(-0.5 * z * z);
-    y += S[k] * (k < {block.wavelets} ? (1.0 - z * z) * e : e);
-}}
-return y;"""
-    return Code(body, tables={"S": theta[2 : 2 + n], "B": theta[2 + n : 2 + 2 * n], "C": theta[2 + 2 * n :]})
-
-
-EMITTERS: dict[type[Block], Callable[..., Code]] = {
-    CubicSpline: cubic_spline,
-    DeadZone: dead_zone,
-    DeadZoneSaturation: dead_zone_saturation,
-    PiecewiseLinear: piecewise_linear,
-    Polynomial: polynomial,
-    Quantiser: quantiser,
-    Saturation: saturation,
-    SigmoidNetwork: sigmoid_network,
-    TransferFunction: transfer_function,
-    TravelMap: travel_map,
-    UnitGain: unit_gain,
-    WaveletNetwork: wavelet_network,
-    **MOTION,
-}
+from sysid.model.writing import Code, number
+from sysid.wiring import Layer, Unit, identifier, layers, offsets, written
 
 
 def write(fit: Fit, path: str | os.PathLike, name: str = "model", **scale: float) -> Path:
@@ -179,7 +31,7 @@ def source(
     identifier(name)
     wired = layers(fit.model, fit.theta)
     n_in, n_out = fit.model.channels
-    codes = {u.name: entry(EMITTERS, u, "C")(u.block, u.theta) for layer in wired for row in layer for u, _ in row}
+    codes = {u.name: written(u, "c")(u.theta) for layer in wired for row in layer for u, _ in row}
     fields = [_field(unit, code) for unit, code in codes.items() if code.state] or ["    char none;"]
     starts = [_start(unit, code) for unit, code in codes.items() if code.start]
     state = f"{name}_state"

@@ -1,153 +1,15 @@
-"""A fitted chain as one standalone Python file without any import but math; one line in `EMITTERS` a block."""
+"""A fitted chain as one standalone Python file without any import but math: each block gives its own."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from sysid import closed_form
-from sysid.block import Block
-from sysid.blocks import (
-    CubicSpline,
-    DeadZone,
-    DeadZoneSaturation,
-    PiecewiseLinear,
-    Polynomial,
-    Quantiser,
-    Saturation,
-    SigmoidNetwork,
-    TransferFunction,
-    TravelMap,
-    UnitGain,
-    WaveletNetwork,
-)
-from sysid.export_motion_python import EMITTERS as MOTION
 from sysid.files import write_text
 from sysid.fitting import Fit
-from sysid.wiring import Code, Layer, Unit, arcs, break_points, cubics, entry, layers, number, offsets, strokes
-
-# Segment i that x lies in, the outer ones without end, and the share r of the way through it.
-_LINES = """i = 0
-while i < {last} and KX[i + 1] < x:
-    i += 1
-r = (x - KX[i]) / (KX[i + 1] - KX[i])"""
-
-
-def cubic_spline(block: CubicSpline, theta: np.ndarray) -> Code:
-    return _curve(*cubics(block, theta), "{}")
-
-
-def _curve(lo: float, hi: float, c: np.ndarray, of: str) -> Code:
-    """What `of` makes of the curve with coefficients c (m, 4) between lo and hi."""
-    m = len(c)
-    value = of.format(f"p0 + v * (p1 + v * (p2 + v * p3)) + (r - inside) * {m} * slope")
-    body = f"""r = (x - {number(lo)}) / ({number(hi)} - {number(lo)})
-inside = min(max(r, 0.0), 1.0)
-i = min(int(inside * {m}), {m - 1})
-p0, p1, p2, p3 = C[4 * i : 4 * i + 4]
-v = inside * {m} - i
-slope = p1 + v * (2.0 * p2 + v * 3.0 * p3)
-return {value}"""
-    return Code(body, tables={"C": c.ravel()})
-
-
-def dead_zone(block: DeadZone, theta: np.ndarray) -> Code:
-    return Code(f"return x - min(max(x, {number(theta[0])}), {number(theta[1])})")
-
-
-def dead_zone_saturation(block: DeadZoneSaturation, theta: np.ndarray) -> Code:
-    s_lo, d_lo, d_up, s_up, a_lo, a_up = map(number, theta)
-    body = f"""if x < {d_lo}:
-    return {a_lo} * (max(x, {s_lo}) - ({d_lo}))
-if x > {d_up}:
-    return {a_up} * (min(x, {s_up}) - ({d_up}))
-return 0.0"""
-    return Code(body)
-
-
-def piecewise_linear(block: PiecewiseLinear, theta: np.ndarray) -> Code:
-    x, y = break_points(block, theta)
-    return Code(f"{_LINES.format(last=len(x) - 2)}\nreturn KY[i] + r * (KY[i + 1] - KY[i])", tables={"KX": x, "KY": y})
-
-
-def polynomial(block: Polynomial, theta: np.ndarray) -> Code:
-    body = """y = 0.0
-for c in C:
-    y = y * x + c
-return y"""
-    return Code(body, tables={"C": theta})
-
-
-def quantiser(block: Quantiser, theta: np.ndarray) -> Code:
-    return Code(f"return {number(block.step)} * math.floor(x / {number(block.step)} + 0.5)")
-
-
-def saturation(block: Saturation, theta: np.ndarray) -> Code:
-    return Code(f"return min(max(x, {number(theta[0])}), {number(theta[1])})")
-
-
-def sigmoid_network(block: SigmoidNetwork, theta: np.ndarray) -> Code:
-    # math.exp overflows beyond 709 where the sigmoid is zero to rounding.
-    body = f"""y = {number(theta[0])} + {number(theta[1])} * x
-for sk, b, c in zip(S, B, C):
-    y += sk * (1.0 / (1.0 + math.exp(min(-(b * x + c), 700.0))))
-return y"""
-    n = block.units
-    return Code(body, tables={"S": theta[2 : 2 + n], "B": theta[2 + n : 2 + 2 * n], "C": theta[2 + 2 * n :]})
-
-
-def transfer_function(block: TransferFunction, theta: np.ndarray) -> Code:
-    B, F = block.padded(theta)
-    n = block.n_state
-    if n == 0:
-        return Code(f"return {number(B[0])} * x")
-    body = f"""y = s[0] + B[0] * x
-for i in range({n}):
-    s[i] = s[i + 1] + B[i + 1] * x - F[i] * y
-return y"""
-    return Code(body, n + 1, {"B": B, "F": F[1:]})
-
-
-def travel_map(block: TravelMap, theta: np.ndarray) -> Code:
-    x, s = strokes(block, theta)
-    low, way = number(theta[0]), number(theta[1] - theta[0])
-    if block.curved:
-        return _curve(0.0, 1.0, arcs(block, theta), f"{low} + {way} * ({{}})")
-    body = f"{_LINES.format(last=len(x) - 2)}\nreturn {low} + {way} * (KY[i] + r * (KY[i + 1] - KY[i]))"
-    return Code(body, tables={"KX": x, "KY": s})
-
-
-def unit_gain(block: UnitGain, theta: np.ndarray) -> Code:
-    return Code("return x")
-
-
-def wavelet_network(block: WaveletNetwork, theta: np.ndarray) -> Code:
-    body = f"""y = {number(theta[0])} + {number(theta[1])} * x
-for k in range({block.units}):
-    z = B[k] * (x - C[k])
-    e = math.exp(-0.5 * z * z)
-    y += S[k] * ((1.0 - z * z) * e if k < {block.wavelets} else e)
-return y"""
-    n = block.units
-    return Code(body, tables={"S": theta[2 : 2 + n], "B": theta[2 + n : 2 + 2 * n], "C": theta[2 + 2 * n :]})
-
-
-EMITTERS: dict[type[Block], Callable[..., Code]] = {
-    CubicSpline: cubic_spline,
-    DeadZone: dead_zone,
-    DeadZoneSaturation: dead_zone_saturation,
-    PiecewiseLinear: piecewise_linear,
-    Polynomial: polynomial,
-    Quantiser: quantiser,
-    Saturation: saturation,
-    SigmoidNetwork: sigmoid_network,
-    TransferFunction: transfer_function,
-    TravelMap: travel_map,
-    UnitGain: unit_gain,
-    WaveletNetwork: wavelet_network,
-    **MOTION,
-}
+from sysid.model.writing import Code, number
+from sysid.wiring import Layer, Unit, layers, offsets, written
 
 
 def write(fit: Fit, path: str | os.PathLike, **scale: float) -> Path:
@@ -165,7 +27,7 @@ def source(fit: Fit, u_offset: float | np.ndarray = 0.0, y_offset: float | np.nd
     """
     wired = layers(fit.model, fit.theta)
     n_in, n_out = fit.model.channels
-    codes = {u.name: entry(EMITTERS, u, "Python")(u.block, u.theta) for layer in wired for row in layer for u, _ in row}
+    codes = {u.name: written(u, "python")(u.theta) for layer in wired for row in layer for u, _ in row}
     comment = "\n".join(f"# {line}".rstrip() for line in closed_form.text(fit).rstrip().split("\n"))
     states = [_state(unit, code) for unit, code in codes.items() if code.state]
     begin = "from the fit's first position" if any(code.start for code in codes.values()) else "from rest"

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from sysid.blocks import CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledMotor
 from sysid.chain import Chain
 from sysid.criteria import Criteria, fit_percent
 from sysid.data import IOData, siso
@@ -18,8 +17,6 @@ from sysid.iterate import Stop
 from sysid.residuals import ResidualTests, residual_tests
 from sysid.threads import one_blas_thread
 from sysid.uncertainty import Covariance, pole_std
-
-_STANDS = (CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledMotor)  # blocks that are at rest at any position
 
 
 @dataclass(frozen=True)
@@ -198,13 +195,8 @@ def rested(model: Chain, theta: np.ndarray) -> np.ndarray:
 
     In a fit this is where its record, the first of several, began.
     """
-    still = np.where(model.initial, 0.0, theta)
-    for block in model.blocks:
-        if isinstance(block, _STANDS):
-            own = model.index(block)
-            speed = np.array([slot.name == "v0" for slot in block.slots()])
-            still[own] = np.where(speed, 0.0, theta[own])
-    return still
+    moves = np.array([slot.initial and not slot.holds for slot in model.slots], dtype=bool)
+    return np.where(moves, 0.0, theta)
 
 
 def check_channels(model: Chain, data: IOData) -> None:

@@ -1,23 +1,15 @@
 """A chain with its numbers as a wiring of one-channel units: what exporters and the closed form walk through."""
 
-import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
 from sysid.block import Block, StaticBlock
-from sysid.blocks import CubicSpline, Motor, PiecewiseLinear, TravelMap
 from sysid.chain import Chain
 from sysid.errors import InputError
-from sysid.model.compiler.recursion import Recursion
-from sysid.model.writing import Code, Writer, number
-
-T = TypeVar("T")
-SHORTEST = 1e-12  # samples; what is left of a sample below it is over, as in the kernels
-EVENTS = 4  # turns of a motor within one stretch of constant input, as in the kernels
 
 
 @dataclass(frozen=True)
@@ -55,54 +47,22 @@ def _layer(k: int, block: Block, theta: np.ndarray) -> Layer:
     raise InputError(f"block {block.role!r} has {len(units)} parts for {n_in} inputs and {n_out} outputs")
 
 
-def entry(table: Mapping[type[Block], Callable[..., T]], unit: Unit, what: str) -> Callable[..., T]:
-    """The line of `table` for a unit's block; raises InputError for a block without one."""
-    if isinstance(unit.block, Recursion):
-        way = {"C": "c", "Python": "python", "text": "equations"}[what]
-        return lambda block, *rest: getattr(block, way)(*rest)
-    if type(unit.block) not in table:
+def written(unit: Unit, what: str) -> Callable[..., Any]:
+    """How a unit's block writes itself: its method `c`, `python` or `equations`.
+
+    Raises InputError for a block without one, or whose run is another than that of the block that it took this from.
+    """
+    kind = type(unit.block)
+    order = kind.__mro__
+    own = next((c for c in order if what in vars(c)), Block)
+    run = next(c for c in order if {"propagate", "evaluate", "functions"} & set(vars(c)))
+    if own is Block or (order.index(run) < order.index(own) and "functions" not in vars(run)):
         static = isinstance(unit.block, StaticBlock)
         way = "fit a piecewise linear map or a spline in its place" if static else "run the fit itself, in Python"
-        raise InputError(
-            f"{unit.name} is a {type(unit.block).__name__} block, which has no formula to write as {what}; {way}"
-        )
-    return table[type(unit.block)]
-
-
-def break_points(block: PiecewiseLinear, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """x and y of the break points (knots,), free or fixed."""
-    n = block.knots
-    return (theta[:n], theta[n:]) if block.free_knots else (np.array(block.at, dtype=float), theta)
-
-
-def cubics(block: CubicSpline, theta: np.ndarray) -> tuple[float, float, np.ndarray]:
-    """lo, hi and coefficients (m, 4) on the m equal intervals between, powers 0..3 of the place within an interval."""
-    lo, hi = block.span if block.span is not None else theta[:2]
-    values = theta if block.span is not None else theta[2:]
-    return float(lo), float(hi), block.pieces @ values
-
-
-def strokes(block: TravelMap, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Knots of a travel map (knots,) and the share of the way that each one stands for."""
-    return np.linspace(0.0, 1.0, block.knots), np.concatenate([[0.0], theta[2:], [1.0]])
-
-
-def arcs(block: TravelMap, theta: np.ndarray) -> np.ndarray:
-    """The curve of a smooth travel map's shares as `cubics` has it, from 0 to 1: coefficients (knots - 1, 4)."""
-    return CubicSpline(block.knots, span=(0.0, 1.0)).pieces @ strokes(block, theta)[1]
-
-
-def by_name(block: Block, theta: np.ndarray) -> dict[str, float]:
-    """theta (p,) by the names of the block's parameters."""
-    return {slot.name: float(value) for slot, value in zip(block.slots(), theta, strict=True)}
-
-
-def arrivals(block: Motor, theta: np.ndarray) -> list[tuple[int, float]]:
-    """The stretches of one sample over which a motor's input stands: how many samples old it is, how long it stands."""
-    delay = by_name(block, theta).get("delay", 0.0)
-    whole = math.floor(delay)
-    stretches = [(whole + 1, delay - whole), (whole, 1.0 - (delay - whole))]
-    return [(age, length) for age, length in stretches if length > SHORTEST]
+        form = {"c": "C", "python": "Python", "equations": "text"}[what]
+        raise InputError(f"{unit.name} is a {kind.__name__} block, which has no formula to write as {form}; {way}")
+    method: Callable[..., Any] = getattr(unit.block, what)
+    return method
 
 
 def identifier(name: str) -> str:

@@ -1,11 +1,14 @@
 """Play of a link with inertia: it coasts where the drive slows down, and lies where its weight pulls."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.block import Slot
 from sysid.model.compiler.recursion import Recursion
+from sysid.model.step import sign
+from sysid.model.writing import Writer, solved
 
 
 def begin(s, x, p):
@@ -57,16 +60,28 @@ class CoastingPlay(Recursion):
     play it starts, at rest, from -1/2 to 1/2. Derivatives at a switch are those of the branch taken.
     """
 
-    recursion = {"step": step, "begin": begin}
+    functions: ClassVar = {"step": step, "begin": begin}
 
     def slots(self) -> tuple[Slot, ...]:
         return (
             Slot("width", lower=0.0),
-            Slot("rest", lower=-0.5, upper=0.5, initial=True),
+            Slot("rest", lower=-0.5, upper=0.5, initial=True, holds=True),
             Slot("drag", "y/sample^2", lower=0.0),
             Slot("pull0", "y/sample^2"),
             Slot("pull1", "1/sample^2"),
         )
+
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        """The equation of motion in v', not of the exact solution that the step takes."""
+        width, _, drag, pull, slope = theta.tolist()
+        low, high = f"{w.x}(t) - {w.num(0.5 * width)}", f"{w.x}(t) + {w.num(0.5 * width)}"
+        return [
+            f"v' = -P - {w.num(drag)}*sign(v), {w.y}' = v, time in samples, while {low} <= {w.y}(t) <= {high}",
+            f"  P = {w.sum([(pull, ''), (slope, w.y)])}",
+            f"  v stays 0 where |P| <= {w.num(drag)}",
+            f"  {w.y}(t) = {low} where it would be less, {high} where more; there v = {w.x}(t) - {w.x}(t-1)",
+            solved("P" if slope else "", 1, "sample"),
+        ]
 
     def start(self, x: np.ndarray) -> np.ndarray:
         return np.zeros(self.n_parameters)

@@ -2,15 +2,48 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.block import Slot, StaticBlock, Symmetry
 from sysid.errors import InputError
+from sysid.model.compiler.recursion import Written
+from sysid.model.writing import Writer
+
+
+def curve(x, p, block):
+    """The curve with coefficients p.c, four an interval, between p.lo and p.hi; straight lines beyond."""
+    m = block.knots - 1
+    r = (x - p.lo) / (p.hi - p.lo)
+    inside = min(max(r, 0.0), 1.0)
+    i = int(min(inside * m, m - 1.0))
+    v, beyond = inside * m - i, (r - inside) * m
+    slope = p.c[4 * i + 1] + v * (2.0 * p.c[4 * i + 2] + v * 3.0 * p.c[4 * i + 3])
+    return p.c[4 * i] + v * (p.c[4 * i + 1] + v * (p.c[4 * i + 2] + v * p.c[4 * i + 3])) + beyond * slope
+
+
+def value(x, p, block):
+    return curve(x, p, block)
+
+
+def cubics(lo: float, hi: float, c: np.ndarray, w: Writer) -> list[str]:
+    """A formula for each of the cubics c (m, 4) between lo and hi, and straight lines beyond."""
+    edges = np.linspace(lo, hi, len(c) + 1)
+    width = (hi - lo) / len(c)
+    last = c[-1]
+    slopes = (c[0, 1] / width, (last[1] + 2.0 * last[2] + 3.0 * last[3]) / width)
+    curves = [w.sum([(c[0, 0], ""), (slopes[0], w.minus(lo))])]
+    for piece, edge in zip(c, edges, strict=False):
+        step = w.minus(edge)
+        powers = [(piece[k] / width**k, "" if k == 0 else step if k == 1 else f"{step}^{k}") for k in range(4)]
+        curves.append(w.sum(powers))
+    curves.append(w.sum([(float(last.sum()), ""), (slopes[1], w.minus(hi))]))
+    return w.pieces(edges, curves)
 
 
 @dataclass(frozen=True)
-class CubicSpline(StaticBlock):
+class CubicSpline(Written, StaticBlock):
     """Twice differentiable curve over [lo, hi] with `knots` equally spaced knots, continued by its end tangents.
 
     Natural: through the values y_i at the knots. Monotone: y0 + sum s_i I_i with s_i >= 0, where the I_i are
@@ -18,6 +51,8 @@ class CubicSpline(StaticBlock):
     is a sum of bumps that cannot be negative; y increases, and a falling map is the next block's gain. lo and hi are
     parameters, or kept where `span` gives them.
     """
+
+    functions: ClassVar = {"value": value}
 
     knots: int = 8
     monotone: bool = False
@@ -64,6 +99,14 @@ class CubicSpline(StaticBlock):
         lo, hi, v = self._ends(theta)
         spline(self.pieces, lo, hi, v, x, y, slope, J, q, J.shape[1] > 0, self.span is None)
         return y, slope
+
+    def numbers(self, theta: np.ndarray) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+        lo, hi, values = self._ends(theta)
+        return {"lo": lo, "hi": hi}, {"c": (self.pieces @ values).ravel()}
+
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        lo, hi, values = self._ends(theta)
+        return cubics(lo, hi, self.pieces @ values, w)
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """The line y = x over the range of x, or over `span`."""

@@ -1,27 +1,29 @@
 """Dead zone with unit slope outside: zero between lower and upper."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.block import Slot, Symmetry
+from sysid.model.compiler.recursion import Map
+
+
+def value(x, p):
+    return x - min(max(x, p.lower), p.upper)
 
 
 @dataclass(frozen=True)
-class DeadZone(StaticBlock):
+class DeadZone(Map):
     """y = x - lower below `lower`, x - upper above `upper`, 0 between; two parameters.
 
     The derivative at a corner is one-sided (zero).
     """
 
+    functions: ClassVar = {"value": value}
+
     def slots(self) -> tuple[Slot, ...]:
         return Slot("lower"), Slot("upper")
-
-    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        below, above = x < theta[0], x > theta[1]
-        if J.shape[1]:
-            J[:, q], J[:, q + 1] = -1.0 * below, -1.0 * above
-        return x - np.clip(x, theta[0], theta[1]), np.where(below | above, 1.0, 0.0)
 
     def start(self, x: np.ndarray) -> np.ndarray:
         return 0.05 * (x.max() - x.min()) * np.array([-1.0, 1.0])

@@ -1,14 +1,25 @@
 """Dead zone and saturation in one, with a slope of its own on either side."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.block import Slot, Symmetry
+from sysid.model.compiler.recursion import Map
+from sysid.model.writing import Writer
+
+
+def value(x, p):
+    if x < p.dead_lower:
+        return p.gain_lower * (max(x, p.saturation_lower) - p.dead_lower)
+    if x > p.dead_upper:
+        return p.gain_upper * (min(x, p.saturation_upper) - p.dead_upper)
+    return 0.0
 
 
 @dataclass(frozen=True)
-class DeadZoneSaturation(StaticBlock):
+class DeadZoneSaturation(Map):
     """Zero from `dead_lower` to `dead_upper`, slopes `gain_lower`, `gain_upper` outside, level beyond the saturation.
 
     y = gain_lower (max(x, saturation_lower) - dead_lower) below the dead zone, gain_upper (min(x, saturation_upper) -
@@ -17,22 +28,22 @@ class DeadZoneSaturation(StaticBlock):
     column is zero and the data say nothing about it.
     """
 
+    functions: ClassVar = {"value": value}
+
     def slots(self) -> tuple[Slot, ...]:
         corners = ("saturation_lower", "dead_lower", "dead_upper", "saturation_upper")
         return tuple(Slot(name) for name in (*corners, "gain_lower", "gain_upper"))
 
-    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
         s_lo, d_lo, d_up, s_up, a_lo, a_up = theta
-        below, above = x < d_lo, x > d_up
-        held_lo, held_up = x < s_lo, x > s_up
-        reach_lo = np.where(below, np.maximum(x, s_lo) - d_lo, 0.0)
-        reach_up = np.where(above, np.minimum(x, s_up) - d_up, 0.0)
-        if J.shape[1]:
-            J[:, q], J[:, q + 3] = a_lo * held_lo, a_up * held_up
-            J[:, q + 1], J[:, q + 2] = -a_lo * below, -a_up * above
-            J[:, q + 4], J[:, q + 5] = reach_lo, reach_up
-        slope = a_lo * (below & ~held_lo) + a_up * (above & ~held_up)
-        return a_lo * reach_lo + a_up * reach_up, slope
+        curves = [
+            w.sum([(a_lo * (s_lo - d_lo), "")]),
+            w.sum([(a_lo, w.minus(d_lo))]),
+            "0",
+            w.sum([(a_up, w.minus(d_up))]),
+            w.sum([(a_up * (s_up - d_up), "")]),
+        ]
+        return w.pieces(theta[:4], curves)
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """Unit slopes, every corner a little inside the range of x, so that none starts without effect."""

@@ -1,11 +1,13 @@
 """Transport delay with a fractional part."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.block import Slot, Symmetry
 from sysid.model.compiler.recursion import Recursion
+from sysid.model.step import ago, floor
 
 LONGEST = 1000.0  # samples
 
@@ -24,7 +26,7 @@ class Delay(Recursion):
     `Motor`'s own delay there. The derivative at a whole number of samples is that of a longer delay.
     """
 
-    recursion = {"step": step}
+    functions: ClassVar = {"step": step}
 
     def slots(self) -> tuple[Slot, ...]:
         return (Slot("delay", "samples", lower=0.0, upper=LONGEST),)

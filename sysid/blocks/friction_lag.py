@@ -1,12 +1,15 @@
 """Speed of a drive that smooth dry friction slows: voltage in, speed out."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.block import Slot, Symmetry
 from sysid.errors import InputError
 from sysid.model.compiler.recursion import Recursion
+from sysid.model.step import tanh
+from sysid.model.writing import Writer
 
 
 def begin(s, x, p):
@@ -34,7 +37,7 @@ class FrictionLag(Recursion):
     under voltage needs `Motor`. Each sample is integrated by the midpoint rule in `substeps` parts.
     """
 
-    recursion = {"step": step, "begin": begin}
+    functions: ClassVar = {"step": step, "begin": begin}
 
     substeps: int = 8
 
@@ -50,6 +53,15 @@ class FrictionLag(Recursion):
             Slot("onset", lower=1e-3),
             Slot("v0", initial=True),
         )
+
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        """The equation of motion in v', whose solution by the midpoint rule the step is."""
+        gain, drag, friction, onset, _ = theta.tolist()
+        rate = w.sum([(gain, w.x), (-drag, w.y), (-friction, f"tanh({w.y}/{w.num(onset)})")])
+        return [
+            f"{w.y}' = {rate}, time in samples",
+            f"  {w.x} is held over each sample; midpoint rule in {self.substeps} equal parts of it",
+        ]
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """A lag of ten samples with unit gain and a little friction."""

@@ -1,6 +1,7 @@
 """Integrator between two stops."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -26,10 +27,10 @@ class LimitedIntegrator(Recursion):
     derivative at a stop is that of the stop.
     """
 
-    recursion = {"step": step, "begin": begin}
+    functions: ClassVar = {"step": step, "begin": begin}
 
     def slots(self) -> tuple[Slot, ...]:
-        return (Slot("gain"), Slot("lower"), Slot("upper"), Slot("x0", initial=True))
+        return (Slot("gain"), Slot("lower"), Slot("upper"), Slot("x0", initial=True, holds=True))
 
     def start(self, x: np.ndarray) -> np.ndarray:
         return np.array([1.0 / max(float(np.abs(x).sum()), 1e-9), -1.0, 1.0, 0.0])

@@ -1,6 +1,7 @@
 """Motor with friction: voltage in, position out, with stiction and end stops."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -8,6 +9,8 @@ from sysid.block import Slot, Symmetry
 from sysid.errors import InputError
 from sysid.model.compiler.recursion import Recursion
 from sysid.model.lag import lagged
+from sysid.model.step import ago, exp, floor, sign
+from sysid.model.writing import Writer, solved
 
 _FASTEST = 1e-3  # samples; a lag below it cannot be told from none
 LONGEST = 20.0  # samples of delay
@@ -92,8 +95,8 @@ class Motor(Recursion):
     where they are those of the branch that is taken.
     """
 
-    recursion = {"step": step, "begin": begin}
-    absent = {
+    functions: ClassVar = {"step": step, "begin": begin}
+    absent: ClassVar = {
         **dict.fromkeys(("stick", "load0", "load1", "load2", "loss", "jam", "delay"), 0.0),
         **{"stick_speed": 1.0, "lower": -np.inf, "upper": np.inf},
     }
@@ -135,12 +138,41 @@ class Motor(Recursion):
             found.append(Slot("delay", "samples", lower=0.0, upper=LONGEST))
         if self.stops:
             found += [Slot("lower"), Slot("upper")]
-        return (*found, Slot("x0", initial=True), Slot("v0", "1/sample", initial=True))
+        return (*found, Slot("x0", initial=True, holds=True), Slot("v0", "1/sample", initial=True))
 
     def value(self, theta: np.ndarray, name: str) -> float:
         """The parameter called `name`, 0 where this motor has none."""
         names = [slot.name for slot in self.slots()]
         return float(theta[names.index(name)]) if name in names else 0.0
+
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        """The equation of motion in v', not of the exact solution that the step takes."""
+        m = self.by_name(theta)
+        away = f"({w.sum([(1.0, w.y), (-self.at, '')])})"
+        net = f"{w.x} - L" if self.load else w.x
+        load = [(m[f"load{i}"], ["", away, f"{away}^2"][i]) for i in range(self.load)]
+        extra = [f"{w.num(m['stick'])}*exp(-(v/{w.num(m['stick_speed'])})^2)"] if self.stribeck else []
+        extra += [f"{w.num(m['loss'])}*|L|"] if self.loss else []
+        up = w.num(m["rise"]) + (" + R" if extra else "")
+        down = f"-({w.num(m['fall'])} + R)" if extra else w.num(-m["fall"])
+        ends = (
+            f"  {w.y} ends at {w.num(m['lower'])} and at {w.num(m['upper'])}, where v becomes 0" if self.stops else ""
+        )
+        ends += f" and stays 0 for a time {w.num(m['jam'])}*|v| after a blow at speed v" if self.jams else ""
+        loss_varies = self.loss and self.load > 1
+        varies = [name for name, does in (("L", self.load > 1), ("R", self.stribeck or loss_varies)) if does]
+        late = f" and acts {w.num(m['delay'])} samples late" if m.get("delay") else ""
+        lines = [
+            f"{w.num(m['lag'])}*v' + v = {w.num(m['gain'])}*({net} - F), {w.y}' = v, time in samples",
+            f"  L = {w.sum(load)}" if load else "",
+            f"  R = {' + '.join(extra)}" if extra else "",
+            f"  F = {up} where v > 0, F = {down} where v < 0",
+            f"  v stays 0 where {down} <= {net} <= {up}",
+            ends,
+            f"  {w.x} is held for one sample{late}",
+            solved(" and ".join(varies), self.substeps),
+        ]
+        return [line for line in lines if line]
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """A motor that crosses the stroke in a tenth of the record at the largest input."""

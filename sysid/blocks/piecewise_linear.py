@@ -1,23 +1,43 @@
 """Piecewise linear map through free break points, end slopes extended."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.block import Slot, StaticBlock, Symmetry
 from sysid.errors import InputError
+from sysid.model.compiler.recursion import Written
+from sysid.model.writing import Writer
 
 _GAP = 0.01  # of the knots' span: nearer knots make a jump, and its slope says nothing beyond it
 
 
+def line(x, p, block):
+    """Straight lines through the points (p.kx, p.ky), the outer ones without end."""
+    i = 0
+    for k in range(block.knots - 2):
+        if x <= p.kx[k + 1]:
+            break
+        i = k + 1
+    r = (x - p.kx[i]) / (p.kx[i + 1] - p.kx[i])
+    return p.ky[i] + r * (p.ky[i + 1] - p.ky[i])
+
+
+def value(x, p, block):
+    return line(x, p, block)
+
+
 @dataclass(frozen=True)
-class PiecewiseLinear(StaticBlock):
+class PiecewiseLinear(Written, StaticBlock):
     """Straight lines between `knots` break points (x_i, y_i), both free; 10 by default, as in the toolbox.
 
     Outside the outer knots the end slopes go on. The derivative at a knot is one-sided (that of the segment below).
     `at` gives the break points x_i where the search starts, else they are spread over the range of the data; with
     free_knots=False they stay there and only the y_i are parameters (`PiecewiseLinear.laid` puts them over data).
     """
+
+    functions: ClassVar = {"value": value}
 
     knots: int = 10
     free_knots: bool = True
@@ -60,6 +80,13 @@ class PiecewiseLinear(StaticBlock):
         else:
             piecewise_linear(kx, ky, x, y, slope, J, q, own)
         return y, slope
+
+    def numbers(self, theta: np.ndarray) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+        kx, ky = self._points(theta)
+        return {}, {"kx": kx, "ky": ky}
+
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        return w.straight(*self._points(theta))
 
     def start(self, x: np.ndarray) -> np.ndarray:
         lo, hi = float(x.min()), float(x.max())

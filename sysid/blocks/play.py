@@ -1,6 +1,7 @@
 """Play (backlash): the output follows once the input has crossed the width."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -26,10 +27,10 @@ class Play(Recursion):
     branch taken. What is behind has no inertia here; where it has, see `CoastingPlay`.
     """
 
-    recursion = {"step": step, "begin": begin}
+    functions: ClassVar = {"step": step, "begin": begin}
 
     def slots(self) -> tuple[Slot, ...]:
-        return Slot("width", lower=0.0), Slot("rest", lower=-0.5, upper=0.5, initial=True)
+        return Slot("width", lower=0.0), Slot("rest", lower=-0.5, upper=0.5, initial=True, holds=True)
 
     def start(self, x: np.ndarray) -> np.ndarray:
         return np.zeros(self.n_parameters)

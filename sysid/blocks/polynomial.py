@@ -1,16 +1,28 @@
 """One-dimensional polynomial, highest power first."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.block import Slot, Symmetry
 from sysid.errors import InputError
+from sysid.model.compiler.recursion import Map
+from sysid.model.writing import Writer
+
+
+def value(x, p, block):
+    y = 0.0
+    for i in range(block.degree + 1):
+        y = y * x + p.c[i]
+    return y
 
 
 @dataclass(frozen=True)
-class Polynomial(StaticBlock):
+class Polynomial(Map):
     """y = c1 x^n + ... + cn x + c(n+1). Grows fast outside the data: prefer knots where a model must extrapolate."""
+
+    functions: ClassVar = {"value": value}
 
     degree: int = 3
 
@@ -21,10 +33,9 @@ class Polynomial(StaticBlock):
     def slots(self) -> tuple[Slot, ...]:
         return tuple(Slot(f"c{i + 1}") for i in range(self.degree + 1))
 
-    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        if J.shape[1]:
-            J[:, q : q + self.degree + 1] = np.vander(x, self.degree + 1)
-        return np.polyval(theta, x), np.polyval(np.polyder(theta), x)
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        powers = ["" if k == 0 else w.x if k == 1 else f"{w.x}^{k}" for k in range(self.degree, -1, -1)]
+        return [f"{w.y} = {w.sum(list(zip(theta.tolist(), powers, strict=True)))}"]
 
     def start(self, x: np.ndarray) -> np.ndarray:
         theta = np.zeros(self.degree + 1)

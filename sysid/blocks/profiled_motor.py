@@ -1,6 +1,7 @@
 """Motor on a guide whose dry friction and load change along the way: voltage in, position out, no stops."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -8,6 +9,8 @@ from sysid.block import Slot, Symmetry
 from sysid.errors import InputError
 from sysid.model.compiler.recursion import Recursion
 from sysid.model.lag import lagged
+from sysid.model.step import floor, sign
+from sysid.model.writing import Writer, solved
 
 SHORTEST = 1e-12  # samples; what is left of a sample below it is over
 
@@ -70,7 +73,7 @@ class ProfiledMotor(Recursion):
     the branch that is taken.
     """
 
-    recursion = {"step": step, "begin": begin}
+    functions: ClassVar = {"step": step, "begin": begin}
 
     knots: int = 7
     low: float = 0.0
@@ -89,11 +92,30 @@ class ProfiledMotor(Recursion):
             *(Slot(name, "V sample", lower=1e-12) for name in ("drag_up", "drag_down")),
         ]
         profiles = [Slot(f"{side}{i}", "V") for side in ("rise", "fall") for i in range(self.knots)]
-        return (*plain, *profiles, Slot("x0", initial=True), Slot("v0", "1/sample", initial=True))
+        return (*plain, *profiles, Slot("x0", initial=True, holds=True), Slot("v0", "1/sample", initial=True))
 
     def profiles(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """rise (knots,) and fall (knots,) [V] out of theta."""
         return theta[3 : 3 + self.knots], theta[3 + self.knots : 3 + 2 * self.knots]
+
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        """The equation of motion in v', not of the exact solution that the step takes."""
+        m, (rise, fall) = (
+            self.by_name(theta),
+            self.profiles(theta),
+        )
+        up, down = w.num(m["drag_up"]), w.num(m["drag_down"])
+        places = np.linspace(self.low, self.high, self.knots) if self.knots > 1 else np.array([self.low])
+        return [
+            f"{w.num(m['inertia'])}*v' = {w.x} - D*v - F, {w.y}' = v, time in samples",
+            f"  D = {up}, F = rise({w.y}) where v > 0; D = {down}, F = -fall({w.y}) where v < 0",
+            f"  v stays 0 where -fall({w.y}) <= {w.x} <= rise({w.y})",
+            f"  rise and fall are straight between these values, constant beyond, at {w.y} = {w.list(places)}:",
+            f"  rise = {w.list(rise)}",
+            f"  fall = {w.list(fall)}",
+            f"  {w.x} is held for one sample",
+            solved("F" if self.knots > 1 else "", self.substeps),
+        ]
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """A motor that crosses the profile in a tenth of the record at the largest input."""

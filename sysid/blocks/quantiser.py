@@ -1,20 +1,29 @@
 """Steps of a driver: what a pulse-width modulator makes of a command, or a converter of a signal."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock
+from sysid.block import Slot
 from sysid.errors import InputError
+from sysid.model.compiler.recursion import Map
+from sysid.model.step import floor
+
+
+def value(x, p, block):
+    return block.step * floor(x / block.step + 0.5)
 
 
 @dataclass(frozen=True)
-class Quantiser(StaticBlock):
+class Quantiser(Map):
     """y = the multiple of `step` that is nearest to x, the upper one of two. Has no parameters: steps are known.
 
     A joint integrates what its driver leaves out, for as long as a command stands. Its derivative is zero, so it
     belongs before whatever is fitted.
     """
+
+    functions: ClassVar = {"value": value}
 
     step: float = 1.0
 
@@ -24,9 +33,6 @@ class Quantiser(StaticBlock):
 
     def slots(self) -> tuple[Slot, ...]:
         return ()
-
-    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        return self.step * np.floor(x / self.step + 0.5), np.zeros_like(x)
 
     def start(self, x: np.ndarray) -> np.ndarray:
         return np.empty(0)

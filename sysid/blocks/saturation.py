@@ -1,28 +1,30 @@
 """Saturation with unit slope: y = clip(x, lower, upper)."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.block import Slot, Symmetry
+from sysid.model.compiler.recursion import Map
+
+
+def value(x, p):
+    return min(max(x, p.lower), p.upper)
 
 
 @dataclass(frozen=True)
-class Saturation(StaticBlock):
+class Saturation(Map):
     """y = min(max(x, lower), upper); two parameters, slope one between them.
 
     The derivative at a corner is one-sided (that of the linear part). Where no sample passes a limit, the data say
     nothing about it and its column of the Jacobian is zero.
     """
 
+    functions: ClassVar = {"value": value}
+
     def slots(self) -> tuple[Slot, ...]:
         return Slot("lower"), Slot("upper")
-
-    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        below, above = x < theta[0], x > theta[1]
-        if J.shape[1]:
-            J[:, q], J[:, q + 1] = below, above
-        return np.clip(x, theta[0], theta[1]), np.where(below | above, 0.0, 1.0)
 
     def start(self, x: np.ndarray) -> np.ndarray:
         # Inside the range, or both columns of the Jacobian would be zero and the limits would never move.

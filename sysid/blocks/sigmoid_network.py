@@ -1,19 +1,32 @@
 """Sigmoid network: a line and a sum of sigmoids."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.block import Slot, Symmetry
 from sysid.errors import InputError
+from sysid.model.compiler.recursion import Map
+from sysid.model.step import exp
+from sysid.model.writing import Writer
+
+
+def value(x, p, block):
+    y = p.y0 + p.L * x
+    for k in range(block.units):
+        y += p.s[k] * (1.0 / (1.0 + exp(-(p.b[k] * x + p.c[k]))))
+    return y
 
 
 @dataclass(frozen=True)
-class SigmoidNetwork(StaticBlock):
+class SigmoidNetwork(Map):
     """y = y0 + L x + sum_k s_k f(b_k x + c_k), f(z) = 1/(1 + e^-z), k = 1..units (10 by default).
 
     The toolbox's offset r of x is left at 0: y0 and c_k hold it already.
     """
+
+    functions: ClassVar = {"value": value}
 
     units: int = 10
 
@@ -25,12 +38,11 @@ class SigmoidNetwork(StaticBlock):
         n = range(1, self.units + 1)
         return (Slot("y0"), Slot("L"), *(Slot(f"{letter}{k}") for letter in "sbc" for k in n))
 
-    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        from sysid.kernels import sigmoid_network
-
-        y, slope = np.empty_like(x), np.empty_like(x)
-        sigmoid_network(theta, x, y, slope, J, q, J.shape[1] > 0)
-        return y, slope
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        n = self.units
+        rows = zip(theta[2 : 2 + n], theta[2 + n : 2 + 2 * n], theta[2 + 2 * n :], strict=True)
+        units = [f"  + {w.num(s)}/(1 + exp(-({w.sum([(b, w.x), (c, '')])})))" for s, b, c in rows]
+        return [f"{w.y} = {w.sum([(theta[0], ''), (theta[1], w.x)])}", *units]
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """The line y = x, with the sigmoids spread over the range of x at weight zero."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from sysid.block import Block, Slot, Symmetry
 from sysid.errors import InputError
+from sysid.model.writing import Code, Writer, number
 
 _CLUSTER = 1e-6  # a double integrator's computed poles stand about this far from 1, inside or outside
 STABILITY = ("stable", "free")
@@ -132,6 +133,42 @@ class TransferFunction(Block):
                 lagged(g, i, 1.0, J, q + self.nb + self.nf + i)
         return y
 
+    def c(self, theta: np.ndarray) -> Code:
+        B, F = self.padded(theta)
+        n = self.n_state
+        if n == 0:
+            return Code(f"return {number(B[0])} * x;")
+        # Transposed direct form II in the order of the library's own kernel, so that rounding agrees too.
+        body = f"""const double y = s[0] + B[0] * x;
+for (int i = 0; i < {n}; ++i) s[i] = s[i + 1] + B[i + 1] * x - F[i] * y;
+return y;"""
+        return Code(body, n + 1, {"B": B, "F": F[1:]})
+
+    def python(self, theta: np.ndarray) -> Code:
+        B, F = self.padded(theta)
+        n = self.n_state
+        if n == 0:
+            return Code(f"return {number(B[0])} * x")
+        body = f"""y = s[0] + B[0] * x
+for i in range({n}):
+    s[i] = s[i + 1] + B[i + 1] * x - F[i] * y
+return y"""
+        return Code(body, n + 1, {"B": B, "F": F[1:]})
+
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        b, f, _ = self.split(theta)
+        past = [(-value, f"{w.y}(t-{j})") for j, value in enumerate(f, 1)]
+        now = [(value, f"{w.x}(t-{self.nk + i})" if self.nk + i else f"{w.x}(t)") for i, value in enumerate(b)]
+        B = w.sum([(value, f"z^-{self.nk + i}" if self.nk + i else "") for i, value in enumerate(b)])
+        F = w.sum([(1.0, ""), *((value, f"z^-{j}") for j, value in enumerate(f, 1))])
+        return [
+            f"{w.y}(t) = {w.sum(now + past)}",
+            f"  B(z) = {B}",
+            f"  F(z) = {F}",
+            f"  poles {_roots(self.poles(theta))}; zeros {_roots(self.zeros(theta))}; "
+            f"gain at rest {self.gain(theta):.6g}",
+        ]
+
     def start(self, x: np.ndarray) -> np.ndarray:
         theta = np.zeros(self.n_parameters)
         theta[0] = 1.0
@@ -204,3 +241,15 @@ def _drawn(n: int, rng: np.random.Generator) -> np.ndarray:
         else:
             poles.append(radius if rng.uniform() < 0.8 else -radius)
     return np.array(poles)
+
+
+def _roots(roots: np.ndarray) -> str:
+    if not len(roots):
+        return "none"
+    shown = []
+    for z in roots:
+        if abs(z.imag) < 1e-12:
+            shown.append(f"{z.real:.6g}")
+        elif z.imag > 0:
+            shown.append(f"{z.real:.6g} +- {z.imag:.6g}i")
+    return ", ".join(shown)

@@ -2,24 +2,36 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.block import Slot, StaticBlock, Symmetry
-from sysid.blocks.cubic_spline import CubicSpline
+from sysid.blocks.cubic_spline import CubicSpline, cubics, curve
+from sysid.blocks.piecewise_linear import line
 from sysid.errors import InputError
+from sysid.model.compiler.recursion import Written
+from sysid.model.writing import Writer
 
 _LEAST = 0.02  # of the mean slope: a segment that is flatter hides where the joint is
 
 
+def value(x, p, block):
+    if block.curved:
+        return p.low + p.way * curve(x, p, block)
+    return p.low + p.way * line(x, p, block)
+
+
 @dataclass(frozen=True)
-class TravelMap(StaticBlock):
+class TravelMap(Written, StaticBlock):
     """y = low + (high - low) s(x) with s(0) = 0, s(1) = 1 and s rising in straight lines between `knots` equal steps.
 
     What a linkage makes of its actuator's travel. `low` and `high` are the outputs at the two ends; s_1, s_2, ... are
     the shares of the way at the knots between. With `smooth` s is the natural cubic spline through them, straight
     beyond the ends. Where the data never go, the calm of a fit keeps s straight.
     """
+
+    functions: ClassVar = {"value": value}
 
     knots: int = 9
     smooth: bool = False
@@ -60,6 +72,18 @@ class TravelMap(StaticBlock):
     def curved(self) -> bool:
         """Whether s bends between its knots; of two knots there is only a line."""
         return self.smooth and self.knots > 2
+
+    def numbers(self, theta: np.ndarray) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+        shares = self._shares(theta)
+        rows = {"kx": np.linspace(0.0, 1.0, self.knots), "ky": shares}
+        rows["c"] = (self._pieces @ shares).ravel() if self.curved else np.empty(0)
+        return {"low": theta[0], "way": theta[1] - theta[0], "lo": 0.0, "hi": 1.0}, rows
+
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        low, way, shares = theta[0], theta[1] - theta[0], self._shares(theta)
+        if self.curved:
+            return cubics(0.0, 1.0, way * (self._pieces @ shares) + [low, 0.0, 0.0, 0.0], w)
+        return w.straight(np.linspace(0.0, 1.0, self.knots), low + way * shares)
 
     def start(self, x: np.ndarray) -> np.ndarray:
         return np.concatenate([[0.0, 1.0], np.linspace(0.0, 1.0, self.knots)[1:-1]])

@@ -1,15 +1,23 @@
 """No map at all: y = x."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.block import Slot, Symmetry
+from sysid.model.compiler.recursion import Map
+
+
+def value(x, p):
+    return x
 
 
 @dataclass(frozen=True)
-class UnitGain(StaticBlock):
+class UnitGain(Map):
     """y = x. Drops the map from a Hammerstein-Wiener chain."""
+
+    functions: ClassVar = {"value": value}
 
     def slots(self) -> tuple[Slot, ...]:
         return ()

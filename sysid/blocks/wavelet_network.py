@@ -1,20 +1,37 @@
 """Wavelet network: a line and a sum of wavelets and scaling functions."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from sysid.block import Slot, StaticBlock, Symmetry
+from sysid.block import Slot, Symmetry
 from sysid.errors import InputError
+from sysid.model.compiler.recursion import Map
+from sysid.model.step import exp
+from sysid.model.writing import Writer
+
+
+def value(x, p, block):
+    y = p.y0 + p.L * x
+    for k in range(block.units):
+        z = p.b[k] * (x - p.c[k])
+        e = exp(-0.5 * z * z)
+        if k < block.wavelets:
+            e = (1.0 - z * z) * e
+        y += p.s[k] * e
+    return y
 
 
 @dataclass(frozen=True)
-class WaveletNetwork(StaticBlock):
+class WaveletNetwork(Map):
     """y = y0 + L x + sum_k s_k g_k(b_k (x - c_k)): wavelets g = (1 - z^2) e^(-z^2/2), scaling functions g = e^(-z^2/2).
 
     The first `wavelets` units are wavelets, the `scaling` ones after them scaling functions (Zhang and Benveniste
     1992, in the toolbox's form). Far from all centres only the line is left.
     """
+
+    functions: ClassVar = {"value": value}
 
     wavelets: int = 6
     scaling: int = 3
@@ -35,12 +52,14 @@ class WaveletNetwork(StaticBlock):
         n = range(1, self.units + 1)
         return (Slot("y0"), Slot("L"), *(Slot(f"{letter}{k}") for letter in "sbc" for k in n))
 
-    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        from sysid.kernels_maps import wavelet_network
-
-        y, slope = np.empty_like(x), np.empty_like(x)
-        wavelet_network(theta, self.wavelets, x, y, slope, J, q, J.shape[1] > 0)
-        return y, slope
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        n = self.units
+        lines = [f"{w.y} = {w.sum([(theta[0], ''), (theta[1], w.x)])}"]
+        for k, (s, b, c) in enumerate(zip(theta[2 : 2 + n], theta[2 + n : 2 + 2 * n], theta[2 + 2 * n :], strict=True)):
+            square = f"({w.num(b)}*{w.minus(c)})^2"
+            factor = f"(1 - {square})*" if k < self.wavelets else ""
+            lines.append(f"  + {w.num(s)}*{factor}exp(-0.5*{square})")
+        return lines
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """The line y = x, with each kind spread over the range of x at weight zero, as wide as its spacing."""

@@ -47,6 +47,33 @@ class Writer:
         """(x - value) as a factor."""
         return self.x if value == 0.0 else f"({self.sum([(1.0, self.x), (-value, '')])})"
 
+    def pieces(self, edges: np.ndarray, curves: list[str]) -> list[str]:
+        """A formula for each piece between the edges, the first and the last without end."""
+        lines = []
+        for i, curve in enumerate(curves):
+            above = f"{self.num(edges[i - 1])} < " if i > 0 else ""
+            below = f" <= {self.num(edges[i])}" if i < len(edges) else ""
+            where = f"   where {above}{self.x}{below}" if above or below else ""
+            lines.append(f"{self.y} = {curve}{where}")
+        return lines
+
+    def straight(self, x: np.ndarray, y: np.ndarray) -> list[str]:
+        """Straight lines through the points (x, y), the outer ones without end."""
+        slopes = np.diff(y) / np.diff(x)
+        curves = [self.sum([(y[i], ""), (slopes[i], self.minus(x[i]))]) for i in range(len(slopes))]
+        return self.pieces(x[1:-1], curves)
+
+    def list(self, values: np.ndarray) -> str:
+        """Numbers in a row."""
+        return ", ".join(self.num(v) for v in values)
+
+
+def solved(frozen: str, substeps: int, held: str = "held input") -> str:
+    """A line that says how motion between switches is solved, and what is taken for constant meanwhile."""
+    text = "  between these switches the motion is solved exactly"
+    stretch = f"each {held}" if substeps == 1 else f"each of {substeps} equal parts of a {held}"
+    return f"{text}, {frozen} from the start of {stretch}" if frozen else text
+
 
 def number(value: float) -> str:
     """The shortest text that reads back as exactly this float, in C and in Python."""

@@ -23,7 +23,7 @@ from sysid.blocks import (
 from sysid.blocks.motor import MOST_LOSS
 from sysid.chain import Chain
 from sysid.excitations import Sweep
-from sysid.export_motion_c import EMITTERS
+from sysid.model.writing import Writer
 from sysid.structures import actuated_joint
 
 FULL = {
@@ -80,7 +80,7 @@ OPTIONS = {
     "travel_map_line": (TravelMap(2, role="part"), np.array([0.7, -0.4])),
     "travel_map_smooth_line": (TravelMap(2, smooth=True, role="part"), np.array([0.7, -0.4])),
 }
-OWN = (*EMITTERS, Quantiser, TravelMap)
+OWN = (CoastingPlay, Delay, FrictionLag, LimitedIntegrator, Motor, Play, ProfiledMotor, Quantiser, TravelMap)
 CASES = {k: v for k, v in {**BLOCKS, **MOVING, **OPTIONS}.items() if type(v[0]) in OWN}
 
 
@@ -260,7 +260,7 @@ def test_any_motor_with_everything(seed):
 @pytest.mark.parametrize("name", ["delay", "delay_none", "limited_integrator", "play"])
 def test_formula_of_a_recursion_evaluates_to_it(name):
     block, theta = CASES[name]
-    (line,) = closed_form.FORMULAS[type(block)](block, theta, closed_form.Writer("w", "x", None))
+    (line,) = block.equations(theta, Writer("w", "x", None))
     left, _, right = line.partition(" = ")
     assert left == "x(t)"
     u = excitation(N=60)

@@ -1,6 +1,7 @@
 """A program with its numbers as equations for a reader: one where it is one, else the step line by line."""
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 
@@ -20,19 +21,19 @@ from sysid.model.compiler.ir import (
     expressions,
     rebuilt,
 )
-from sysid.model.compiler.text import _Text
+from sysid.model.compiler.text import Text
 from sysid.model.writing import Writer
 
 
-def equations(program: Program, rows: Mapping[str, np.ndarray], w: Writer) -> list[str]:
-    """Lines in t, which counts samples; states stand by their names where they are not the output itself."""
+def equations(program: Program, rows: Mapping[str, np.ndarray], w: Writer, timeless: bool) -> list[str]:
+    """Lines in t, which counts samples, without it for a map; states that are not the output itself have names."""
     printer = _Lines(program, rows)
-    printer.w, printer.shift = w, 0
+    printer.w, printer.shift, printer.timeless = w, 0, timeless
     one = _recursion(program)
     if one is not None:
         value, printer.shift, state = one
         printer.own = state
-        return [f"{w.y}(t) = {printer.show(value)}"]
+        return [f"{w.y}{'' if printer.timeless else '(t)'} = {printer.show(value)}"]
     printer.own = None
     states = f", states {', '.join(program.states)}" if program.states else ""
     lines = [f"{w.y}(t), sample by sample{states}:", *(f"  {line}" for line in printer.body(program.step))]
@@ -66,13 +67,14 @@ def _put(e: Expr, known: Mapping[Var, Expr]) -> Expr:
     return known.get(e, e) if isinstance(e, Var) else rebuilt(e, lambda a: _put(a, known))
 
 
-class _Lines(_Text):
+class _Lines(Text):
     """Formulas with ^, in names and t."""
 
-    words = {"and": "and", "or": "or", "not": "not "}
+    words: ClassVar = {"and": "and", "or": "or", "not": "not "}
     w: Writer
     shift: int
     own: str | None
+    timeless: bool = False
 
     def reads(self, row: str) -> bool:
         return self._reads(row)
@@ -81,11 +83,13 @@ class _Lines(_Text):
         return f"{self.w.y}(t-1)" if v.state and v.name == self.own else v.name
 
     def plain(self, value: float, whole: bool) -> str:
-        return str(int(value)) if whole else self.w.num(value).strip("()")
+        return str(int(value)) if whole else self.w.num(value)
 
     def ago(self, n: Expr) -> str:
         if isinstance(n, Num):
             k = int(n.value) + self.shift
+            if self.timeless:
+                return self.w.x
             return f"{self.w.x}(t-{k})" if k else f"{self.w.x}(t)"
         return f"{self.w.x}(t-({self.show(n, 0, True)}))"
 

@@ -1,13 +1,13 @@
 """Put numbers into a program and carry out what can be carried out: what a block does not have leaves no trace."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from sysid.model.compiler.ir import (
-    Ago,
     Assign,
     Body,
     Break,
@@ -24,6 +24,7 @@ from sysid.model.compiler.ir import (
     Var,
     ends,
     expressions,
+    mapped,
     rebuilt,
     statements,
 )
@@ -38,6 +39,7 @@ def specialised(
     """The program of one block with one theta: its parameters are numbers, rows stay where they are indexed."""
     folder = _Folder(params, rows, structure)
     while True:
+        folder.reads = _reads((*program.begin, *program.step))
         begin, first = folder.body(program.begin, {})
         still = dict.fromkeys((Var(s, True) for s in program.states), Num(0.0))
         held = {v: n for v, n in {**still, **(first or {})}.items() if v.state and not _moves(program.step, v, n)}
@@ -45,7 +47,7 @@ def specialised(
         step, _ = folder.body(program.step, dict(held))
         folded = _without_dead(replace(program, begin=begin, step=step))
         if folded == program:
-            return folded
+            return replace(folded, step=renamed(folded.step, folded.step))
         program = folded
 
 
@@ -62,6 +64,7 @@ class _Folder:
         self, params: Mapping[str, float], rows: Mapping[str, np.ndarray], structure: Mapping[str, float]
     ) -> None:
         self.params, self.rows, self.structure = params, rows, structure
+        self.reads: Counter[Var] = Counter()  # of the whole program
 
     def expr(self, e: Expr, env: Env) -> Expr:
         if isinstance(e, Var):
@@ -123,7 +126,7 @@ class _Folder:
             for k in range(int(count.value)):
                 done, after = self.body(s.body, {**known, Var(s.index): Num(k)})
                 known = after or {}
-                if not self._idle(done):
+                if not self._idle(done, s.body):
                     rounds.append(done)
             if len(rounds) <= 1:
                 return (rounds[0] if rounds else ()), {k: v for k, v in known.items() if k != Var(s.index)}
@@ -132,9 +135,16 @@ class _Folder:
         body, _ = self.body(s.body, dict(env))
         return ((For(s.index, count, body),) if body else ()), env
 
-    def _idle(self, body: Body) -> bool:
-        """Whether statements do nothing but set locals to numbers that were put in wherever they are read."""
-        return all(isinstance(s, Assign) and not s.target.state for s in body)
+    def _idle(self, body: Body, loop: Body) -> bool:
+        """Whether statements of a loop set nothing but locals that are not read outside of it."""
+        inside = _reads(loop)
+        return all(
+            isinstance(s, Assign) and not s.target.state and self.reads[s.target] == inside[s.target] for s in body
+        )
+
+
+def _reads(body: Body) -> Counter[Var]:
+    return Counter(e for e in expressions(body) if isinstance(e, Var))
 
 
 def _own_level(body: Body) -> list[Stmt]:
@@ -163,6 +173,55 @@ def _without_dead(program: Program) -> Program:
         program = slim
 
 
+def renamed(body: Body, whole: Body) -> Body:
+    """Without values that are only handed on: what a name is copied to gives its name to what it is copied from."""
+    out = list(body)
+    i = 0
+    while i < len(out):
+        s = out[i]
+        if isinstance(s, If):
+            out[i] = replace(s, body=renamed(s.body, whole), orelse=renamed(s.orelse, whole))
+        elif isinstance(s, For):
+            out[i] = replace(s, body=renamed(s.body, whole))
+        elif isinstance(s, Assign) and isinstance(s.value, Var) and _handed(s.target, s.value, out, i, whole):
+            old, new = s.value, s.target
+            out[:i] = _named(tuple(out[:i]), old, new)
+            del out[i]
+            continue
+        i += 1
+    return tuple(out)
+
+
+def _handed(new: Var, old: Var, body: list[Stmt], i: int, whole: Body) -> bool:
+    """Whether `old` lives before statement i alone, and `new` from there on."""
+    if new.state or old.state or not _sets(tuple(body[:i]), old):
+        return False
+    early, late = tuple(body[:i]), tuple(body[i + 1 :])
+    all_old, all_new = _uses(whole, old), _uses(whole, new)
+    return _uses(early, old) + 1 == all_old and _uses(late, new) + 1 == all_new
+
+
+def _uses(body: Body, v: Var) -> int:
+    set_ = sum(1 for s in statements(body) if isinstance(s, Assign) and s.target == v)
+    return set_ + sum(1 for e in expressions(body) if e == v)
+
+
+def _named(body: Body, old: Var, new: Var) -> Body:
+    def f(e: Expr) -> Expr:
+        return new if e == old else rebuilt(e, f)
+
+    out: list[Stmt] = []
+    for s in mapped(body, f):
+        if isinstance(s, Assign) and s.target == old:
+            s = replace(s, target=new)
+        elif isinstance(s, If):
+            s = replace(s, body=_named(s.body, old, new), orelse=_named(s.orelse, old, new))
+        elif isinstance(s, For):
+            s = replace(s, body=_named(s.body, old, new))
+        out.append(s)
+    return tuple(out)
+
+
 def _kept(body: Body, read: set[Var]) -> Body:
     out: list[Stmt] = []
     for s in body:
@@ -179,11 +238,6 @@ def _kept(body: Body, read: set[Var]) -> Body:
                 out.append(replace(s, body=inner))
         else:
             out.append(s)
-    return _joined(out, read)
-
-
-def _joined(out: list[Stmt], read: set[Var]) -> Body:
-    """A value that is only handed on is given its last name at once."""
     return tuple(out)
 
 
@@ -231,6 +285,8 @@ def _pair(e: Op) -> Expr:
             return Op("-", (a, Num(-y)))
         return b if x == 0 else a if y == 0 else e
     if op == "-":
+        if isinstance(y, float) and y < 0.0:
+            return Op("+", (a, Num(-y)))
         return Op("neg", (b,)) if x == 0 else a if y == 0 else e
     if op == "*":
         return Num(0.0) if 0 in (x, y) else b if x == 1 else a if y == 1 else e

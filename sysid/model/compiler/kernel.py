@@ -1,13 +1,14 @@
 """Compiled kernels of a step: their source, and the folder that keeps it so that numba can keep what it compiles."""
 
 import hashlib
-import importlib.util
 import os
 import re
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from functools import cache
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from types import ModuleType
 
@@ -15,7 +16,7 @@ from sysid.model.compiler.activity import delays, hoisted
 from sysid.model.compiler.ir import Assign, Body, Break, For, If, Program, Return
 from sysid.model.compiler.show import show, variable
 
-_HEAD = '''"""Written by sysid.model.compiler from the step of {name}. Not kept under version control, made again where missing."""
+_HEAD = '''"""Written by sysid.model.compiler from the step of {name}; made again where it is missing."""
 
 from math import cos, exp, inf, log, sin, sqrt, tanh
 
@@ -30,7 +31,9 @@ STRUCTURE = {consts}
 '''
 
 
-def kernels(name: str, key: str, program: Callable[[], Program], absent: Mapping[str, float], near: Path | None) -> ModuleType:
+def kernels(
+    name: str, key: str, program: Callable[[], Program], absent: Mapping[str, float], near: Path | None
+) -> ModuleType:
     """The module with `value` and `tangent` of a step, written first where no folder has it.
 
     `key` changes with the step, `program` reads it, which only a missing file asks for; `near` is the folder of the
@@ -42,14 +45,12 @@ def kernels(name: str, key: str, program: Callable[[], Program], absent: Mapping
     if full in sys.modules:
         return sys.modules[full]
     for folder in _folders(near):
-        path = folder / f"{stem}.py"
+        path = folder / f"{stem}.kernel"  # Python, but not a module of this package
         if path.is_file() or _written(path, lambda: source(name, program(), absent)):
-            spec = importlib.util.spec_from_file_location(full, path)
-            assert spec is not None
-            assert spec.loader is not None
-            module = importlib.util.module_from_spec(spec)
+            loader = SourceFileLoader(full, str(path))
+            module = module_from_spec(spec_from_loader(full, loader))  # type: ignore[arg-type]
             sys.modules[full] = module
-            spec.loader.exec_module(module)
+            loader.exec_module(module)
             return module
     module = ModuleType(full)
     text = source(name, program(), absent).replace("cache=True, ", "")
@@ -123,7 +124,11 @@ def _value(program: Program, absent: Mapping[str, float]) -> str:
         "    t = 0",
         "    u = x[0]",
         *_plain(program.begin, 1),
-        *(line for n in delays(program) for line in (f"    if {show(n)} < 0:", "        y[:] = np.nan", "        return")),
+        *(
+            line
+            for n in delays(program)
+            for line in (f"    if {show(n)} < 0:", "        y[:] = np.nan", "        return")
+        ),
         "    for t in range(len(x)):",
         "        u = x[t]",
         *_plain(program.step, 2),
@@ -172,7 +177,7 @@ def _tangent(program: Program, absent: Mapping[str, float]) -> str:
     buffer = ["for c in range(q):", "    dx[c] = J[t, c]"] if w.buffered else []
     lines = [
         "@njit(cache=True, nogil=True, error_model='numpy')",
-        f"def tangent({_arguments(program)}, x, y, J, q):",
+        f"def tangent({_arguments(program)}, x, y, {'slope, ' if w.memoryless else ''}J, q):",
         "    n = q + len(theta)",
         *_parameters(program, absent),
         *(
@@ -181,6 +186,7 @@ def _tangent(program: Program, absent: Mapping[str, float]) -> str:
         ),
         *(f"    s_{s} = 0.0" for s in program.states),
         *(f"    {v} = np.zeros(n)" for v in sorted(w.vectors)),
+        *(f"    {g} = 0.0" for g in sorted(w.numbers)),
         *(f"    {i} = 0" for i in w.places),
         *(["    dx = np.zeros(q)"] if w.buffered else []),
         *(["    W = J[:, :q].copy()"] if w.back else []),

@@ -1,36 +1,99 @@
-"""A block with a memory that is written as one step: its run, its tangent and its texts follow from there."""
+"""Blocks that are written as one function: their run, their tangent and their texts follow from there."""
 
 import inspect
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from sysid.block import Block
+from sysid.block import Block, StaticBlock
 from sysid.errors import InputError
-from sysid.model.compiler import text
-from sysid.model.compiler.equations import equations
-from sysid.model.compiler.fold import specialised
-from sysid.model.compiler.ir import Program
-from sysid.model.compiler.kernel import kernels
 from sysid.model.compiler import source
+from sysid.model.compiler.kernel import kernels
 from sysid.model.writing import Code, Writer
-from sysid.model.compiler.subset import read
+
+if TYPE_CHECKING:
+    from sysid.model.compiler.ir import Program
 
 
-class Recursion(Block):
-    """Subclasses give `recursion`: a function `step(s, x, p)` of states, input and parameters that returns the output,
-    and `begin(s, x, p)`, which sets the states from the first input, where they do not begin at zero.
+class Written(Block):
+    """What `Recursion` and `Map` share: `functions` by name, read by `compiler.subset`, and all that they become.
 
-    Both may take the block as a fourth argument and read its structure. A parameter that some structures do without
-    stands in `absent` with the value that it then has. What a step may be made of, see `compiler.subset`.
+    Each may take the block as a last argument and read its structure. A parameter that some structures do without
+    stands in `absent` with the value that it then has.
     """
 
-    recursion: ClassVar[Mapping[str, Callable]] = MappingProxyType({})
+    functions: ClassVar[Mapping[str, Callable]] = MappingProxyType({})
     absent: ClassVar[Mapping[str, float]] = MappingProxyType({})
+
+    def c(self, theta: np.ndarray) -> Code:
+        from sysid.model.compiler.text_c import c
+
+        return c(*self._numbers(theta))
+
+    def python(self, theta: np.ndarray) -> Code:
+        from sysid.model.compiler.text_python import python
+
+        return python(*self._numbers(theta))
+
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        from sysid.model.compiler.equations import equations
+
+        return equations(*self._numbers(theta), w, isinstance(self, StaticBlock))
+
+    def program(self) -> "Program":
+        """The functions as the compiler has read them."""
+        from sysid.model.compiler.subset import read
+
+        return read(self._text())
+
+    def _text(self) -> str:
+        return source.text(dict(self.functions))
+
+    def _key(self) -> str:
+        """Changes with the functions."""
+        return source.fingerprint(dict(self.functions))
+
+    @cached_property
+    def _compiled(self) -> tuple[Any, tuple]:
+        """The kernels, and what tells them this block's structure."""
+        near = Path(inspect.getfile(type(self))).parent
+        module = kernels(type(self).__name__, self._key(), self.program, self.absent, near)
+        names = [slot.name for slot in self.slots()]
+        column = np.array([names.index(p) if p in names else -1 for p in module.PARAMETERS], dtype=np.int64)
+        rows = {r: _row(names, r) for r in module.ROWS}
+        idle = set(names) - set(module.PARAMETERS) - {name for row in rows.values() for name in row}
+        if idle:
+            raise InputError(f"no step or value reads a parameter {', '.join(sorted(idle))}; leave it out")
+        ends = (end for row in rows.values() for end in (names.index(row[0]) if row else 0, len(row)))
+        return module, (column, *(getattr(self, c) for c in module.STRUCTURE), *ends)
+
+    def by_name(self, theta: np.ndarray) -> dict[str, float]:
+        """theta (p,) by the names of the parameters."""
+        return {slot.name: float(value) for slot, value in zip(self.slots(), theta, strict=True)}
+
+    def numbers(self, theta: np.ndarray) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+        """Parameters of the functions by name, and their rows: those of the slots where nothing else is said."""
+        own = self.by_name(theta)
+        rows = {r: np.array([own[name] for name in _row(list(own), r)]) for r in self.program().rows}
+        return {**self.absent, **own}, rows
+
+    def _numbers(self, theta: np.ndarray) -> tuple["Program", dict[str, np.ndarray]]:
+        """The program with theta and this structure put in, and its rows of parameters."""
+        from sysid.model.compiler.fold import specialised
+
+        program, (own, rows) = self.program(), self.numbers(theta)
+        structure = {name: getattr(self, name) for name in program.consts}
+        return specialised(program, own, rows, structure), rows
+
+
+class Recursion(Written):
+    """A block with a memory. `functions` holds `step(s, x, p)` of states, input and parameters, which sets the states
+    and returns the output, and `begin(s, x, p)`, which sets them from the first input where they do not begin at zero.
+    """
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
         y = np.empty_like(x)
@@ -43,52 +106,28 @@ class Recursion(Block):
             module.value(theta, *arguments, x, y)
         return y
 
-    @cached_property
-    def _compiled(self) -> tuple[Any, tuple]:
-        """The kernels, and what tells them this block's structure."""
-        module = self._kernels()
-        names = [slot.name for slot in self.slots()]
-        column = np.array([names.index(p) if p in names else -1 for p in module.PARAMETERS], dtype=np.int64)
-        rows = [(names.index(f"{r}0"), _length(names, r)) for r in module.ROWS]
-        idle = set(names) - set(module.PARAMETERS) - {f"{r}{k}" for r, (_, n) in zip(module.ROWS, rows, strict=True) for k in range(n)}
-        if idle:
-            raise InputError(f"the step reads no parameter called {', '.join(sorted(idle))}; leave it out")
-        structure = (getattr(self, c) for c in module.STRUCTURE)
-        return module, (column, *structure, *(v for row in rows for v in row))
 
-    def _kernels(self) -> Any:
-        """The module of compiled kernels."""
-        near = Path(inspect.getfile(type(self))).parent
-        return kernels(type(self).__name__, source.fingerprint(dict(self.recursion)), self.program, self.absent, near)
+class Map(Written, StaticBlock):
+    """A memoryless map; `functions` holds its `value(x, p)`."""
 
-    def c(self, theta: np.ndarray) -> Code:
-        """C99 of the run with these numbers."""
-        return text.c(*self._numbers(theta))
-
-    def python(self, theta: np.ndarray) -> Code:
-        """Python of the run with these numbers."""
-        return text.python(*self._numbers(theta))
-
-    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
-        """The recursion as equations; a block whose motion has a better known form gives that instead."""
-        return equations(*self._numbers(theta), w)
-
-    def _numbers(self, theta: np.ndarray) -> tuple[Program, dict[str, np.ndarray]]:
-        """The program with theta and this structure put in, and its rows of parameters."""
-        program = self.program()
-        names = [slot.name for slot in self.slots()]
-        own = dict(zip(names, theta.tolist(), strict=True))
-        rows = {r: np.array([own[f"{r}{k}"] for k in range(_length(names, r))]) for r in program.rows}
-        structure = {name: getattr(self, name) for name in program.consts}
-        return specialised(program, {**self.absent, **own}, rows, structure), rows
-
-    def program(self) -> Program:
-        """The recursion as the compiler has read it."""
-        return read(source.text(dict(self.recursion)))
+    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
+        y = np.empty_like(x)
+        if not len(x):
+            return y, y
+        module, arguments = self._compiled
+        if not J.shape[1]:
+            module.value(theta, *arguments, x, y)
+            return y, y  # without tangents nobody asks for the slope
+        slope = np.empty_like(x)
+        module.tangent(theta, *arguments, x, y, slope, J, q)
+        return y, slope
 
 
-def _length(names: list[str], row: str) -> int:
-    k = 0
+def _row(names: list[str], row: str) -> list[str]:
+    """Names of the parameters of a row: its own with 0, 1, 2 ... or with 1, 2, 3 ... behind it."""
+    k = 0 if f"{row}0" in names else 1
+    found = []
     while f"{row}{k}" in names:
+        found.append(f"{row}{k}")
         k += 1
-    return k
+    return found

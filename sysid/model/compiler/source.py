@@ -7,6 +7,7 @@ from collections.abc import Callable
 from types import FunctionType
 
 from sysid.errors import InputError
+from sysid.model.compiler.ir import FUNCTIONS
 
 
 def parts(functions: dict[str, Callable]) -> tuple[dict[str, FunctionType], dict[str, float]]:
@@ -21,6 +22,8 @@ def parts(functions: dict[str, Callable]) -> tuple[dict[str, FunctionType], dict
         found[name] = f
         for used in f.__code__.co_names:
             value = f.__globals__.get(used)
+            if used in (*FUNCTIONS, "ago"):
+                continue
             if isinstance(value, FunctionType) and used not in found:
                 waiting.append((used, value))
             elif isinstance(value, (int, float)):

@@ -1,12 +1,9 @@
 """Read a step, a small subset of Python, into `ir`; refuse anything else in a sentence that names line and remedy."""
 
 import ast
-from dataclasses import dataclass, field
-from typing import NoReturn
 
 from sysid.errors import InputError
 from sysid.model.compiler.ir import (
-    FUNCTIONS,
     Ago,
     Assign,
     Body,
@@ -16,7 +13,6 @@ from sysid.model.compiler.ir import (
     For,
     If,
     Num,
-    Op,
     Param,
     Program,
     Return,
@@ -25,31 +21,7 @@ from sysid.model.compiler.ir import (
     expressions,
     statements,
 )
-
-_ARITHMETIC = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
-_COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-_ALLOWED = (
-    "a step may use numbers, + - * / **, comparisons, and, or, not, if, for _ in range(n), break, return, "
-    f"{', '.join(FUNCTIONS)}, ago(x, n), and small functions of its own module written in the same way"
-)
-Row = str  # the name of a row of parameters, handed to a helper whole
-_DEEPEST = 20  # calls within calls
-
-
-@dataclass
-class _Frame:
-    """One function that is being read: what its names stand for, and where its results go (None: it is the step)."""
-
-    name: str
-    source: str
-    first: int
-    kinds: dict[str, str]  # state, params, block, by the name of the argument
-    values: dict[str, "Expr | Row"]  # arguments that are put in as they are
-    input: str | None
-    results: tuple[Var, ...] | None = None
-    locals: dict[str, str] = field(default_factory=dict)
-    depth: int = 0
-    looping: int = 0
+from sysid.model.compiler.phrases import ARITHMETIC, DEEPEST, Frame, Phrases, Row, leaves, variables
 
 
 def read(text: str) -> Program:
@@ -60,7 +32,7 @@ def read(text: str) -> Program:
     return _Reader(text).program()
 
 
-class _Reader:
+class _Reader(Phrases):
     def __init__(self, text: str) -> None:
         self.text = text
         try:
@@ -83,7 +55,9 @@ class _Reader:
             except ValueError:
                 value = None
             if not isinstance(value, (int, float)):
-                raise InputError(f"line {node.lineno} of the step's text gives {node.targets[0].id} no number; give one")
+                raise InputError(
+                    f"line {node.lineno} of the step's text gives {node.targets[0].id} no number; give one"
+                )
             self.numbers[node.targets[0].id] = value
         elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
             raise InputError(
@@ -91,10 +65,14 @@ class _Reader:
             )
 
     def program(self) -> Program:
+        if "value" in self.functions:
+            return self._of((), self._function("value"))
         if "step" not in self.functions:
             raise InputError("the text defines no step; give def step(s, x, p): ... return y")
         begin = self._function("begin") if "begin" in self.functions else ()
-        step = self._function("step")
+        return self._of(begin, self._function("step"))
+
+    def _of(self, begin: Body, step: Body) -> Program:
         found = [*expressions(begin), *expressions(step)]
         params = {e.name for e in found if isinstance(e, Param) and e.index is None}
         rows = {e.name for e in found if isinstance(e, Param) and e.index is not None}
@@ -106,13 +84,17 @@ class _Reader:
     def _function(self, name: str) -> Body:
         node = self.functions[name]
         names = self._arguments(node)
-        if not 3 <= len(names) <= 4:
-            raise InputError(f"{name} takes {len(names)} argument(s); give {name}(s, x, p) or {name}(s, x, p, block)")
+        wanted = ("x", "p") if name == "value" else ("s", "x", "p")
+        if not len(wanted) <= len(names) <= len(wanted) + 1:
+            given = ", ".join(wanted)
+            raise InputError(f"{name} takes {len(names)} argument(s); give {name}({given}) or {name}({given}, block)")
+        if name == "value":  # a map has no states
+            names = ["", *names]
         kinds = {names[0]: "state", names[2]: "params", **dict.fromkeys(names[3:], "block")}
         values: dict[str, Expr | Row] = {names[1]: Ago(Num(0))}
-        frame = _Frame(name, self.text, node.lineno, kinds, values, names[1], None if name == "step" else ())
+        frame = Frame(name, self.text, node.lineno, kinds, values, names[1], () if name == "begin" else None)
         body = self._block(frame, node.body)
-        if name == "step" and not _returns(body):
+        if name != "begin" and not _returns(body):
             self._refuse(frame, node, "it does not return on every path; end it with return y")
         self._check(frame, node, body, set())
         return body
@@ -120,12 +102,12 @@ class _Reader:
     def _arguments(self, node: ast.FunctionDef) -> list[str]:
         a = node.args
         if a.posonlyargs or a.kwonlyargs or a.vararg or a.kwarg or a.defaults or node.decorator_list:
-            raise InputError(f"{node.name} has decorators, defaults or starred arguments; give plain arguments by place")
+            raise InputError(
+                f"{node.name} has decorators, defaults or starred arguments; give plain arguments by place"
+            )
         return [each.arg for each in a.args]
 
-    # Statements
-
-    def _block(self, f: _Frame, body: list[ast.stmt]) -> Body:
+    def _block(self, f: Frame, body: list[ast.stmt]) -> Body:
         out: list[Stmt] = []
         for i, node in enumerate(body):
             rest = body[i + 1 :]
@@ -145,14 +127,14 @@ class _Reader:
                 break
         return tuple(out)
 
-    def _statement(self, f: _Frame, node: ast.stmt, out: list[Stmt]) -> None:
+    def _statement(self, f: Frame, node: ast.stmt, out: list[Stmt]) -> None:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             return
         if isinstance(node, ast.Pass):
             return
         if isinstance(node, ast.Assign) and len(node.targets) == 1:
             self._assign(f, node.targets[0], node.value, out)
-        elif isinstance(node, ast.AugAssign) and type(node.op) in _ARITHMETIC:
+        elif isinstance(node, ast.AugAssign) and type(node.op) in ARITHMETIC:
             left = ast.copy_location(_loaded(node.target), node)
             self._assign(f, node.target, ast.copy_location(ast.BinOp(left, node.op, node.value), node), out)
         elif isinstance(node, ast.If):
@@ -169,7 +151,7 @@ class _Reader:
         else:
             self._refuse(f, node)
 
-    def _assign(self, f: _Frame, target: ast.expr, value: ast.expr, out: list[Stmt]) -> None:
+    def _assign(self, f: Frame, target: ast.expr, value: ast.expr, out: list[Stmt]) -> None:
         targets = list(target.elts) if isinstance(target, ast.Tuple) else [target]
         names = tuple(self._target(f, t) for t in targets)
         if isinstance(value, ast.Call) and isinstance(value.func, ast.Name) and value.func.id in self.functions:
@@ -181,14 +163,14 @@ class _Reader:
         if len(values) != len(names):
             self._refuse(f, target, f"{len(names)} names for {len(values)} values")
         found = [self._expr(f, v, out) for v in values]
-        read = {e for v in found[1:] for e in _vars(v)}
+        read = {e for v in found[1:] for e in variables(v)}
         if read & set(names[:-1]):  # as Python has it: all values first
             temporary = [Var(self._fresh(n.name)) for n in names]
             out.extend(Assign(t, v) for t, v in zip(temporary, found, strict=True))
             found = list(temporary)
         out.extend(Assign(n, v) for n, v in zip(names, found, strict=True))
 
-    def _target(self, f: _Frame, node: ast.expr) -> Var:
+    def _target(self, f: Frame, node: ast.expr) -> Var:
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             if f.kinds.get(node.value.id) == "state":
                 self.states[node.attr] = None
@@ -201,26 +183,19 @@ class _Reader:
         f.values.pop(node.id, None)
         return self._local(f, node.id)
 
-    def _local(self, f: _Frame, name: str) -> Var:
+    def _local(self, f: Frame, name: str) -> Var:
         if name not in f.locals:
             f.locals[name] = self._fresh(name)
         return Var(f.locals[name])
 
-    def _fresh(self, name: str) -> str:
-        k, found = 2, name
-        while found in self.taken:
-            found, k = f"{name}_{k}", k + 1
-        self.taken.add(found)
-        return found
-
-    def _loop(self, f: _Frame, node: ast.For, out: list[Stmt]) -> None:
+    def _loop(self, f: Frame, node: ast.For, out: list[Stmt]) -> None:
         call = node.iter
         ranged = isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"
         if not ranged or len(call.args) != 1 or node.orelse or not isinstance(node.target, ast.Name):  # type: ignore[attr-defined]
             self._refuse(f, node, "a loop is for name in range(n) without else")
         self._no_return(f, node)
         count = self._expr(f, call.args[0], out)  # type: ignore[attr-defined]
-        if not all(isinstance(e, (Num, Const)) for e in _leaves(count)):
+        if not all(isinstance(e, (Num, Const)) for e in leaves(count)):
             self._refuse(f, node, "how often a loop runs is a number or a value of the block's structure")
         index = self._fresh("k" if node.target.id == "_" else node.target.id)
         f.locals[node.target.id] = index
@@ -228,7 +203,7 @@ class _Reader:
         out.append(For(index, count, self._block(f, node.body)))
         f.looping -= 1
 
-    def _return(self, f: _Frame, node: ast.Return, out: list[Stmt]) -> None:
+    def _return(self, f: Frame, node: ast.Return, out: list[Stmt]) -> None:
         self._no_loop(f, node)
         values = [] if node.value is None else node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
         if f.results is None:
@@ -241,17 +216,17 @@ class _Reader:
         found = [self._expr(f, v, out) for v in values]
         out.extend(Assign(r, v) for r, v in zip(f.results, found, strict=True))
 
-    def _call(self, f: _Frame, node: ast.Call, results: tuple[Var, ...], out: list[Stmt]) -> None:
+    def _call(self, f: Frame, node: ast.Call, results: tuple[Var, ...], out: list[Stmt]) -> None:
         """A helper's body in place of its call."""
         if not isinstance(node.func, ast.Name) or node.func.id not in self.functions or node.keywords:
             self._refuse(f, node)
         helper = self.functions[node.func.id]
         names = self._arguments(helper)
-        if len(names) != len(node.args) or f.depth > _DEEPEST:
+        if len(names) != len(node.args) or f.depth > DEEPEST:
             self._refuse(f, node, f"{helper.name} takes {len(names)} arguments and may not call itself")
         sets_states = any(isinstance(a, ast.Name) and f.kinds.get(a.id) == "state" for a in node.args)
         set_inside = {n.id for n in ast.walk(helper) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
-        inner = _Frame(helper.name, self.text, helper.lineno, {}, {}, None, results, {}, f.depth + 1)
+        inner = Frame(helper.name, self.text, helper.lineno, {}, {}, None, results, {}, f.depth + 1)
         for name, arg in zip(names, node.args, strict=True):
             if isinstance(arg, ast.Name) and arg.id in f.kinds:
                 inner.kinds[name] = f.kinds[arg.id]
@@ -262,10 +237,10 @@ class _Reader:
             value = self._expr(f, arg, out)
             if isinstance(arg, ast.Name) and arg.id == f.input:
                 inner.input = name
-            moves = name in set_inside or (sets_states and any(v.state for v in _vars(value)))
-            if isinstance(value, (Num, Const, Param, Var)) and not moves:
-                inner.values[name] = value
-            elif isinstance(value, Ago) and value.n == Num(0) and name not in set_inside:
+            moves = name in set_inside or (sets_states and any(v.state for v in variables(value)))
+            if (isinstance(value, (Num, Const, Param, Var)) and not moves) or (
+                isinstance(value, Ago) and value.n == Num(0) and name not in set_inside
+            ):
                 inner.values[name] = value
             else:
                 inner.locals[name] = self._fresh(name)
@@ -275,100 +250,11 @@ class _Reader:
             self._refuse(inner, helper, "it does not return on every path")
         out.extend(body)
 
-    # Expressions
-
-    def _expr(self, f: _Frame, node: ast.expr, out: list[Stmt]) -> Expr:
-        if isinstance(node, ast.Constant) and isinstance(node.value, (bool, int, float)):
-            return Num(node.value)
-        if isinstance(node, ast.Name):
-            return self._name(f, node)
-        if isinstance(node, ast.Attribute):
-            return self._attribute(f, node)
-        if isinstance(node, ast.Subscript):
-            return self._element(f, node, out)
-        if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd, ast.Not)):
-            inner = self._expr(f, node.operand, out)
-            if isinstance(node.op, ast.UAdd):
-                return inner
-            return Op("neg" if isinstance(node.op, ast.USub) else "not", (inner,))
-        if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
-            left, right = self._expr(f, node.left, out), self._expr(f, node.right, out)
-            if isinstance(node.op, ast.Pow) and right == Num(2) and not isinstance(left, Op):
-                return Op("*", (left, left))
-            return Op(_ARITHMETIC[type(node.op)], (left, right))
-        if isinstance(node, ast.BoolOp):
-            op, values = "and" if isinstance(node.op, ast.And) else "or", [self._expr(f, v, out) for v in node.values]
-            return _folded(op, values)
-        if isinstance(node, ast.Compare) and all(type(op) in _COMPARE for op in node.ops):
-            sides = [self._expr(f, v, out) for v in (node.left, *node.comparators)]
-            pairs = zip(node.ops, sides, sides[1:], strict=False)
-            return _folded("and", [Op(_COMPARE[type(op)], (a, b)) for op, a, b in pairs])
-        if isinstance(node, ast.IfExp):
-            return Op("if", tuple(self._expr(f, v, out) for v in (node.test, node.body, node.orelse)))
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            return self._function_of(f, node, out)
-        self._refuse(f, node)
-
-    def _function_of(self, f: _Frame, node: ast.Call, out: list[Stmt]) -> Expr:
-        name = node.func.id  # type: ignore[attr-defined]
-        if name in self.functions:
-            result = Var(self._fresh(name))
-            self._call(f, node, (result,), out)
-            return result
-        if name == "ago" and len(node.args) == 2 and not node.keywords:
-            if not isinstance(node.args[0], ast.Name) or node.args[0].id != f.input:
-                self._refuse(f, node, "ago looks back at the step's input alone, ago(x, n)")
-            n = self._expr(f, node.args[1], out)
-            if any(isinstance(e, (Ago, Var)) and (isinstance(e, Ago) or e.state) for e in _leaves(n)):
-                self._refuse(f, node, "how far ago looks back may not depend on states or the input")
-            return Ago(n)
-        count = (2, 9) if name in ("min", "max") else (1, 1)
-        if name not in FUNCTIONS or node.keywords or not count[0] <= len(node.args) <= count[1]:
-            self._refuse(f, node)
-        values = [self._expr(f, a, out) for a in node.args]
-        return _folded(name, values) if len(values) > 1 else Op(name, tuple(values))
-
-    def _name(self, f: _Frame, node: ast.Name) -> Expr:
-        value = f.values.get(node.id)
-        if isinstance(value, str):
-            return Param(value)
-        if value is not None:
-            return value
-        if node.id in f.locals:
-            return Var(f.locals[node.id])
-        if node.id in self.numbers:
-            return Num(self.numbers[node.id])
-        self._refuse(f, node, f"{node.id} has no value here")
-
-    def _kind(self, f: _Frame, node: ast.Attribute) -> str:
-        return f.kinds.get(node.value.id, "") if isinstance(node.value, ast.Name) else ""
-
-    def _attribute(self, f: _Frame, node: ast.Attribute) -> Expr:
-        kind = self._kind(f, node)
-        if kind == "state":
-            self.states[node.attr] = None
-            return Var(node.attr, True)
-        if kind == "params":
-            return Param(node.attr)
-        if kind == "block":
-            return Const(node.attr)
-        self._refuse(f, node)
-
-    def _element(self, f: _Frame, node: ast.Subscript, out: list[Stmt]) -> Expr:
-        row = f.values.get(node.value.id) if isinstance(node.value, ast.Name) else None
-        if isinstance(node.value, ast.Attribute) and self._kind(f, node.value) == "params":
-            row = node.value.attr
-        if not isinstance(row, str):
-            self._refuse(f, node, "an index stands behind a row of parameters, p.name[i]")
-        return Param(row, self._expr(f, node.slice, out))
-
-    # What is refused
-
-    def _check(self, f: _Frame, node: ast.AST, body: Body, known: set[Var]) -> set[Var]:
+    def _check(self, f: Frame, node: ast.AST, body: Body, known: set[Var]) -> set[Var]:
         """Every name has a value on every path to its use; gives what is known in the end."""
         for s in body:
             reads = (s.value,) if isinstance(s, (Assign, Return)) else (s.test,) if isinstance(s, If) else ()
-            for v in (v for e in reads for v in _vars(e)):
+            for v in (v for e in reads for v in variables(e)):
                 if not v.state and v not in known:
                     self._refuse(f, node, f"{v.name} may be read before it has a value")
             if isinstance(s, Assign):
@@ -380,20 +266,14 @@ class _Reader:
                 self._check(f, node, s.body, known | {Var(s.index)})
         return known
 
-    def _no_loop(self, f: _Frame, node: ast.stmt) -> None:
+    def _no_loop(self, f: Frame, node: ast.stmt) -> None:
         if f.looping:
             self._refuse(f, node, "a return does not stand in a loop; leave the loop with break first")
 
-    def _no_return(self, f: _Frame, node: ast.stmt) -> None:
+    def _no_return(self, f: Frame, node: ast.stmt) -> None:
         for inner in ast.walk(node):
             if isinstance(inner, ast.Return):
                 self._refuse(f, inner, "a return does not stand in a loop; leave the loop with break first")
-
-    def _refuse(self, f: _Frame, node: ast.AST, why: str = "") -> NoReturn:
-        line = getattr(node, "lineno", f.first)
-        shown = self.text.splitlines()[line - 1].strip()
-        said = f"{why}; {_ALLOWED}" if why else _ALLOWED
-        raise InputError(f"line {line - f.first + 1} of {f.name}, `{shown}`: {said}")
 
 
 def _loaded(node: ast.expr) -> ast.expr:
@@ -403,23 +283,6 @@ def _loaded(node: ast.expr) -> ast.expr:
     if isinstance(node, ast.Attribute):
         return ast.copy_location(ast.Attribute(node.value, node.attr, ast.Load()), node)
     return node
-
-
-def _folded(op: str, values: list[Expr]) -> Expr:
-    out = values[0]
-    for v in values[1:]:
-        out = Op(op, (out, v))
-    return out
-
-
-def _leaves(e: Expr) -> list[Expr]:
-    from sysid.model.compiler.ir import walk
-
-    return [v for v in walk(e) if not isinstance(v, Op)]
-
-
-def _vars(e: Expr) -> set[Var]:
-    return {v for v in _leaves(e) if isinstance(v, Var)}
 
 
 def _has(node: ast.AST, kind: type) -> bool:

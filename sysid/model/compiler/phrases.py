@@ -1,0 +1,170 @@
+"""Expressions of a step read into `ir`, and the sentence that refuses what is not allowed; see `subset`."""
+
+import ast
+from dataclasses import dataclass, field
+from typing import NoReturn
+
+from sysid.errors import InputError
+from sysid.model.compiler.ir import (
+    FUNCTIONS,
+    Ago,
+    Const,
+    Expr,
+    Num,
+    Op,
+    Param,
+    Stmt,
+    Var,
+    walk,
+)
+
+ARITHMETIC = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+_COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+_ALLOWED = (
+    "a step may use numbers, + - * / **, comparisons, and, or, not, if, for _ in range(n), break, return, "
+    f"{', '.join(FUNCTIONS)}, ago(x, n), and small functions of its own module written in the same way"
+)
+Row = str  # the name of a row of parameters, handed to a helper whole
+DEEPEST = 20  # calls within calls
+
+
+@dataclass
+class Frame:
+    """One function that is being read: what its names stand for, and where its results go (None: it is the step)."""
+
+    name: str
+    source: str
+    first: int
+    kinds: dict[str, str]  # state, params, block, by the name of the argument
+    values: dict[str, "Expr | Row"]  # arguments that are put in as they are
+    input: str | None
+    results: tuple[Var, ...] | None = None
+    locals: dict[str, str] = field(default_factory=dict)
+    depth: int = 0
+    looping: int = 0
+
+
+class Phrases:
+    """Expressions of the functions in a module text."""
+
+    text: str
+    functions: dict[str, ast.FunctionDef]
+    numbers: dict[str, float]
+    states: dict[str, None]
+    taken: set[str]
+
+    def _call(self, f: Frame, node: ast.Call, results: tuple[Var, ...], out: list[Stmt]) -> None:
+        raise NotImplementedError
+
+    def _expr(self, f: Frame, node: ast.expr, out: list[Stmt]) -> Expr:
+        if isinstance(node, ast.Constant) and isinstance(node.value, (bool, int, float)):
+            return Num(node.value)
+        if isinstance(node, ast.Name):
+            return self._name(f, node)
+        if isinstance(node, ast.Attribute):
+            return self._attribute(f, node)
+        if isinstance(node, ast.Subscript):
+            return self._element(f, node, out)
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd, ast.Not)):
+            inner = self._expr(f, node.operand, out)
+            if isinstance(node.op, ast.UAdd):
+                return inner
+            return Op("neg" if isinstance(node.op, ast.USub) else "not", (inner,))
+        if isinstance(node, ast.BinOp) and type(node.op) in ARITHMETIC:
+            left, right = self._expr(f, node.left, out), self._expr(f, node.right, out)
+            if isinstance(node.op, ast.Pow) and right == Num(2) and not isinstance(left, Op):
+                return Op("*", (left, left))
+            return Op(ARITHMETIC[type(node.op)], (left, right))
+        if isinstance(node, ast.BoolOp):
+            op, values = "and" if isinstance(node.op, ast.And) else "or", [self._expr(f, v, out) for v in node.values]
+            return folded(op, values)
+        if isinstance(node, ast.Compare) and all(type(op) in _COMPARE for op in node.ops):
+            sides = [self._expr(f, v, out) for v in (node.left, *node.comparators)]
+            pairs = zip(node.ops, sides, sides[1:], strict=False)
+            return folded("and", [Op(_COMPARE[type(op)], (a, b)) for op, a, b in pairs])
+        if isinstance(node, ast.IfExp):
+            return Op("if", tuple(self._expr(f, v, out) for v in (node.test, node.body, node.orelse)))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            return self._function_of(f, node, out)
+        self._refuse(f, node)
+
+    def _function_of(self, f: Frame, node: ast.Call, out: list[Stmt]) -> Expr:
+        name = node.func.id  # type: ignore[attr-defined]
+        if name in self.functions:
+            result = Var(self._fresh(name))
+            self._call(f, node, (result,), out)
+            return result
+        if name == "ago" and len(node.args) == 2 and not node.keywords:
+            if not isinstance(node.args[0], ast.Name) or node.args[0].id != f.input:
+                self._refuse(f, node, "ago looks back at the step's input alone, ago(x, n)")
+            n = self._expr(f, node.args[1], out)
+            if any(isinstance(e, (Ago, Var)) and (isinstance(e, Ago) or e.state) for e in leaves(n)):
+                self._refuse(f, node, "how far ago looks back may not depend on states or the input")
+            return Ago(n)
+        count = (2, 9) if name in ("min", "max") else (1, 1)
+        if name not in FUNCTIONS or node.keywords or not count[0] <= len(node.args) <= count[1]:
+            self._refuse(f, node)
+        values = [self._expr(f, a, out) for a in node.args]
+        return folded(name, values) if len(values) > 1 else Op(name, tuple(values))
+
+    def _name(self, f: Frame, node: ast.Name) -> Expr:
+        value = f.values.get(node.id)
+        if isinstance(value, str):
+            return Param(value)
+        if value is not None:
+            return value
+        if node.id in f.locals:
+            return Var(f.locals[node.id])
+        if node.id in self.numbers:
+            return Num(self.numbers[node.id])
+        self._refuse(f, node, f"{node.id} has no value here")
+
+    def _kind(self, f: Frame, node: ast.Attribute) -> str:
+        return f.kinds.get(node.value.id, "") if isinstance(node.value, ast.Name) else ""
+
+    def _attribute(self, f: Frame, node: ast.Attribute) -> Expr:
+        kind = self._kind(f, node)
+        if kind == "state":
+            self.states[node.attr] = None
+            return Var(node.attr, True)
+        if kind == "params":
+            return Param(node.attr)
+        if kind == "block":
+            return Const(node.attr)
+        self._refuse(f, node)
+
+    def _element(self, f: Frame, node: ast.Subscript, out: list[Stmt]) -> Expr:
+        row = f.values.get(node.value.id) if isinstance(node.value, ast.Name) else None
+        if isinstance(node.value, ast.Attribute) and self._kind(f, node.value) == "params":
+            row = node.value.attr
+        if not isinstance(row, str):
+            self._refuse(f, node, "an index stands behind a row of parameters, p.name[i]")
+        return Param(row, self._expr(f, node.slice, out))
+
+    def _fresh(self, name: str) -> str:
+        k, found = 2, name
+        while found in self.taken:
+            found, k = f"{name}_{k}", k + 1
+        self.taken.add(found)
+        return found
+
+    def _refuse(self, f: Frame, node: ast.AST, why: str = "") -> NoReturn:
+        line = getattr(node, "lineno", f.first)
+        shown = self.text.splitlines()[line - 1].strip()
+        said = f"{why}; {_ALLOWED}" if why else _ALLOWED
+        raise InputError(f"line {line - f.first + 1} of {f.name}, `{shown}`: {said}")
+
+
+def folded(op: str, values: list[Expr]) -> Expr:
+    out = values[0]
+    for v in values[1:]:
+        out = Op(op, (out, v))
+    return out
+
+
+def leaves(e: Expr) -> list[Expr]:
+    return [v for v in walk(e) if not isinstance(v, Op)]
+
+
+def variables(e: Expr) -> set[Var]:
+    return {v for v in leaves(e) if isinstance(v, Var)}

@@ -1,0 +1,128 @@
+"""A program with its numbers as the body of a C99 function."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from sysid.model.compiler.ir import (
+    Ago,
+    Assign,
+    Body,
+    For,
+    If,
+    Op,
+    Program,
+    Return,
+    Stmt,
+    Var,
+    expressions,
+    statements,
+)
+from sysid.model.compiler.text import Text, home, indented, locals_of, used, uses
+from sysid.model.writing import Code
+
+
+def c(program: Program, rows: Mapping[str, np.ndarray]) -> Code:
+    """Body of a C99 function of x."""
+    return _C(program, rows).code()
+
+
+class _C(Text):
+    words: ClassVar = {"and": "&&", "or": "||", "not": "!"}
+
+    def choice(self, test: str, a: str, b: str) -> str:
+        return f"{test} ? {a} : {b}"
+
+    def call(self, e: Op) -> str:
+        whole = e.op in ("min", "max", "abs") and self.integer(e)
+        args = [self.show(a, 0, whole) for a in e.args]
+        if whole and e.op in ("min", "max"):
+            return f"({args[1]} {'<' if e.op == 'min' else '>'} {args[0]} ? {args[1]} : {args[0]})"
+        if e.op == "int":
+            return f"(int)({args[0]})"
+        names = {"min": "fmin", "max": "fmax", "abs": "fabs", "**": "pow"}
+        return f"{names.get(e.op, e.op)}({', '.join(args)})"
+
+    def operation(self, e: Op) -> tuple[str, int]:
+        if e.op == "**":
+            return self.call(e), 10
+        if e.op == "/" and all(self.integer(a) for a in e.args):
+            return f"(double)({self.show(e.args[0], 0, True)}) / {self.show(e.args[1], 7, True)}", 6
+        return super().operation(e)
+
+    def lines(self) -> list[str]:
+        used = any(isinstance(e, Ago) for e in expressions(self.program.step)) or self.oldest or self.waits
+        lines = [] if used else ["(void)x;"]
+        if self.kept > self.flag:
+            lines += [f"if (s[{self.flag}] == 0.0) {{ /* the first sample */", *indented(self._first()), "}"]
+        for name in self.program.states:
+            const = "" if name in self.moved else "const "
+            lines.append(f"{const}double {self.name(Var(name, True))} = s[{self.program.states.index(name)}];")
+        return lines + self.body(self.program.step, locals_of(self.program.step))
+
+    def _first(self) -> list[str]:
+        self.direct = True
+        lines = self.body(self.program.begin, locals_of(self.program.begin)) if self.waits else []
+        self.direct = False
+        if self.oldest:
+            first, last = self.flag + 1, self.flag + self.oldest
+            loop = f"for (int i = {first}; i <= {last}; ++i) " if last > first else ""
+            lines.append(f"{loop}s[{'i' if loop else first}] = x;")
+        return [*lines, f"s[{self.flag}] = 1.0;"]
+
+    def body(self, body: Body, variables: set[Var]) -> list[str]:
+        """Statements, each variable declared in the innermost braces that hold all of its uses."""
+        here = {v for v in variables if home(body, v) is None}
+        open_, lines = set(here), []
+        for s in body:
+            for v in sorted(open_ & uses(s), key=lambda v: v.name):
+                if not (isinstance(s, Assign) and s.target == v):
+                    lines.append(f"{self.kind(v)} {self.name(v)} = 0;")
+                    open_.discard(v)
+            lines += self.statement(s, open_, {v for v in variables - here if v in uses(s)}, body)
+            open_ -= uses(s)
+        return lines
+
+    def kind(self, v: Var) -> str:
+        return "int" if v in self.whole else "double"
+
+    def statement(self, s: Stmt, fresh: set[Var], inner: set[Var], around: Body) -> list[str]:
+        if isinstance(s, Assign):
+            first = ""
+            if s.target in fresh:
+                count = sum(1 for e in statements(around) if isinstance(e, Assign) and e.target == s.target)
+                first = f"{'const ' if count == 1 else ''}{self.kind(s.target)} "
+            return [f"{first}{self.name(s.target)} = {self.show(s.value, 0, s.target in self.whole)};"]
+        if isinstance(s, If):
+            lines = [f"if ({self.show(s.test)}) {{", *indented(self.body(s.body, inner & used(s.body)))]
+            while self._chained(s, inner):
+                s = s.orelse[0]  # type: ignore[assignment]
+                lines += [f"}} else if ({self.show(s.test)}) {{", *indented(self.body(s.body, inner & used(s.body)))]
+            if s.orelse:
+                lines += ["} else {", *indented(self.body(s.orelse, inner & used(s.orelse)))]
+            return [*lines, "}"]
+        if isinstance(s, For):
+            i = self.name(Var(s.index))
+            head = f"for (int {i} = 0; {i} < {self.show(s.count, 5, True)}; ++{i}) {{"
+            return [head, *indented(self.body(s.body, inner)), "}"]
+        if isinstance(s, Return):
+            value, before = self.show(s.value), []
+            if self._past(s.value):  # before the past moves on
+                value, before = "out", [f"const double out = {value};"]
+            return [*before, *self.end(), f"return {value};"]
+        return ["break;"]
+
+    def _chained(self, s: If, inner: set[Var]) -> bool:
+        """Whether all that stands behind else is one more if, without a variable of its own to declare before it."""
+        if len(s.orelse) != 1 or not isinstance(s.orelse[0], If):
+            return False
+        return all(home(s.orelse, v) is not None for v in inner & used(s.orelse))
+
+    def end(self) -> list[str]:
+        names = [n for n in self.program.states if n in self.moved]
+        lines = [f"s[{self.program.states.index(n)}] = {self.name(Var(n, True))};" for n in names]
+        first, last = self.flag + 1, self.flag + self.oldest
+        if self.oldest > 1:
+            lines.append(f"for (int i = {last}; i > {first}; --i) s[i] = s[i - 1];")
+        return [*lines, *([f"s[{first}] = x;"] if self.oldest else [])]

@@ -1,0 +1,37 @@
+"""The functions that a step may call, as plain Python: a step runs as it stands, only slowly."""
+
+import math
+from math import cos, exp, log, sin, sqrt, tanh
+
+__all__ = ["Input", "ago", "cos", "exp", "floor", "log", "sign", "sin", "sqrt", "tanh"]
+
+
+class Input(float):
+    """One sample of an input that knows the samples before it."""
+
+    past: tuple[float, ...] = ()  # the sample before first
+
+    @classmethod
+    def at(cls, x: list[float], t: int) -> "Input":
+        """Sample t of x (N,)."""
+        found = cls(x[t])
+        found.past = tuple(x[t - 1 :: -1]) if t else ()
+        return found
+
+
+def ago(x: float, n: int) -> float:
+    """The input n samples ago; before the record its first sample."""
+    if n == 0:
+        return float(x)
+    past = x.past if isinstance(x, Input) else ()
+    return past[min(n, len(past)) - 1] if past else float(x)
+
+
+def floor(x: float) -> float:
+    """The largest whole number that is not above x, as a float."""
+    return float(math.floor(x))
+
+
+def sign(x: float) -> float:
+    """1, 0 or -1."""
+    return 1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0)
