@@ -10,6 +10,7 @@ import numpy as np
 from sysid.block import Block, StaticBlock
 from sysid.chain import Chain
 from sysid.errors import InputError
+from sysid.model.compiler.recursion import Map, Recursion
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,9 @@ def written(unit: Unit, what: str) -> Callable[..., Any]:
     """
     kind = type(unit.block)
     order = kind.__mro__
-    own = next((c for c in order if what in vars(c)), Block)
-    run = next(c for c in order if {"propagate", "evaluate", "functions"} & set(vars(c)))
-    if own is Block or (order.index(run) < order.index(own) and "functions" not in vars(run)):
+    own = next(c for c in order if {what, "functions"} & set(vars(c)))
+    run = next(c for c in order if {"propagate", "evaluate"} & set(vars(c)))
+    if own is Block or (run not in (Recursion, Map) and order.index(run) < order.index(own)):
         static = isinstance(unit.block, StaticBlock)
         way = "fit a piecewise linear map or a spline in its place" if static else "run the fit itself, in Python"
         form = {"c": "C", "python": "Python", "equations": "text"}[what]

@@ -25,9 +25,20 @@ from sysid.blocks import (
     TravelMap,
     UnitGain,
     WaveletNetwork,
+    dynamic,
 )
 from sysid.excitations import Aprbs, Chirp, Multisine, Prbs, Staircase, Steps, Sweep
 
+# A lag with a rate limit, in the way a user writes one.
+RATE_LIMITED = """
+def begin(s, x, p):
+    s.level = p.y0
+
+def step(s, x, p):
+    y = s.level
+    s.level += min(max(p.speed * (p.gain * x - y), -p.fall), p.rise)
+    return y
+"""
 # Block and parameters in the interior of its domain, for inputs in [-2, 2].
 BLOCKS = {
     "channels": (
@@ -54,6 +65,16 @@ BLOCKS = {
         np.array([-0.9, -0.15, 0.2, 0.8, 3.0, 2.5]),
     ),
     "delay": (Delay(role="map"), np.array([1.37])),
+    "dynamic": (
+        dynamic(
+            RATE_LIMITED,
+            {"gain": 1.0, "speed": 0.5, "rise": 1.0, "fall": 1.0, "y0": 0.0},
+            bounds={"speed": (0.0, 1.0), "rise": (0.0, 9.0), "fall": (0.0, 9.0)},
+            initial=("y0",),
+            role="map",
+        ),
+        np.array([1.4, 0.3, 0.25, 0.35, 0.2]),
+    ),
     "friction_lag": (FrictionLag(role="map"), np.array([0.3, 0.1, 0.2, 0.6, 0.15])),
     "limited_integrator": (LimitedIntegrator(role="map"), np.array([0.3, -0.6, 0.5, 0.1])),
     "motor": (  # gain, lag, rise, fall, load0, delay, lower, upper, x0, v0

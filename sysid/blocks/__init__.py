@@ -11,6 +11,7 @@ from sysid.blocks.custom import Custom
 from sysid.blocks.dead_zone import DeadZone
 from sysid.blocks.dead_zone_saturation import DeadZoneSaturation
 from sysid.blocks.delay import Delay
+from sysid.blocks.dynamic import Dynamic, dynamic
 from sysid.blocks.friction_lag import FrictionLag
 from sysid.blocks.limited_integrator import LimitedIntegrator
 from sysid.blocks.motor import Motor
@@ -45,6 +46,7 @@ TABLE: dict[str, Callable[..., Block]] = {
     "coasting_play": CoastingPlay,
     "custom": Custom,
     "delay": Delay,
+    "dynamic": Dynamic,
     "friction_lag": FrictionLag,
     "limited_integrator": LimitedIntegrator,
     "motor": Motor,
@@ -76,6 +78,7 @@ __all__ = [
     "DeadZone",
     "DeadZoneSaturation",
     "Delay",
+    "Dynamic",
     "FrictionLag",
     "LimitedIntegrator",
     "Motor",
@@ -91,5 +94,6 @@ __all__ = [
     "TravelMap",
     "UnitGain",
     "WaveletNetwork",
+    "dynamic",
     "static",
 ]

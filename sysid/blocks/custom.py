@@ -71,11 +71,7 @@ class Custom(StaticBlock):
         x = np.linspace(*self.span, 20 * (len(theta) + 4))
         y, slope = np.asarray(self.f(x, theta), dtype=float), self._slope(x, theta)
         M = np.column_stack([self._jacobian(x, theta), slope * x, slope, -y, -np.ones(len(x))])
-        norm = np.linalg.norm(M, axis=0)
-        scale = np.where(norm > 0.0, norm, 1.0)
-        _, s, Vt = np.linalg.svd(M / scale)
-        null = Vt[np.concatenate([s, np.zeros(len(Vt) - len(s))]) < 1e-8 * s[0]] / scale
-        return [Symmetry(row[:-4], *(float(value) for value in row[-4:])) for row in null]
+        return redundant(M)
 
     def _slope(self, x: np.ndarray, theta: np.ndarray) -> np.ndarray:
         if self.slope is not None:
@@ -94,3 +90,15 @@ class Custom(StaticBlock):
             up[i], down[i] = theta[i] + h, theta[i] - h
             columns[:, i] = (self.f(x, up) - self.f(x, down)) / (up[i] - down[i])
         return columns
+
+
+def redundant(M: np.ndarray) -> list[Symmetry]:
+    """Symmetries from the null space of M (n, p + 4): p columns of the parameters, then f' x, f', -y and -1.
+
+    In columns of unit norm a singular value below 1e-8 of the largest counts as zero.
+    """
+    norm = np.linalg.norm(M, axis=0)
+    scale = np.where(norm > 0.0, norm, 1.0)
+    _, s, Vt = np.linalg.svd(M / scale)
+    null = Vt[np.concatenate([s, np.zeros(len(Vt) - len(s))]) < 1e-8 * s[0]] / scale
+    return [Symmetry(row[:-4], *(float(value) for value in row[-4:])) for row in null]

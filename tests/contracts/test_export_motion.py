@@ -11,6 +11,7 @@ from sysid import closed_form, export_c, export_python
 from sysid.blocks import (
     CoastingPlay,
     Delay,
+    Dynamic,
     FrictionLag,
     LimitedIntegrator,
     Motor,
@@ -80,7 +81,7 @@ OPTIONS = {
     "travel_map_line": (TravelMap(2, role="part"), np.array([0.7, -0.4])),
     "travel_map_smooth_line": (TravelMap(2, smooth=True, role="part"), np.array([0.7, -0.4])),
 }
-OWN = (CoastingPlay, Delay, FrictionLag, LimitedIntegrator, Motor, Play, ProfiledMotor, Quantiser, TravelMap)
+OWN = (CoastingPlay, Delay, Dynamic, FrictionLag, LimitedIntegrator, Motor, Play, ProfiledMotor, Quantiser, TravelMap)
 CASES = {k: v for k, v in {**BLOCKS, **MOVING, **OPTIONS}.items() if type(v[0]) in OWN}
 
 

@@ -57,11 +57,14 @@ class Written(Block):
         """Changes with the functions."""
         return source.fingerprint(dict(self.functions))
 
+    def _near(self) -> Path | None:
+        """The folder beside which compiled kernels may lie."""
+        return Path(inspect.getfile(type(self))).parent
+
     @cached_property
     def _compiled(self) -> tuple[Any, tuple]:
         """The kernels, and what tells them this block's structure."""
-        near = Path(inspect.getfile(type(self))).parent
-        module = kernels(type(self).__name__, self._key(), self.program, self.absent, near)
+        module = kernels(type(self).__name__, self._key(), self.program, self.absent, self._near())
         names = [slot.name for slot in self.slots()]
         column = np.array([names.index(p) if p in names else -1 for p in module.PARAMETERS], dtype=np.int64)
         rows = {r: _row(names, r) for r in module.ROWS}

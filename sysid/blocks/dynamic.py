@@ -1,0 +1,152 @@
+"""A block with a memory that the user brings along as one step, with exact gradients and its own C and Python."""
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from sysid.block import Slot, Symmetry
+from sysid.blocks.custom import redundant
+from sysid.errors import InputError, unknown
+from sysid.model.compiler import source
+from sysid.model.compiler.ir import Program
+from sysid.model.compiler.recursion import Recursion
+from sysid.model.compiler.subset import read
+
+_PROBE = 400  # samples
+
+
+@dataclass(frozen=True)
+class Dynamic(Recursion):
+    """A step of your own; made with `dynamic`, which says what it may hold. All of it is text and numbers.
+
+    `names` and `first` (p,) are the parameters and where a search starts, `lower` and `upper` (p,) their bounds,
+    `records` the names of those that are initial states and `holding` of those that the block keeps at rest.
+    """
+
+    text: str
+    names: tuple[str, ...] = ()
+    first: tuple[float, ...] = ()
+    lower: tuple[float, ...] = ()
+    upper: tuple[float, ...] = ()
+    records: tuple[str, ...] = ()
+    holding: tuple[str, ...] = ()
+    span: tuple[float, float] = (-1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        program = self.program()
+        if program.consts:
+            raise InputError(f"a step of your own has no block to read {program.consts[0]} from; write the number")
+        if not len(self.names) == len(set(self.names)) == len(self.first) == len(self.lower) == len(self.upper):
+            raise InputError("a step's parameters need one start value, lower and upper bound each, and each name once")
+        for name in (*self.records, *self.holding):
+            if name not in self.names:
+                raise unknown("parameter", name, self.names)
+        rows = {r: [n for n in self.names if n.removeprefix(r).isdigit()] for r in program.rows}
+        given = {*self.names, *(r for r, names in rows.items() if names)}
+        missing = [n for n in (*program.params, *program.rows) if n not in given]
+        idle = set(self.names) - set(program.params) - {n for names in rows.values() for n in names}
+        if missing or idle:
+            wrong = f"reads {missing[0]}, which is no parameter" if missing else f"never reads {min(idle)}"
+            raise InputError(f"the step {wrong}; its parameters are {', '.join(self.names) or 'none'}")
+        if not self.admissible(np.array(self.first)):
+            raise InputError(f"the start values {self.first} leave the bounds; put them within")
+
+    def slots(self) -> tuple[Slot, ...]:
+        bounds = zip(self.names, self.lower, self.upper, strict=True)
+        return tuple(Slot(n, "", lo, up, n in self.records, n in self.holding) for n, lo, up in bounds)
+
+    def program(self) -> Program:
+        return self._program
+
+    @cached_property
+    def _program(self) -> Program:
+        return read(self.text)  # text from a file is read like any other, and never run
+
+    def _key(self) -> str:
+        return hashlib.blake2b(self.text.encode(), digest_size=12).hexdigest()
+
+    def _near(self) -> Path | None:
+        return None  # the library's own folder is not the place for a user's kernels
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        return np.array(self.first, dtype=float)
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        return bool(np.all(theta >= self.lower) and np.all(theta <= self.upper))
+
+    def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Every parameter within a factor of two or so, within the bounds."""
+        return np.clip(theta * np.exp(0.4 * rng.normal(size=len(theta))), self.lower, self.upper)
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        """Found, not declared: what a neighbour could take over, on a record of noise and holds over `span`.
+
+        A parameter that this record does not move says nothing and is left out.
+        """
+        rng = np.random.default_rng(0)
+        x = np.repeat(rng.uniform(*self.span, _PROBE // 8), 8) + 0.1 * (self.span[1] - self.span[0]) * rng.normal(
+            size=_PROBE
+        )
+        J = np.zeros((_PROBE, 2 + len(theta)))
+        J[:, 0], J[:, 1] = x, 1.0
+        y = self.propagate(theta, x, J, 2)
+        moved = np.any(J[:, 2:] != 0.0, axis=0)
+        if not (np.all(np.isfinite(J)) and np.all(np.isfinite(y))):
+            return []
+        found = redundant(np.column_stack([J[:, 2:][:, moved], J[:, :2], -y, -np.ones(_PROBE)]))
+        wide = []
+        for s in found:
+            d_theta = np.zeros(len(theta))
+            d_theta[moved] = s.d_theta
+            wide.append(Symmetry(d_theta, s.in_scale, s.in_shift, s.out_scale, s.out_shift))
+        return wide
+
+
+def dynamic(
+    step: Callable | str,
+    parameters: Mapping[str, float | Sequence[float]],
+    *,
+    begin: Callable | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    initial: Sequence[str] = (),
+    holds: Sequence[str] = (),
+    span: tuple[float, float] = (-1.0, 1.0),
+    role: str = "block",
+) -> Dynamic:
+    """A block from `step(s, x, p)`: it reads the states s.name, the input x and the parameters p.name, sets the states
+    of the next sample and returns the output. Derivatives, compiled code, C and Python are derived from its source.
+
+    A step is made of numbers, + - * / **, comparisons, and, or, not, if, for _ in range(n), break, return, exp, log,
+    sqrt, tanh, sin, cos, floor, sign, abs, int, min, max, ago(x, n) for the input n samples ago, and small functions
+    of the same kind. States begin at zero, or where `begin(s, x, p)` puts them at the first sample. Where Python knows
+    no source (at a prompt), give the text of both functions as `step`. A derivative at a switch is that of the branch
+    taken: a parameter that does nothing but move a jump has the derivative zero, and no search finds it.
+
+    `parameters` has a start value for each, several for a row p.name[i]; `bounds` by name. `initial` names those that
+    are initial states, and `holds` those of them that a block at rest keeps (a position, not a speed). `span` is the
+    range of x over which the block is probed for gains and offsets that a neighbour could take over. Raises InputError
+    for anything else, naming the line.
+    """
+    if isinstance(step, str):
+        if begin is not None:
+            raise InputError("the step is given as text and begin is not; put def begin(s, x, p) into the same text")
+        text = step
+    else:
+        text = source.text({"step": step} if begin is None else {"step": step, "begin": begin})
+    first: dict[str, float] = {}
+    limits: list[tuple[float, float]] = []
+    for name, value in parameters.items():
+        several = np.ndim(value) > 0
+        own = {f"{name}{k}": v for k, v in enumerate(value)} if several else {name: value}  # type: ignore[arg-type]
+        first |= {n: float(v) for n, v in own.items()}  # type: ignore[arg-type]
+        limits += [(bounds or {}).get(name, (-np.inf, np.inf))] * len(own)
+    for name in bounds or {}:
+        if name not in parameters:
+            raise unknown("parameter", name, tuple(parameters))
+    lower, upper = (tuple(float(limit[k]) for limit in limits) for k in (0, 1))
+    values = (tuple(first), tuple(first.values()), lower, upper, tuple(initial), tuple(holds), span)
+    return Dynamic(text, *values, role=role)
