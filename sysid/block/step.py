@@ -3,7 +3,7 @@
 import math
 from math import cos, exp, log, sin, sqrt, tanh
 
-__all__ = ["Input", "ago", "cos", "exp", "floor", "log", "sign", "sin", "sqrt", "tanh"]
+__all__ = ["Input", "ago", "cos", "exp", "floor", "log", "logistic", "sign", "sin", "sqrt", "tanh"]
 
 
 class Input(float):
@@ -30,6 +30,11 @@ def ago(x: float, n: int) -> float:
 def floor(x: float) -> float:
     """The largest whole number that is not above x, as a float."""
     return float(math.floor(x))
+
+
+def logistic(x: float) -> float:
+    """1 / (1 + e^-x), at any x."""
+    return 1.0 / (1.0 + exp(-x)) if x > -700.0 else 0.0
 
 
 def sign(x: float) -> float:

@@ -8,14 +8,14 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.block.block import Slot, Symmetry
 from sysid.block.compiler.recursion import Map
-from sysid.block.step import exp
+from sysid.block.step import logistic
 from sysid.block.writing import Writer
 
 
 def value(x, p, block):
     y = p.y0 + p.L * x
     for k in range(block.units):
-        y += p.s[k] * (1.0 / (1.0 + exp(-(p.b[k] * x + p.c[k]))))
+        y += p.s[k] * logistic(p.b[k] * x + p.c[k])
     return y
 
 

@@ -323,3 +323,18 @@ def test_importing_the_blocks_writes_and_compiles_nothing(tmp_path):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
     importlib.import_module("sysid.blocks")
+
+
+def test_slopes_are_numbers_where_an_exponential_is_infinite():
+    """At either end of a sigmoid the slope is 0, and the weight's derivative is the value of the unit there."""
+    block = BLOCKS["sigmoid_network"][0]
+    n = block.units
+    theta = np.concatenate([[0.5, 2.0], np.full(n, 3.0), np.full(n, 1e4), np.zeros(n)])
+    x = np.array([-1.0, 1.0])
+    J = np.zeros((2, 1 + len(theta)))
+    J[:, 0] = 1.0
+    y = block.propagate(theta, x, J, 1)
+    np.testing.assert_allclose(y, [-1.5, 2.5 + 3.0 * n])
+    np.testing.assert_allclose(J[:, 0], 2.0)
+    np.testing.assert_allclose(J[:, 3 : 3 + n], np.outer([0.0, 1.0], np.ones(n)), atol=1e-300)
+    np.testing.assert_array_equal(J[:, 3 + n :], 0.0)

@@ -1,5 +1,6 @@
 """Derivatives of one expression, in what a stretch of a program began with; see `tangent`."""
 
+import sys
 from dataclasses import dataclass, field
 
 from sysid.block.compiler.activity import Activity, activity, looks_back, lowered, names, now
@@ -11,6 +12,7 @@ Key = tuple[
 ]  # v: a vector by name, p: a parameter, a: one of a row, x: the input, r: an earlier one, y: output
 Coefficient = str | float
 Map = dict[Key, Coefficient]
+_LARGEST = sys.float_info.max
 _FEW = 6  # parameters whose columns are set one by one where no vector stands behind them
 
 
@@ -133,10 +135,11 @@ class Derivatives:
             "*": (lambda: _float(a[1]), lambda: _float(a[0])),
             "/": (lambda: t(f"1.0 / {a[1]}"), lambda: t(f"-({own} / {a[1]})")),
             "**": (lambda: t(f"{a[1]} * {a[0]} ** ({a[1]} - 1.0)"), lambda: t(f"{own} * log({a[0]})")),
-            "exp": (lambda: own,),
+            "exp": (lambda: t(f"min({own}, {_LARGEST!r})"),),  # 1 / (1 + exp(z)) has the slope 0 where exp is infinite
             "log": (lambda: t(f"1.0 / {a[0]}"),),
             "sqrt": (lambda: t(f"0.5 / {own}"),),
             "tanh": (lambda: t(f"1.0 - {own} * {own}"),),
+            "logistic": (lambda: t(f"{own} * (1.0 - {own})"),),
             "sin": (lambda: t(f"cos({a[0]})"),),
             "cos": (lambda: t(f"-sin({a[0]})"),),
             "abs": (lambda: t(f"1.0 if {a[0]} > 0.0 else (-1.0 if {a[0]} < 0.0 else 0.0)"),),

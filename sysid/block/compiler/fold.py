@@ -28,6 +28,7 @@ from sysid.block.compiler.ir import (
     rebuilt,
     statements,
 )
+from sysid.block.step import logistic
 
 _LONGEST = 8  # iterations that are tried one by one
 Env = dict[Var, Num]
@@ -324,6 +325,7 @@ def _computed(op: str, *v: float) -> float:
         "or": lambda a, b: bool(a or b),
         "not": lambda a: not a,
         "if": lambda t, a, b: a if t else b,
+        "logistic": logistic,
         "floor": lambda a: float(math.floor(a)),
         "sign": lambda a: math.copysign(1.0, a) if a else 0.0,
         "abs": abs,

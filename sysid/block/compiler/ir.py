@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
-FUNCTIONS = ("exp", "log", "sqrt", "tanh", "sin", "cos", "floor", "sign", "abs", "int", "min", "max")
+FUNCTIONS = ("exp", "log", "sqrt", "tanh", "logistic", "sin", "cos", "floor", "sign", "abs", "int", "min", "max")
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 FLAT = ("floor", "sign", "int", "and", "or", "not", *COMPARISONS)  # their derivative is zero wherever they have one
 

@@ -28,6 +28,11 @@ PARAMETERS = {params}
 ROWS = {rows}
 STRUCTURE = {consts}
 
+
+@njit(inline="always")
+def logistic(x):
+    return 1.0 / (1.0 + exp(-x))
+
 '''
 
 

@@ -218,6 +218,9 @@ class Text:
             a = self.show(e.args[0], 5)
             nested = self.choice(f"{a} < 0.0", number(-1.0), number(0.0))
             return self.choice(f"{a} > 0.0", number(1.0), f"({nested})"), 0
+        if e.op == "logistic":
+            below = Op("+", (Num(1.0), Op("exp", (Op("neg", e.args),))))
+            return self.operation(Op("/", (Num(1.0), below)))
         if e.op == "if":
             whole = self.integer(e)
             a, b = (self.show(v, 1, whole) for v in e.args[1:])
