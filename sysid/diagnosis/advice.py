@@ -61,7 +61,7 @@ def _input(data: IOData, i: int) -> Iterator[Advice]:
     else:
         yield Advice(
             "excitation",
-            f"{name} is persistently exciting of order {order} only: at most {order} linear parameters are identifiable",
+            f"{name} is persistently exciting of order {order} only: it identifies at most {order} linear parameters",
             order,
             f"excite with an aprbs or a multisine, or keep nb + nf at most {order}",
             "warning",

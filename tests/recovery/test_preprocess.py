@@ -60,7 +60,7 @@ def test_trends_that_make_no_sense():
             Trend.of(data, "linear", breaks)
     with pytest.raises(InputError, match="mean, linear"):
         Trend.of(data, "cubic")
-    with pytest.raises(InputError, match="the record it was found in"):
+    with pytest.raises(InputError, match="the record it was fitted to"):
         Trend.of(data).remove(data.select(0, 100))
 
 
@@ -166,7 +166,7 @@ def test_missing_and_experiments_carry_over():
 
 def test_rates_that_make_no_sense():
     data = IOData(T, T, 0.1)
-    with pytest.raises(InputError, match="no ratio of whole numbers"):
+    with pytest.raises(InputError, match="not a ratio of whole numbers"):
         resample(data, 0.1 * np.pi)
     with pytest.raises(InputError, match="positive number"):
         resample(data, -1.0)
