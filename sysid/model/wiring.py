@@ -1,4 +1,4 @@
-"""A chain with its numbers as a wiring of one-channel units: what exporters and the closed form walk through."""
+"""A chain with its numbers as a wiring of one-channel units, for the exporters and the closed form."""
 
 import math
 import re
@@ -14,15 +14,15 @@ from sysid.blocks import CubicSpline, Motor, PiecewiseLinear, TravelMap
 from sysid.model.chain import Chain
 
 T = TypeVar("T")
-SHORTEST = 1e-12  # samples; what is left of a sample below it is over, as in the kernels
-EVENTS = 4  # turns of a motor within one stretch of constant input, as in the kernels
+SHORTEST = 1e-12  # samples; a shorter rest of a sample is ignored, as in the kernels
+EVENTS = 4  # reversals of a motor within one interval of constant input, as in the kernels
 
 
 @dataclass(frozen=True)
 class Code:
     """Body of an exported function of `x`: may read tables by name and keep `state` numbers in `s`.
 
-    `start` holds what the first of these numbers are called and begin with; all others begin with zero.
+    `start` holds the names and initial values of the first of these numbers; all others start at zero.
     """
 
     body: str
@@ -49,12 +49,12 @@ class Writer:
     digits: int | None
 
     def num(self, value: float) -> str:
-        """A number, in brackets where it is negative."""
+        """A number, in brackets if it is negative."""
         plain = number(value) if self.digits is None else f"{float(value):.{self.digits}g}"
         return f"({plain})" if plain.startswith("-") else plain
 
     def sum(self, terms: list[tuple[float, str]]) -> str:
-        """c1*a + c2*b - ... without the terms of weight zero; an empty name stands for the number alone."""
+        """c1*a + c2*b - ... without the terms of weight zero; an empty name means the number alone."""
         parts: list[str] = []
         for c, name in terms:
             if c == 0.0:
@@ -75,9 +75,9 @@ Layer = tuple[tuple[tuple[Unit, int], ...], ...]
 
 
 def layers(model: Chain, theta: np.ndarray) -> tuple[Layer, ...]:
-    """The chain's blocks in order, those of several channels taken apart, with their part of theta (P,).
+    """The chain's blocks in order, split by channel, with their part of theta (P,).
 
-    Raises InputError where theta is not finite: no text stands for such a model.
+    Raises InputError if theta is not finite: such a model cannot be written as text.
     """
     if not np.all(np.isfinite(theta)):
         raise InputError("a parameter of this model is not finite; fit it again before writing it out")
@@ -97,10 +97,10 @@ def _layer(k: int, block: Block, theta: np.ndarray) -> Layer:
 
 
 def entry(table: Mapping[type[Block], Callable[..., T]], unit: Unit, what: str) -> Callable[..., T]:
-    """The line of `table` for a unit's block; raises InputError for a block without one."""
+    """The entry of `table` for a unit's block; raises InputError for a block without one."""
     if type(unit.block) not in table:
         static = isinstance(unit.block, StaticBlock)
-        way = "fit a piecewise linear map or a spline in its place" if static else "run the fit itself, in Python"
+        way = "fit a piecewise linear map or a spline instead" if static else "use the fit itself in Python"
         raise InputError(
             f"{unit.name} is a {type(unit.block).__name__} block, which has no formula to write as {what}; {way}"
         )
@@ -136,7 +136,7 @@ def by_name(block: Block, theta: np.ndarray) -> dict[str, float]:
 
 
 def arrivals(block: Motor, theta: np.ndarray) -> list[tuple[int, float]]:
-    """The stretches of one sample over which a motor's input stands: how many samples old it is, how long it stands."""
+    """The intervals of one sample with constant motor input: the age of the input in samples and the length."""
     delay = by_name(block, theta).get("delay", 0.0)
     whole = math.floor(delay)
     stretches = [(whole + 1, delay - whole), (whole, 1.0 - (delay - whole))]
@@ -144,9 +144,9 @@ def arrivals(block: Motor, theta: np.ndarray) -> list[tuple[int, float]]:
 
 
 def identifier(name: str) -> str:
-    """`name` where it is an identifier in C and Python alike; raises InputError elsewhere."""
+    """`name` if it is an identifier in both C and Python; otherwise raises InputError."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name, flags=re.ASCII):
-        raise InputError(f"{name!r} is no identifier; give letters, digits and _, a letter first")
+        raise InputError(f"{name!r} is not an identifier; give letters, digits and _, a letter first")
     return name
 
 

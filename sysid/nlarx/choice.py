@@ -22,7 +22,7 @@ _PATIENCE = 2  # sizes without improvement before the search for a size ends
 
 
 def choices(model: Nlarx, data: IOData, ridges: tuple[float, ...], search: str) -> tuple[Choice, ...]:
-    """Sizes up to the maximum of generalised cross-validation, each fitted to every record without one of its blocks."""
+    """Sizes up to the maximum of generalised cross-validation, each fitted to every record without one block."""
     folds = _folds(model, data)
     Phi, y = rows(model, Piece.of(data))
     empty = empty_network(model, Phi)

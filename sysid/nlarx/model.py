@@ -133,7 +133,7 @@ class Network:
     def free_run(
         self, theta: np.ndarray, u: np.ndarray, y: np.ndarray, first: int, limit: float, own: bool = False
     ) -> tuple[np.ndarray, np.ndarray, int]:
-        """Free run (N,) from sample `first`, its Jacobian (N, P) where `own`, and the sample at which it left +-limit (N if never).
+        """Free run (N,) from sample `first`, its Jacobian (N, P) where `own`, and where it left +-limit (or N).
 
         The samples of y (N,) before `first` are its past; after divergence the run is infinite.
         """

@@ -137,7 +137,7 @@ class NlarxFit:
                 "search": self.search,
                 "criteria": self.criteria.as_dict(),
                 "criteria_of": self.criteria_of,
-                "poles": [],  # the poles of a nonlinear ARX model belong to an operating point, see sysid.nlarx.linearize
+                "poles": [],  # a nonlinear ARX model has poles only at an operating point, see sysid.nlarx.linearize
                 "zeros": [],
                 "parameters": [vars(p) for p in self.parameters],
                 "stop": vars(self.stop),

@@ -168,7 +168,7 @@ def halve(
     max_halvings: int,
     method: str,
 ) -> tuple[Step | None, int]:
-    """First of direction, direction/2, ... that lowers the cost by a sufficient share of the prediction, and its number of halvings."""
+    """First of direction, direction/2, ... that lowers the cost by a sufficient share of the prediction, and halvings."""
     for k in range(max_halvings + 1):
         cost, delta = attempt(direction * 0.5**k)
         if cost < lin.cost - 1e-4 * max(lin.predicted(delta), 0.0):
@@ -236,11 +236,15 @@ def iterate(
         evaluations += 1
         expected = lin.expected_improvement
         if expected <= options.tolerance:
-            reason = f"the expected improvement is {expected:.2g} % of the loss, below the tolerance of {options.tolerance:g} %"
+            reason = (
+                f"expected improvement {expected:.2g} % of the loss, below the tolerance of {options.tolerance:g} %"
+            )
             converged = True
             break
         if iteration == options.max_iterations:
-            reason = f"limit of {options.max_iterations} iterations reached; the expected improvement is still {expected:.2g} %"
+            reason = (
+                f"limit of {options.max_iterations} iterations reached; expected improvement still {expected:.2g} %"
+            )
             break
         tried.clear()
         step = search.step(lin, attempt, memory, options)
