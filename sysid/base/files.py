@@ -49,8 +49,8 @@ def write_text(path: str | os.PathLike, text: str) -> Path:
 
 
 class Lines:
-    """A text file that grows line by line. Each line is appended in one write and flushed to the disk. A killed process damages at most the last line, which
-    is left out on reading and removed before the next line is appended.
+    """A text file that grows line by line. Each line is appended in one write and flushed to the disk. A kill
+    damages at most the last line, which is left out on reading and removed before the next line is appended.
     """
 
     def __init__(self, path: Path) -> None:

@@ -108,7 +108,7 @@ class Chain:
 
     @cached_property
     def dynamics(self) -> tuple[tuple[slice, TransferFunction], ...]:
-        """Every transfer function of the chain and the positions of its parameters in theta, matrices entry by entry."""
+        """Every transfer function of the chain and the positions of its parameters in theta, matrices by entry."""
         found: list[tuple[slice, TransferFunction]] = []
         for b in self.blocks:
             start = self.index(b).start

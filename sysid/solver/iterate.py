@@ -90,9 +90,7 @@ class Linearisation:
         R = np.zeros((P + 1, P + 1))
         for start in range(0, max(N, 1), _ROWS):
             rows = slice(start, min(start + _ROWS, N))
-            A = np.empty(
-                (P + 1 + rows.stop - start, P + 1), order="F"
-            )  # the order that LAPACK needs; otherwise it makes another copy
+            A = np.empty((P + 1 + rows.stop - start, P + 1), order="F")  # the order of LAPACK, which avoids a copy
             A[: P + 1], A[P + 1 :, :P], A[P + 1 :, P] = R, J[rows], e[rows]
             R = np.triu(dgeqrf(A, lwork=64 * (P + 1), overwrite_a=True)[0][: P + 1])
         return cls(R[:P, :P], R[:P, P], float(e @ e), N)
@@ -168,7 +166,7 @@ def halve(
     max_halvings: int,
     method: str,
 ) -> tuple[Step | None, int]:
-    """First of direction, direction/2, ... that lowers the cost by a sufficient share of the prediction, and halvings."""
+    """First of direction, direction/2, ... that lowers the cost by enough of the prediction, and halvings."""
     for k in range(max_halvings + 1):
         cost, delta = attempt(direction * 0.5**k)
         if cost < lin.cost - 1e-4 * max(lin.predicted(delta), 0.0):
