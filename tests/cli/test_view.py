@@ -100,7 +100,7 @@ def test_without_a_renderer_it_is_one_sentence_and_no_file(logs, monkeypatch, ca
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("thigh.csv", "say it with --joint"),
+        ("thigh.csv", "give --joint"),
         ("thigh.csv --joint knee", "shoulder, thigh, shank"),
         ("thigh.parquet --joint shank", "leave --joint out"),
         ("missing.csv --strip a.png", "missing.csv does not exist"),
@@ -163,7 +163,7 @@ def test_a_port_that_is_taken_is_a_sentence(logs, capsys):
         taken.listen()
         port = taken.getsockname()[1]
         assert main(["view", "thigh.parquet", "--web", "--port", str(port)]) == 2
-    assert f"--port {port} cannot be had" in capsys.readouterr().err
+    assert f"--port {port} is not available" in capsys.readouterr().err
     check_port(port)  # free again
 
 

@@ -200,7 +200,7 @@ DAMAGES = {
     "wrong option": (put("model", "blocks", 1, "na", 2), "na is not known"),
     "parameter missing": (drop("theta", "linear.f2"), r"see linear\.f2"),
     "parameter not finite": (put("theta", "linear.f2", "nan"), "not a valid model"),
-    "parameter a word": (put("theta", "linear.f2", "one"), "theta: this list holds something that is not a number"),
+    "parameter a word": (put("theta", "linear.f2", "one"), "theta: this list has an entry that is not a number"),
     "unstable": (put("theta", "linear.f2", 3.0), "not a valid model"),
     "covariance cut": (put("covariance", "cov", [[1.0]]), "covariance does not have a row and a column for each"),
     "covariance ragged": (put("covariance", "cov", [[1.0], [1.0, 2.0]]), "rows of this table have different lengths"),
@@ -222,7 +222,7 @@ def test_a_damaged_file_says_what_is_wrong(searched, tmp_path, name):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"", "breaks off or is damaged at line 1"),
+        (b"", "is incomplete or damaged at line 1"),
         (b"\xff\xfe\x00", "not text"),
         (b"[1, 2]", "not a saved fit"),
         (b"NaN", "holds NaN"),

@@ -240,7 +240,7 @@ def test_short_gaps_are_filled_long_ones_stay_open():
     np.testing.assert_allclose(got.values[:40], 0.5 * T[:40])
     np.testing.assert_array_equal(np.flatnonzero(got.open), [*range(40, 60), 99])
     assert "4 of 25 missing samples filled" in got.sentence
-    assert "2 gap(s) stay open, the longest with 20 samples from 40 (limit 3)" in got.sentence
+    assert "2 gap(s) not filled, the longest with 20 samples from 40 (limit 3)" in got.sentence
     assert fill(T, 3).sentence == "no sample is missing"
 
 
