@@ -198,7 +198,7 @@ def closed_form(joint: str, p: Parameters, model: mujoco.MjModel, data: mujoco.M
 
 
 def link_inertia(joint: str, model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Inertia [kg m2] of the bodies that `joint` moves, about its axis (parallel axes: axis' I axis + mass distance^2)."""
+    """Inertia [kg m2] of all that `joint` moves, about its axis (parallel axes: axis' I axis + mass distance^2)."""
     hinge = model.joint(joint + BENCH_LEG)
     axis, anchor = data.xaxis[hinge.id], data.xanchor[hinge.id]
     total = 0.0

@@ -108,7 +108,7 @@ def test_without_a_renderer_it_is_one_sentence_and_no_file(logs, monkeypatch, ca
         ("thigh.parquet --strip a.jpg", "ends in .png"),
         ("thigh.parquet --gif a.png", "ends in .gif"),
         ("thigh.parquet --strip nowhere/a.png", "there is no folder nowhere"),
-        ("thigh.parquet --strip a.png --count 1", "from 2 to 12 frames"),
+        ("thigh.parquet --strip a.png --count 1", "give 2 to 12 frames"),
         ("thigh.parquet --strip a.png --start 3 --stop 2", "start before the stop"),
         ("thigh.parquet --strip a.png --stop 5", "goes from 0 to 4 s"),
         ("thigh.parquet --speed 0", "--speed is 0"),

@@ -181,7 +181,7 @@ def test_draws_that_are_no_leg_are_drawn_again_and_counted() -> None:
         ({"spread": {"gravity": -0.1}}, "the spread of gravity is -0.1"),
         ({"spread": {"gravity": float("nan")}}, "the spread of gravity is nan"),
         ({"spread": {"gravity": 0.1}, "uniform": ["gravity"]}, "gravity is given in two ways of drawing"),
-        ({"log_uniform": ["gravity"]}, "gravity can be 0, which has no logarithm"),
+        ({"log_uniform": ["gravity"]}, "the lower bound of gravity is 0, which has no logarithm"),
         ({"seed": -1}, "seed of the draws is -1"),
     ],
 )
@@ -236,7 +236,7 @@ def test_a_folder_of_another_ensemble_is_refused(tmp_path: Path, changes: dict, 
 
 def test_other_folders_are_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("text")
-    with pytest.raises(InputError, match=r"holds no manifest\.json; choose an empty or a new folder"):
+    with pytest.raises(InputError, match=r"has no manifest\.json; choose an empty or a new folder"):
         ensemble(tmp_path).run()
     whole = ensemble(tmp_path / "new").run()
     manifest = tmp_path / "new" / "manifest.json"
