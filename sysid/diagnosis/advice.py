@@ -160,7 +160,7 @@ def _between(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
     p = drift(white)
     yield Advice(
         "drift",
-        f"{y} {'drifts' if p < LEVEL else 'shows no drift'} along a line beyond what the input explains (p = {p:.2g})",
+        f"{y} has {'a' if p < LEVEL else 'no'} linear drift that the input does not explain (p = {p:.2g})",
         p,
         "remove linear trends (preprocess.Trend) or find the cause, such as warming or the supply" if p < LEVEL else "",
         "warning" if p < LEVEL else "fine",
