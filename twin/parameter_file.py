@@ -1,6 +1,6 @@
 """Parameters of the twin as a file that a person edits: TOML or JSON, by suffix, in SI units.
 
-A name stands at the top or, for a joint's, in the joint's table. What is not named is nominal:
+A name is at the top level or, for a joint's parameter, in the table of the joint. Parameters not named are nominal:
 
     pot_noise = 0.002
 
@@ -29,14 +29,14 @@ ROWS: Mapping[str, Row] = {row.name: row for row in TABLE}
 
 
 class _DamagedError(ValueError):
-    """The text is not what its suffix says; holds the line, 0 where none is known, and the sentence."""
+    """The text does not have the format of its suffix; holds the line (0 if unknown) and the sentence."""
 
 
 def read(path: str | os.PathLike[str]) -> Parameters:
     """The parameters in a .toml or .json file.
 
     Raises InputError, which names the file and the line or the parameter, for a file that cannot be read or is damaged,
-    a name that the twin does not have or that stands twice, and a value that is no number or outside its bounds.
+    an unknown or repeated name, and a value that is not a number or is outside its bounds.
     """
     source = Path(path)
     parse = _FORMATS[check_suffix(source)]
@@ -47,7 +47,9 @@ def read(path: str | os.PathLike[str]) -> Parameters:
         line, said = error.args
         raise InputError(f"{source}, line {line}: {said}" if line else f"{source}: {said}") from None
     except RecursionError:
-        raise InputError(f"{source}: tables in tables without end; give names, or joints with names in them") from None
+        raise InputError(
+            f"{source}: the tables are nested too deeply; give names, or joints with names in them"
+        ) from None
     try:
         return Parameters(_values(document))
     except InputError as error:
@@ -57,12 +59,14 @@ def read(path: str | os.PathLike[str]) -> Parameters:
 def write(parameters: Parameters, path: str | os.PathLike[str], all: bool = False) -> Path:
     """Write the values that differ from nominal, or all of them, so that `read` gives every bit of them back.
 
-    In TOML each value has its unit, bounds and source behind it. The file appears whole or not at all; raises
-    InputError for a place that cannot be written to or another suffix.
+    In TOML a comment gives the unit, bounds and source of each value. The file appears whole or not at all; raises
+    InputError for a path that cannot be written or for another suffix.
     """
     target = Path(path)
     kept = parameters.values if all else parameters.changed()
-    tables: dict[str, dict[str, float]] = {"": {}}  # names at the top come first: behind a header they would be its own
+    tables: dict[str, dict[str, float]] = {
+        "": {}
+    }  # names at the top level come first: after a header they would belong to its table
     for name, value in kept.items():
         table, _, key = name.rpartition(".")
         tables.setdefault(table, {})[key] = value
@@ -80,7 +84,7 @@ def check_suffix(path: Path) -> str:
 
 
 def check_together(parameters: Parameters, source: str | os.PathLike[str]) -> None:
-    """Raises InputError, which names `source`, where values that are each within bounds make no leg together."""
+    """Raises InputError, which names `source`, if values within their bounds give an invalid leg together."""
     for joint in JOINTS:
         try:
             end_angles(parameters, joint)
@@ -95,7 +99,7 @@ def _text(path: Path) -> str:
     if not path.exists():
         raise InputError(f"{path} does not exist; check the name and the folder you are in")
     if not path.is_file():
-        raise InputError(f"{path} is no ordinary file; give one that can be read twice")
+        raise InputError(f"{path} is not a regular file; give a regular file")
     try:
         with path.open("rb") as file:
             raw = file.read(LARGEST + 1)
@@ -121,7 +125,7 @@ def _parse_toml(text: str) -> dict[str, Any]:
         number = re.match(r"line (\d+)", place)
         line = int(number[1]) if number else len(text.splitlines())
         if message.startswith(("Cannot overwrite", "Cannot declare", "Duplicate")):
-            raise _DamagedError(line, "a name stands there for the second time; keep one of the two") from None
+            raise _DamagedError(line, "a name is repeated; keep one of the two") from None
         raise _not("TOML", message, line) from None
     except ValueError as error:  # a whole number of thousands of digits
         raise _not("TOML", str(error)) from None
@@ -132,11 +136,11 @@ def _parse_json(text: str) -> dict[str, Any]:
         names = [name for name, _ in found]
         twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
         if twice is not None:
-            raise _DamagedError(0, f"{twice!r} stands twice in one table; keep one of the two")
+            raise _DamagedError(0, f"{twice!r} is repeated in one table; keep one of the two")
         return dict(found)
 
     def constant(name: str) -> NoReturn:
-        raise _DamagedError(0, f"found {name} where a number belongs; give a finite number")
+        raise _DamagedError(0, f"found {name} instead of a number; give a finite number")
 
     try:
         document = json.loads(text, object_pairs_hook=pairs, parse_constant=constant)
@@ -147,7 +151,7 @@ def _parse_json(text: str) -> dict[str, Any]:
     except ValueError as error:
         raise _not("JSON", str(error)) from None
     if not isinstance(document, dict):
-        raise _DamagedError(0, f"found {_brief(document)} where a table belongs; give names with numbers")
+        raise _DamagedError(0, f"found {_brief(document)} instead of a table; give names with numbers")
     return document
 
 
@@ -161,11 +165,11 @@ def _values(document: Mapping[str, Any]) -> dict[str, float]:
         if name not in ROWS:
             raise _unknown(name)
         if name in values:
-            raise InputError(f"{name} stands there twice, with {values[name]!r} and {_brief(value)}; keep one")
+            raise InputError(f"{name} is given twice, as {values[name]!r} and {_brief(value)}; keep one")
         row = ROWS[name]
         span = f"{_span(row)} {_unit(row)}".rstrip()
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{name} is {_brief(value)}, which is no number; give {span}, without quotes")
+            raise InputError(f"{name} is {_brief(value)}, which is not a number; give {span}, without quotes")
         if isinstance(value, float) and not math.isfinite(value):
             raise InputError(f"{name} is {value}; give a number from {span}")
         if not row.lower <= value <= row.upper:
@@ -195,8 +199,8 @@ def _tables() -> dict[str, None]:
 def _unknown(name: str) -> InputError:
     inside = [known for known in ROWS if known.startswith(f"{name}.")]
     if inside:
-        return InputError(f"{name} is a table of parameters and no number; give those that you change, as {inside[0]}")
-    alike = [known for known in ROWS if known.rpartition(".")[2] == name]  # the table was forgotten
+        return InputError(f"{name} is a table of parameters, not a number; give the ones to change, as {inside[0]}")
+    alike = [known for known in ROWS if known.rpartition(".")[2] == name]  # the name without its table
     alike = alike or get_close_matches(name, ROWS, n=3, cutoff=0.7)
     said = f"did you mean {' or '.join(alike)}? " if alike else ""
     return InputError(f"unknown parameter {name[:80]!r}; {said}qpal info lists every name")
@@ -211,13 +215,13 @@ def _span(row: Row) -> str:
 
 
 def _short(value: float) -> str:
-    """Seven digits where they are the number, all where they are not: a bound that is copied has to be within it."""
+    """Seven digits if they are exact, otherwise all digits, so that a copied bound is within the bound."""
     text = f"{value:.7g}"
     return text if float(text) == value else repr(float(value))
 
 
 def _brief(value: Any) -> str:
-    """What was found, short enough for a sentence."""
+    """The value found, short enough for a sentence."""
     try:
         text = repr(value)
     except ValueError:  # a whole number of thousands of digits
@@ -226,7 +230,7 @@ def _brief(value: Any) -> str:
 
 
 def _to_toml(tables: Mapping[str, Mapping[str, float]]) -> str:
-    lines = ["# Parameters of the twin in SI units; one that is not named is nominal."]
+    lines = ["# Parameters of the twin in SI units; parameters not named are nominal."]
     for table, entries in tables.items():
         if table:
             lines += ["", f"[{table}]"]

@@ -1,4 +1,4 @@
-"""The twin's physical parameters: one row each, with where the number comes from and how it enters the model."""
+"""The twin's physical parameters: one row each, with the source of the number and its place in the model."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,9 +9,10 @@ import numpy as np
 from sysid.base.errors import InputError, unknown
 
 JOINTS = ("shoulder", "thigh", "shank")
-LEG = "leg"  # in place of a joint: all three of them at once
-# What each switch removes. "friction" takes all of it, dry and viscous, of actuator and bearing; the three after it
-# take a part of the dry friction. "end_stops" takes hard stops and limit switches, "contact" the foot's with the floor.
+LEG = "leg"  # in place of a joint: all three joints at once
+# What each switch removes. "friction" removes all friction, dry and viscous, of actuator and bearing; the three after
+# it remove a part of the dry friction. "end_stops" removes hard stops and limit switches, "contact" that of foot and
+# floor.
 IMPERFECTIONS = (
     *("friction", "asymmetry", "stribeck", "load_friction", "end_stops", "backlash"),
     *("pwm", "dead_band", "sag", "delay"),
@@ -31,7 +32,7 @@ OUTSIDE_MODEL = frozenset(
 
 @dataclass(frozen=True)
 class Row:
-    """A physical parameter. `lower` and `upper` bound what the twin accepts and what a calibration may search."""
+    """A physical parameter. `lower` and `upper` are the limits of the twin and of a calibration."""
 
     name: str
     nominal: float
@@ -48,8 +49,8 @@ class Row:
 
 
 PAPER = "Guni and Irawan 2016, section III"
-# The paper names no actuator, link length or friction. What stands here is of the size of catalogue parts, and such
-# that a 12 V sweep crosses the stroke in about three quarters of its half period, as the paper's records look.
+# The paper gives no actuator, link length or friction. These numbers are of the size of catalogue parts. A 12 V sweep
+# crosses the stroke in about three quarters of its half period, as in the paper's records.
 GUESS = "assumption"
 
 
@@ -57,19 +58,19 @@ GUESS = "assumption"
 _FRICTION = (
     ("asymmetry", -0.9, 0.9, "1", "friction row: Coulomb friction is (1 + this) up and (1 - this) down of its mean"),
     ("stribeck", 0, 2, "1", "friction row: at rest it is (1 + this) times Coulomb friction"),
-    ("load_friction", 0, 3, "1", "friction row: dry friction per axial load; from 1 on the screw locks itself"),
+    ("load_friction", 0, 3, "1", "friction row: dry friction per axial load; the screw is self-locking from 1 on"),
 )
 _SERVO = (
     ("servo_kp", 0, 2000, "V/V", "servo mode: motor volts per volt of the potentiometer's error"),
-    ("servo_ki", 0, 2000, "V/(V s)", "servo mode: the same for the error's integral"),
-    ("servo_kd", 0, 100, "V s/V", "servo mode: the same for the reading's rate, against it"),
+    ("servo_ki", 0, 2000, "V/(V s)", "servo mode: motor volts per volt second of the error's integral"),
+    ("servo_kd", 0, 100, "V s/V", "servo mode: braking motor volts per volt per second of the reading's rate"),
 )
 
 
 def _rod_joint(joint: str, **nominal: float) -> list[Row]:
     """Rows of a joint that a linear actuator moves; forces and speeds at the rod, angles in the leg's plane."""
     rows = (
-        ("rated_voltage", 3, 48, "V", "dcmotor nominal: voltage of the two numbers that follow"),
+        ("rated_voltage", 3, 48, "V", "dcmotor nominal: voltage of the next two numbers"),
         ("no_load_speed", 0.002, 0.1, "m/s", "dcmotor nominal: rod speed at rated voltage without any friction"),
         ("stall_force", 20, 5000, "N", "dcmotor nominal: rod force at rated voltage and standstill"),
         ("lead", 0.0005, 0.02, "m", "dcmotor gear 2 pi gear_ratio / lead"),
@@ -103,7 +104,7 @@ def _rod_joint(joint: str, **nominal: float) -> list[Row]:
 def _geared_joint(joint: str, **nominal: float) -> list[Row]:
     """Rows of a joint that a geared motor turns directly. Torques and speeds at the joint."""
     rows = (
-        ("rated_voltage", 3, 48, "V", "dcmotor nominal: voltage of the two numbers that follow"),
+        ("rated_voltage", 3, 48, "V", "dcmotor nominal: voltage of the next two numbers"),
         ("no_load_speed", 0.05, 20, "rad/s", "dcmotor nominal: joint speed at rated voltage without any friction"),
         ("stall_torque", 0.2, 200, "N m", "dcmotor nominal: joint torque at rated voltage and standstill"),
         ("gear_ratio", 1, 5000, "1", "dcmotor gear"),
@@ -130,12 +131,12 @@ def _row(
 
 
 TABLE: tuple[Row, ...] = (
-    Row("supply_voltage", 12.0, 3, 48, "V", GUESS, "drive: motor voltage is cut off at plus and minus this"),
+    Row("supply_voltage", 12.0, 3, 48, "V", GUESS, "drive: limit of the motor voltage, both signs"),
     Row(
         "supply_resistance", 1.0, 0, 10, "Ohm", GUESS, "drive: supply and wires, shared by all joints; the supply sags"
     ),
     Row("pwm_bits", 8, 4, 16, "1", GUESS, "drive: duty in steps of 1 / (2^bits - 1)"),
-    Row("dead_band", 0.3, 0, 3, "V", GUESS, "drive: volts that the bridge's dead time takes from a command"),
+    Row("dead_band", 0.3, 0, 3, "V", GUESS, "drive: voltage loss from the bridge's dead time"),
     Row(
         "switch_period",
         0.01,
@@ -143,7 +144,7 @@ TABLE: tuple[Row, ...] = (
         0.1,
         "s",
         GUESS,
-        "drive: the board looks at commands, switches and pots this often",
+        "drive: period at which the board reads commands, switches and pots",
     ),
     Row(
         "delay",
@@ -152,7 +153,7 @@ TABLE: tuple[Row, ...] = (
         1,
         "s",
         GUESS,
-        "drive: from a command's time stamp to the board, which looks once a switch_period",
+        "drive: from a command's time stamp to the board, which reads once per switch_period",
     ),
     Row("pot_noise", np.deg2rad(0.2), 0, 0.1, "rad", GUESS, "pot: standard deviation of white noise on a reading"),
     Row("pot_range", np.deg2rad(270.0), 0.5, 6.3, "rad", GUESS, "pot: electrical angle that the ADC's codes divide"),
@@ -175,10 +176,18 @@ TABLE: tuple[Row, ...] = (
         0.2,
         "1",
         GUESS,
-        "pot: part of the samples that the logger misses; it repeats the last",
+        "pot: share of the samples that are lost; the log repeats the last one",
     ),
     Row("gravity", 9.81, 0, 20, "m/s2", "standard", "option gravity"),
-    Row("bench_height", 0.6, 0.2, 1, "m", GUESS, "torso of the bench above the floor; at 0.6 the foot hangs free"),
+    Row(
+        "bench_height",
+        0.6,
+        0.2,
+        1,
+        "m",
+        GUESS,
+        "height of the bench's torso above the floor; at 0.6 the foot hangs free",
+    ),
     Row("torso_mass", 4.0, 0.5, 50, "kg", GUESS, "geom mass; the torso's size is the paper's, in the MJCF"),
     Row("shoulder_mass", 0.30, 0.01, 10, "kg", GUESS, "geom mass of the bracket"),
     Row("thigh_mass", 0.35, 0.01, 10, "kg", GUESS, "geom mass of the thigh's tube"),
@@ -273,7 +282,7 @@ class Parameters:
     """Values of the physical parameters in SI, nominal where not given.
 
     `Parameters({"thigh.coulomb": 40.0})["thigh.stroke"]` is 0.064, with 40 N of dry friction in the thigh's actuator.
-    Raises InputError for a name that is not in `TABLE` and for a value that is no number or outside its bounds.
+    Raises InputError for a name that is not in `TABLE` and for a value that is not a number or outside its bounds.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Ground truth of one joint: what an identifier should find in the twin's logs."""
+"""Ground truth of one joint: the values that an identifier should find in the twin's logs."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -17,7 +17,7 @@ from twin.hardware.potentiometer import potentiometer
 from twin.parameters import IMPERFECTIONS, Parameters
 from twin.plant.leg import BENCH_LEG, bench, check_joint
 
-# What the linearisation leaves out, besides the Coulomb friction.
+# Effects that the linearisation omits besides Coulomb friction.
 LINEAR = tuple(name for name in IMPERFECTIONS if name != "friction")
 
 
@@ -25,21 +25,21 @@ LINEAR = tuple(name for name in IMPERFECTIONS if name != "friction")
 class Truth:
     """Input-to-angle channel of a bench joint at mid stroke, and the levels of its imperfections.
 
-    Mode "voltage": the channel is an integrator behind a lag. `poles` (n,) in z at Ts come from the compiled model as
-    it is stepped, `closed_form_poles` (n,) from motor and load constants taken through the same integration step;
+    Mode "voltage": the channel is a first-order lag and an integrator. `poles` (n,) in z at Ts come from the compiled
+    model with its time step, `closed_form_poles` (n,) from motor and load constants with the same integration step;
     `poles_s` and `closed_form_poles_s` [1/s] are log(z) / Ts. `continuous_pole` [1/s] is the lag's pole -damping /
     inertia before any time step (the implicit step of h = 1 ms shows a pole s as -log(1 - s h) / h, about 1 % slower).
-    gain and closed_form_gain [rad/s per V]: speed per volt once the lag has settled.
-    Mode "servo": the poles are those of the position loop, sampled as the board samples it; gain and closed_form_gain
-    [rad/V] are its angle per volt of reference. Dry friction, play, end stops, gravity, delay and all that bends or
-    rounds are out of the linearisation; viscous friction is in.
+    gain and closed_form_gain [rad/s per V]: speed per volt in steady state. Mode "servo": the poles are those of the
+    position loop, at the board's sampling time; gain and closed_form_gain [rad/V] are its angle per volt of reference.
+    The linearisation omits dry friction, backlash, end stops, gravity, delay, nonlinearity and quantisation; it
+    includes viscous friction.
 
     end_angles [rad]: travel of the drive side; the link rests up to backlash / 2 beyond. backlash [rad]: whole width.
-    load [N or N m]: what the drive holds at mid stroke, from the weight of the links. breakaway_voltage [V]: command
-    that just starts the joint from rest at mid stroke towards smaller and larger angles, with weight, dry friction,
-    dead band and sag together (PWM steps left out), infinite where the supply cannot. dead_band [V]: the drive's.
-    delay [s]: until the board looks at a command that has come, in whole periods of the board. friction holds the
-    levels, at rod or joint.
+    load [N or N m]: holding force of the drive at mid stroke from the weight of the links. breakaway_voltage [V]:
+    smallest command that starts the joint from rest at mid stroke towards smaller and larger angles, with weight, dry
+    friction, dead band and sag (without PWM steps); infinite if the supply is too low. dead_band [V]: that of the
+    drive. delay [s]: until the board reads a command, in whole periods of the board. friction: the levels, at rod or
+    joint.
     """
 
     joint: str
@@ -62,12 +62,12 @@ class Truth:
     friction: dict[str, float]
 
     def as_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and lists, for JSON; poles as [re, im], what is infinite as None."""
+        """The same as plain numbers and lists, for JSON; poles as [re, im], infinite values as None."""
         return plain(asdict(self))
 
 
 def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mode: str = "voltage") -> Truth:
-    """The truth about `joint` sampled every `Ts` [s]; raises InputError for a joint, Ts or mode that does not exist."""
+    """The truth about `joint` sampled every `Ts` [s]; raises InputError for an invalid joint, Ts or mode."""
     check_joint(joint)
     if mode not in MODES:
         raise unknown("mode", mode, MODES)
@@ -110,7 +110,7 @@ def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mod
 
 
 def _until_seen(delay: float, period: float, h: float) -> float:
-    """What a delay [s] acts as: commands come in whole simulation steps, and the board looks once a period."""
+    """Effective delay of `delay` [s]: commands arrive in whole simulation steps, the board reads once per period."""
     tick = max(1, round(period / h))
     return -(-round(delay / h) // tick) * tick * h
 
@@ -144,15 +144,15 @@ def channel(A: np.ndarray, B: np.ndarray, steps: int) -> tuple[np.ndarray, float
     Input held over the steps: x+ = A^n x + (I + A + ... + A^(n-1)) B u.
     """
     lifted_A, lifted_B = _lift(A, B, steps)
-    # With the speed settled, A and B leave speed = a22 speed + b2 u over the whole interval.
+    # In steady state speed = a22 speed + b2 u over the whole interval.
     return _sorted(np.linalg.eigvals(lifted_A)), float(lifted_B[1] / (1 - lifted_A[1, 1]))
 
 
 def position_loop(p: Parameters, joint: str, h: float) -> Callable[[np.ndarray, np.ndarray, int], tuple]:
     """A function like `channel` for servo mode: poles (n,) of the closed loop and its angle per volt of reference.
 
-    The board reads v = s angle [V] every T and holds kp (r - v) + ki I - kd (v - last) / T over it, where I has taken
-    in T (r - v) already. Its states are I and the last reading, as far as ki and kd are in use.
+    The board reads v = s angle [V] every T and holds kp (r - v) + ki I - kd (v - last) / T over it, where I already
+    includes T (r - v). Its states are I and the last reading, if ki and kd are used.
     """
     board, s = drive(p, joint), potentiometer(p).scale
     tick = max(1, round(board.period / h))
@@ -189,7 +189,7 @@ def closed_form(joint: str, p: Parameters, model: mujoco.MjModel, data: mujoco.M
     """Damping [N m s/rad], inertia [kg m2] and torque per volt [N m/V] at the joint, from the parameters.
 
     With r the moment arm: damping r^2 ((K gear)^2 / R + viscous) + bearing, inertia r^2 J gear^2 + link, torque
-    r K gear / R. Of the model only the bodies' masses and places are used, for the link's inertia.
+    r K gear / R. The model gives only the masses and positions of the bodies, for the link's inertia.
     """
     constants, r = motor(p, joint), arm(joint, p)
     damping = r**2 * (constants.damping + p[f"{joint}.viscous"]) + p[f"{joint}.bearing_viscous"]
@@ -202,7 +202,7 @@ def link_inertia(joint: str, model: mujoco.MjModel, data: mujoco.MjData) -> floa
     hinge = model.joint(joint + BENCH_LEG)
     axis, anchor = data.xaxis[hinge.id], data.xanchor[hinge.id]
     total = 0.0
-    for body in range(int(hinge.bodyid[0]), model.nbody):  # a bench is one chain, its bodies are in order
+    for body in range(int(hinge.bodyid[0]), model.nbody):  # a bench is one chain with its bodies in order
         turned = data.ximat[body].reshape(3, 3).T @ axis
         lever = np.cross(axis, data.xipos[body] - anchor)
         total += float(turned @ (model.body_inertia[body] * turned) + model.body_mass[body] * lever @ lever)
@@ -210,7 +210,7 @@ def link_inertia(joint: str, model: mujoco.MjModel, data: mujoco.MjData) -> floa
 
 
 def load(joint: str, p: Parameters, model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """What the drive of `joint` must hold at mid stroke against the weight of the links [N or N m], up positive."""
+    """Holding force of the drive of `joint` at mid stroke against the weight of the links [N or N m], up positive."""
     hinge = model.joint(joint + BENCH_LEG)
     axis, anchor = data.xaxis[hinge.id], data.xanchor[hinge.id]
     weight = np.array([0.0, 0.0, -p["gravity"]])
@@ -227,10 +227,9 @@ def arm(joint: str, p: Parameters) -> float:
 
 
 def breakaway(joint: str, p: Parameters) -> tuple[float, float]:
-    """Commands [V] that just start `joint` from mid stroke, down and up.
+    """Break-away commands [V] of `joint` at mid stroke, down and up.
 
-    The drive must give what the link needs, its weight and its bearing's friction, and its own static friction under
-    that load.
+    The drive must overcome the link's weight and bearing friction, and its own static friction under that load.
     """
     held = load(joint, p, *_linear_bench(joint, p))
     bearing = p[f"{joint}.bearing_coulomb"] / abs(arm(joint, p))

@@ -1,1 +1,1 @@
-"""What every room stands on: errors, atomic files, plain values, threads, the journal, formulas of fit."""
+"""Basics of all rooms: errors, atomic files, plain values, threads, the journal, formulas of fit."""

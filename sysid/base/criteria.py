@@ -1,4 +1,4 @@
-"""How good a fit is: fit %, loss, MSE, FPE, AIC, AICc, nAIC, BIC (Ljung, System Identification, 2nd ed., ch. 16)."""
+"""Criteria of a fit: fit %, loss, MSE, FPE, AIC, AICc, nAIC, BIC (Ljung, System Identification, 2nd ed., ch. 16)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,12 +10,11 @@ import numpy as np
 class Criteria:
     """Criteria of one fit: N samples, d free parameters after the gauge, initial states counted.
 
-    loss is what the search minimised, over N and without what is put on top of the data (ridge, curvature): weighted
-    errors count by their weights, and errors beyond Huber's threshold by less. mse is V = e'e / N of the errors as
-    they are, in the unit of y squared, over all observed samples of all outputs; plain least squares has loss = mse.
-    All criteria of `TABLE` follow from V, so that fits with different objectives can be compared by them; they are
-    attributes too. A criterion that N does not allow (N <= d for FPE, N <= d + 1 for AICc) is infinite, one whose V is
-    unknown is nan.
+    loss is the minimised cost divided by N, without penalties (ridge, curvature): errors count with their weights, and
+    errors beyond Huber's threshold count less. mse is V = e'e / N of the plain errors, in the unit of y squared, over
+    all observed samples of all outputs; plain least squares has loss = mse. All criteria of `TABLE` follow from V, so
+    that they can compare fits with different objectives; they are attributes too. A criterion that N does not allow
+    (N <= d for FPE, N <= d + 1 for AICc) is infinite; a criterion with unknown V is nan.
     """
 
     loss: float
@@ -29,7 +28,9 @@ class Criteria:
 
     def __getattr__(self, name: str) -> float:
         if name not in TABLE:
-            raise AttributeError(f"criteria have no {name!r}; they have {', '.join(TABLE)}, loss, mse, N and d")
+            raise AttributeError(
+                f"there is no criterion {name!r}; choose one of {', '.join(TABLE)}, loss, mse, N and d"
+            )
         return TABLE[name](self)
 
     def __dir__(self) -> list[str]:
@@ -69,14 +70,14 @@ TABLE: dict[str, Callable[[Criteria], float]] = {"fpe": _fpe, "aic": _aic, "aicc
 
 
 def criteria(loss: float, N: int, d: int, mse: float | None = None) -> Criteria:
-    """Criteria from the loss, the number of samples N and of parameters d; the loss is the mse where none is given."""
+    """Criteria from the loss, the number of samples N and of parameters d; the default of mse is the loss."""
     return Criteria(loss, loss if mse is None else mse, N, d)
 
 
 def fit_percent(y: np.ndarray, yhat: np.ndarray) -> float:
     """100 (1 - ||y - yhat|| / ||y - mean y||) of one output (N,); -inf where the model is not finite.
 
-    A constant y has no scale to compare with: the fit is then 100 where yhat equals it and -inf elsewhere.
+    A constant y has no scale: the fit is then 100 if yhat equals it and -inf otherwise.
     """
     error, spread = float(np.linalg.norm(y - yhat)), float(np.linalg.norm(y - y.mean()))
     if not np.isfinite(error):

@@ -1,4 +1,4 @@
-"""The one error that bad input raises: a sentence that says what was found, what was allowed and what to do."""
+"""The error that bad input raises: a sentence that says what was found, what was allowed and what to do."""
 
 from collections.abc import Iterable
 

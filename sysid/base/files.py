@@ -11,10 +11,10 @@ from sysid.base.errors import InputError
 
 @contextmanager
 def whole_file(path: str | os.PathLike) -> Iterator[Path]:
-    """A temporary name beside `path`, of the same suffix, for the block to write to; at its end it becomes `path`.
+    """A temporary name beside `path` with the same suffix for the block to write to; at its end it becomes `path`.
 
-    A reader never sees half a file, and a block that fails leaves none. Raises the OSError of a place or a disk that
-    cannot be written to, so that the caller can say what it was about.
+    A reader never sees half a file, and a block that fails leaves no file. Raises the OSError if the folder or disk
+    cannot be written to, so that the caller can name the cause.
     """
     target = Path(path)
     handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent)
@@ -24,7 +24,7 @@ def whole_file(path: str | os.PathLike) -> Iterator[Path]:
         yield temporary
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
-        # mkstemp gives 0600; a file that open() makes would follow the user's umask.
+        # mkstemp gives 0600; a file from open() follows the user's umask.
         umask = os.umask(0)
         os.umask(umask)
         os.chmod(temporary, 0o666 & ~umask)
@@ -34,21 +34,23 @@ def whole_file(path: str | os.PathLike) -> Iterator[Path]:
 
 
 def write_text(path: str | os.PathLike, text: str) -> Path:
-    """Write `text` whole or not at all. Raises InputError where the folder is missing or may not be written to."""
+    """Write `text` whole or not at all. Raises InputError if the folder is missing or not writable."""
     target = Path(path)
     if not target.parent.is_dir():
-        raise InputError(f"cannot write {target}: there is no folder {target.parent}; choose a folder that exists")
+        raise InputError(f"cannot write {target}: folder {target.parent} does not exist; choose a folder that exists")
     try:
         with whole_file(target) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="\n")
     except OSError as e:
-        raise InputError(f"cannot write {target}: {e.strerror}; choose a folder or a name that is yours") from None
+        raise InputError(
+            f"cannot write {target}: {e.strerror}; choose a folder or a file that you may write to"
+        ) from None
     return target
 
 
 class Lines:
-    """A text file that grows line by line. Each line is appended in one write and flushed to the disk: a kill tears at
-    most the last one, which is left out on reading and cut off before the next is appended.
+    """A text file that grows line by line. Each line is appended in one write and flushed to the disk. A kill
+    damages at most the last line, which is left out on reading and removed before the next line is appended.
     """
 
     def __init__(self, path: Path) -> None:
@@ -56,13 +58,13 @@ class Lines:
         self._mended = False
 
     def read(self) -> list[str]:
-        """The whole lines; none where there is no file."""
+        """The complete lines; none if there is no file."""
         if not self.path.exists():
             return []
         return self._whole().decode("utf-8").splitlines()
 
     def append(self, line: str) -> None:
-        """One more line. Raises OSError where it cannot be written."""
+        """Appends one line. Raises OSError if it cannot be written."""
         with self.path.open("ab") as file:
             if not self._mended:
                 file.truncate(len(self._whole()))

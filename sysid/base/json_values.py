@@ -1,4 +1,4 @@
-"""Values as JSON knows them: one place for every summary, of fits and of the twin."""
+"""Values for JSON, for the summaries of fits and of the twin."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What excitations share: settings that make sense, times as whole samples, and a running sum that stays bounded."""
+"""Helpers of the excitations: checks of settings, times as whole samples, and a bounded running sum."""
 
 from collections.abc import Iterable
 from numbers import Integral, Real
@@ -9,7 +9,7 @@ from sysid.base.errors import InputError, unknown
 
 
 def check(owner: str, positive: dict[str, float], finite: dict[str, float] | None = None) -> None:
-    """Raises InputError where a value is no number, not finite, or not above zero though it has to be."""
+    """Raises InputError if a value is not a number, not finite, or not above zero where it must be."""
     for name, value in positive.items():
         if not _number(value) or not 0 < value < np.inf:
             raise InputError(f"{name} of {owner} is {value!r}; give a number above 0")
@@ -19,26 +19,26 @@ def check(owner: str, positive: dict[str, float], finite: dict[str, float] | Non
 
 
 def check_from_zero(owner: str, values: dict[str, float]) -> None:
-    """Raises InputError where a value is no finite number from 0 up."""
+    """Raises InputError if a value is not a finite number of at least 0."""
     for name, value in values.items():
         if not _number(value) or not 0 <= value < np.inf:
-            raise InputError(f"{name} of {owner} is {value!r}; give a number from 0 up")
+            raise InputError(f"{name} of {owner} is {value!r}; give a number of at least 0")
 
 
 def check_whole(owner: str, name: str, value: float, lowest: int, highest: int) -> None:
-    """Raises InputError where a value is no whole number from `lowest` to `highest`."""
+    """Raises InputError if a value is not a whole number from `lowest` to `highest`."""
     if isinstance(value, bool) or not isinstance(value, Integral) or not lowest <= value <= highest:
         raise InputError(f"{name} of {owner} is {value!r}; give a whole number from {lowest} to {highest}")
 
 
 def check_name(owner: str, name: str, value: str, allowed: Iterable[str]) -> None:
-    """Raises InputError where a value is not one of the allowed names."""
+    """Raises InputError if a value is not one of the allowed names."""
     if value not in tuple(allowed):
         raise unknown(f"{name} of {owner}", value, allowed)
 
 
 def samples(owner: str, name: str, seconds: float, Ts: float) -> int:
-    """`seconds` as the nearest whole number of samples of Ts [s]; raises InputError where that is less than one."""
+    """`seconds` as the nearest whole number of samples of Ts [s]; raises InputError if that is less than one."""
     count = round(seconds / Ts)
     if count < 1:
         raise InputError(f"{name} of {owner} is {seconds:g} s, less than one sample of {Ts:g} s; give {Ts:g} s or more")
@@ -46,10 +46,10 @@ def samples(owner: str, name: str, seconds: float, Ts: float) -> int:
 
 
 def check_band(owner: str, f_min: float, f_max: float, Ts: float) -> None:
-    """Raises InputError where the band [Hz] does not end below half the sampling rate."""
+    """Raises InputError if the band [Hz] does not end below half the sampling rate."""
     if f_max >= 0.5 / Ts:
         raise InputError(
-            f"f_max of {owner} is {f_max:g} Hz, and samples of {Ts:g} s end at {0.5 / Ts:g} Hz; give f_max below that, "
+            f"f_max of {owner} is {f_max:g} Hz, and half the sampling rate is {0.5 / Ts:g} Hz; give f_max below that, "
             f"or a shorter Ts"
         )
 
@@ -57,7 +57,7 @@ def check_band(owner: str, f_min: float, f_max: float, Ts: float) -> None:
 def within_reach(total: float, step: float, most: float) -> tuple[float, float]:
     """Sign and share of a `step` of a running sum that keep |total + sign share step| <= most.
 
-    The sign turns where the step as drawn would lead out; where it leads out on the other side too, it is cut short.
+    The sign changes if the drawn step would exceed the bound; if the opposite step exceeds it too, the step is reduced.
     """
     if abs(total + step) <= most:
         return 1.0, 1.0
@@ -66,9 +66,9 @@ def within_reach(total: float, step: float, most: float) -> tuple[float, float]:
 
 
 def half_way(u: np.ndarray) -> np.ndarray:
-    """Indices of a periodic u (P,) from which its running sum moves as far down as up, to within one step.
+    """Indices of a periodic u (P,) from which its running sum moves equally far down and up, to within one step.
 
-    An integrating plant that is driven from there stays centred on where it starts.
+    The response of an integrating plant then stays centred on its initial value.
     """
     total = np.cumsum(u - u.mean()) - (u - u.mean())
     distance = np.abs(total - (total.min() + total.max()) / 2)

@@ -10,8 +10,8 @@ from scipy.optimize import linear_sum_assignment
 class PoleMatch:
     """One estimated pole in z, the true one it belongs to, and |s_est - s_true| / |s_true| (s = ln z / Ts).
 
-    The relative error of a true integrator (s = 0) is taken against the slowest other true pole, or against 1/s where
-    there is none; it is infinite for a pole at z = 0 that should be none.
+    The error of a true integrator (s = 0) is relative to the slowest other true pole, or to 1/s if there is none; it is
+    infinite for an estimate at z = 0 whose true pole is elsewhere.
     """
 
     estimated: complex
@@ -27,7 +27,7 @@ def to_s(z: np.ndarray, Ts: float) -> np.ndarray:
 
 
 def mirrored(f: np.ndarray) -> np.ndarray:
-    """f (n,) of F = 1 + f1 z^-1 + ... with roots outside the unit circle mirrored inside, 0 where it is not finite."""
+    """f (n,) of F = 1 + f1 z^-1 + ... with roots outside the unit circle mirrored inside; 0 if it is not finite."""
     if not len(f) or not np.all(np.isfinite(f)):
         return np.zeros(len(f))
     poles = np.roots(np.concatenate([[1.0], f])).astype(complex)

@@ -1,7 +1,7 @@
 """One BLAS thread inside a fit.
 
-Sums that several BLAS threads share come out in another order and so with other last digits; the matrices are small
-and gain nothing from threads.
+Several BLAS threads add in another order, which changes the last digits; the matrices are small and gain nothing from
+threads.
 """
 
 import os

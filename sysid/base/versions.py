@@ -1,4 +1,4 @@
-"""With what a result was made."""
+"""Versions behind a result."""
 
 import platform
 from importlib import metadata
@@ -7,7 +7,7 @@ PACKAGES = ("qpal", "mujoco", "numpy", "scipy", "numba", "control")
 
 
 def versions() -> dict[str, str]:
-    """Version of Python and of every package that a number can depend on."""
+    """Version of Python and of every package that can affect a number."""
     found = {"python": platform.python_version()}
     for package in PACKAGES:
         try:

@@ -9,7 +9,7 @@ HEAD = (
 
 
 def table(rows: list[dict[str, str]]) -> str:
-    """Markdown: for each plant, structure and number of starts, how near the fits came to the truth and how fast."""
+    """Markdown: for each plant, structure and number of starts, how close the fits are to the truth and how fast."""
     groups: dict[tuple[str, str, int], list[dict[str, str]]] = {}
     for row in rows:
         groups.setdefault((row["plant"], row["structure"], int(row["starts"])), []).append(row)

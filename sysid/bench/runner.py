@@ -1,4 +1,4 @@
-"""Run cases into a CSV, one row each. A run that was killed goes on where it stopped."""
+"""Run cases into a CSV, one row each. A run that was killed continues where it stopped."""
 
 import csv
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from sysid.bench.score import FIELDS, score
 
 
 def run(cases: list[Case], path: Path, progress: Callable[[int, int], None] | None = None) -> int:
-    """Score every case that `path` does not hold yet; returns how many were run. Rows reach the disk one by one."""
+    """Score every case that is not yet in `path`; returns how many were run. Each row is written at once."""
     done = {_key(row) for row in read(path)} if path.exists() else set()
     todo = [c for c in cases if (c.plant, c.structure, c.starts, c.seed) not in done]
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -27,7 +27,7 @@ def run(cases: list[Case], path: Path, progress: Callable[[int, int], None] | No
 
 
 def read(path: Path) -> list[dict[str, str]]:
-    """Whole rows of a results file; a last line that a kill tore off is left out."""
+    """Complete rows of a results file; an incomplete last line of a killed run is left out."""
     if not path.exists():
         raise InputError(f"{path} does not exist; run the benchmark first: python -m sysid.bench run --out {path}")
     whole = Lines(path).read()

@@ -1,4 +1,4 @@
-"""What is run: names only. Plants x structures x starts x seeds, at one noise level and record length."""
+"""The cases, by name: plants x structures x starts x seeds, at one noise level and record length."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ class Case:
 
 
 def cases(seeds: range) -> list[Case]:
-    """Every case, seeds outermost, so that a part of a run already covers all plants."""
+    """Every case, seeds outermost, so that a partial run covers all plants."""
     return [Case(p, s, n, seed) for seed in seeds for p in sorted(TABLE) for s in STRUCTURES for n in STARTS]
 
 

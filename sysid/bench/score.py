@@ -19,8 +19,8 @@ FIELDS = (
 def score(case: Case) -> dict[str, str]:
     """Fit one record, score a second of the same kind. Errors of poles are |error| over the Cramer-Rao bound.
 
-    The bound is that of the own structure at the truth, whatever structure is fitted; one number for each pole in the
-    plant's order, an estimated pole being the nearest. `oracle` is the fit [%] of the true parameters.
+    The bound belongs to the plant's own structure at the truth, for any fitted structure. There is one number for each
+    pole in the plant's order, from the nearest estimated pole. `oracle` is the fit [%] of the true parameters.
     """
     plant = system(case.plant)
     rng = np.random.default_rng([case.seed, 77])

@@ -1,7 +1,7 @@
-"""How fast: single start, multi-start, time and memory over N, and the bare simulate-and-Jacobian kernel.
+"""Speed: single start, multi-start, time and memory over N, and the bare simulate-and-Jacobian kernel.
 
-Times are processor seconds of one core, warm, the shortest of several runs, so that other processes count little and
-other cores not at all. Across machines compare the ratios.
+Times are processor seconds of one core, warm, the shortest of several runs, so that other processes matter little and
+other cores do not matter. Compare ratios across machines.
 """
 
 import resource
@@ -57,7 +57,7 @@ def speed(long: int = 1_000_000, plant: str = "textbook") -> dict[str, float]:
 
 
 def _per_sample(true: System, model: Chain, n: int, theta: np.ndarray) -> float:
-    """Seconds per sample of what one iteration of a search does: Jacobian, QR and one trial step."""
+    """Seconds per sample of one iteration of a search: Jacobian, QR and one trial step."""
     data = true.record(n, NOISE, np.random.default_rng(1))
     problem = ChainProblem.whole(model, theta, data.u[:, 0], data.y[:, 0])
 
@@ -71,7 +71,7 @@ def _per_sample(true: System, model: Chain, n: int, theta: np.ndarray) -> float:
 
 
 def _best(job: Callable[[], T], repeats: int) -> tuple[float, T]:
-    """Shortest time of several runs, and what the last one gave."""
+    """Shortest time of several runs, and the result of the last one."""
     shortest = np.inf
     for _ in range(repeats):
         began = time.process_time()

@@ -1,4 +1,4 @@
-"""Records: `IOData`, and what is done to one before a model is fitted."""
+"""Records: `IOData` and preprocessing before a model is fitted."""
 
 from sysid.data.preprocess import detrend, quick_start, retrend
 from sysid.data.record import IOData

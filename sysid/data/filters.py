@@ -1,4 +1,4 @@
-"""Butterworth filters on a record: the same on input and output, so that the dynamics between them stay."""
+"""Butterworth filters on a record: the same filter on input and output preserves the dynamics between them."""
 
 from dataclasses import dataclass, replace
 
@@ -12,7 +12,7 @@ KINDS = {"low": "lowpass", "high": "highpass", "band": "bandpass", "stop": "band
 
 @dataclass(frozen=True)
 class Filtered:
-    """The filtered record and what was done."""
+    """The filtered record and a description of the filter."""
 
     data: IOData
     sentence: str
@@ -23,10 +23,10 @@ def butterworth(
 ) -> Filtered:
     """Filter u and y alike; `cutoff` [Hz], two for 'band' and 'stop'.
 
-    Zero phase runs the filter forth and back: no delay, twice the order, and half the power gone at the cutoff twice.
-    Causal starts from the steady state of each experiment's first sample. A linear model is the same for filtered
-    signals; a static map is not: filter before a nonlinear fit only what the map does not need (drift, hum), and not
-    the input's levels away. Missing outputs are filtered as the straight lines that bridge them, and stay marked.
+    A zero-phase filter runs forward and backward: no delay, twice the order, and -6 dB at the cutoff. A causal filter
+    starts from the steady state of each experiment's first sample. Filtering preserves a linear model but not a static
+    map: before a nonlinear fit remove only what the map does not need (drift, hum), not the levels of the input.
+    Missing outputs are filtered as straight lines and stay marked.
     """
     from scipy.signal import butter
 
@@ -45,11 +45,11 @@ def butterworth(
     sos = butter(order, edges if wanted == 2 else edges[0], KINDS[kind], fs=1.0 / data.Ts, output="sos")
     parts = [(_run(sos, e.u, causal), _run(sos, e.y, causal)) for e in data.experiments]
     u, y = (np.concatenate([p[i] for p in parts]) for i in (0, 1))
-    way = "causal, it delays both alike" if causal else "forth and back, without delay"
+    way = "causal, the same delay on both" if causal else "forward and backward, without delay"
     shown = " to ".join(f"{f:g}" for f in edges)
     sentence = f"{KINDS[kind]} Butterworth of order {order} at {shown} Hz on u and y, {way}"
     if data.missing is not None:
-        sentence += f"; {int(data.missing.sum())} missing outputs entered as straight lines"
+        sentence += f"; {int(data.missing.sum())} missing outputs replaced by straight lines"
     return Filtered(replace(data, u=u, y=y), sentence)
 
 

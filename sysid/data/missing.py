@@ -1,4 +1,4 @@
-"""Missing data: short gaps filled, long ones left for `IOData(missing=...)` or for a cut."""
+"""Missing data: short gaps are filled; mark long gaps with `IOData(missing=...)` or cut them out."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +11,7 @@ from sysid.data.record import IOData
 
 @dataclass(frozen=True)
 class Filled:
-    """Values (N,) with short gaps filled; `filled` (N,) says where, `open` (N,) what is still missing (nan)."""
+    """Values (N,) with short gaps filled; `filled` (N,) marks them, `open` (N,) marks the rest (nan)."""
 
     values: np.ndarray
     filled: np.ndarray
@@ -20,11 +20,11 @@ class Filled:
 
 
 def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None, hold: bool = False) -> Filled:
-    """Fill gaps of up to `longest` samples in values (N,): a straight line between neighbours, or the last one held.
+    """Fill gaps of up to `longest` samples in values (N,): a straight line between neighbours, or the last value held.
 
-    Missing is what is not finite or marked in `missing` (N,). A line suits a measured output, hold an input that a
-    controller holds. Longer gaps, and gaps at an end (a line has one end there), stay nan: a value made up over many
-    samples would count as data.
+    Values that are not finite or marked in `missing` (N,) are missing. Use a line for a measured output, and hold for
+    an input that a controller holds. Longer gaps, and for a line gaps at either end, stay nan: invented values over
+    many samples would count as data.
     """
     x = np.array(values, dtype=float).ravel()
     lost = ~np.isfinite(x)
@@ -36,7 +36,7 @@ def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None
     if longest < 0:
         raise InputError(f"longest is {longest}; give the longest gap to fill, in samples")
     if lost.all():
-        raise InputError("every sample is missing; there is nothing to fill from")
+        raise InputError("every sample is missing; give a record with measured samples")
     filled, gaps = np.zeros(len(x), dtype=bool), runs(lost)
     for start, stop in gaps:
         inside = stop < len(x) and start > 0
@@ -51,7 +51,7 @@ def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None
 def record(u: np.ndarray, y: np.ndarray, Ts: float, longest: int = 3, **names: Any) -> tuple[IOData, str]:
     """IOData from u (N,) and y (N,) with nan in them: short gaps filled, long ones of y marked as missing.
 
-    Raises InputError for a long gap of u, which a free run cannot skip: cut the record there into experiments.
+    Raises InputError for a long gap of u, because a free run cannot skip it: split the record there into experiments.
     """
     held, line = fill(u, longest, hold=True), fill(y, longest)
     if held.open.any():
@@ -79,7 +79,7 @@ def _sentence(gaps: list[tuple[int, int]], filled: np.ndarray, lost: np.ndarray,
     if left:
         worst = max(left, key=lambda g: g[1] - g[0])
         said += (
-            f"; {len(left)} gap(s) stay open, the longest with {worst[1] - worst[0]} samples from {worst[0]} (limit "
-            f"{longest}): mark them by IOData(missing=...) or cut them out"
+            f"; {len(left)} gap(s) not filled, the longest with {worst[1] - worst[0]} samples from {worst[0]} (limit "
+            f"{longest}): mark them with IOData(missing=...) or cut them out"
         )
     return said

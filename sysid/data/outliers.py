@@ -1,4 +1,4 @@
-"""Outliers: samples that stand off their neighbours, found by Hampel's rule; then bridged or marked as missing."""
+"""Outliers: samples far from their neighbours by Hampel's rule; they are interpolated or marked as missing."""
 
 from dataclasses import dataclass, replace
 
@@ -10,7 +10,7 @@ from sysid.data.record import IOData
 
 @dataclass(frozen=True)
 class Outliers:
-    """Where outputs stand off: `found` (N, ny), the samples' numbers in `indices`, and the record treated for them."""
+    """Outliers of the outputs: `found` (N, ny), their sample numbers in `indices`, and the treated record."""
 
     data: IOData
     found: np.ndarray
@@ -23,13 +23,13 @@ class Outliers:
 
 
 def hampel(y: np.ndarray, half_width: int = 5, threshold: float = 5.0, floor: float | None = None) -> np.ndarray:
-    """True (N,) where y (N,) leaves the median of its 2 half_width + 1 neighbours by threshold robust spreads.
+    """True (N,) where y (N,) is over threshold robust spreads from the median of its 2 half_width + 1 neighbours.
 
-    The spread is 1.4826 times the window's median absolute deviation (Hampel 1974; Pearson 2002, Outliers in process
-    modeling and identification). `floor` is the least spread: without one, it is the noise seen in the whole record's
-    second differences, or the smallest step between its values, so that a signal at rest does not turn its own
-    quantisation into outliers. In white noise about one sample in a million is flagged by chance at the defaults, one
-    in 15,000 at threshold 4.
+    The spread is 1.4826 times the median absolute deviation of the window (Hampel 1974; Pearson 2002, Outliers in
+    process modeling and identification). `floor` is the least spread. By default it is the noise in the second
+    differences of the whole record, or the smallest step between its values, so that the quantisation of a signal at
+    rest does not count as outliers. In white noise about one sample in a million is flagged by chance at the defaults,
+    one in 15,000 at threshold 4.
     """
     y = np.asarray(y, dtype=float).ravel()
     if not (isinstance(half_width, (int, np.integer)) and half_width >= 1 and threshold > 0):
@@ -44,10 +44,10 @@ def hampel(y: np.ndarray, half_width: int = 5, threshold: float = 5.0, floor: fl
 
 
 def outliers(data: IOData, treat: str = "missing", half_width: int = 5, threshold: float = 5.0) -> Outliers:
-    """Outliers of every output, experiment by experiment; treat 'missing' marks them, 'interpolate' bridges them.
+    """Outliers of every output, per experiment; treat 'missing' marks them, 'interpolate' replaces them by lines.
 
-    Marked samples count nowhere in a fit; bridged ones count as if they had been measured, for tools that cannot skip.
-    Inputs are left alone: what a controller commanded is what it is, steps included.
+    A fit ignores marked samples. Interpolated samples count as if they had been measured, for tools that cannot skip
+    samples. Inputs are not changed: a commanded input is exact, steps included.
     """
     if treat not in ("missing", "interpolate"):
         raise InputError(f"treat is {treat!r}; choose one of missing, interpolate")
@@ -59,7 +59,7 @@ def outliers(data: IOData, treat: str = "missing", half_width: int = 5, threshol
         end += e.N
     found &= data.observed
     if not found.any():
-        return Outliers(data, found, f"no output stands off its neighbours by {threshold:g} robust spreads")
+        return Outliers(data, found, f"no output differs from its neighbours by {threshold:g} robust spreads")
     both = found | ~data.observed
     bridged = replace(data, missing=both)
     if treat == "interpolate":
@@ -68,16 +68,16 @@ def outliers(data: IOData, treat: str = "missing", half_width: int = 5, threshol
     done = "marked as missing" if treat == "missing" else "replaced by straight lines"
     more = ", ..." if found.any(axis=1).sum() > 5 else ""
     sentence = (
-        f"{int(found.sum())} of {found.size} outputs ({100 * found.mean():.2g} %) stand off their neighbours by more "
+        f"{int(found.sum())} of {found.size} outputs ({100 * found.mean():.2g} %) differ from their neighbours by more "
         f"than {threshold:g} robust spreads and were {done}: samples {first}{more}"
     )
     return Outliers(bridged, found, sentence)
 
 
 def _floor(y: np.ndarray) -> float:
-    """Noise of the record: from its second differences, but not below the step between its values."""
+    """Noise level of the record from its second differences, at least the step between its values."""
     second = np.abs(np.diff(y, 2))
     noise = 1.4826 * float(np.median(second)) / np.sqrt(6.0) if len(second) else 0.0
     steps = np.diff(np.unique(y))
-    # A value read from a converter may be off by a step without being wrong.
+    # A converter value may differ by one step without being an outlier.
     return max(noise, float(np.median(steps)) if 0 < len(steps) < len(y) // 4 else 0.0, 1e-12 * float(np.ptp(y)))

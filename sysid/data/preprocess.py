@@ -1,7 +1,7 @@
-"""Preprocessing in one place: means off and halves (the 'quick start' of the paper's section III.B), and re-exports.
+"""Preprocessing: means removed and halves (the 'quick start' of the paper's section III.B), and re-exports.
 
 Trends with kinks are in `sysid.data.trends`, filters in `sysid.data.filters`, other rates in `sysid.data.resampling`,
-outliers in `sysid.data.outliers`, missing data in `sysid.data.missing`. Each returns what it did in a sentence.
+outliers in `sysid.data.outliers`, missing data in `sysid.data.missing`. Each returns a sentence that says what it did.
 """
 
 from dataclasses import replace
@@ -18,9 +18,9 @@ DETREND = ("mean", "none")
 
 
 def detrend(data: IOData, kind: str = "mean") -> IOData:
-    """The record without its means ('mean') or as it is ('none'); what went off is added to `u_offset`, `y_offset`.
+    """The record without its means ('mean') or unchanged ('none'); removed means are added to `u_offset`, `y_offset`.
 
-    Lines are in `Trend`: they are no offset, so a record cannot carry them along.
+    For linear trends see `Trend`: a record stores only constant offsets.
     """
     if kind not in DETREND:
         raise unknown("detrend", kind, DETREND)
@@ -28,7 +28,7 @@ def detrend(data: IOData, kind: str = "mean") -> IOData:
 
 
 def retrend(data: IOData) -> IOData:
-    """The record on its own scale again: what `detrend` took away is added back."""
+    """The record in its original scale: the means that `detrend` removed are added again."""
     return replace(
         data,
         u=data.u + data.u_offset,
@@ -39,7 +39,7 @@ def retrend(data: IOData) -> IOData:
 
 
 def quick_start(data: IOData, split: float = 0.5, kind: str = "mean") -> tuple[IOData, IOData]:
-    """Means of the whole record off, then the first part for estimation and the rest for validation."""
+    """Removes the means of the whole record, then splits it: the first part for estimation, the rest for validation."""
     return detrend(data, kind).split(split)
 
 

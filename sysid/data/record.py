@@ -12,10 +12,10 @@ class IOData:
     """Input u (N, nu) and output y (N, ny), sampled every Ts [s], as float64 in rows of samples.
 
     One-dimensional arrays become one channel. `missing` (N, ny) marks outputs that were not measured: their values are
-    ignored (nan is fine there) and kept as a straight line between their neighbours. `lengths` gives the samples of
-    each experiment where several were merged. `u_offset` (nu,) and `y_offset` (ny,) are what detrending took away, so
-    that a figure can show the engineer's own scale again. Raises InputError for lengths that differ, values that are
-    not finite or not numbers, and a Ts that is not positive.
+    ignored (nan is allowed) and stored as a straight line between their neighbours. `lengths` gives the samples of
+    each merged experiment. `u_offset` (nu,) and `y_offset` (ny,) are the offsets that detrending removed, so that a
+    figure can show the original scale. Raises InputError for lengths that differ, values that are not finite or not
+    numbers, and a Ts that is not positive.
     """
 
     u: np.ndarray
@@ -55,18 +55,19 @@ class IOData:
 
     @classmethod
     def merge(cls, *records: "IOData") -> "IOData":
-        """One record of several experiments of the same channels and rate; each keeps an initial state of its own."""
+        """One record of several experiments with the same channels and rate; each keeps its own initial state."""
         if not records:
             raise InputError("nothing to merge; give at least one record")
         first = records[0]
         for k, r in enumerate(records[1:], 2):
             if (r.u.shape[1], r.y.shape[1]) != (first.u.shape[1], first.y.shape[1]) or r.Ts != first.Ts:
                 raise InputError(
-                    f"record {k} has {r.u.shape[1]} inputs, {r.y.shape[1]} outputs and Ts {r.Ts} s, the first "
-                    f"{first.u.shape[1]}, {first.y.shape[1]} and {first.Ts} s; merge records of one kind"
+                    f"record {k} has {r.u.shape[1]} inputs, {r.y.shape[1]} outputs and Ts {r.Ts} s, "
+                    f"the first {first.u.shape[1]}, {first.y.shape[1]} and {first.Ts} s; "
+                    "merge records of the same channels and Ts"
                 )
             if not (np.allclose(r.u_offset, first.u_offset) and np.allclose(r.y_offset, first.y_offset)):
-                raise InputError(f"record {k} was detrended by other offsets than the first; merge first, then detrend")
+                raise InputError(f"record {k} has other offsets than the first; merge first, then detrend")
         masks = [np.zeros(r.y.shape, dtype=bool) if r.missing is None else r.missing for r in records]
         return replace(
             first,
@@ -100,7 +101,7 @@ class IOData:
         return np.arange(self.N) * self.Ts
 
     def select(self, start: int, stop: int) -> "IOData":
-        """Samples start (included) to stop (excluded), as for a slice; of merged experiments, within one of them."""
+        """Samples start (included) to stop (excluded), as for a slice; they must lie within one experiment."""
         ends = np.cumsum(self.lengths)
         if np.searchsorted(ends, start, "right") != np.searchsorted(ends, min(stop, self.N) - 1, "right"):
             raise InputError(f"samples {start} to {stop} cross the border of two experiments; select within one")

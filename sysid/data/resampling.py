@@ -1,4 +1,4 @@
-"""A record at another sampling time: anti-aliased, and true to an input that is held between samples."""
+"""A record at another sampling time: with an anti-alias filter, exact for an input that is held between samples."""
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -13,7 +13,7 @@ INPUTS = ("filtered", "held")
 
 @dataclass(frozen=True)
 class Resampled:
-    """The record at its new rate, `up` samples for every `down` of the old, and what was done."""
+    """The record at its new rate, `up` samples for every `down` old ones, and a description."""
 
     data: IOData
     up: int
@@ -24,11 +24,11 @@ class Resampled:
 def resample(data: IOData, Ts: float, input: str = "filtered") -> Resampled:
     """The record sampled every Ts [s]; Ts / data.Ts must be a ratio of whole numbers up to 1000.
 
-    y goes through scipy.signal.resample_poly's zero-phase anti-alias filter. The input 'filtered' goes through the
-    same one, which keeps a linear model between them but smears a held input's levels: for a linear fit. 'held' gives
-    each new sample the mean of u while it is held, exact for what a zero-order hold delivers, and keeps levels that a
-    static input map needs; the filter's edge (half the new rate) is then in y alone. At a higher rate u is held either
-    way. A new output is missing where one that it leans on was.
+    y goes through scipy.signal.resample_poly's zero-phase anti-alias filter. The input option 'filtered' applies the
+    same filter to u. It preserves a linear model between them but smooths the levels of a held input: use it for a
+    linear fit. 'held' gives each new sample the mean of u over its time. It is exact for a zero-order hold and keeps
+    the levels that a static input map needs; the filter (cutoff at half the new rate) then acts on y alone. At a
+    higher rate u is always held. A new output is missing if an old one that it depends on is missing.
     """
     if input not in INPUTS:
         raise unknown("input", input, INPUTS)
@@ -37,13 +37,13 @@ def resample(data: IOData, Ts: float, input: str = "filtered") -> Resampled:
     ratio = Fraction(data.Ts / Ts).limit_denominator(1000)
     if ratio == 0 or abs(float(ratio) * Ts / data.Ts - 1.0) > 1e-9 or ratio.numerator > 1000:
         raise InputError(
-            f"Ts goes from {data.Ts} to {Ts} s, no ratio of whole numbers up to 1000; choose a Ts near it that is one"
+            f"Ts goes from {data.Ts} to {Ts} s, not a ratio of whole numbers up to 1000; choose a Ts near it that is"
         )
     up, down = ratio.numerator, ratio.denominator
     parts = [_experiment(e, up, down, input) for e in data.experiments]
     u, y, missing = (np.concatenate([p[i] for p in parts]) for i in range(3))
     fresh = replace(data, u=u, y=y, missing=missing, Ts=float(Ts), lengths=tuple(len(p[0]) for p in parts))
-    way = "u held" if input == "held" or down <= up else "u through the same filter"
+    way = "u held" if input == "held" or down <= up else "u with the same filter"
     sentence = (
         f"resampled from {data.Ts:g} to {Ts:g} s ({up} for {down} samples) with a zero-phase anti-alias filter, {way}; "
         f"{data.N} samples became {fresh.N}"
@@ -59,7 +59,7 @@ def _experiment(e: IOData, up: int, down: int, input: str) -> tuple[np.ndarray, 
     u = _held(e.u, up, down, n) if input == "held" or down <= up else _poly(e.u, up, down)
     lost = np.zeros(y.shape, dtype=bool)
     if e.missing is not None:
-        # The filter's main lobe reaches about one sample of the lower rate to either side.
+        # The filter's main lobe spans about one sample of the lower rate to either side.
         reach = max(1.0, down / up)
         for k in range(n):
             centre = k * down / up
@@ -71,7 +71,7 @@ def _experiment(e: IOData, up: int, down: int, input: str) -> tuple[np.ndarray, 
 def _poly(x: np.ndarray, up: int, down: int) -> np.ndarray:
     from scipy.signal import resample_poly
 
-    # 'line' goes on with each end's own level, so that an offset does not ring at the ends.
+    # 'line' extends the signal at the level of each end, so that an offset does not ring there.
     return np.asarray(resample_poly(x, up, down, axis=0, padtype="line"))
 
 

@@ -1,4 +1,4 @@
-"""Table: the columns of a file as they were read, turned into numbers only when somebody asks for one."""
+"""Table: the columns of a file as they were read; a column becomes numbers only when it is used."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ class Table:
     """Columns of one file.
 
     `columns[j]` holds the cells of `names[j]`: strings (n,) of a text file, numbers (n,) of a binary one. `rows[j]`
-    numbers those cells as the file counts them, for messages; `place` is what the file calls such a number. A text
+    holds the numbers of those cells in the file, for messages; `place` is the file's word for such a number. A text
     file that has no header gets the names 1, 2, ...
     """
 
@@ -28,7 +28,7 @@ class Table:
     decimal: str = "."
 
     def numbers(self, name: str) -> np.ndarray:
-        """Column `name` (n,) as float64; raises InputError with the place of the first cell that is not finite."""
+        """Column `name` (n,) as float64; raises InputError that names the first cell that is not finite."""
         if name not in self.names:
             error = unknown("column", name, self.names)
             raise InputError(f"{self.path}: {error}")
@@ -54,7 +54,7 @@ class Table:
     def _from_text(self, j: int) -> np.ndarray:
         cells = [cell.replace(",", ".") for cell in self.columns[j]] if self.decimal == "," else list(self.columns[j])
         try:
-            # Python reads 1_000 as a number; nobody who writes it into a log means that.
+            # Python reads 1_000 as a number; in a log it is an error.
             if any("_" in cell for cell in cells):
                 raise ValueError
             return np.array([float(cell) for cell in cells])
@@ -68,7 +68,7 @@ class Table:
 
 
 def is_number(text: str) -> bool:
-    """Whether a cell reads as one number (nan and inf count: they are numbers, though not usable ones)."""
+    """Whether a cell is a number (nan and inf count, although they are not usable)."""
     try:
         float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Trends: means, straight lines or lines with kinks at given samples, taken off a record and put back."""
+"""Trends: means, straight lines or lines with kinks at given samples, removed from a record and restored."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,9 +13,9 @@ KINDS = ("mean", "linear")
 
 @dataclass(frozen=True)
 class Trend:
-    """What was found in a record: u (N, nu) and y (N, ny), sample by sample, for the record that it was fitted to.
+    """The trend of a record: u (N, nu) and y (N, ny), sample by sample, for the record it was fitted to.
 
-    `remove` and `restore` work on that record and on model outputs over it; a mean also serves records of any length.
+    `remove` and `restore` work on that record and on model outputs over it; a mean works on records of any length.
     """
 
     u: np.ndarray
@@ -28,9 +28,9 @@ class Trend:
     def of(cls, data: IOData, kind: str = "linear", breaks: Sequence[int] = ()) -> "Trend":
         """Least squares over the measured samples: 'mean', or 'linear' with kinks at the samples `breaks` (from 0).
 
-        Lines meet at the kinks, unlike scipy.signal.detrend's, whose jumps a model would have to explain. Every
-        experiment has lines of its own (breaks then count from its own start); a mean is taken over all. Raises
-        InputError for breaks out of the record or out of order.
+        Lines are continuous at the kinks, unlike those of scipy.signal.detrend, whose jumps a model would have to
+        explain. Every experiment has its own lines (breaks count from its start); a mean is taken over all
+        experiments. Raises InputError for breaks outside the record or not in rising order.
         """
         if kind not in KINDS:
             raise unknown("trend", kind, KINDS)
@@ -50,7 +50,7 @@ class Trend:
         return cls(fitted_u, fitted_y, kind, breaks, _sentence(data, fitted_y, kind, breaks))
 
     def remove(self, data: IOData) -> IOData:
-        """The record without the trend; a constant part is noted in `u_offset`, `y_offset` as `detrend` does."""
+        """The record without the trend; a constant part is stored in `u_offset`, `y_offset` as in `detrend`."""
         u, y = self._at(data)
         offsets = {}
         if self.kind == "mean":
@@ -58,7 +58,7 @@ class Trend:
         return replace(data, u=data.u - u, y=data.y - y, **offsets)
 
     def restore(self, data: IOData) -> IOData:
-        """The record with the trend put back."""
+        """The record with the trend restored."""
         u, y = self._at(data)
         offsets = {}
         if self.kind == "mean":
@@ -77,7 +77,7 @@ class Trend:
             return np.broadcast_to(self.u[0], data.u.shape), np.broadcast_to(self.y[0], data.y.shape)
         if (self.u.shape, self.y.shape) != (data.u.shape, data.y.shape):
             raise InputError(
-                f"the record has {data.N} samples and the trend {len(self.u)}; give the record it was found in"
+                f"the record has {data.N} samples and the trend {len(self.u)}; give the record it was fitted to"
             )
         return self.u, self.y
 
@@ -93,10 +93,10 @@ def _lines(e: IOData, breaks: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
 
 def _sentence(data: IOData, y: np.ndarray, kind: str, breaks: tuple[int, ...]) -> str:
     if kind == "mean":
-        return f"means taken off: {_list(y[0], data.y_unit)} of the output"
+        return f"means removed: {_list(y[0], data.y_unit)} of the output"
     span = _list(np.ptp(y, axis=0), data.y_unit)
     kinks = f" with kinks at samples {', '.join(map(str, breaks))}" if breaks else ""
-    return f"lines{kinks} taken off {len(data.lengths)} experiment(s); the output's ran over {span}"
+    return f"lines{kinks} removed from {len(data.lengths)} experiment(s); the line of the output spans {span}"
 
 
 def _list(values: np.ndarray, unit: str) -> str:

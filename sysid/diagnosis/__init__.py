@@ -1,1 +1,1 @@
-"""What a record or a row of residuals shows by itself: advice, whitening, residual tests, best linear approximation."""
+"""Tests on a record or on residuals: advice, whitening, residual tests, best linear approximation."""

@@ -1,4 +1,4 @@
-"""Advice on a record before a model is fitted: what it can show, what spoils it, and what to do about each.
+"""Advice on a record before a model is fitted: what it can show, what disturbs it, and what to do about it.
 
 Every line has the number behind it. The tests' false-alarm rates and power are measured in tests/recovery.
 """
@@ -17,7 +17,7 @@ from sysid.diagnosis.whitening import Whitened, delay, drift, feedback, nonlinea
 
 LEVEL = 0.01  # false-alarm rate of each statistical test
 KNOTS = 10  # break points of the default piecewise linear map
-ORDER = 10  # order of excitation that a model of nb + nf = 5 wants, twice over
+ORDER = 10  # twice the order of excitation that a model with nb + nf = 5 needs
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,11 @@ class Advice:
 
 
 def advise(data: IOData) -> tuple[Advice, ...]:
-    """What the record says about itself, topic by topic, for every input and output.
+    """Findings on the record, by topic, for every input and output.
 
-    Topics: excitation, levels, delay, feedback, nonlinearity, rate, rest, resolution, outliers, drift. Statistical
-    tests are set to false alarms in 1 % of records; on linear plants with 500 samples they ran at 0 to 3.3 %, so of
-    twenty sound records about one carries a false warning. At most the first 20,000 samples are looked at for them.
+    Topics: excitation, levels, delay, feedback, nonlinearity, rate, rest, resolution, outliers, drift. The level of
+    the statistical tests is 1 % false alarms per record. On linear plants with 500 samples the measured rates are 0 to
+    3.3 %, so about one of twenty sound records gets a false warning. The tests use at most the first 20,000 samples.
     """
     with one_blas_thread():
         found = [a for i in range(data.u.shape[1]) for a in _input(data, i)]
@@ -57,11 +57,11 @@ def _input(data: IOData, i: int) -> Iterator[Advice]:
     name, u = _name(data, "u", i), data.u[:, i]
     order = signals.persistence(u)
     if order >= ORDER:
-        yield Advice("excitation", f"{name} excites persistently of order {order} or more", order, "", "fine")
+        yield Advice("excitation", f"{name} is persistently exciting of order {order} or more", order, "", "fine")
     else:
         yield Advice(
             "excitation",
-            f"{name} excites persistently of order {order} only: a linear model has at most {order} parameters to find",
+            f"{name} is persistently exciting of order {order} only: it identifies at most {order} linear parameters",
             order,
             f"excite with an aprbs or a multisine, or keep nb + nf at most {order}",
             "warning",
@@ -74,7 +74,7 @@ def _input(data: IOData, i: int) -> Iterator[Advice]:
             "levels",
             f"{name} takes {n} distinct level(s), fewer than the {KNOTS} break points of a piecewise linear input map",
             n,
-            "use an aprbs, whose levels show the map, or give the model no input map or one of fewer parameters",
+            "use an aprbs, which has many levels, or use no input map or one with fewer parameters",
             "warning",
         )
 
@@ -100,7 +100,7 @@ def _output(data: IOData, j: int, white: Whitened | None) -> Iterator[Advice]:
 
 
 def _noise(y: np.ndarray, white: Whitened | None) -> float:
-    """Spread of the noise: the smaller of what second differences show (right at rest) and a linear model leaves."""
+    """Noise level: the smaller of two estimates, from second differences (valid at rest) and a linear model."""
     second = np.abs(np.diff(y, 2)) / np.sqrt(6.0)
     left = np.abs(white.regression.e) if white is not None else second
     return 1.4826 * min(float(np.median(second)) if len(second) else 0.0, float(np.median(left)))
@@ -111,14 +111,14 @@ def _rest(name: str, y: np.ndarray, noise: float, unit: str) -> Advice:
     moving = signals.sine_rest(rest.band / (float(np.ptp(y)) or 1.0))
     most = max(rest.low, rest.high)
     if most <= max(0.08, 1.5 * moving):
-        return Advice("rest", f"{name} stands at an extreme in {100 * most:.1f} % of samples", most, "", "fine")
+        return Advice("rest", f"{name} is at an extreme in {100 * most:.1f} % of samples", most, "", "fine")
     shares = ((rest.low, "lowest", float(y.min())), (rest.high, "highest", float(y.max())))
     where = [f"{100 * s:.0f} % at its {word} ({v:.4g}{unit})" for s, word, v in shares if s > max(0.08, 1.5 * moving)]
     return Advice(
         "rest",
         f"{name} rests for {' and '.join(where)}: an end stop or a saturation",
         most,
-        "use an output map that saturates, or move less far; a linear model explains no end stop",
+        "use an output map that saturates, or reduce the amplitude; a linear model cannot describe an end stop",
         "note",
     )
 
@@ -127,7 +127,7 @@ def _outliers(data: IOData, j: int, white: Whitened | None, name: str) -> Advice
     y = data.y[:, j]
     found = hampel(y) & data.observed[:, j] if data.N >= 11 else np.zeros(data.N, dtype=bool)
     if white is not None and found.any():
-        # A step of the plant stands off its neighbours too; only what its own past does not predict is an outlier.
+        # A step of the plant differs from its neighbours too; an outlier is only what the past does not predict.
         e = white.regression.e
         size = np.abs(e - np.median(e))
         odd = np.zeros(data.N, dtype=bool)
@@ -147,7 +147,7 @@ def _outliers(data: IOData, j: int, white: Whitened | None, name: str) -> Advice
 
 
 def _between(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
-    """What the record says of an output and the inputs together."""
+    """Findings on one output together with the inputs."""
     y, nk = _name(data, "y", j), 1
     for i in range(data.u.shape[1]):
         u = _name(data, "u", i)
@@ -160,9 +160,9 @@ def _between(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
     p = drift(white)
     yield Advice(
         "drift",
-        f"{y} {'drifts' if p < LEVEL else 'shows no drift'} along a line beyond what the input explains (p = {p:.2g})",
+        f"{y} has {'a' if p < LEVEL else 'no'} linear drift that the input does not explain (p = {p:.2g})",
         p,
-        "take lines off (preprocess.Trend) or find what changes: warming, supply" if p < LEVEL else "",
+        "remove linear trends (preprocess.Trend) or find the cause, such as warming or the supply" if p < LEVEL else "",
         "warning" if p < LEVEL else "fine",
     )
 
@@ -171,31 +171,35 @@ def _delay(u: str, y: str, nk: int | None, z: np.ndarray, bound: float) -> Advic
     if nk is None:
         return Advice(
             "delay",
-            f"no lag 0..{len(z) - 1} of {u} shows in {y} (largest {np.abs(z).max():.1f} spreads, bound {bound:.1f})",
+            f"no lag 0..{len(z) - 1} of {u} affects {y} (largest {np.abs(z).max():.1f} standard deviations, "
+            f"bound {bound:.1f})",
             float("nan"),
-            "check that the columns belong together, or excite more",
+            "check that the columns belong together, or increase the excitation",
             "warning",
         )
     before = f", the {nk} before it at most {np.abs(z[:nk]).max():.1f}" if nk else ""
     sentence = (
-        f"{y} answers {u} after {nk} sample(s): lag {nk} stands at {abs(z[nk]):.1f} spreads{before} (bound {bound:.1f})"
+        f"{y} responds to {u} after {nk} sample(s): lag {nk} is at {abs(z[nk]):.1f} standard deviations{before} "
+        f"(bound {bound:.1f})"
     )
     if nk == 0:
-        action = "use nk=0 where the plant has direct feedthrough; else a controller answers within the sample"
+        action = "use nk=0 if the plant has direct feedthrough; otherwise a controller responds within the sample"
         return Advice("delay", sentence, 0.0, action, "note")
-    return Advice("delay", sentence, nk, f"use nk={nk}, or less for a plant whose answer starts faintly", "fine")
+    return Advice("delay", sentence, nk, f"use nk={nk}, or less if the response starts slowly", "fine")
 
 
 def _feedback(u: str, y: str, p: float | None) -> Advice:
     if p is None:
-        return Advice("feedback", f"later {u} follows from earlier, so {y} cannot be seen in it", 1.0, "", "note")
+        return Advice(
+            "feedback", f"the past of {u} determines its future: no test for feedback from {y}", 1.0, "", "note"
+        )
     if p >= LEVEL:
-        return Advice("feedback", f"no sign that {u} answers {y} (p = {p:.2g})", p, "", "fine")
+        return Advice("feedback", f"no sign of feedback from {y} to {u} (p = {p:.2g})", p, "", "fine")
     return Advice(
         "feedback",
-        f"{u} answers {y}: later inputs go with present outputs beyond chance (p = {p:.2g})",
+        f"feedback from {y} to {u}: later inputs depend on present outputs (p = {p:.2g})",
         p,
-        "record in open loop, or excite the loop's reference well and model the noise: output error is biased here",
+        "record in open loop, or excite the reference of the loop and model the noise: output error is biased here",
         "warning",
     )
 
@@ -203,11 +207,11 @@ def _feedback(u: str, y: str, p: float | None) -> Advice:
 def _nonlinearity(data: IOData, white: Whitened, y: str, nk: int) -> Advice:
     found = nonlinearity(white, nk)
     if found is None:
-        return Advice("nonlinearity", f"these data cannot show whether {y} depends on squares", 1.0, "", "note")
+        return Advice("nonlinearity", f"a nonlinearity of {y} cannot be tested with these data", 1.0, "", "note")
     share = f"{100 * found.share:.1f} % of the linear model's one-step error"
     said = f"squares and cubes explain {share} (p = {found.p_value:.2g})"
     if found.p_value >= LEVEL:
-        return Advice("nonlinearity", f"{y}: {said}, no sign of a bend", found.p_value, "start linear", "fine")
+        return Advice("nonlinearity", f"{y}: {said}, no sign of a nonlinearity", found.p_value, "start linear", "fine")
     return Advice("nonlinearity", f"{y}: {said}", found.p_value, "add an input or an output map", "note")
 
 
@@ -218,24 +222,25 @@ def _rate(data: IOData, white: Whitened, i: int, u: str, y: str) -> Advice:
     if not settles or samples is None:
         return Advice(
             "rate",
-            f"{y} does not settle within {longest} samples after a step of {u}: it integrates, or is slower than that",
+            f"{y} does not settle within {longest} samples after a step of {u}: it integrates or is slower",
             float("nan"),
             "expect a pole near 1",
             "note",
         )
-    tau = f"{y} takes {samples} samples ({samples * data.Ts:.3g} s) to 63 % of a step of {u}"
+    tau = f"{y} reaches 63 % of its response to a step of {u} after {samples} samples ({samples * data.Ts:.3g} s)"
     if samples < 3:
-        return Advice("rate", tau, samples, "sample at least three times faster: most of the answer is lost", "warning")
+        return Advice("rate", tau, samples, "sample at least 3 times faster: most of the response is lost", "warning")
     if samples > 100:
         slower = samples // 30
-        return Advice("rate", tau, samples, f"resample {slower} times slower: poles crowd at 1", "note")
+        return Advice("rate", tau, samples, f"resample {slower} times slower: the poles are all close to 1", "note")
     return Advice("rate", tau, samples, "", "fine")
 
 
 def _too_little(data: IOData, j: int) -> Advice:
     return Advice(
         "data",
-        f"{data.N} samples of {_name(data, 'y', j)} are too few, or too still, to test for delay, feedback and bends",
+        f"{data.N} samples of {_name(data, 'y', j)} are too few, or vary too little, to test for delay, feedback and "
+        "nonlinearity",
         data.N,
         "record more",
         "warning",

@@ -1,8 +1,8 @@
-"""Best linear approximation (BLA) of a system under periodic excitation, and how far noise and bends hide it.
+"""Best linear approximation (BLA) of a system under periodic excitation, with variances from noise and distortion.
 
-Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2nd ed. 2012, chapter 4: what repeats from
-period to period is the system, what does not is noise; what differs between realisations of the input (new random
-phases, same spectrum) beyond the noise is nonlinear distortion.
+Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2nd ed. 2012, chapter 4: the part that
+repeats from period to period is the system, the rest is noise. Differences between realisations of the input (new
+random phases, same spectrum) beyond the noise are nonlinear distortion.
 """
 
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ from sysid.data.record import IOData, siso
 class Bla:
     """Frequency response G (F,) at `frequency` [Hz] (F,) and the variances of its parts, all in the unit of |G|^2.
 
-    noise_variance (F,) and total_variance (F,) are those of G itself, averaged over all periods and realisations: from
-    noise alone, and from noise and distortion. distortion_variance (F,) is that of one realisation's response, not
-    averaged; nan where these data cannot tell. The detection lines are frequencies that the input leaves empty: what
-    the output shows there, `detected` (D,) [y^2 per line, noise taken off], is distortion, at odd multiples of the
-    base frequency from odd bends of the map, at even ones from even bends.
+    noise_variance (F,) and total_variance (F,) belong to G averaged over all periods and realisations: from noise
+    alone, and from noise and distortion. distortion_variance (F,) belongs to the response of one realisation, not
+    averaged; it is nan where the data do not determine it. The input is empty at the detection lines, so the output
+    there, `detected` (D,) [y^2 per line, noise removed], is distortion: from odd nonlinearities at odd multiples of
+    the base frequency, from even nonlinearities at even multiples.
     """
 
     frequency: np.ndarray
@@ -41,7 +41,7 @@ class Bla:
 
     @property
     def sentence(self) -> str:
-        """What was done and what came out."""
+        """The data used and the result."""
         shape = (
             f"{self.realisations} realisation(s) of {self.periods} period(s) of {self.period} samples, "
             f"{len(self.frequency)} lines: "
@@ -55,7 +55,7 @@ class Bla:
 
 
 def find_period(u: np.ndarray, tolerance: float = 1e-9) -> int:
-    """The shortest period [samples] of u (N,), which must hold twice; raises InputError where there is none."""
+    """The shortest period [samples] of u (N,), which must repeat at least once; raises InputError if there is none."""
     u = np.asarray(u, dtype=float).ravel()
     limit = tolerance * float(np.ptp(u))
     for P in range(2, len(u) // 2 + 1):
@@ -68,14 +68,14 @@ def find_period(u: np.ndarray, tolerance: float = 1e-9) -> int:
 def estimate(data: IOData, period: int | None = None, skip: int = 1) -> Bla:
     """The BLA of a record whose input repeats every `period` samples; every experiment is one realisation.
 
-    The first `skip` periods of each experiment are left out as transient. With several realisations the robust method
-    (section 4.3.1), with one the fast method (section 4.3.2), which reads the distortions at the detection lines and
-    needs an input that leaves some odd lines empty. Raises InputError where the input does not repeat, or fewer than
-    two periods are left.
+    The first `skip` periods of each experiment are left out as transient. Several realisations use the robust method
+    (section 4.3.1). One realisation uses the fast method (section 4.3.2): it measures the distortion at the detection
+    lines and needs an input that leaves some odd lines empty. Raises InputError if the input does not repeat, or if
+    fewer than two periods are left.
     """
     siso(data)
     if data.missing is not None:
-        raise InputError("the record has missing outputs; a spectrum needs whole periods, cut the gaps out first")
+        raise InputError("the record has missing outputs; a spectrum needs whole periods, so cut out the gaps first")
     if period is None:
         period = find_period(data.experiments[0].u[:, 0])
     U, Y = _spectra(data, int(period), int(skip))
@@ -83,7 +83,7 @@ def estimate(data: IOData, period: int | None = None, skip: int = 1) -> Bla:
     excited = np.abs(U[:, 0]).min(axis=0) > 1e-3 * np.sqrt(np.mean(np.abs(U[:, 0]) ** 2, axis=1)).max()
     excited[0] = False
     if period % 2 == 0:
-        excited[-1] = False  # the Nyquist line is real: it has no phase to average over
+        excited[-1] = False  # the Nyquist line is real and has no phase to average over
     k = np.flatnonzero(excited)
     if not len(k):
         raise InputError("the input is constant over its period; excite with a multisine or a binary signal")
@@ -146,10 +146,10 @@ def _detection_lines(excited: np.ndarray, k: np.ndarray) -> np.ndarray:
 
 
 def _from_detection(k: np.ndarray, quiet: np.ndarray, detected: np.ndarray, gain: np.ndarray) -> np.ndarray:
-    """Distortion at the excited lines k (F,), read off the odd detection lines; nan where there are too few.
+    """Distortion at the excited lines k (F,), interpolated from the odd detection lines; nan if there are too few.
 
-    Even lines count too where the input holds them. Between the lines the distortion is taken to follow the response
-    |G|^2 (F,): it is smoothed as a share of it, which holds exactly for a bend before the dynamics.
+    Even lines count too if the input contains them. Between the lines the distortion is assumed to be proportional to
+    |G|^2 (F,), and the ratio is smoothed. This is exact for a nonlinearity before the dynamics.
     """
     use = quiet % 2 == 1 if np.all(k % 2 == 1) else np.ones(len(quiet), dtype=bool)
     if use.sum() < 4:
@@ -160,9 +160,9 @@ def _from_detection(k: np.ndarray, quiet: np.ndarray, detected: np.ndarray, gain
 
 @dataclass(frozen=True)
 class Parametric:
-    """B/F of the orders asked for, fitted to a BLA: b (nb,), f (nf,), delay nk.
+    """B/F of the given orders, fitted to a BLA: b (nb,), f (nf,), delay nk.
 
-    cost is sum |G - B/F|^2 / total variance over the lines; expected is what it comes to where the orders suffice.
+    cost is sum |G - B/F|^2 / total variance over the lines; expected is its expected value if the orders suffice.
     """
 
     b: np.ndarray
@@ -180,16 +180,16 @@ class Parametric:
     def sentence(self) -> str:
         """Whether the orders suffice."""
         ratio = self.cost / self.expected
-        verdict = "the orders suffice" if ratio < 1.5 else "higher orders or another delay would come nearer"
+        verdict = "the orders suffice" if ratio < 1.5 else "higher orders or another delay would fit better"
         return f"the weighted misfit is {ratio:.2g} times what noise and distortion explain: {verdict}"
 
 
 def parametric(bla: Bla, nb: int, nf: int, nk: int = 1) -> Parametric:
-    """B/F nearest to the BLA in the sense of its own variance, stable.
+    """Stable B/F closest to the BLA, weighted with its variance.
 
-    Sanathanan-Koerner iterations give the start, Levenberg-Marquardt the minimum (Pintelon and Schoukens, chapter 9);
-    poles outside the unit circle are mirrored inside and B fitted again. Raises InputError for more parameters than
-    the lines can carry.
+    Sanathanan-Koerner iterations give the start and Levenberg-Marquardt the minimum (Pintelon and Schoukens, chapter
+    9). Poles outside the unit circle are mirrored inside, and B is fitted again. Raises InputError for more parameters
+    than the lines determine.
     """
     from scipy.optimize import least_squares
 
@@ -233,7 +233,7 @@ def parametric(bla: Bla, nb: int, nf: int, nk: int = 1) -> Parametric:
 
 
 def _weights(bla: Bla) -> np.ndarray:
-    """Variance of G for weighting: smoothed over lines, since that of a few realisations is itself uncertain."""
+    """Variance of G for weighting, smoothed over lines because the variance of a few realisations is uncertain."""
     # Smoothed before they are compared: the larger of two uncertain numbers is biased upwards.
     variance = np.maximum(_smooth(bla.total_variance, 9), _smooth(bla.noise_variance, 9))
     return np.maximum(variance, (1e-9 * np.abs(bla.G).max()) ** 2)

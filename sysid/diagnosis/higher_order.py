@@ -1,8 +1,8 @@
-"""Higher-order residual tests: what linear correlations cannot see, a nonlinearity that the model missed.
+"""Higher-order residual tests: they detect a missing nonlinearity that linear correlations do not show.
 
-Billings and Voon (1986, International Journal of Control 44) show that residuals of a nonlinear system may be white and
-uncorrelated with the input although an even nonlinearity is missing; their correlations with u^2, of e^2 with u^2 and
-of e with e u find it.
+Billings and Voon (1986, International Journal of Control 44) show that residuals of a nonlinear system may be white
+and uncorrelated with the input although an even nonlinearity is missing. The correlations of e with u^2, of e^2 with
+u^2 and of e with e u detect it.
 """
 
 from dataclasses import dataclass
@@ -34,15 +34,15 @@ class CrossTest:
 
     @property
     def outside(self) -> int:
-        """How many lags leave the bound."""
+        """Number of lags outside the bound."""
         return int(np.sum(np.abs(self.correlation) > self.bound))
 
     @property
     def passed(self) -> bool:
-        """True unless a lag leaves the bound widened for all lags together (Bonferroni).
+        """True unless a lag leaves the bound that is widened for all lags together (Bonferroni).
 
-        The number of lags outside is no verdict here: u^2 of a held input is correlated over many samples, so lags
-        leave the bound in flocks.
+        The number of lags outside is not used: u^2 of a held input is correlated over many samples, so lags leave the
+        bound in groups.
         """
         n = len(self.correlation)
         widened = self.bound * float(ndtri(1.0 - (1.0 - self.level) / (2 * n)) / ndtri(0.5 + self.level / 2))
@@ -51,7 +51,7 @@ class CrossTest:
 
 @dataclass(frozen=True)
 class HigherOrderTests:
-    """The three tests; `advice` names what a failed one points to."""
+    """The three tests; `advice` says what a failed test indicates."""
 
     tests: tuple[CrossTest, ...]
     level: float
@@ -63,7 +63,7 @@ class HigherOrderTests:
 
     @property
     def advice(self) -> tuple[str, ...]:
-        """One sentence for each failed test, with the number behind it."""
+        """One sentence for each failed test, with its number."""
         return tuple(
             f"{t.name}: |r| reaches {np.abs(t.correlation).max():.3f}, the {100 * t.level:g} % bound of one lag is "
             f"{t.bound:.3f}; {t.meaning}"
@@ -90,8 +90,9 @@ class HigherOrderTests:
 def higher_order_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float = 0.99) -> HigherOrderTests:
     """The tests on residuals e (N,) for the input u (N,), e later than u by lags 0..max_lag.
 
-    Run the plain whiteness test first: on residuals that are far from white these bounds are rough. Raises InputError
-    where N does not exceed 2 max_lag. A residual of zero, or an input of two levels (whose square is constant), passes.
+    Run the plain whiteness test first: the bounds are inaccurate if the residuals are far from white. Raises
+    InputError if N does not exceed 2 max_lag. A residual of zero, or an input with two levels (its square is
+    constant), passes.
     """
     e, u = np.asarray(e, dtype=float).ravel(), np.asarray(u, dtype=float).ravel()
     if len(u) != len(e):

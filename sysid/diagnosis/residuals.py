@@ -15,7 +15,7 @@ class ResidualTests:
     """Correlations of the residuals e with themselves (lags 0..L) and with the input (lags -L..L), with their bounds.
 
     Whiteness: |r_e(k)| <= z / sqrt(N) for lags 1..L. Independence: |r_eu(k)| within z sqrt(sum R_e R_u / N), in the
-    same scale (Ljung, System Identification, section 16.6). At level p a share 1 - p of lags falls outside by chance.
+    same scale (Ljung, System Identification, section 16.6). At level p, a share 1 - p of the lags is outside by chance.
     """
 
     lags: np.ndarray
@@ -28,22 +28,22 @@ class ResidualTests:
 
     @property
     def whiteness_outside(self) -> int:
-        """How many lags above 0 leave the bound."""
+        """Number of lags above 0 outside the bound."""
         return int(np.sum(np.abs(self.autocorrelation[1:]) > self.whiteness_bound))
 
     @property
     def independence_outside(self) -> int:
-        """How many lags of the cross-correlation leave the bound."""
+        """Number of lags of the cross-correlation outside the bound."""
         return int(np.sum(np.abs(self.cross_correlation) > self.independence_bound))
 
     @property
     def white(self) -> bool:
-        """True where chance explains every lag outside the bound (see `chance`)."""
+        """True if chance explains every lag outside the bound (see `chance`)."""
         return chance(self.autocorrelation[1:], self.whiteness_bound, self.level)
 
     @property
     def independent(self) -> bool:
-        """True where chance explains every lag outside the bound (see `chance`)."""
+        """True if chance explains every lag outside the bound (see `chance`)."""
         return chance(self.cross_correlation, self.independence_bound, self.level)
 
     def as_dict(self) -> dict[str, Any]:
@@ -55,8 +55,8 @@ class ResidualTests:
 def chance(r: np.ndarray, bound: float, level: float) -> bool:
     """Whether chance explains correlations r (n,) whose single-lag bound of this level is `bound`.
 
-    Not more lags outside than one record in a hundred would show, and none outside the bound widened so that all n
-    lags together keep the level (Bonferroni).
+    True if at most as many lags are outside as one record in a hundred shows by chance, and none is outside the bound
+    widened for all n lags together (Bonferroni).
     """
     n = len(r)
     widened = bound * float(ndtri(1.0 - (1.0 - level) / (2 * n)) / ndtri(0.5 + level / 2))
@@ -71,7 +71,7 @@ def _allowed(n: int, level: float) -> int:
 
 
 def residual_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
-    """Tests on residuals e (N,) for the input u (N,); raises InputError where N does not exceed 2 max_lag.
+    """Tests on residuals e (N,) for the input u (N,); raises InputError if N does not exceed 2 max_lag.
 
     A residual of zero everywhere (an exact model) passes both tests.
     """

@@ -1,17 +1,17 @@
-"""What a single signal shows: how far it excites, how many levels it takes, where it rests, how it was rounded."""
+"""Properties of a single signal: order of excitation, number of levels, rests at the extremes, converter step."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-_ROWS = 20_000  # of a signal looked at for its order
+_ROWS = 20_000  # samples used for the order of excitation
 
 
 def persistence(u: np.ndarray, highest: int = 50) -> int:
     """Order n of persistent excitation of u (N,): the most lags whose covariance has full rank, up to `highest`.
 
-    By the singular values of the lag matrix itself, so that a sum of m sines has exactly 2 m (Ljung, System
-    Identification, definition 13.2). A singular value below 1e-4 of the largest counts as none.
+    The order is the rank of the lag matrix, so a sum of m sines has exactly 2 m (Ljung, System Identification,
+    definition 13.2). A singular value below 1e-4 of the largest counts as zero.
     """
     x = np.asarray(u, dtype=float).ravel()[:_ROWS]
     x = x - x.mean()
@@ -24,7 +24,7 @@ def persistence(u: np.ndarray, highest: int = 50) -> int:
 
 
 def levels(u: np.ndarray, tolerance: float = 1e-6) -> int:
-    """How many distinct values u (N,) takes, values within `tolerance` of its range being one."""
+    """Number of distinct values of u (N,); values within `tolerance` of its range count as one."""
     x = np.sort(np.asarray(u, dtype=float).ravel())
     span = float(x[-1] - x[0])
     return 1 if span == 0 else int(1 + np.sum(np.diff(x) > tolerance * span))
@@ -32,7 +32,7 @@ def levels(u: np.ndarray, tolerance: float = 1e-6) -> int:
 
 @dataclass(frozen=True)
 class Rest:
-    """Share of samples within a band of the lowest and of the highest value, and that band [unit of the signal]."""
+    """Shares of samples within a band of the lowest and of the highest value, and the width of the band."""
 
     low: float
     high: float
@@ -40,10 +40,10 @@ class Rest:
 
 
 def rests(y: np.ndarray, noise: float = 0.0) -> Rest:
-    """Where a signal stands still at its extremes: samples within the band of an extreme whose neighbours are too.
+    """Rests at the extremes: samples within the band of an extreme whose neighbours are in the band too.
 
-    The band is half a percent of the range, or six spreads of the noise where those are wider (the extreme of a noisy
-    rest is three off its level), but at most a twentieth of the range.
+    The band is half a percent of the range, or six standard deviations of the noise if that is wider (the extreme of a
+    noisy rest is three from its level), but at most a twentieth of the range.
     """
     y = np.asarray(y, dtype=float).ravel()
     band = min(max(0.005 * float(np.ptp(y)), 6.0 * noise), 0.05 * float(np.ptp(y)))
@@ -55,12 +55,12 @@ def rests(y: np.ndarray, noise: float = 0.0) -> Rest:
 
 
 def sine_rest(share_of_range: float) -> float:
-    """Share of its time that a sine spends within this share of its range of one extreme: what is no rest yet."""
+    """Share of time that a sine is within this share of its range of one extreme; up to this share is not a rest."""
     return float(np.arccos(np.clip(1.0 - 2.0 * share_of_range, -1.0, 1.0)) / np.pi)
 
 
 def step(y: np.ndarray) -> float | None:
-    """Step of the converter that y (N,) was read through: its values are few and a regular step apart; or None."""
+    """Converter step of y (N,), if its values are few and a regular step apart; otherwise None."""
     y = np.asarray(y, dtype=float).ravel()
     values = np.unique(y)
     gaps = np.diff(values)
@@ -72,7 +72,7 @@ def step(y: np.ndarray) -> float | None:
 
 
 def rise(b: np.ndarray, a: np.ndarray, longest: int) -> tuple[int | None, bool]:
-    """Samples to 63 % of the final step response of B/A (delay included), and whether it settles within `longest`."""
+    """Samples to 63 % of the final step response of B/A (with delay), and whether it settles within `longest`."""
     from scipy.signal import lfilter
 
     with np.errstate(over="ignore", invalid="ignore"):

@@ -1,9 +1,9 @@
-"""Tests on a record by whitening regression: one output on its own past and on the inputs' past, and what is added.
+"""Tests on a record by whitening regression: one output on its own past, on the past of the inputs and on added terms.
 
-A high-order ARX model whitens the output noise of any linear system, an integrating one too; then a coefficient
-beyond its bound means something (Ljung, System Identification, 2nd ed. 1999, sections 10.3 and 16.5). Covariances are
-robust to errors whose size changes along the record (White 1980, in the form HC3 of MacKinnon and White 1985), which
-the error of a linear model of a bent plant does.
+A high-order ARX model whitens the output noise of any linear system, also of an integrating one. Then a coefficient
+beyond its bound is significant (Ljung, System Identification, 2nd ed. 1999, sections 10.3 and 16.5). The covariances
+are robust to errors whose size changes along the record (White 1980, in the form HC3 of MacKinnon and White 1985). The
+error of a linear model of a nonlinear plant is such an error.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from scipy.special import fdtrc, stdtrit
 from sysid.data.record import IOData
 
 ORDERS = (2, 4, 8, 12, 16, 24, 32, 48)
-LONGEST = 20_000  # samples; more make every test sharper than any model is
-_LEAST = 30  # rows beyond the coefficients that a test needs
+LONGEST = 20_000  # samples; with more, the tests reject every model
+_LEAST = 30  # rows that a test needs beyond the number of coefficients
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,11 @@ class Regression:
         return len(self.e) - len(self.c)
 
     def z(self, k: int) -> float:
-        """Coefficient k in its own standard deviations."""
+        """Coefficient k divided by its standard deviation."""
         return float(self.c[k] / np.sqrt(self.covariance[k, k])) if self.covariance[k, k] > 0 else 0.0
 
     def p_value(self, which: slice) -> float:
-        """Probability that chance alone moves these coefficients as far from zero together (Wald, F)."""
+        """Probability that chance alone moves these coefficients jointly as far from zero (Wald, F)."""
         c, C = self.c[which], self.covariance[which, which]
         scale = np.sqrt(np.diag(C))
         if not len(c) or not np.all(scale > 0):
@@ -49,7 +49,7 @@ class Regression:
 
 @dataclass(frozen=True)
 class Whitened:
-    """Output j of a record on its past: order p, where each input's lags 0..p stand, and the regression."""
+    """Regression of output j of a record on the past: order p and the columns of each input's lags 0..p."""
 
     data: IOData
     output: int
@@ -58,7 +58,7 @@ class Whitened:
     X: np.ndarray  # columns: one, y(t-1)..y(t-p), then lags 0..p of every input
     y: np.ndarray
     times: np.ndarray  # sample number of each row
-    rows: tuple[np.ndarray, ...]  # rows of each experiment in its own numbers
+    rows: tuple[np.ndarray, ...]  # rows of each experiment, numbered within it
 
     def lags(self, i: int) -> slice:
         """Columns of input i, lags 0..p."""
@@ -66,9 +66,9 @@ class Whitened:
         return slice(start, start + self.order + 1)
 
     def with_columns(self, extra: np.ndarray, use: np.ndarray | None = None) -> tuple[Regression, slice]:
-        """The regression with further columns (M, k) over the rows `use`; columns that the others explain are left out.
+        """The regression with further columns (M, k) over the rows `use`, without columns that depend on the others.
 
-        The slice says where the further ones stand.
+        The slice gives the further columns.
         """
         X = self.X if use is None else self.X[use]
         y = self.y if use is None else self.y[use]
@@ -91,7 +91,7 @@ class Whitened:
 
 
 def regress(X: np.ndarray, y: np.ndarray) -> Regression:
-    """Least squares of y (M,) on X (M, n) with covariance HC3; directions that X leaves open get no variance."""
+    """Least squares of y (M,) on X (M, n) with covariance HC3; directions that X does not determine get no variance."""
     norm = np.linalg.norm(X, axis=0)
     norm = np.where(norm > 0, norm, 1.0)
     U, s, Vt = np.linalg.svd(X / norm, full_matrices=False)
@@ -106,14 +106,14 @@ def regress(X: np.ndarray, y: np.ndarray) -> Regression:
 
 
 def whiten(data: IOData, output: int = 0) -> Whitened | None:
-    """The output on its past at the order that AIC prefers; None where the record is too short or does not move."""
+    """The output on its past at the order that AIC prefers; None if the record is too short or constant."""
     if np.ptp(data.y[:, output]) == 0.0 or np.all(np.ptp(data.u, axis=0) == 0.0):
         return None
     lags_of = data.u.shape[1] + 1
     usable = [p for p in ORDERS if p * lags_of * 8 + _LEAST <= min(data.N, LONGEST)]
     if not usable:
         return None
-    # All orders over the same rows, or AIC would compare different data.
+    # All orders use the same rows; otherwise AIC would compare different data.
     first, best, best_aic = usable[-1], None, np.inf
     for p in usable:
         X, y, times, rows = _design(data, output, p, first)
@@ -121,7 +121,7 @@ def whiten(data: IOData, output: int = 0) -> Whitened | None:
             break
         c = np.linalg.lstsq(X, y, rcond=1e-10)[0]
         loss = float(np.mean((y - X @ c) ** 2))
-        floor = (1e-12 * float(np.ptp(y))) ** 2  # a noise-free record is explained to rounding by more than one order
+        floor = (1e-12 * float(np.ptp(y))) ** 2  # more than one order explains a noise-free record to rounding
         aic = len(y) * np.log(max(loss, floor)) + 2 * X.shape[1]
         if aic < best_aic - 1e-9:
             best, best_aic = p, aic
@@ -163,7 +163,7 @@ def _design(
 
 @dataclass(frozen=True)
 class Delay:
-    """First input lag whose coefficient leaves the bound: nk, or None; z (p + 1,) of every lag in its own spreads."""
+    """First input lag outside the bound: nk or None; z (p + 1,) of all lags in standard deviations."""
 
     nk: int | None
     z: np.ndarray
@@ -173,7 +173,7 @@ class Delay:
 def delay(white: Whitened, i: int = 0, level: float = 0.01) -> Delay:
     """Delay from input i. `level` is the chance that any of the lags 0..p of an input without effect leaves the bound.
 
-    With feedback, lag 0 may answer for the controller and not for the plant.
+    With feedback, lag 0 may come from the controller and not from the plant.
     """
     lags = white.lags(i)
     z = np.array([white.regression.z(k) for k in range(lags.start, lags.stop)])
@@ -183,11 +183,10 @@ def delay(white: Whitened, i: int = 0, level: float = 0.01) -> Delay:
 
 
 def feedback(white: Whitened, i: int = 0, ahead: int = 5) -> float | None:
-    """p-value that later inputs, 1..ahead samples on, say nothing about this output beyond its past.
+    """p-value of the hypothesis that inputs 1..ahead samples later do not predict this output beyond its past.
 
-    They do say something where a controller answers to the output (Sims' test in the form of Geweke, Meese and Dent
-    1983). An answer within the same sample is not seen here but in lag 0 of `delay`. None where later inputs follow
-    from earlier ones exactly.
+    They do predict it if a controller responds to the output (Sims' test in the form of Geweke, Meese and Dent 1983). A
+    response within the same sample appears in lag 0 of `delay`, not here. None if past inputs determine later ones.
     """
     columns, has = zip(*(white.shifted(i, k) for k in range(1, ahead + 1)), strict=True)
     regression, extra = white.with_columns(np.column_stack(columns), np.all(has, axis=0))
@@ -196,7 +195,8 @@ def feedback(white: Whitened, i: int = 0, ahead: int = 5) -> float | None:
 
 @dataclass(frozen=True)
 class Nonlinearity:
-    """p-value that squares and cubes explain nothing, and the share of the one-step error's variance that they do."""
+    """p-value of the hypothesis that squares and cubes explain nothing, and the share of the one-step error's variance
+    that they explain."""
 
     p_value: float
     share: float
@@ -205,8 +205,8 @@ class Nonlinearity:
 def nonlinearity(white: Whitened, nk: int = 1) -> Nonlinearity | None:
     """Squares and cubes of the inputs at lags nk..nk+2 and of the output's last two samples, added to the linear model.
 
-    A regression test of misspecification (Ramsey 1969; for systems Haber and Keviczky 1999, chapter 5). None where
-    they say nothing new, as the squares of an input of two levels.
+    A regression test of misspecification (Ramsey 1969; for systems Haber and Keviczky 1999, chapter 5). None if they
+    add no information, as the squares of an input with two levels.
     """
     p = white.order
     lags = [
@@ -223,7 +223,7 @@ def nonlinearity(white: Whitened, nk: int = 1) -> Nonlinearity | None:
 
 
 def drift(white: Whitened) -> float:
-    """p-value that the output does not drift along a straight line beyond what its past and the inputs explain."""
+    """p-value of the hypothesis that the output has no linear drift beyond what its past and the inputs explain."""
     t = (white.times - white.times.mean()) / max(np.ptp(white.times), 1)
     regression, extra = white.with_columns(t[:, None])
     return regression.p_value(extra) if extra.stop > extra.start else 1.0

@@ -1,4 +1,4 @@
-"""Frozen dataclasses as plain JSON values and back, by their own fields and type hints; checked by pydantic."""
+"""Frozen dataclasses to plain JSON values and back, by their fields and type hints; checked by pydantic."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -22,7 +22,7 @@ _WIDTH = 110
 def encode(value: Any, where: str) -> Any:
     """Lists, dicts, numbers and strings; numbers that JSON does not know become 'inf', '-inf', 'nan'.
 
-    Raises InputError for what has no text, naming it by `where`.
+    Raises InputError, with the name `where`, for a value that cannot be written as text.
     """
     if is_dataclass(value) and not isinstance(value, type):
         plain = {f.name: encode(getattr(value, f.name), f"{where}, {f.name}") for f in fields(value) if f.init}
@@ -42,13 +42,13 @@ def encode(value: Any, where: str) -> Any:
     if value is None or isinstance(value, str):
         return value
     raise InputError(
-        f"{where} is a {type(value).__name__}, which a text file cannot hold; put a piecewise linear map or a spline "
-        "in place of a function of your own"
+        f"{where} is a {type(value).__name__}, which a text file cannot store; use a piecewise linear map or a spline "
+        "instead of a custom function"
     )
 
 
 def build(kind: type[T], values: Any) -> T:
-    """The dataclass from what `encode` made of it; raises InputError where a value is missing, wrong or not known."""
+    """The dataclass from the output of `encode`; raises InputError if a value is missing, wrong or unknown."""
     if not isinstance(values, dict):
         raise InputError(f"this should be a table of {', '.join(f.name for f in fields(kind))}")  # type: ignore[arg-type]
     try:
@@ -59,7 +59,7 @@ def build(kind: type[T], values: Any) -> T:
 
 
 def lines(value: Any, indent: int = 0) -> str:
-    """JSON as a person would lay it out: what fits on a line stands on one, and rows of numbers always do."""
+    """JSON laid out for reading: values that fit on a line, and all rows of numbers, are on one line."""
     flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
     inside = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
     row = isinstance(value, list) and not any(isinstance(v, (dict, list, str)) for v in value)
@@ -88,7 +88,7 @@ def _block(values: Any) -> Block:
 
 
 def _number(value: Any) -> Any:
-    """Undoes what `encode` does to numbers that JSON does not know."""
+    """The inverse of `encode` for numbers that JSON does not know."""
     return float(value) if value in ("inf", "-inf", "nan") else value
 
 
@@ -106,7 +106,7 @@ def _array(value: Any) -> np.ndarray:
     except ValueError:
         raise InputError("the rows of this table have different lengths") from None
     if array.dtype.kind not in "bif":
-        raise InputError("this list holds something that is not a number")
+        raise InputError("this list has an entry that is not a number")
     return array if array.size else array.astype(float)
 
 
@@ -115,7 +115,7 @@ _STRICT |= {bool: Annotated[bool, Strict()], str: Annotated[str, Strict()], None
 
 
 def _annotation(hint: Any) -> Any:
-    """The hint of a dataclass's field as pydantic shall read it from JSON."""
+    """The type hint of a field in the form that pydantic reads from JSON."""
     if hint in _STRICT:
         return _STRICT[hint]
     if hint is Any:
@@ -141,7 +141,7 @@ def _builder(kind: type) -> Callable[[Any], Any]:
 
 
 def _nothing(value: Any) -> Any:
-    """Only None can stand where the hint is a function."""
+    """Only None is allowed where the hint is a function."""
     if value is not None:
         raise InputError("this cannot be read from text")
     return value
@@ -161,7 +161,7 @@ def _default(f: Field) -> Any:
 
 
 def _sentence(error: ValidationError) -> str:
-    """The first thing that is wrong, and where."""
+    """The first error and its place."""
     first = error.errors(include_url=False)[0]
     place = " ".join(str(p) for p in first["loc"])
     if first["type"] == "missing":

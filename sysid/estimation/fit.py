@@ -21,15 +21,15 @@ from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Options, Outcome, iterate
 from sysid.solver.searches import search as make_search
 
-# Every start gets a few iterations, then only the leaders go on: a start that is far behind by then seldom wins.
-# The few are Levenberg-Marquardt's whatever comes after: far from an optimum it is the least easily misled.
+# Every start gets a few iterations, then only the best go on: a start that is far behind by then seldom wins.
+# The first iterations always use Levenberg-Marquardt, the most reliable search far from an optimum.
 _TRIAL, _TRIAL_SEARCH, _LEADERS = 15, "lm", 2
-_PASSES = 4  # the spread of the residuals settles within this many
+_PASSES = 4  # the standard deviation of the residuals converges within this many
 
 
 @dataclass(frozen=True)
 class _Run:
-    """What every start of one fit shares."""
+    """The data that all starts of one fit share."""
 
     model: Chain
     data: IOData
@@ -54,9 +54,9 @@ class _Run:
         )
 
     def iterate(self, problem: ChainProblem, p: np.ndarray, options: Options, search: str = "") -> Outcome:
-        """One search, by the method asked for if no other is named."""
+        """One search, by default with the requested method."""
         outcome = iterate(problem, p, make_search(search or self.search), options)
-        problem.scratch.clear()  # several starts of a long record would else hold a Jacobian each
+        problem.scratch.clear()  # otherwise each of several starts of a long record would keep a Jacobian
         if self.progress is not None:
             loss = outcome.cost / max(int(self.data.observed.sum()), 1)
             self.progress(f"{self.model.structure}: loss {loss:.4g} after {outcome.stop.iterations} iterations")
@@ -74,7 +74,7 @@ def fit_chain(
     objective: Objective | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
-    """Fit a chain to a record; `sysid.fit` says what each argument means and what is raised."""
+    """Fit a chain to a record; see `sysid.fit` for the arguments and errors."""
     began = time.perf_counter()
     run = _Run(model, data, objective or Objective(), make_search(search).name, options or Options(), progress)
     _check(model, data, run.objective)
@@ -89,7 +89,7 @@ def fit_chain(
         best = int(np.argmin(costs))
         if not np.isfinite(costs[best]):
             raise InputError(
-                f"none of {len(points)} start(s) gives a usable model: {outcomes[best].stop.reason}; "
+                f"none of {len(points)} start(s) gives a valid model: {outcomes[best].stop.reason}; "
                 "detrend the data or lower the orders"
             )
         problem, outcome = problems[best], outcomes[best]
@@ -120,7 +120,7 @@ def _race(run: _Run, problems: list[ChainProblem]) -> list[Outcome]:
     if len(problems) == 1:
         return [run.iterate(problems[0], problems[0].start, run.options)]
     trial = replace(run.options, max_iterations=min(_TRIAL, run.options.max_iterations))
-    # Threads, not processes: the loops over samples release the interpreter's lock and nothing is copied.
+    # Threads, not processes: the loops over samples release the interpreter's lock, and no data are copied.
     with ThreadPoolExecutor(min(len(problems), available())) as pool:
         outcomes = list(pool.map(lambda problem: run.iterate(problem, problem.start, trial, _TRIAL_SEARCH), problems))
         leaders = [int(k) for k in np.argsort([o.cost for o in outcomes], kind="stable")[:_LEADERS]]
@@ -131,11 +131,11 @@ def _race(run: _Run, problems: list[ChainProblem]) -> list[Outcome]:
 
 
 def _follow_noise(run: _Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
-    """Search on while Huber's threshold and the curvature weight follow the spread of the residuals."""
+    """Continue the search while Huber's threshold and the curvature weight follow the spread of the residuals."""
     threshold, curvature = run.objective.huber_threshold, run.objective.curvature_weight
     for _ in range(_PASSES):
         noise = _noise(problem, outcome.p, threshold is not None)
-        # The curvature weight need not be known closely, the threshold a little more so.
+        # A rough curvature weight is sufficient; the threshold needs a little more accuracy.
         steady = threshold is None or abs(problem.huber_threshold / threshold - noise) < 0.05 * noise
         known = problem.curvature_weight
         if steady and (known == 0.0 or curvature * noise < known * 1.25 < 2.0 * curvature * noise):
@@ -147,7 +147,7 @@ def _follow_noise(run: _Run, problem: ChainProblem, outcome: Outcome) -> tuple[C
 
 
 def _with_curvature_weight(run: _Run, problems: list[ChainProblem]) -> list[ChainProblem]:
-    """The problems with one weight on their maps' kinks, from the least noise that any start leaves."""
+    """The problems with one curvature weight, from the smallest residuals of any start."""
     weight, kinks = run.objective.curvature_weight, len(run.model.kinks(problems[0].theta0[0])[0])
     if not weight or not kinks:
         return problems
@@ -158,7 +158,7 @@ def _with_curvature_weight(run: _Run, problems: list[ChainProblem]) -> list[Chai
 
 
 def _noise(problem: ChainProblem, p: np.ndarray, robust: bool) -> float:
-    """Standard deviation of the residuals at p, infinite where there is no model, never quite zero."""
+    """Standard deviation of the residuals at p; infinite if the model is invalid, never exactly zero."""
     e = replace(problem.bare, huber_threshold=np.inf).residual(p)
     if e is None or not np.all(np.isfinite(e)):
         return np.inf
@@ -166,7 +166,7 @@ def _noise(problem: ChainProblem, p: np.ndarray, robust: bool) -> float:
 
 
 def _n_init(model: Chain, data: IOData) -> int:
-    """Samples that give the initial state of a free run: a twentieth of a record, since a slow state shows slowly."""
+    """Samples that give the initial state of a free run: a twentieth of a record, because slow states need many."""
     N = min(data.lengths)
     least = max(50, 4 * max((b.n_state for _, b in model.dynamics), default=0))
     return min(max(least, min(N // 20, 1000)), N // 4)
@@ -204,7 +204,7 @@ def _check(model: Chain, data: IOData, objective: Objective) -> None:
         for column in signals.T:
             if np.ptp(column) == 0.0:
                 raise InputError(
-                    f"the {kind} is constant ({column[0]:g}) over all {len(column)} samples; record one that moves"
+                    f"the {kind} is constant ({column[0]:g}) over all {len(column)} samples; record one that varies"
                 )
     own = int((model.free & model.initial).sum())
     needed = int(model.free.sum()) + (len(data.lengths) - 1) * own + 1

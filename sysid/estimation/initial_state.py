@@ -11,13 +11,13 @@ from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt
 
-_FIRST = 20  # samples that show where a motor begins
+_FIRST = 20  # samples that give a motor's initial position
 
 
 def estimate_initial(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
-    """theta (P,) with its initial states fitted to a record, everything else kept.
+    """theta (P,) with its initial states fitted to a record; all other parameters are kept.
 
-    The search starts from rest and from the steady state that comes nearest to y; the better end counts.
+    The search starts from rest and from the steady state closest to y; the better result is returned.
     """
     if not chain.initial.any():
         return theta
@@ -36,11 +36,11 @@ def estimate_initial(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarra
 
 
 def with_initial_states(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
-    """theta (K, P) for K experiments: the same model, the initial state of each fitted where there are several.
+    """theta (K, P) for K experiments: the same model, with the initial state of each fitted if there are several.
 
-    Initial states that are all held stay as they are: a state known from elsewhere, the same for every experiment. A
-    motor stands where its first samples are: it integrates, and a state fitted to a whole record would make up for the
-    errors of a start, which a search seldom takes back.
+    Initial states that are all held are not changed: they are known and the same for every experiment. The initial
+    position of a motor comes from its first samples. A motor integrates, so a state fitted to a whole record would
+    compensate errors of the starting point, and a search seldom corrects this.
     """
     if len(data.lengths) == 1 or not (chain.initial & chain.free).any():
         return np.tile(theta, (len(data.lengths), 1))
@@ -56,7 +56,7 @@ def _at_rest(chain: Chain, theta: np.ndarray) -> np.ndarray:
 
 
 def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Initial states as if the linear block's output had stood at the level where the chain shows y's first value."""
+    """Initial states of a linear block whose output was constant at the level that gives y's first value."""
     linear = chain.linear
     k = chain.blocks.index(linear)
     rest = _at_rest(chain, theta)
@@ -70,7 +70,7 @@ def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np
     levels = np.linspace(-2.0, 2.0, 401) * max(spans)
     shown = chain.through(theta, levels, k + 1)
     level = float(levels[np.argmin(np.abs(shown - float(np.mean(y[:3]))))])
-    # x_t stays at `level` without input if c_t = level * (1 + f1 + ... + ft).
+    # Without input, x_t stays at `level` if c_t = level * (1 + f1 + ... + ft).
     _, F = linear.padded(chain.part(theta, linear))
     part = rest[chain.index(linear)]
     part[linear.nb + linear.nf :] = level * np.cumsum(F)[:-1]
@@ -79,7 +79,7 @@ def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np
 
 
 def _on_map(chain: Chain, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The motor at rest where the chain behind it shows y's first values."""
+    """The motor at rest at the position that gives y's first values."""
     motor = motor_of(chain)
     rest, k = _at_rest(chain, theta), chain.blocks.index(motor)
     names = [slot.name for slot in motor.slots()]

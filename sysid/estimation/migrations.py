@@ -1,4 +1,4 @@
-"""What earlier versions of a saved fit called otherwise: one step a version, so that every old file still loads."""
+"""Changes between versions of a saved fit: one step per version, so that every old file still loads."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -9,10 +9,10 @@ Names = Mapping[str, str]  # old name -> new name
 
 @dataclass(frozen=True)
 class Step:
-    """From one version of the file to the next. Renames need a line here and no code; `then` does what is left.
+    """From one version of the file to the next. Renames need a line here and no code; `then` does other changes.
 
     kinds: kinds of block. fields: the options of a kind of block (by its new name), of 'fit' or of 'model'. parameters:
-    the slots of a kind of block, wherever parameters are named. then: a change of the whole document, after the names.
+    the slots of a kind of block, in all parameter names. then: a change of the whole document, after the renames.
     """
 
     kinds: Names = field(default_factory=dict)
@@ -21,7 +21,7 @@ class Step:
     then: Callable[[dict[str, Any]], dict[str, Any]] | None = None
 
     def apply(self, document: dict[str, Any]) -> dict[str, Any]:
-        """The document of this version as one of the next. What is no part of a saved fit stays for the loader."""
+        """The document of this version converted to the next. Unknown parts stay unchanged for the loader."""
         found = _renamed({k: self._blocks(v) for k, v in document.items()}, self.fields.get("fit", {}))
         model = found.get("model")
         if isinstance(model, dict):
@@ -34,7 +34,7 @@ class Step:
         return self.then(found) if self.then is not None else found
 
     def _blocks(self, value: Any) -> Any:
-        """The same with every block in it, however deep, under its new kind and with its new options."""
+        """The same with every block in it, at any depth, under its new kind and with its new options."""
         if isinstance(value, list):
             return [self._blocks(v) for v in value]
         if not isinstance(value, dict):
@@ -46,7 +46,7 @@ class Step:
         return found
 
     def _by_parameter(self, blocks: Any, theta: Any) -> Names:
-        """Full names of parameters that are called otherwise now: 'role.old', of channels 'role.1.old'."""
+        """Full names of renamed parameters: 'role.old', of channels 'role.1.old'."""
         found = {}
         for block in (b for b in blocks if isinstance(b, dict)) if isinstance(blocks, list) else ():
             slots = {old: new for kind in _kinds(block) for old, new in self.parameters.get(kind, {}).items()}
@@ -62,7 +62,7 @@ def _renamed(table: dict[str, Any], names: Names) -> dict[str, Any]:
 
 
 def _kinds(value: Any) -> set[str]:
-    """Kinds of block in a value, however deep."""
+    """Kinds of block in a value, at any depth."""
     if isinstance(value, list):
         return {kind for v in value for kind in _kinds(v)}
     if not isinstance(value, dict):
@@ -73,15 +73,16 @@ def _kinds(value: Any) -> set[str]:
 
 # Step k takes version k + 1 to version k + 2; a file goes through all that are newer than it is.
 STEPS: tuple[Step, ...] = (
-    # Version 1 wrote the loss as mse, which is true of plain least squares alone. It did not say what was minimised,
-    # so its mse is kept; fits with weights or a robust loss show theirs, and what follows from it, as they did then.
+    # Version 1 wrote the loss as mse, which is correct for plain least squares only. It did not store the cost, so its
+    # mse is kept; for fits with weights or a robust loss it stays the loss, and so do the criteria that follow from
+    # it.
     Step(),
 )
 VERSION = len(STEPS) + 1
 
 
 def migrate(document: dict[str, Any], version: int) -> dict[str, Any]:
-    """The document of a file of this version as one that is written today."""
+    """The document of a file of this version in today's form."""
     for step in STEPS[version - 1 :]:
         document = step.apply(document)
     return document

@@ -1,4 +1,4 @@
-"""What a fit minimises: squared free-run errors, and what may be put on top of them."""
+"""The cost of a fit: squared free-run errors with optional robust loss, weights and penalties."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,12 +12,13 @@ from sysid.base.errors import InputError
 class Objective:
     """Options of the cost; the default is plain least squares.
 
-    huber_threshold: where Huber's loss turns linear, in multiples of the residuals' own spread (1.345 keeps 95 %
-    efficiency under Gaussian noise, Huber 1964), None for squares. ridge: weight of the distance to `nominal` (name ->
-    value; 0 where not named), each parameter measured in its own nominal size; 0 for none. weights: one factor for
-    each output's error. curvature_weight: a kink of a free map as large as its mean slope costs as much as an error of
-    `curvature_weight` noise standard deviations in one sample. Data decide wherever there are data; a segment that
-    holds only a few noisy samples keeps nearly the slope of its neighbour, and so does the map beyond it. 0 for none.
+    huber_threshold: the error at which Huber's loss becomes linear, in standard deviations of the residuals (1.345
+    keeps 95 % efficiency under Gaussian noise, Huber 1964), None for squares. ridge: weight of the distance to
+    `nominal` (name -> value; 0 if not named), relative to the nominal size of each parameter; 0 for none. weights: one
+    factor for each output's error. curvature_weight: a kink of a free map as large as its mean slope costs as much as
+    an error of `curvature_weight` noise standard deviations in one sample; 0 for none. Where there are data, they
+    determine the map. A segment with only a few noisy samples, and the extrapolation beyond it, keep nearly the slope
+    of the neighbour.
     """
 
     huber_threshold: float | None = None
@@ -29,8 +30,7 @@ class Objective:
     def __post_init__(self) -> None:
         if self.huber_threshold is not None and not 0.0 < self.huber_threshold < np.inf:
             raise InputError(
-                f"huber_threshold is {self.huber_threshold}; give a positive number of spreads, for example 1.345, "
-                "or None"
+                f"huber_threshold is {self.huber_threshold}; give a positive number, for example 1.345, or None"
             )
         if not 0.0 <= self.ridge < np.inf:
             raise InputError(f"ridge is {self.ridge}; give 0 or a positive weight")
@@ -54,5 +54,5 @@ def huber(e: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def spread(e: np.ndarray) -> float:
-    """Standard deviation of Gaussian errors e (N,) from their median absolute deviation, blind to outliers."""
+    """Standard deviation of Gaussian errors e (N,) from their median absolute deviation, robust to outliers."""
     return float(1.4826 * np.median(np.abs(e - np.median(e))))

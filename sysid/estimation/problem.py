@@ -15,10 +15,11 @@ from sysid.solver.covariance import Covariance, covariance
 class ChainProblem:
     """min over p of the squared free-run errors of all experiments, theta_k = theta0[k] + basis[:, moving] p_k.
 
-    theta0 (K, P) is where p = 0, one row for each experiment, equal but for the initial states; moving (P,) marks the
-    directions of the chain's basis in p. The first experiment's directions come first (n,), then every other's initial
-    states. Missing samples are left out. `huber_threshold` is in the unit of y; `prior_weight` (P,) weighs the
-    distance to `nominal` (P,) (ridge); `curvature_weight` weighs the maps' kinks, in the unit of y.
+    theta0 (K, P) is the point p = 0, one row for each experiment; the rows differ only in the initial states. moving
+    (P,) marks the directions of the chain's basis in p. The directions of the first experiment come first (n,), then
+    the initial states of the others. Missing samples are left out. `huber_threshold` is in the unit of y;
+    `prior_weight` (P,) weighs the distance to `nominal` (P,) (ridge); `curvature_weight` weighs the maps' kinks, in
+    the unit of y.
     """
 
     chain: Chain
@@ -34,17 +35,17 @@ class ChainProblem:
 
     @classmethod
     def whole(cls, chain: Chain, theta0: np.ndarray, u: np.ndarray, y: np.ndarray) -> "ChainProblem":
-        """Plain least squares on one record u, y (N,), all free parameters moving."""
+        """Plain least squares on one record u, y (N,) over all free parameters."""
         return cls(chain, theta0[None, :], (IOData(u, y),), chain.free)
 
     @classmethod
     def initial_state(cls, chain: Chain, theta0: np.ndarray, data: IOData) -> "ChainProblem":
-        """Only the initial state of one record moves."""
+        """Least squares over the initial state of one record only."""
         return cls(chain, theta0[None, :], (data,), chain.initial)
 
     @cached_property
     def own(self) -> np.ndarray:
-        """Directions (P,) that every further experiment has for itself."""
+        """Directions (P,) that every further experiment has separately."""
         return self.moving & self.chain.initial
 
     @property
@@ -66,7 +67,7 @@ class ChainProblem:
         return thetas
 
     def repair(self, p: np.ndarray) -> np.ndarray:
-        """p within the bounds, and where the chain is admissible if its blocks know how."""
+        """p moved into the bounds and, where the blocks support it, to an admissible chain."""
         theta = self.thetas(p)[0]
         if not np.all(np.isfinite(theta)):
             return p
@@ -78,7 +79,7 @@ class ChainProblem:
         return p
 
     def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """True where p stands at a limit and the descent direction `gradient` points beyond it."""
+        """True where p is at a bound and the descent direction `gradient` points beyond it."""
         low, high = self.chain.at_limit(self.thetas(p)[0])
         n = int(self.moving.sum())
         blocked = np.zeros(len(p), dtype=bool)
@@ -135,16 +136,16 @@ class ChainProblem:
 
     @property
     def bare(self) -> "ChainProblem":
-        """The same without what is put on top of the data."""
+        """The same without penalties."""
         return replace(self, prior_weight=None, curvature_weight=0.0)
 
     @property
     def plain(self) -> "ChainProblem":
-        """The same with every error as it is: no weight, no threshold, nothing on top."""
+        """The same with plain errors: no weights, no threshold, no penalties."""
         return replace(self.bare, huber_threshold=np.inf, weights=np.ones(1))
 
     def covariance(self, p: np.ndarray) -> Covariance:
-        """Covariance of theta (of the first experiment) at p; a direction that a limit holds counts as known."""
+        """Covariance of theta (of the first experiment) at p; a direction at an active bound counts as known."""
         e, J = self.bare.linearise(p)
         theta, n = self.thetas(p)[0], int(self.moving.sum())
         free = ~self.blocked(p, J.T @ e)
@@ -153,12 +154,12 @@ class ChainProblem:
         redundant = np.linalg.solve(self.chain.basis, self.chain.gauge(theta))[self.moving]
         if J.shape[1] > n:  # the gauge moves the other experiments' initial states too: leave it to the pseudo-inverse
             redundant = np.vstack([redundant, np.zeros((J.shape[1] - n, redundant.shape[1]))])
-        if not free.all():  # a copy that a long record need not pay for
+        if not free.all():  # avoids a copy for a long record
             J, redundant, basis = J[:, free], redundant[free], basis[:, free]
         return covariance(e, J, redundant, basis, self.count(p))
 
     def count(self, p: np.ndarray) -> int:
-        """d of the criteria: what moves after the gauge, every experiment's initial state counted."""
+        """d of the criteria: free directions after the gauge, with the initial states of every experiment."""
         return self.chain.count(self.thetas(p)[0]) + (len(self.records) - 1) * int(self.own.sum())
 
     @property
@@ -166,7 +167,7 @@ class ChainProblem:
         return np.zeros(self.theta0.shape[1]) if self.nominal is None else self.nominal
 
     def _errors(self, record: IOData, yhat: np.ndarray) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
-        """e of the observed samples, output after output; which they are, the slope of the loss; None where all, 1."""
+        """e of the observed samples by output, their mask (None if all) and the slope of the loss (None if 1)."""
         e = (self.weights * (record.y - yhat)).T.ravel()
         slope = None if len(self.weights) == 1 and self.weights[0] == 1.0 else np.repeat(self._w(record), record.N)
         keep = None if record.missing is None else record.observed.T.ravel()

@@ -1,4 +1,4 @@
-"""Fit: what a search found, and everything that an engineer asks of it."""
+"""Fit: the result of a search, with simulation, criteria, poles, parameters and tests."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -22,7 +22,7 @@ from sysid.solver.iterate import Stop
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a fit; std is None where it is fixed or the data do not determine it."""
+    """One parameter of a fit; std is None if it is fixed or if the data do not determine it."""
 
     name: str
     value: float
@@ -45,11 +45,11 @@ class Fit:
     stop: Stop
     history: tuple[dict[str, Any], ...]
     warnings: tuple[str, ...]
-    losses: tuple[float, ...]  # of every start, so that a lonely optimum is seen
+    losses: tuple[float, ...]  # of every start, to show an optimum that only one start reaches
     seconds: float
     search: str
     n_init: int
-    u_span: tuple[float, float] = field(default=(0.0, 0.0))  # range of the input that the fit has seen
+    u_span: tuple[float, float] = field(default=(0.0, 0.0))  # range of the input in the estimation data
 
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
         """Free run: (N,) for one output, else (N, ny). For a record, the initial state of each experiment is fitted to
@@ -66,7 +66,7 @@ class Fit:
     def fit_percent(self, data: IOData, n_init: int | None = None) -> float:
         """Free-run fit [%] on a record; the first n_init samples give the initial state and are not scored.
 
-        With several outputs the mean over them, see `fit_percents`.
+        For several outputs it is their mean, see `fit_percents`.
         """
         return float(np.mean(self.fit_percents(data, n_init)))
 
@@ -92,7 +92,7 @@ class Fit:
 
     @property
     def poles(self) -> np.ndarray:
-        """Poles in z, complex: of the linear block (nf,), of several blocks one after the other."""
+        """Poles in z, complex: of the linear block (nf,), or of several blocks in order."""
         return np.concatenate([np.empty(0), *(b.poles(self.theta[part]) for part, b in self.model.dynamics)])
 
     @property
@@ -102,7 +102,7 @@ class Fit:
 
     @cached_property
     def pole_std(self) -> np.ndarray:
-        """Standard deviation of each pole, nan where the data do not determine it."""
+        """Standard deviation of each pole, nan if the data do not determine it."""
         found = [np.empty(0)]
         for part, b in self.model.dynamics:
             f = slice(part.start + b.nb, part.start + b.nb + b.nf)
@@ -122,20 +122,20 @@ class Fit:
         )
 
     def curve(self, role: str, x: np.ndarray) -> np.ndarray | None:
-        """The static map with this role ('input' or 'output') at x (N,); None where the chain has no such map."""
+        """The static map with this role ('input' or 'output') at x (N,); None if the chain has no such map."""
         block = self.model.block(role)
         if block is None or block.n_parameters == 0:
             return None
         return block.output(self.model.part(self.theta, block), x)
 
     def save(self, path: str | PathLike) -> Path:
-        """Write the fit as JSON that a person can read; `sysid.load` reads it again."""
+        """Write the fit as readable JSON; `sysid.load` reads it again."""
         from sysid.estimation.saving import save
 
         return save(self, path)
 
     def summary(self) -> dict[str, Any]:
-        """What the fit says, ready for JSON: values that are not finite become None."""
+        """A summary ready for JSON: values that are not finite become None."""
         poles = [
             {"re": z.real, "im": z.imag, "std": s}
             for z, s in zip(self.poles.tolist(), self.pole_std.tolist(), strict=True)
@@ -164,7 +164,7 @@ class Fit:
         return self.model.outputs(theta, data.u)
 
     def _scored(self, data: IOData, n_init: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """y, yhat and which samples count (M, ny), each experiment without its first n_init."""
+        """y, yhat and the mask of scored samples (M, ny), each experiment without its first n_init."""
         self._same_kind(data)
         y, yhat, counts = [], [], []
         for e in data.experiments:
@@ -191,16 +191,16 @@ class Fit:
 
 
 def rested(model: Chain, theta: np.ndarray) -> np.ndarray:
-    """theta (P,) at rest: filters and speeds at zero, what integrates (a motor, a play) where theta has it.
+    """theta (P,) at rest: filters and speeds at zero, integrating states (motor, backlash) at their values in theta.
 
-    In a fit this is where its record, the first of several, began.
+    In a fit these are the initial values of the first experiment.
     """
     moves = np.array([slot.initial and not slot.holds for slot in model.slots], dtype=bool)
     return np.where(moves, 0.0, theta)
 
 
 def check_channels(model: Chain, data: IOData) -> None:
-    """Raises InputError where a record has not the model's number of inputs and outputs."""
+    """Raises InputError if a record differs from the model in the number of inputs or outputs."""
     found, wanted = (data.u.shape[1], data.y.shape[1]), model.channels
     if found != wanted:
         raise InputError(

@@ -1,8 +1,7 @@
-"""Write a fit as JSON that a person can read, whole or not at all; `sysid.estimation.storage` reads it again.
+"""Write a fit as readable JSON, whole or not at all; `sysid.estimation.storage` reads it again.
 
 The layout follows the dataclasses of `Fit` (see `sysid.estimation.codec`): a field added there or in a block needs no
-line here. Criteria that follow from others stand in the file for who reads it. The version rises with
-`sysid.estimation.migrations`.
+change here. The file includes derived criteria for its reader. The version rises with `sysid.estimation.migrations`.
 """
 
 import os
@@ -17,7 +16,7 @@ FORMAT = "sysid fit"
 
 
 def save(fit: Any, path: str | os.PathLike) -> Path:
-    """Write a `sysid.Fit`; raises InputError for a model that text cannot hold or a place that cannot be written."""
+    """Write a `sysid.Fit`; raises InputError for a model that text cannot store or a path that cannot be written."""
     document = {"format": FORMAT, "version": VERSION, **encode(fit, "the fit")}
     document["criteria"] = encode(fit.criteria.as_dict(), "the fit, criteria")
     document["theta"] = dict(zip(fit.model.names, document["theta"], strict=True))

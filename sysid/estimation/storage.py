@@ -1,7 +1,7 @@
-"""Read a fit that was saved: checked entry by entry, and bit for bit the same model again.
+"""Read a saved fit: every entry is checked, and the model is bit for bit the same.
 
-A file from before takes the default of a field that was added since. Criteria that follow from others are worked out
-again, so that a file may hold fewer of them or more. What is renamed gets a line in `sysid.estimation.migrations`.
+Fields that are missing in an older file take their defaults. Derived criteria are computed again, so a file may have
+fewer or more of them. Renames are in `sysid.estimation.migrations`.
 """
 
 import json
@@ -31,7 +31,7 @@ def load(path: str | os.PathLike) -> Fit:
         raise InputError(f"{source} is not text; give a file that save() wrote") from None
     except json.JSONDecodeError as e:
         raise InputError(
-            f"{source} breaks off or is damaged at line {e.lineno}, column {e.colno} ({e.msg}); save the fit again"
+            f"{source} is incomplete or damaged at line {e.lineno}, column {e.colno} ({e.msg}); save the fit again"
         ) from None
     except (RecursionError, ValueError) as e:
         raise InputError(f"{source} is not a fit that save() wrote ({e}); give another file") from None
@@ -47,7 +47,9 @@ def _refused(constant: str) -> NoReturn:
 
 def _fit(document: Any) -> Fit:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise InputError(f"this is JSON but no saved fit (its format is not {FORMAT!r}); give a file that save() wrote")
+        raise InputError(
+            f"this is JSON but not a saved fit (its format is not {FORMAT!r}); give a file that save() wrote"
+        )
     version = document.get("version")
     if type(version) is not int or version < 1:
         raise InputError(f"version is {version!r}; give a file that save() wrote")
@@ -69,20 +71,24 @@ def _fit(document: Any) -> Fit:
 
 
 def _criteria(saved: dict[str, Any]) -> dict[str, Any]:
-    """What the criteria are worked out from, without those that are; nan for a loss that an older file lacks."""
+    """The stored criteria without the derived ones; nan for a loss that an older file does not have."""
     known = {"loss": "nan", "mse": "nan", **saved}
     return {f.name: known[f.name] for f in fields(Criteria) if f.name in known}
 
 
 def _check(fit: Fit, names: list[str]) -> None:
-    """What must hold between the fields of a fit."""
+    """Consistency checks between the fields of a fit."""
     model, P = fit.model, len(fit.model.names)
     if names != list(model.names):
         wrong = sorted(set(model.names) ^ set(names))[:3] or ["their order"]
         raise InputError(f"theta does not name the model's {P} parameters (see {', '.join(wrong)}); save the fit again")
     if fit.theta.shape != (P,) or fit.theta.dtype != float or not model.admissible(fit.theta):
-        raise InputError("theta makes no usable model (not finite, or unstable, or knots out of order)")
+        raise InputError(
+            "theta is not a valid model (not finite, or unstable, or knots out of order); save the fit again"
+        )
     if fit.covariance.cov.shape != (P, P) or fit.covariance.unidentifiable.shape != (P,):
-        raise InputError(f"the covariance has no row and column for each of {P} parameters; save the fit again")
+        raise InputError(
+            f"the covariance does not have a row and a column for each of {P} parameters; save the fit again"
+        )
     if not 0 < fit.Ts < np.inf or fit.n_init < 0:
         raise InputError(f"Ts is {fit.Ts} and n_init {fit.n_init}; Ts must be above 0 and n_init not below 0")

@@ -30,9 +30,9 @@ class OperatingPoint:
 
 
 def findop(fit: Fit, u: float = 0.0, x: float | None = None) -> OperatingPoint:
-    """Steady state at the constant input u, or the point with linear output x where x is given.
+    """Steady state at the constant input u, or the point with linear output x if x is given.
 
-    Raises InputError where the linear block integrates and w is not zero: such a chain has no steady state; give x.
+    Raises InputError if the linear block integrates and w is not zero: such a chain has no steady state; give x.
     """
     model, linear = fit.model, fit.model.linear
     k = model.blocks.index(linear)
@@ -49,7 +49,7 @@ def findop(fit: Fit, u: float = 0.0, x: float | None = None) -> OperatingPoint:
 def tangent(fit: Fit | NlarxFit, u: float = 0.0, x: float | None = None) -> "TransferFunction":
     """The fit's tangent at the operating point of constant input u, as a discrete control.TransferFunction.
 
-    A nonlinear ARX fit has its tangent from `sysid.nlarx.linearize`, where steady states may be several.
+    For a nonlinear ARX fit use `sysid.nlarx.linearize`; it may have several steady states.
     """
     import control
 
@@ -82,7 +82,7 @@ def tangent_ss(fit: Fit, u: float = 0.0, x: float | None = None) -> "StateSpace"
 
 
 def linapp(fit: Fit, u: np.ndarray) -> "TransferFunction":
-    """The output-error model of the same orders that comes nearest to the fit's free run for the input u (N,).
+    """The output-error model of the same orders that is closest to the fit's free run for the input u (N,).
 
     Valid for inputs like this one only (section III.F of Guni and Irawan 2016).
     """

@@ -16,7 +16,7 @@ from sysid.model.gauge import gauge
 
 @dataclass(frozen=True)
 class Chain:
-    """Blocks in series, u -> blocks[0] -> ... -> y. Holds structure; values are a vector theta (P,).
+    """Blocks in series, u -> blocks[0] -> ... -> y. It holds the structure; the values are a vector theta (P,).
 
     Parameters are named role.name ('linear.f1'). `fixed` maps names to the values that they keep, or a block's role to
     all its values (its initial state stays free unless that is given too); `bounds` maps names to (lower, upper).
@@ -30,7 +30,7 @@ class Chain:
     def __post_init__(self) -> None:
         roles = [b.role for b in self.blocks]
         if not self.blocks or len(set(roles)) != len(roles):
-            raise InputError(f"a chain needs at least one block and each role once, got roles {roles}")
+            raise InputError(f"the roles of the chain are {roles}; give at least one block, and each role once")
         object.__setattr__(self, "fixed", self._by_name())
         for name in (*self.fixed, *self.bounds):
             if name not in self.names:
@@ -89,16 +89,16 @@ class Chain:
         return np.array([s.initial for s in self.slots], dtype=bool)
 
     def index(self, block: Block) -> slice:
-        """Where a block's parameters stand in theta."""
+        """Positions of a block's parameters in theta."""
         return self._slices[block.role]
 
     def part(self, theta: np.ndarray, block: Block) -> np.ndarray:
-        """A block's own parameters out of theta."""
+        """The part of theta that belongs to a block."""
         return theta[self.index(block)]
 
     @property
     def linear(self) -> TransferFunction:
-        """The chain's one transfer function; raises InputError where there is none or several."""
+        """The chain's only transfer function; raises InputError if there is none or several."""
         found = [b for b in self.blocks if isinstance(b, TransferFunction)]
         if len(found) != 1 or len(self.dynamics) != 1:
             raise InputError(
@@ -108,7 +108,7 @@ class Chain:
 
     @cached_property
     def dynamics(self) -> tuple[tuple[slice, TransferFunction], ...]:
-        """Every transfer function of the chain and where its parameters stand in theta, matrices entry by entry."""
+        """Every transfer function of the chain and the positions of its parameters in theta, matrices by entry."""
         found: list[tuple[slice, TransferFunction]] = []
         for b in self.blocks:
             start = self.index(b).start
@@ -127,7 +127,7 @@ class Chain:
         return next((b for b in self.blocks if b.role == role), None)
 
     def coarser(self) -> "Chain | None":
-        """The chain with its maps' coarser variants, None where there are none or parameters are held by name."""
+        """The chain with coarser variants of its maps; None if there are none or if parameters are held by name."""
         blocks = tuple(b.coarser() or b for b in self.blocks)
         if blocks == self.blocks or self.fixed or self.bounds:
             return None
@@ -139,12 +139,12 @@ class Chain:
         return np.concatenate([b.refine(coarse.part(theta, c)) if b != c else coarse.part(theta, c) for b, c in pairs])
 
     def admissible(self, theta: np.ndarray) -> bool:
-        """False where theta makes no usable chain (unstable, knots out of order, outside the bounds)."""
+        """False if theta gives no valid chain (unstable, knots out of order, outside the bounds)."""
         return bool(np.all(np.isfinite(theta))) and all(b.admissible(self.part(theta, b)) for b in self.blocks)
 
     @cached_property
     def basis(self) -> np.ndarray:
-        """Columns (P, P): directions that a search moves along; blocks with fixed parameters keep their own axes."""
+        """Columns (P, P): search directions; blocks with fixed parameters keep their own axes."""
         M = np.eye(len(self.names))
         for b in self.blocks:
             if self.free[self.index(b)].all():
@@ -186,7 +186,8 @@ class Chain:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (N, ny) and their exact Jacobian (ny N, P), the first output's rows first.
 
-        `out` (N, P) may take the Jacobian of one input and output: fresh memory costs a long record as much as its use.
+        `out` (N, P) may receive the Jacobian of one input and output: allocation takes as long as use for a long
+        record.
         """
         xs, Js = self._run(theta, u, out)
         return np.column_stack(xs), Js[0] if len(Js) == 1 else np.concatenate(Js)
@@ -227,7 +228,7 @@ class Chain:
         return int(self.free.sum()) - self.gauge(theta).shape[1]
 
     def _signals(self, theta: np.ndarray, u: np.ndarray) -> Iterator[list[np.ndarray]]:
-        """The channels of every signal in turn, each an array (N,): a long record need not keep them all."""
+        """The channels of every signal in turn, each an array (N,), so that a long record does not keep them all."""
         xs, none = _columns(u), np.empty((len(u), 0))
         yield xs
         for b in self.blocks:
@@ -239,7 +240,7 @@ class Chain:
         self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         xs, q, shape = _columns(u), 0, (len(u), len(theta))
-        # Of several channels, each leaves the columns of the others' parameters at zero.
+        # With several channels, the columns of the other channels' parameters stay zero.
         if self.channels == (1, 1):
             Js = [np.empty(shape) if out is None or out.shape != shape else out]
         else:

@@ -1,8 +1,8 @@
-"""Gauge freedom of a chain: parameter directions that leave its output as it is.
+"""Gauge freedom of a chain: parameter directions that do not change its output.
 
-A gain or an offset can move between neighbouring blocks. Each block says which affine changes of its signals it can
-undo or cause (`Symmetry`); here they are combined so that input and output of the chain stay untouched. Nothing else
-in the library knows of gauges: criteria and covariance ask this module.
+A gain or an offset can move between neighbouring blocks. Each block declares the affine changes of its signals that it
+can compensate or cause (`Symmetry`); this module combines them so that input and output of the chain do not change. It
+is the only place for gauges: criteria and covariance use this module.
 """
 
 import numpy as np
@@ -18,10 +18,10 @@ def gauge(blocks: tuple[Block, ...], thetas: list[np.ndarray], free: np.ndarray)
     columns, conditions = [], []
     offsets = np.concatenate([[0], np.cumsum([len(t) for t in thetas])])
     widths = [blocks[0].channels[0], *(b.channels[1] for b in blocks)]
-    at = np.concatenate([[0], np.cumsum(2 * np.array(widths))])  # where an interface's scales and shifts stand
+    at = np.concatenate([[0], np.cumsum(2 * np.array(widths))])  # positions of an interface's scales and shifts
     for i, (block, theta) in enumerate(zip(blocks, thetas, strict=True)):
         for s in block.symmetries(theta):
-            # What block i asks of the signals before it minus what it does to those after it.
+            # What block i needs of the signals before it minus what it does to those after it.
             condition = np.zeros(at[-1])
             condition[at[i] : at[i + 1]] = _affine(s.in_scale, s.in_shift, widths[i])
             condition[at[i + 1] : at[i + 2]] = -_affine(s.out_scale, s.out_shift, widths[i + 1])

@@ -164,7 +164,7 @@ def named(**maps: str | None) -> dict[str, Any]:
 
 
 def maps(kind: Map | Sequence[Map], role: str, channels: int) -> Block:
-    """One static map, or one for each channel where there are several; a sequence names each channel's own."""
+    """One static map, or one for each of several channels; a sequence names one for each channel."""
     if channels == 1 and isinstance(kind, (str, StaticBlock)):
         return static(kind, role)
     kinds = [kind] * channels if isinstance(kind, (str, StaticBlock)) else list(kind)

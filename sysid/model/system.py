@@ -1,4 +1,4 @@
-"""A plant with known truth: a chain, its parameters and where they come from."""
+"""A plant with known truth: a chain, its parameters and their source."""
 
 from dataclasses import dataclass
 

@@ -12,7 +12,7 @@ from sysid.block.block import StaticBlock
 from sysid.blocks import TransferFunction
 from sysid.model.chain import Chain
 
-_STEP = 1e-6  # of the signal's size: the gradient of a slope is the slope of a gradient, by a central difference
+_STEP = 1e-6  # of the signal's size: step of the central difference that gives the gradient of a slope
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Rational:
     F_gradient: np.ndarray
 
     def times(self, other: "Rational") -> "Rational":
-        """The two in series."""
+        """The two transfer functions in series."""
         return Rational(
             np.convolve(self.B, other.B),
             np.convolve(self.F, other.F),
@@ -48,8 +48,8 @@ class Rational:
 def tangent(chain: Chain, theta: np.ndarray, u: float = 0.0) -> Rational:
     """B/F from du to dy at the steady state of the constant input u, static slopes included.
 
-    Raises InputError for blocks other than transfer functions and maps, and for an integrator that a map with a bend
-    follows: such a chain has no steady state.
+    Raises InputError for blocks other than transfer functions and maps, and for an integrator followed by a nonlinear
+    map: such a chain has no steady state.
     """
     P = len(theta)
     total = Rational(np.ones(1), np.ones(1), np.zeros((1, P)), np.zeros((1, P)))
@@ -62,7 +62,7 @@ def tangent(chain: Chain, theta: np.ndarray, u: float = 0.0) -> Rational:
             gain = own.gain
             if np.isfinite(gain):
                 x, J = gain * x, gain * J + x * own.gain_gradient
-            else:  # no level to speak of any more; slopes of one need none
+            else:  # the level is undefined here; maps with slope one do not need it
                 x, J = np.full_like(x, np.nan), np.full_like(J, np.nan)
         elif isinstance(b, StaticBlock):
             if not np.all(np.isfinite(x)) and b.n_parameters:

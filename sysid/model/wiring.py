@@ -1,4 +1,4 @@
-"""A chain with its numbers as a wiring of one-channel units: what exporters and the closed form walk through."""
+"""A chain with its numbers as a wiring of one-channel units, for the exporters and the closed form."""
 
 import re
 from collections.abc import Callable
@@ -27,9 +27,9 @@ Layer = tuple[tuple[tuple[Unit, int], ...], ...]
 
 
 def layers(model: Chain, theta: np.ndarray) -> tuple[Layer, ...]:
-    """The chain's blocks in order, those of several channels taken apart, with their part of theta (P,).
+    """The chain's blocks in order, split by channel, with their part of theta (P,).
 
-    Raises InputError where theta is not finite: no text stands for such a model.
+    Raises InputError if theta is not finite: such a model cannot be written as text.
     """
     if not np.all(np.isfinite(theta)):
         raise InputError("a parameter of this model is not finite; fit it again before writing it out")
@@ -67,9 +67,9 @@ def written(unit: Unit, what: str) -> Callable[..., Any]:
 
 
 def identifier(name: str) -> str:
-    """`name` where it is an identifier in C and Python alike; raises InputError elsewhere."""
+    """`name` if it is an identifier in both C and Python; otherwise raises InputError."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name, flags=re.ASCII):
-        raise InputError(f"{name!r} is no identifier; give letters, digits and _, a letter first")
+        raise InputError(f"{name!r} is not an identifier; give letters, digits and _, a letter first")
     return name
 
 

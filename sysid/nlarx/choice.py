@@ -1,4 +1,4 @@
-"""How many units: generalised cross-validation says how many at most, cross-validation over blocks how many."""
+"""Number of units: generalised cross-validation gives the maximum, cross-validation over blocks the choice."""
 
 from dataclasses import replace
 
@@ -14,15 +14,15 @@ from sysid.solver.iterate import Options
 
 RIDGES = (1e-4, 0.1)
 _LADDER = (0, 1, 2, 3, 5, 8, 12, 20)
-_FOLDS = 3  # each experiment is cut into so many blocks, and each block held back in turn
-_LONGEST = 6000  # samples of an experiment that the choice looks at
-_GAIN = 0.98  # a larger network must bring the held-back error (rms) below this share of the smaller one's
-_AT_LEAST = 8  # units that a simulation focus may try whatever cross-validation one step ahead says
-_PATIENCE = 2  # sizes that may bring nothing before the ladder ends
+_FOLDS = 3  # each experiment is split into this many blocks, and each block is held back in turn
+_LONGEST = 6000  # samples of an experiment that the choice uses
+_GAIN = 0.98  # a larger network must reduce the held-back error (rms) to below this share of the smaller one's
+_AT_LEAST = 8  # units that a simulation focus may always try, whatever one-step cross-validation gives
+_PATIENCE = 2  # sizes without improvement before the search for a size ends
 
 
 def choices(model: Nlarx, data: IOData, ridges: tuple[float, ...], search: str) -> tuple[Choice, ...]:
-    """Sizes up to what generalised cross-validation allows, each fitted to every record without one of its blocks."""
+    """Sizes up to the maximum of generalised cross-validation, each fitted to every record without one block."""
     folds = _folds(model, data)
     Phi, y = rows(model, Piece.of(data))
     empty = empty_network(model, Phi)
@@ -30,7 +30,7 @@ def choices(model: Nlarx, data: IOData, ridges: tuple[float, ...], search: str) 
     linear = np.column_stack([np.ones(len(y)), Phi])
     exact = np.ptp(y - linear @ np.linalg.lstsq(linear, y, rcond=None)[0]) <= 1e-9 * np.ptp(y)
     if model.focus == "simulation" and empty.m and not exact:
-        # One step ahead a slow nonlinearity hides in the noise that the free run adds up to something plain.
+        # The noise hides a slow nonlinearity one step ahead; in free run its effect accumulates and becomes visible.
         most = max(most, _AT_LEAST)
     found: list[Choice] = []
     if not most or not folds:
@@ -47,19 +47,19 @@ def choices(model: Nlarx, data: IOData, ridges: tuple[float, ...], search: str) 
             if fruitless >= _PATIENCE:
                 break
         k = sizes.index(preferred(tuple(found)).units)
-        sizes = sizes[k : k + 1 + _PATIENCE]  # another ridge may carry a size or two more, hardly less
+        sizes = sizes[k : k + 1 + _PATIENCE]  # another ridge may allow one or two more sizes
     return tuple(found)
 
 
 def preferred(tried: tuple[Choice, ...]) -> Choice:
-    """The smallest size that comes as near to the least error as `_GAIN` asks."""
+    """The smallest size whose error is as close to the least error as `_GAIN` requires."""
     least = min(c.error for c in tried)
     near = [c for c in tried if c.error <= least / _GAIN] or [tried[0]]
     return min(near, key=lambda c: (c.units, c.error))
 
 
 def _held_back(model: Nlarx, estimation: IOData, held: IOData, ridge: float, search: str) -> float:
-    """rms error on `held` of what is fitted to `estimation`."""
+    """rms error on `held` of a model fitted to `estimation`."""
     run = min(
         runs_of(model, estimation, search, 1, 0, Options(max_iterations=30), ridge), key=lambda r: (not r.ended, r.loss)
     )
@@ -72,7 +72,7 @@ def _held_back(model: Nlarx, estimation: IOData, held: IOData, ridge: float, sea
 
 
 def _folds(model: Nlarx, data: IOData) -> list[tuple[IOData, IOData]]:
-    """Records without a block, and that block; it starts with the lags that its first output needs."""
+    """Records without a block, and that block; the block starts with the lags that its first output needs."""
     found, shortest = [], 2 * (model.lag + 2)
     for k in range(_FOLDS):
         kept, held = [], []

@@ -1,4 +1,4 @@
-"""fit(model, data): one name for every kind of model."""
+"""fit(model, data): one function for every kind of model."""
 
 from collections.abc import Callable
 from typing import Any, overload
@@ -36,15 +36,14 @@ def fit(
     objective: Objective | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Fit | NlarxFit:
-    """Fit a chain to a record, of one or of several merged experiments, by least squares on its free-run output.
+    """Fit a chain to a record of one or several merged experiments by least squares on its free-run output.
 
     search: a name of `sysid.solver.searches.TABLE`; starts: how many starting points, the first from a linear model,
-    the others varied with `seed`; start (P,) or (K, P): one or several starting points of your own; objective: Huber's
-    threshold, ridge, output weights, and the curvature weight that keeps free maps from kinks no data ask for
-    (on by default: `Objective`).
-    Equal seeds give equal numbers whatever the number of threads. Raises InputError for a record that is
-    too short, of other channels than the model, or whose input or output is constant. An Nlarx goes to
-    `sysid.fit_nlarx`.
+    the others varied with `seed`; start (P,) or (K, P): one or several starting points to use instead; objective:
+    Huber's threshold, ridge, output weights, and the curvature weight that prevents kinks of free maps without data
+    (on by default: `Objective`). Equal seeds give equal numbers for any number of threads. Raises InputError for a
+    record that is too short, has other channels than the model, or has a constant input or output. For an Nlarx,
+    `sysid.fit_nlarx` does the fit.
     """
     if isinstance(model, Nlarx):
         if start is not None or objective is not None:

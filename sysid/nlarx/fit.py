@@ -1,4 +1,4 @@
-"""fit_nlarx(model, data): starts from the data, search by the loop of all searches, the best end of them."""
+"""fit_nlarx(model, data): starts from the data, the common search loop, the best result."""
 
 import time
 from collections.abc import Callable
@@ -30,13 +30,13 @@ def fit_nlarx(
     ridge: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> NlarxFit:
-    """Fit a nonlinear ARX model to a record of one input and one output, by the errors that its focus names.
+    """Fit a nonlinear ARX model to a record of one input and one output; its focus selects the errors.
 
-    search: a name of `sysid.solver.searches.TABLE`; starts: how many networks are laid, the first over a dyadic grid,
-    others over points drawn with `seed`; a simulation focus adds the linear output-error model. ridge: how much large
-    weights cost (see `PredictionProblem`); None takes 1e-4, and with units='auto' the better of 1e-4 and 0.1 on the
-    last quarter of each experiment, which also decides the units (see `choice` of the fit). Several experiments keep
-    their own starts, missing samples do not count. Raises InputError for records that are too short or constant.
+    search: a name of `sysid.solver.searches.TABLE`; starts: number of initial networks, the first on a dyadic grid, the
+    others on points drawn with `seed`; a simulation focus adds the linear output-error model. ridge: penalty on large
+    weights (see `PredictionProblem`); None means 1e-4, and with units='auto' the better of 1e-4 and 0.1 on the last
+    quarter of each experiment, which also selects the units (see `choice` of the fit). Each experiment has its own
+    initial samples; missing samples do not count. Raises InputError for records that are too short or constant.
     """
     began = time.perf_counter()
     options = options or Options(max_iterations=100)
@@ -96,7 +96,7 @@ def check(model: Nlarx, pieces: tuple[Piece, ...], starts: int) -> None:
         if np.ptp(signal) == 0.0:
             label = {"u": "input", "y": "output"}[name]
             raise InputError(
-                f"the {label} is constant ({signal[0]:g}) over all {len(signal)} samples; record one that moves"
+                f"the {label} is constant ({signal[0]:g}) over all {len(signal)} samples; record one that varies"
             )
     if min(len(p.y) for p in pieces) < model.lag + 2:
         raise InputError(

@@ -67,10 +67,10 @@ def predict(theta, wavelets, mu, T, Phi, yhat, J, own):
 
 @njit(cache=True, nogil=True)
 def free_run(theta, wavelets, mu, T, na, nk, first, limit, u, yhat, J, own):
-    """yhat (N,) from sample `first` on, fed by its own past; what stands before is measured and is kept.
+    """yhat (N,) from sample `first` on, computed from its own past; the measured samples before are kept.
 
     Sensitivities J (N, P) follow dy_t = dg/dtheta + sum_i dg/dy_{t-i} dy_{t-i}; rows before `first` are zero. Returns
-    the sample at which |yhat| passed `limit` or became nan, N where it never did; nothing is filled in from there on.
+    the sample at which |yhat| exceeded `limit` or became nan, or N; later samples are not filled.
     """
     n, m, P = mu.shape[0], T.shape[0], theta.shape[0]
     x, dx, dphi, phi, empty = np.empty(m), np.empty(m), np.empty(n), np.empty(n), np.empty(0)

@@ -28,8 +28,8 @@ class OperatingPoint:
 def findops(fit: NlarxFit, u: float = 0.0) -> tuple[OperatingPoint, ...]:
     """All steady states at the constant input u with an output within ten spans of the data, from low to high y.
 
-    Roots of g(y, .., y, u, .., u) - y: signs on a grid, then Brent's method. Several states are a true property of
-    such models; two roots within one cell of the grid are missed.
+    Roots of g(y, .., y, u, .., u) - y: signs on a grid, then Brent's method. Such models may really have several
+    steady states. Two roots within one cell of the grid are missed.
     """
     from scipy.optimize import brentq
 
@@ -58,11 +58,13 @@ def findops(fit: NlarxFit, u: float = 0.0) -> tuple[OperatingPoint, ...]:
 def findop(fit: NlarxFit, u: float = 0.0, y: float | None = None) -> OperatingPoint:
     """The steady state at the constant input u: the one nearest to y, or the stable one nearest to the data's middle.
 
-    Raises InputError where there is none, as for a plant that integrates.
+    Raises InputError if there is none, as for a plant that integrates.
     """
     found = findops(fit, u)
     if not found:
-        raise InputError(f"no steady state at u = {u:g} near the data: the model integrates or grows; choose another u")
+        raise InputError(
+            f"no steady state at u = {u:g} near the data: the model integrates or diverges; choose another u"
+        )
     stable = [op for op in found if np.all(np.abs(op.poles(fit.model.na)) < 1.0)]
     target = 0.5 * sum(fit.y_span) if y is None else y
     return min(stable or found if y is None else found, key=lambda op: abs(op.y - target))

@@ -1,4 +1,4 @@
-"""Nonlinear ARX: y(t) = g(y(t-1)..y(t-na), u(t-nk)..u(t-nk-nb+1)), g a line and a wavelet network."""
+"""Nonlinear ARX: y(t) = g(y(t-1)..y(t-na), u(t-nk)..u(t-nk-nb+1)), g a linear part and a wavelet network."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,7 +13,7 @@ MAX_UNITS = 20  # of units='auto'
 
 @dataclass(frozen=True)
 class Nlarx:
-    """Structure of a nonlinear ARX model; see `sysid.structures.nlarx` for what each entry means."""
+    """Structure of a nonlinear ARX model; see `sysid.structures.nlarx` for the meaning of each entry."""
 
     na: int = 2
     nb: int = 2
@@ -48,7 +48,7 @@ class Nlarx:
 
     @property
     def max_units(self) -> int:
-        """The most units that a start may take."""
+        """The largest number of units of a start."""
         return MAX_UNITS if self.units == "auto" else int(self.units)
 
     def matrix(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -60,10 +60,10 @@ class Nlarx:
 
 @dataclass(frozen=True)
 class Network:
-    """The network that a start has laid over the data: how regressors are scaled and how many units of each kind.
+    """The network of a start: the scaling of the regressors and the number of units of each kind.
 
-    mu (n,) is the regressors' mean, T (m, n) takes phi - mu to the coordinates x in which units are round: standardised
-    and turned onto principal axes, each brought to unit variance but none stretched more than ten times the first.
+    mu (n,) is the mean of the regressors. T (m, n) maps phi - mu to the coordinates x in which units are isotropic:
+    standardised, rotated onto the principal axes and scaled to unit variance, at most ten times the scale of the first.
     theta (P,) = y0, L (n,), then s, b, c (m,) unit by unit, wavelets first.
     """
 
@@ -80,7 +80,7 @@ class Network:
 
     @property
     def m(self) -> int:
-        """Number of coordinates in which the units live."""
+        """Number of coordinates of the units."""
         return len(self.T)
 
     @property
@@ -104,12 +104,12 @@ class Network:
 
     @cached_property
     def dilations(self) -> np.ndarray:
-        """Where the b of the units stand in theta (units,)."""
+        """Positions of the b of the units in theta (units,)."""
         return 1 + self.n + 1 + np.arange(self.units) * (self.m + 2)
 
     @cached_property
     def peaks(self) -> np.ndarray:
-        """What a weight of one adds to y at its unit's centre, 0 for all parameters that are no weights (P,)."""
+        """Contribution of a weight of one to y at its unit's centre (P,); 0 for parameters that are not weights."""
         found = np.zeros(self.size)
         found[self.dilations - 1] = np.concatenate([np.full(self.wavelets, self.m), np.ones(self.scaling)])
         return found
@@ -133,9 +133,9 @@ class Network:
     def free_run(
         self, theta: np.ndarray, u: np.ndarray, y: np.ndarray, first: int, limit: float, own: bool = False
     ) -> tuple[np.ndarray, np.ndarray, int]:
-        """Free run (N,) from sample `first`, its Jacobian (N, P) where `own`, and where it left +-limit (N: nowhere).
+        """Free run (N,) from sample `first`, its Jacobian (N, P) where `own`, and where it left +-limit (or N).
 
-        The samples of y (N,) before `first` are its past; from where it diverged the run is infinite.
+        The samples of y (N,) before `first` are its past; after divergence the run is infinite.
         """
         from sysid.nlarx.kernels import free_run
 

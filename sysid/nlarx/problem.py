@@ -9,12 +9,12 @@ from sysid.data.record import IOData, siso
 from sysid.nlarx.model import Network, Nlarx
 
 _WIDEST, _NARROWEST = 1e-2, 1e2
-FAR = 1e3  # a free run this many spans of y away from its mean has diverged
+FAR = 1e3  # a free run that is this many spans of y from its mean has diverged
 
 
 @dataclass(frozen=True)
 class Piece:
-    """One experiment: u, y (N,), and which outputs were measured (N,)."""
+    """One experiment: u, y (N,), and the mask of measured outputs (N,)."""
 
     u: np.ndarray
     y: np.ndarray
@@ -39,7 +39,7 @@ def limit(pieces: tuple[Piece, ...]) -> float:
 
 
 def rows(model: Nlarx, pieces: tuple[Piece, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Regressors (N, n) and outputs (N,) of all experiments, without rows that touch a missing sample."""
+    """Regressors (N, n) and outputs (N,) of all experiments, without rows that contain a missing sample."""
     Phis, ys = [], []
     for p in pieces:
         Phi, y = model.matrix(p.u, p.y), p.y[model.lag :]
@@ -55,8 +55,8 @@ def rows(model: Nlarx, pieces: tuple[Piece, ...]) -> tuple[np.ndarray, np.ndarra
 class PredictionProblem:
     """min over theta of the squared one-step errors, for regressors Phi (N, n) and outputs y (N,).
 
-    `ridge` adds the squares of what each unit contributes at its centre, ridge (s_k peak_k)^2: without it wide units
-    cancel each other in huge weights. Its P rows follow the N errors.
+    `ridge` adds the squares of each unit's contribution at its centre, ridge (s_k peak_k)^2: without it, wide units get
+    huge weights that cancel each other. Its P rows follow the N errors.
     """
 
     network: Network
@@ -91,11 +91,11 @@ class PredictionProblem:
         return with_ridge(self, p, [self.y - yhat]), with_ridge_rows(self, [J])
 
     def repair(self, p: np.ndarray) -> np.ndarray:
-        """Dilations kept between a unit as wide as a line and one that sees a single sample."""
+        """Limits of the dilations: from a unit that is nearly linear to one that covers a single sample."""
         return clipped(self.network, p)
 
     def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """True (P,) where a dilation stands at its limit and would go beyond."""
+        """True (P,) where a dilation is at its limit and would go beyond."""
         return held(self.network, p, gradient)
 
 
@@ -118,12 +118,12 @@ class SimulationProblem:
 
     @cached_property
     def size(self) -> float:
-        """Sum of squares about the mean, of the samples that count."""
+        """Sum of squares about the mean of the samples that count."""
         y = np.concatenate([p.y[self._counts(p)] for p in self.pieces])
         return float(np.sum((y - y.mean()) ** 2))
 
     def shortened(self, samples: int) -> "SimulationProblem":
-        """The same with the beginnings of the experiments only, `samples` at most over all."""
+        """The same with the first part of each experiment only, at most `samples` in all."""
         share = max(samples // len(self.pieces), self.first + 2)
         if max(len(p.y) for p in self.pieces) <= share:
             return self
@@ -170,7 +170,7 @@ AnyProblem = PredictionProblem | SimulationProblem
 
 
 def with_ridge(problem: AnyProblem, p: np.ndarray, errors: list[np.ndarray]) -> np.ndarray:
-    """All errors in a row, and those of the ridge behind them where there is one."""
+    """All errors in one vector, followed by those of the ridge if there is one."""
     if problem.ridge:
         errors = [*errors, -np.sqrt(problem.ridge) * problem.network.peaks * p]
     return np.concatenate(errors)
@@ -184,7 +184,7 @@ def with_ridge_rows(problem: AnyProblem, Js: list[np.ndarray]) -> np.ndarray:
 
 
 def _bounded(J: np.ndarray) -> np.ndarray:
-    """J (N, P) without the rows that a chaotic run has blown up beyond all use."""
+    """J (N, P) without the rows that are too large after a chaotic run."""
     with np.errstate(invalid="ignore"):
         usable = np.abs(J).max(axis=1, initial=0.0) < 1e100  # False for nan too
     return J if usable.all() else np.where(usable[:, None], J, 0.0)
@@ -201,7 +201,7 @@ def clipped(network: Network, p: np.ndarray) -> np.ndarray:
 
 
 def held(network: Network, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """True (P,) where a dilation stands at a limit and the descent direction points beyond it."""
+    """True (P,) where a dilation is at a limit and the descent direction points beyond it."""
     blocked, at = np.zeros(len(p), dtype=bool), network.dilations
     blocked[at] = ((p[at] <= _WIDEST) & (gradient[at] < 0)) | ((p[at] >= _NARROWEST) & (gradient[at] > 0))
     return blocked

@@ -1,4 +1,4 @@
-"""NlarxFit: what an engineer asks of an identified nonlinear ARX model. Free run and one step ahead never mix."""
+"""NlarxFit: an identified nonlinear ARX model. Free run and one-step-ahead prediction are always separate."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -22,7 +22,7 @@ ONE_STEP, FREE_RUN = "one step ahead", "free run"
 
 @dataclass(frozen=True)
 class Choice:
-    """One size that was tried: rms error on the blocks held back, of the kind that the focus names; inf: diverged."""
+    """One tried size: rms error on the held-back blocks, of the kind that the focus selects; inf if diverged."""
 
     units: int
     ridge: float
@@ -33,8 +33,8 @@ class Choice:
 class NlarxFit:
     """An identified nonlinear ARX model: theta (P,) of `network`, and criteria on the estimation record.
 
-    `criteria_of` says which errors `criteria`, `covariance` and `residuals` are about: 'one step ahead' (the model
-    sees all measured outputs up to the last sample) or 'free run' (it sees only inputs and its own past).
+    `criteria_of` says which errors `criteria`, `covariance` and `residuals` refer to: 'one step ahead' (the model uses
+    all measured outputs up to the last sample) or 'free run' (it uses only inputs and its own past).
     """
 
     model: Nlarx
@@ -53,15 +53,15 @@ class NlarxFit:
     n_init: int
     limit: float  # |yhat| beyond which a free run counts as diverged
     ridge: float = 0.0
-    choice: tuple[Choice, ...] = ()  # how units='auto' was settled
-    u_span: tuple[float, float] = field(default=(0.0, 0.0))  # ranges of input and output that the fit has seen
+    choice: tuple[Choice, ...] = ()  # how units='auto' was decided
+    u_span: tuple[float, float] = field(default=(0.0, 0.0))  # ranges of input and output in the estimation data
     y_span: tuple[float, float] = field(default=(0.0, 0.0))
 
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
-        """Free run (N,): fed by u and its own past. It sees the first `n_init` outputs (at least max(na, nb+nk-1)) of
-        each experiment and returns them as they are; for u (N,) alone it starts from rest, all signals zero before.
+        """Free run (N,) from u and its own past. It uses the first `n_init` outputs (at least max(na, nb+nk-1)) of each
+        experiment and returns them unchanged; for u (N,) alone it starts from rest, all earlier signals zero.
 
-        Infinite from where the run diverges, see `divergence`.
+        Infinite after the run diverges, see `divergence`.
         """
         if isinstance(data, IOData):
             pieces = self._pieces(data)
@@ -80,17 +80,17 @@ class NlarxFit:
         return np.concatenate(found)
 
     def fit_percent(self, data: IOData, n_init: int | None = None) -> float:
-        """Free-run fit [%], the first n_init samples of each experiment not scored; -inf where the run diverges."""
+        """Free-run fit [%], the first n_init samples of each experiment are not scored; -inf if the run diverges."""
         counts = self._scored(data, n_init)
         return fit_percent(data.y[counts, 0], self.simulate(data, n_init)[counts])
 
     def prediction_percent(self, data: IOData, n_init: int | None = None) -> float:
-        """One-step fit [%]. Near 100 for any smooth, finely sampled y: it says little about the model."""
+        """One-step fit [%]. It is near 100 for any smooth, finely sampled y and says little about the model."""
         counts = self._scored(data, n_init)
         return fit_percent(data.y[counts, 0], self.predict(data)[counts])
 
     def divergence(self, data: IOData, n_init: int | None = None) -> str | None:
-        """A sentence where the free run on this record diverges, else None."""
+        """A sentence if the free run on this record diverges, else None."""
         for k, p in enumerate(self._pieces(data), 1):
             end = self._run(p.u, p.y, self._first(p, n_init))[1]
             if end < len(p.y):
@@ -124,7 +124,7 @@ class NlarxFit:
         )
 
     def summary(self) -> dict[str, Any]:
-        """What the fit says, ready for JSON: values that are not finite become None."""
+        """A summary ready for JSON: values that are not finite become None."""
         model = self.model
         return plain(
             {
@@ -137,7 +137,7 @@ class NlarxFit:
                 "search": self.search,
                 "criteria": self.criteria.as_dict(),
                 "criteria_of": self.criteria_of,
-                "poles": [],  # those of a nonlinear ARX model belong to an operating point, see sysid.nlarx.linearize
+                "poles": [],  # a nonlinear ARX model has poles only at an operating point, see sysid.nlarx.linearize
                 "zeros": [],
                 "parameters": [vars(p) for p in self.parameters],
                 "stop": vars(self.stop),
@@ -159,7 +159,7 @@ class NlarxFit:
         return Piece.of(data)
 
     def _first(self, piece: Piece, n_init: int | None) -> int:
-        """How many samples of an experiment are given to a free run."""
+        """Number of an experiment's samples that start a free run."""
         first = max(self.model.lag, self.n_init if n_init is None else n_init)
         if first + 2 > len(piece.y):
             raise InputError(

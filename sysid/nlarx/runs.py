@@ -1,4 +1,4 @@
-"""Every start of a nonlinear ARX fit and where its search ends."""
+"""The starts of a nonlinear ARX fit and the results of their searches."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,21 +16,21 @@ from sysid.nlarx.start import empty_network, network_start
 from sysid.solver.iterate import Options, Outcome, iterate
 from sysid.solver.searches import search as make_search
 
-_TRIAL, _LEADERS = 15, 2  # iterations that every start gets, and how many starts then go on to the end
-_MANY = 10000  # samples that these first iterations look at
+_TRIAL, _LEADERS = 15, 2  # iterations that every start gets, and number of starts that then continue to the end
+_MANY = 10000  # samples that these first iterations use
 
 
 @dataclass(frozen=True)
 class Run:
-    """One start and where its search stands."""
+    """One start and the state of its search."""
 
     problem: AnyProblem
     outcome: Outcome
-    ended: bool = False  # False where only the first iterations were made, on a part of a long record
+    ended: bool = False  # False after the first iterations only, on a part of a long record
 
     @property
     def network(self) -> Network:
-        """The network that this start laid."""
+        """The network of this start."""
         return self.problem.network
 
     @cached_property
@@ -43,7 +43,7 @@ class Run:
 def runs_of(
     model: Nlarx, data: IOData, search: str, starts: int, seed: int, options: Options, ridge: float
 ) -> list[Run]:
-    """Every start and where its search ends: all get a few iterations, the leaders then go to the end."""
+    """All starts with the results of their searches: all get a few iterations, then the best continue to the end."""
     pieces = Piece.of(data)
     linear = _output_error(model, data) if model.focus == "simulation" else None
     trial = replace(options, max_iterations=min(_TRIAL, options.max_iterations))
@@ -69,7 +69,7 @@ def runs_of(
 def _starts(
     model: Nlarx, pieces: tuple[Piece, ...], starts: int, seed: int, ridge: float
 ) -> list[tuple[PredictionProblem, np.ndarray]]:
-    """Networks laid over the records: the one-step problem and theta (P,) of each."""
+    """Initial networks for the records: the one-step problem and theta (P,) of each."""
     found = []
     Phi, y = rows(model, pieces)
     empty = empty_network(model, Phi)
@@ -78,7 +78,7 @@ def _starts(
         network, theta = network_start(empty, Phi, y, rng)
         found.append((PredictionProblem(network, Phi, y, ridge), theta))
         if not network.units:
-            break  # a linear ARX model: least squares has the one optimum
+            break  # a linear ARX model: least squares has only one optimum
     return found
 
 
@@ -88,10 +88,10 @@ def _more_points(
     linear: tuple[np.ndarray, float, float] | None,
     trial: Options,
 ) -> list[np.ndarray]:
-    """Where a search on the free run may start besides theta (P,) as laid.
+    """Further starts of a search on the free run besides the initial theta (P,).
 
-    Refined one step ahead; and at weight zero around the linear model of least free-run error, which is stable where
-    the one-step optimum may not be.
+    One is refined one step ahead. The other has zero weights and the linear model with the least free-run error, which
+    is stable even if the one-step optimum is not.
     """
     network = prediction.network
     points = [iterate(prediction.thinned(_MANY), theta, make_search("lm"), trial).p]
@@ -104,7 +104,7 @@ def _more_points(
 
 
 def _output_error(model: Nlarx, data: IOData) -> tuple[np.ndarray, float, float] | None:
-    """L (n,) of the output-error model with these orders, and the means of y and u that it is about."""
+    """L (n,) of the output-error model with these orders, and the means of y and u that it refers to."""
     if not model.nb:
         return None
     u0, y0 = float(data.u.mean()), float(data.y.mean())

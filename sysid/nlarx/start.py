@@ -1,8 +1,8 @@
-"""Where a wavelet network starts: scaling from the data, a library of units over them, orthogonal least squares.
+"""Starts of a wavelet network: scaling from the data, a library of units, orthogonal least squares.
 
 Zhang 1997, Using wavelet network in nonparametric estimation, IEEE Trans. Neural Networks 8(2): units of a dyadic grid
-that see data are candidates, orthogonal least squares (Chen, Cowan and Grant 1991) picks them one by one, generalised
-cross-validation says how many.
+that cover data are the candidates, orthogonal least squares (Chen, Cowan and Grant 1991) selects them one by one, and
+generalised cross-validation gives their number.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from sysid.nlarx.model import Network, Nlarx
 
 _LEVELS = 4  # dyadic levels of the library, from one cell over all data
 _PER_LEVEL = 150  # the fullest cells of a level
-_ROWS = 4000  # rows the selection looks at
+_ROWS = 4000  # rows that the selection uses
 _FLAT = 1e-6  # a principal axis with less than this share of the widest one's spread holds no information
 _STRETCH = 0.1  # axes narrower than this share of the widest keep their proportion to it
 
@@ -28,7 +28,7 @@ def empty_network(model: Nlarx, Phi: np.ndarray) -> Network:
         T[np.arange(len(take)), take] = 1.0 / spread[take]
         _, s, Vt = np.linalg.svd((Phi - mu) @ T.T / np.sqrt(len(Phi)), full_matrices=False)
         keep = s > _FLAT * s[0]
-        # Full whitening would make the noise of the narrowest axes as loud as the signal.
+        # Full whitening would amplify the noise of the narrowest axes to the level of the signal.
         T = (Vt[keep] / np.maximum(s[keep], _STRETCH * s[0])[:, None]) @ T
     return Network(model, mu, np.ascontiguousarray(T))
 
@@ -83,7 +83,7 @@ def network_start(
 
 
 def weights(network: Network, theta: np.ndarray, Phi: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """theta (P,) with all that enters linearly (y0, L, s) by least squares, for Phi (N, n), y (N,)."""
+    """theta (P,) with all linear parameters (y0, L, s) by least squares, for Phi (N, n), y (N,)."""
     enters = np.concatenate([np.arange(1 + network.n), network.dilations - 1]).astype(int)
     solved = theta.copy()
     _, J = network.predict(theta, Phi, own=True)
@@ -105,8 +105,8 @@ def _values(X: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
 def _orthogonal(base: np.ndarray, G: np.ndarray, y: np.ndarray, limit: int, m: int, prune: bool) -> np.ndarray:
     """Columns of G (N, M) that explain y (N,) best beside `base`, greedily; with `prune` as many as GCV allows.
 
-    GCV = N RSS / (N - d)^2 (Craven and Wahba 1979). Each unit counts its m + 2 parameters and ln M for having been
-    picked out of M: the best of M columns of pure noise explains about 2 ln M of its variance.
+    GCV = N RSS / (N - d)^2 (Craven and Wahba 1979). Each unit counts as its m + 2 parameters plus ln M for the
+    selection from M: the best of M columns of pure noise explains about 2 ln M of its variance.
     """
     N = len(y)
     Q = np.linalg.qr(base)[0]
@@ -117,7 +117,7 @@ def _orthogonal(base: np.ndarray, G: np.ndarray, y: np.ndarray, limit: int, m: i
     scores, cost = [N * float(e @ e) / (N - base.shape[1]) ** 2], m + 2 + np.log(G.shape[1])
     while len(picked) < limit:
         norm = np.sum(G**2, axis=0)
-        usable &= norm > 1e-8 * norm0  # what others explain already
+        usable &= norm > 1e-8 * norm0  # already explained by others
         if not usable.any() or float(e @ e) <= 1e-24 * float(y @ y):
             break
         k = int(np.argmax(np.where(usable, (e @ G) ** 2 / np.where(usable, norm, 1.0), -1.0)))

@@ -1,4 +1,4 @@
-"""The one iteration loop, the searches it asks for steps, and the covariance of what they find."""
+"""The iteration loop, the searches that give its steps, and the covariance of the result."""
 
 from sysid.solver import searches
 

@@ -1,4 +1,4 @@
-"""Covariance of a fit, and which parameters the data say nothing about."""
+"""Covariance of a fit, and the parameters that the data do not determine."""
 
 from dataclasses import dataclass
 
@@ -11,8 +11,8 @@ from sysid.solver.iterate import Linearisation, column_scale
 class Covariance:
     """cov (P, P) over all parameters (zero rows for fixed ones) and which are not identifiable from the data (P,).
 
-    The gauge is taken out: along redundant directions nothing is uncertain, so quantities that do not depend on it
-    (poles, zeros, curves between fixed ends) come out right and single gains refer to the gauge of least norm.
+    The gauge is removed: redundant directions have no variance. Quantities that do not depend on the gauge (poles,
+    zeros, curves between fixed ends) are correct, and single gains refer to the gauge with the smallest norm.
     """
 
     cov: np.ndarray
@@ -28,9 +28,9 @@ class Covariance:
 def covariance(e: np.ndarray, J: np.ndarray, gauge: np.ndarray, basis: np.ndarray, d: int) -> Covariance:
     """sigma^2 (J'J)^+ for residuals e (N,) and J (N, n) = dyhat/dp, theta = theta0 + basis (P, n) p.
 
-    gauge (n, g) holds the redundant directions of p and d the number of parameters counted. Columns of J are brought
-    to unit norm first, so that a unit does not decide what counts as zero (Ljung, System Identification, section 9.4;
-    the pseudo-inverse is the covariance in the gauge of least norm).
+    gauge (n, g) holds the redundant directions of p and d the number of parameters counted. Columns of J are first
+    scaled to unit norm, so that units do not decide what counts as zero (Ljung, System Identification, section 9.4;
+    the pseudo-inverse is the covariance in the gauge with the smallest norm).
     """
     N, P = len(e), len(basis)
     sigma2 = float(e @ e) / max(N - d, 1)
@@ -46,7 +46,7 @@ def covariance(e: np.ndarray, J: np.ndarray, gauge: np.ndarray, basis: np.ndarra
 
 
 def _unidentifiable(null: np.ndarray, gauge: np.ndarray) -> np.ndarray:
-    """Parameters (P,) with a share in directions that the data leave open beyond the gauge."""
+    """Parameters (P,) with a component in directions, other than the gauge, that the data do not determine."""
     if gauge.shape[1]:
         Q = np.linalg.qr(gauge)[0]
         null = null - Q @ (Q.T @ null)

@@ -1,4 +1,4 @@
-"""The one loop of every search: linearise, ask for a step, stop with a reason."""
+"""The loop of every search: linearise, compute a step, stop with a reason."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -17,19 +17,19 @@ class Problem(Protocol):
 
     @property
     def size(self) -> float:
-        """y'y: what a cost is compared with to call it zero."""
+        """y'y: the reference for a cost of zero."""
         ...
 
     def residual(self, p: np.ndarray) -> np.ndarray | None:
-        """e = y - yhat (N,), or None where p makes no usable model."""
+        """e = y - yhat (N,), or None if p gives no valid model."""
         ...
 
     def repair(self, p: np.ndarray) -> np.ndarray:
-        """The usable point that a search tries in place of p; p itself where it is usable."""
+        """The valid point that a search tries in place of p; p itself if it is valid."""
         ...
 
     def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """True (P,) where p stands at a limit and the descent direction points beyond it."""
+        """True (P,) where p is at a bound and the descent direction points beyond it."""
         ...
 
     def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -39,10 +39,10 @@ class Problem(Protocol):
 
 @dataclass(frozen=True)
 class Options:
-    """When a search ends."""
+    """Stopping options of a search."""
 
     max_iterations: int = 200
-    tolerance: float = 0.01  # [%] of the loss that a Gauss-Newton step still promises
+    tolerance: float = 0.01  # [%] of the loss: expected improvement of a Gauss-Newton step
     max_halvings: int = 25
 
 
@@ -51,7 +51,7 @@ SMALL = 1.0  # [%] of the loss; with N samples noise alone moves the loss by 100
 
 @dataclass(frozen=True)
 class Stop:
-    """Why a search ended."""
+    """The reason why a search ended."""
 
     reason: str
     converged: bool
@@ -69,7 +69,7 @@ class Step:
 
 
 def column_scale(J: np.ndarray) -> np.ndarray:
-    """Norm of each column of J (N, P); infinite where a column is as good as zero, so that nothing moves along it."""
+    """Norm of each column of J (N, P); infinite where a column is practically zero, so that steps along it are zero."""
     norm = np.linalg.norm(J, axis=0)
     return np.where(norm > 1e-30 * norm.max(initial=0.0), norm, np.inf)
 
@@ -90,7 +90,7 @@ class Linearisation:
         R = np.zeros((P + 1, P + 1))
         for start in range(0, max(N, 1), _ROWS):
             rows = slice(start, min(start + _ROWS, N))
-            A = np.empty((P + 1 + rows.stop - start, P + 1), order="F")  # as LAPACK wants it, or it is copied again
+            A = np.empty((P + 1 + rows.stop - start, P + 1), order="F")  # the order of LAPACK, which avoids a copy
             A[: P + 1], A[P + 1 :, :P], A[P + 1 :, P] = R, J[rows], e[rows]
             R = np.triu(dgeqrf(A, lwork=64 * (P + 1), overwrite_a=True)[0][: P + 1])
         return cls(R[:P, :P], R[:P, P], float(e @ e), N)
@@ -102,7 +102,7 @@ class Linearisation:
 
     @cached_property
     def svd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """u'z, s, V of R with columns of unit norm, so that units do not decide which directions count as empty."""
+        """u'z, s, V of R with columns of unit norm, so that units do not decide which directions count as zero."""
         U, s, Vt = np.linalg.svd(self.R / self.scale)
         return U.T @ self.z, s, Vt.T
 
@@ -123,7 +123,7 @@ class Linearisation:
         return V @ (uz * s / (s * s + damping)) / self.scale
 
     def scaled(self, delta: np.ndarray) -> np.ndarray:
-        """A step (P,) measured in columns of unit norm; what no data see has no length."""
+        """Length of a step (P,) in columns of unit norm; directions that do not affect the output have length zero."""
         return np.where(np.isfinite(self.scale), delta * np.where(np.isfinite(self.scale), self.scale, 0.0), 0.0)
 
     @property
@@ -132,30 +132,30 @@ class Linearisation:
         return self.R.T @ self.z
 
     def predicted(self, delta: np.ndarray) -> float:
-        """Drop of e'e that the linear model promises for a step."""
+        """Drop of e'e that the linear model predicts for a step."""
         Rd = self.R @ delta
         return float(2.0 * (Rd @ self.z) - Rd @ Rd)
 
     @cached_property
     def expected_improvement(self) -> float:
-        """Drop of e'e that a full Gauss-Newton step promises, in % of e'e."""
+        """Predicted drop of e'e for a full Gauss-Newton step, in % of e'e."""
         if self.cost <= 0.0:
             return 0.0
         uz, s, _ = self.svd
         return 100.0 * float(np.sum(uz[s > self.noise_floor] ** 2)) / self.cost
 
 
-# What a search may do with a step: the cost after it and the step as taken (repaired where it led out of bounds).
+# Result of a trial step: the cost after it and the step taken (corrected if it left the bounds).
 Attempt = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
 
 class Search(Protocol):
-    """One way to make a step; `memory` is its own between iterations."""
+    """A method that computes a step; `memory` keeps its state between iterations."""
 
     name: str
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
-        """A step that lowers the cost, or None where the method finds none."""
+        """A step that lowers the cost, or None if the method finds none."""
         ...
 
 
@@ -166,7 +166,7 @@ def halve(
     max_halvings: int,
     method: str,
 ) -> tuple[Step | None, int]:
-    """First of direction, direction/2, ... that lowers the cost by a fair share of the promise, and its halvings."""
+    """First of direction, direction/2, ... that lowers the cost by enough of the prediction, and halvings."""
     for k in range(max_halvings + 1):
         cost, delta = attempt(direction * 0.5**k)
         if cost < lin.cost - 1e-4 * max(lin.predicted(delta), 0.0):
@@ -176,7 +176,7 @@ def halve(
 
 @dataclass(frozen=True)
 class Outcome:
-    """Where a search ended."""
+    """The result of a search."""
 
     p: np.ndarray
     cost: float
@@ -184,7 +184,7 @@ class Outcome:
     history: tuple[dict[str, Any], ...] = field(default=())
 
     def then(self, later: "Outcome") -> "Outcome":
-        """This search and one that went on from its end, as one."""
+        """This search and its continuation as one."""
         before = self.stop.iterations
         stop = replace(
             later.stop,
@@ -202,14 +202,14 @@ def iterate(
     options: Options,
     progress: Callable[[int, float], None] | None = None,
 ) -> Outcome:
-    """Run `search` from p0 (P,) until a Gauss-Newton step promises less than the tolerance, or a limit is met."""
+    """Run `search` from p0 (P,) until the expected improvement is below the tolerance, or a limit is reached."""
     p, evaluations, moving = np.array(p0), 0, np.ones(len(p0), dtype=bool)
     memory: dict[str, Any] = {}
     history: list[dict[str, Any]] = []
     tried: list[tuple[np.ndarray, np.ndarray]] = []
     e = problem.residual(p)
     if e is None or not np.all(np.isfinite(e)):
-        return Outcome(p, np.inf, Stop("the start makes no usable model", False, 0, 1))
+        return Outcome(p, np.inf, Stop("the starting point is not a valid model", False, 0, 1))
     cost, reason, converged, iteration = float(e @ e), "", False, 0
 
     def attempt(delta: np.ndarray) -> tuple[float, np.ndarray]:
@@ -219,7 +219,7 @@ def iterate(
         step[moving] = delta
         target = problem.repair(p + step)
         e = problem.residual(target)
-        with np.errstate(over="ignore"):  # a trial that runs away may be finite and its square not
+        with np.errstate(over="ignore"):  # a diverging trial may be finite while its square is not
             trial = float(e @ e) if e is not None else np.inf
         tried.append(((target - p)[moving], target))
         return (trial if np.isfinite(trial) else np.inf), tried[-1][0]
@@ -235,28 +235,28 @@ def iterate(
         expected = lin.expected_improvement
         if expected <= options.tolerance:
             reason = (
-                f"a further step promises {expected:.2g} % of the loss, below the tolerance of {options.tolerance:g} %"
+                f"expected improvement {expected:.2g} % of the loss, below the tolerance of {options.tolerance:g} %"
             )
             converged = True
             break
         if iteration == options.max_iterations:
             reason = (
-                f"limit of {options.max_iterations} iterations reached; a further step still promises {expected:.2g} %"
+                f"limit of {options.max_iterations} iterations reached; expected improvement still {expected:.2g} %"
             )
             break
         tried.clear()
         step = search.step(lin, attempt, memory, options)
         if step is None:
-            reason = f"{search.name} found no descent although a full step promises {expected:.2g} % of the loss"
-            converged = expected <= SMALL  # a kink or a limit stands in the way of a promise that matters little
+            reason = f"{search.name} found no descent although the expected improvement is {expected:.2g} % of the loss"
+            converged = expected <= SMALL  # a kink or a bound prevents a small expected improvement
             break
-        # The very point that was tried: p + delta may round to one that a limit refuses.
+        # The point that was tried: p + delta may round to one beyond a bound.
         p, cost = next(target for delta, target in tried if delta is step.delta), step.cost
         history.append({"iteration": iteration + 1, "loss": cost / lin.N, "method": step.method, "expected": expected})
         if progress is not None:
             progress(iteration + 1, cost / lin.N)
         if stalled(history):
-            # Kinks of a map can keep a promise from ever being met; a loss that stands still is an end all the same.
+            # Kinks of a map can prevent the expected improvement; a loss that no longer falls ends the search too.
             reason = f"the loss fell by less than {100 * _STILL:g} % over the last {_STALL} iterations"
             converged = expected <= SMALL
             break
@@ -267,7 +267,7 @@ _STALL, _STILL = 4, 1e-5
 
 
 def stalled(history: list[dict[str, Any]]) -> bool:
-    """True where the last few steps together changed next to nothing."""
+    """True if the last few steps together changed almost nothing."""
     if len(history) <= _STALL:
         return False
     return history[-_STALL - 1]["loss"] - history[-1]["loss"] < _STILL * history[-1]["loss"]

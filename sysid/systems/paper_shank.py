@@ -1,4 +1,4 @@
-"""The paper's linear block of joint 3, equation (11) of Guni and Irawan 2016, between maps of our own."""
+"""The paper's linear block of joint 3, equation (11) of Guni and Irawan 2016, between our own maps."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from sysid.structures.hammerstein_wiener import hammerstein_wiener
 
 
 def paper_shank() -> System:
-    """One pole at 0.985 behind a delay of three samples; B is scaled to gain 1, the maps are ours."""
+    """One pole at 0.985 and a delay of three samples; B is scaled to gain 1, the maps are our choice."""
     chain = hammerstein_wiener(3, 1, 3, "saturation", PiecewiseLinear(knots=4))
     b = np.array([-1.428, 3.285, -1.592]) / 0.265 * 0.0152
     maps = [-0.7, -0.2, 0.3, 0.7, -0.9, -0.2, 0.25, 0.9]

@@ -1,4 +1,4 @@
-"""A textbook Hammerstein-Wiener plant: complex poles between a saturation and a bent output map."""
+"""A textbook Hammerstein-Wiener plant: complex poles between a saturation and an output map with kinks."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What a record says about a fit: standard deviations, intervals, bands, responses and curves with bands."""
+"""Uncertainty of a fit: standard deviations, intervals, bands, responses and curves with bands."""
 
 from sysid.uncertainty import bands, curves, information, intervals, responses
 

@@ -1,7 +1,7 @@
 """Bands on simulated outputs: by linear propagation of the covariance, and by Monte Carlo.
 
-Both say how far the model's output may be off because its parameters are uncertain. With noise=True they say where a
-new measurement may lie, which adds the noise's own spread.
+Both give the uncertainty of the model's output that comes from its parameters. With noise=True they include the
+measurement noise, so they cover a new measurement.
 """
 
 from collections.abc import Callable
@@ -21,10 +21,10 @@ Follow = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class OutputBand:
-    """Free run y (N,) at times t (N,) [s] with its standard deviation and interval (N,), each sample by itself.
+    """Free run y (N,) at times t (N,) [s] with its pointwise standard deviation and interval (N,).
 
-    `draws` models were drawn and `dropped` of them not used, since they were unstable or made no usable chain; both are
-    0 for linear propagation. `note` is empty or says what to beware of.
+    `draws` models were drawn; `dropped` of them were unstable or invalid and not used. Both are 0 for linear
+    propagation. `note` is empty or a warning.
     """
 
     t: np.ndarray
@@ -46,10 +46,10 @@ def linear(
     noise: bool = False,
     n_init: int | None = None,
 ) -> OutputBand:
-    """Band of the free run by its exact Jacobian; no record: the estimation record itself, in its first experiment.
+    """Band of the free run by its exact Jacobian; without a record, over the first experiment of the estimation data.
 
-    Of another record the first n_init outputs give the initial state, whose uncertainty counts. An input alone (N,)
-    starts from rest, as in `Fit.simulate`.
+    The first n_init outputs of another record give the initial state, and its uncertainty is included. An input alone
+    (N,) starts from rest, as in `Fit.simulate`.
     """
     with one_blas_thread():
         theta, u, T, S = _sensitivity(info, record, n_init)
@@ -70,12 +70,12 @@ def monte_carlo(
     draws: int = 500,
     seed: int = 0,
 ) -> OutputBand:
-    """The same from `draws` models out of the covariance, along identifiable directions only; needs no linearity.
+    """The same from `draws` models drawn from the covariance along identifiable directions; needs no linearity.
 
     Memory grows with draws x N. The initial state of another record follows each draw to first order.
     """
     if draws < 20:
-        raise InputError(f"draws is {draws}; give at least 20, and some hundreds for a smooth band")
+        raise InputError(f"draws is {draws}; give at least 20, or several hundred for a smooth band")
     rng = np.random.default_rng(seed)
     with one_blas_thread():
         theta, u, T, S = _sensitivity(info, record, n_init)
@@ -92,11 +92,13 @@ def monte_carlo(
         note = info.note_of(T)
     dropped = draws - len(outputs)
     if len(outputs) < 20:
-        raise InputError(f"{dropped} of {draws} drawn models are unusable; the fit is too uncertain for a band")
+        raise InputError(
+            f"{dropped} of {draws} drawn models are unstable or invalid; the fit is too uncertain for a band"
+        )
     if dropped > 0.05 * draws:
         note = (
             note + "; " if note else ""
-        ) + f"{dropped} of {draws} drawn models were unusable: the band is too narrow"
+        ) + f"{dropped} of {draws} drawn models were unstable or invalid and left out: the band is too narrow"
     Y, tail = np.array(outputs), 50.0 * (1.0 - level)
     lower, upper = np.percentile(Y, [tail, 100.0 - tail], axis=0)
     lost = np.isnan(info.std_of(T))
@@ -109,7 +111,7 @@ def monte_carlo(
 def _sensitivity(
     info: Information, record: IOData | np.ndarray | None, n_init: int | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """theta (P,) with the run's initial state, u (N,), dy/dtheta (N, P) and dy/de (N, n) of what that state saw."""
+    """theta (P,) with the run's initial state, u (N,), dy/dtheta (N, P) and dy/de (N, n) of its outputs."""
     chain, initial = info.chain, info.chain.initial
     if record is None:
         u = info.data.experiments[0].u[:, 0]
@@ -134,7 +136,7 @@ def _sensitivity(
 
 
 def _follow(info: Information, theta: np.ndarray, u: np.ndarray, S: np.ndarray) -> Follow:
-    """A function (step, e) -> drawn theta, whose initial state follows the step as a fitted one would."""
+    """A function (step, e) -> drawn theta; its initial state follows the step as a fitted one does."""
     chain, initial, n = info.chain, info.chain.initial, S.shape[1]
     same = theta is info.theta
     if n == 0:

@@ -1,11 +1,10 @@
-"""The static maps of a fit with bands, each in a scale that the record can tell.
+"""The static maps of a fit with bands, each in a scale that the record determines.
 
-Between two blocks a gain and an offset can move freely, so a map's own numbers mean little there. A map whose own
-scale is pinned (a saturation on the input keeps slope one) is shown as it is. Every other one is shown with the signals
-between blocks brought to the mean and standard deviation that the outer signal has over the record: an input map takes
-u to a signal that moves as much as u, an output map takes a signal that moves as much as y to y, and a map between two
-linear blocks works on signals of mean 0 and deviation 1. These curves do not depend on the gauge; a straight line on
-the diagonal means no nonlinearity at all.
+Gain and offset can be shared freely between two blocks, so the values of a map are arbitrary there. A map with a fixed
+scale (a saturation on the input has slope one) is shown unchanged. For every other map, the signals between blocks are
+scaled to the mean and standard deviation of the outer signal over the record: the output of an input map has those of
+u, the input of an output map has those of y, and a map between two linear blocks has signals with mean 0 and standard
+deviation 1. These curves do not depend on the gauge. A straight line on the diagonal means no nonlinearity.
 """
 
 from dataclasses import dataclass
@@ -24,7 +23,7 @@ OWN, NORMALISED = "own", "normalised"
 class Curve:
     """One static map: its band, and whether `scale` is the map's own or the normalised one.
 
-    x_unit and y_unit say what the axes measure in: the unit of u or y, or '' between two linear blocks.
+    x_unit and y_unit are the units of the axes: the unit of u or y, or '' between two linear blocks.
     """
 
     role: str
@@ -49,7 +48,7 @@ class _Signal:
     def of(cls, x: np.ndarray, J: np.ndarray) -> "_Signal":
         mean, std = float(x.mean()), float(x.std())
         if std == 0.0:
-            raise InputError("a signal between the blocks does not move over the record; its map has no scale to show")
+            raise InputError("a signal between the blocks is constant over the record, so its map has no scale")
         d_mean = J.mean(axis=0)
         return cls(float(x.min()), float(x.max()), mean, std, d_mean, ((x - mean) @ (J - d_mean)) / (len(x) * std))
 
@@ -64,15 +63,15 @@ class _Scale:
 
 
 def curves(info: Information, points: int = 101, level: float = 0.95) -> tuple[Curve, ...]:
-    """Every static map of the chain over the range that it saw in the record."""
+    """Every static map of the chain over its input range in the record."""
     roles = [b.role for b in info.chain.blocks if isinstance(b, StaticBlock) and b.n_parameters]
     return tuple(curve(info, role, points=points, level=level) for role in roles)
 
 
 def curve(info: Information, role: str, x: np.ndarray | None = None, points: int = 101, level: float = 0.95) -> Curve:
-    """The static map with this role over x (n,), by default `points` over the range that it saw in the record.
+    """The static map with this role over x (n,), by default `points` over its input range in the record.
 
-    x is in the scale that the curve comes in, see `Curve`. Of merged experiments the first one gives the scale.
+    x is in the scale of the curve, see `Curve`. The first of merged experiments gives the scale.
     """
     roles = [b.role for b in info.chain.blocks if isinstance(b, StaticBlock) and b.n_parameters]
     if role not in roles:
@@ -104,7 +103,7 @@ def _signals(info: Information, k: int) -> tuple[tuple[_Signal, _Signal], float]
 
 
 def _scales(info: Information, first: bool, last: bool, sign: float) -> tuple[_Scale | None, _Scale | None]:
-    """How the two sides of a map are shown; None where the side is u or y itself. Maps rise on the whole."""
+    """Scaling of the two sides of a map; None where the side is u or y itself. The sign makes maps increase."""
     record = info.data.experiments[0]
     u, y = record.u[:, 0], record.y[record.observed[:, 0], 0]
     if first and last:
@@ -135,7 +134,7 @@ def _normalised(
     points: int,
     level: float,
 ) -> Band:
-    """The map between signals brought to `scales`, with all that the scale itself owes to theta in the gradient."""
+    """The map between signals in `scales`; the gradient includes the dependence of the scales on theta."""
     (into, out), (x_scale, y_scale), block = signals, scales, info.chain.blocks[k]
     if shown is None:
         ends = np.array([into.lower, into.upper])

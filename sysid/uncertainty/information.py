@@ -1,8 +1,8 @@
-"""What a record says about every quantity of a fit: standard deviations, and a word where it says nothing.
+"""Information of a record on the quantities of a fit: standard deviations, or a reason why there is none.
 
-A quantity g(theta) has the variance g' cov g (delta method). Two kinds of directions carry no variance and must not
-pass for certainty: the gauge (a gain may move between blocks), and what the record does not excite. `Information` keeps
-both apart, so that a quantity that depends on one of them gets a sentence and no interval.
+A quantity g(theta) has the variance g' cov g (delta method). Two kinds of directions have no variance and are not
+certain either: the gauge (a gain may move between blocks) and directions that the record does not excite. `Information`
+stores both separately, so that a quantity that depends on one of them gets a reason and no interval.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from sysid.uncertainty.long_run import long_run_covariance_root
 if TYPE_CHECKING:
     from sysid.estimation.result import Fit
 
-GAUGE = "depends on how gain and offset are shared between the blocks, which no record can tell"
+GAUGE = "depends on how gain and offset are shared between the blocks, which no record determines"
 UNEXCITED = "the record does not excite it"
 _EMPTY = 1e-7  # singular values below this share of the largest are zero; columns of J have unit norm
 _LEAK = 1e-5  # share of a gradient along an empty direction that makes a quantity undetermined
@@ -31,11 +31,11 @@ _LEAK = 1e-5  # share of a gradient along an empty direction that makes a quanti
 
 @dataclass(frozen=True)
 class Information:
-    """A fit and what its record tells of theta (P,): cov = factor factor' over the identifiable directions.
+    """The covariance of theta (P,) from a record: cov = factor factor' over the identifiable directions.
 
-    `gauge` (P, g) and `unexcited` (P, k) are the directions without information; `weights` (P, n) brings a gradient to
-    the scale in which columns of the Jacobian have unit norm. `lags` is the bandwidth of a covariance that is robust to
-    coloured residuals, None where they were taken as white. `data` is the record, whose input maps refer to.
+    `gauge` (P, g) and `unexcited` (P, k) are the directions without information; `weights` (P, n) scales a gradient so
+    that the columns of the Jacobian have unit norm. `lags` is the bandwidth of a covariance that is robust to coloured
+    residuals, None for white residuals. `data` is the record that maps refer to.
     """
 
     chain: Chain
@@ -57,7 +57,7 @@ class Information:
 
     @cached_property
     def cov(self) -> np.ndarray:
-        """Covariance (P, P) in the gauge of least norm."""
+        """Covariance (P, P) in the gauge with the smallest norm."""
         return self.factor @ self.factor.T
 
     def quantile(self, level: float) -> float:
@@ -78,7 +78,7 @@ class Information:
         return np.where(lost, np.nan, np.linalg.norm(G @ self.factor, axis=1))
 
     def note_of(self, gradient: np.ndarray) -> str:
-        """Why one of the quantities with gradient (m, P) is undetermined; '' where all are determined."""
+        """Why one of the quantities with gradient (m, P) is undetermined; '' if all are determined."""
         G = np.atleast_2d(gradient)
         if np.any(self._depends_on(G, self.gauge)):
             return GAUGE
@@ -87,7 +87,8 @@ class Information:
     def _depends_on(self, G: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """True (m,) where a gradient has a share along `directions` (P, k).
 
-        Measured against the largest of the m: near a value that is known exactly, a gradient is all rounding error.
+        The share is relative to the largest of the m gradients: near a value that is known exactly, a gradient is only
+        rounding error.
         """
         if not directions.shape[1]:
             return np.zeros(len(G), dtype=bool)
@@ -96,11 +97,11 @@ class Information:
 
 
 def information(fit: "Fit", data: IOData, lags: int | str | None = None) -> Information:
-    """What `data`, the record that `fit` was estimated on, says about the fit's quantities.
+    """The information that `data`, the estimation data of `fit`, has on the quantities of the fit.
 
     lags: None for white residuals, sigma^2 (J'J)^+; a number for the Newey-West sandwich with a Bartlett window over
-    that many lags; 'auto' for one that finds the residuals' memory itself. Use the sandwich where
-    `fit.residual_tests` rejects whiteness: the plain intervals are then too narrow. Merged experiments count together.
+    that many lags; 'auto' for a bandwidth estimated from the residuals. Use the sandwich if `fit.residual_tests`
+    rejects whiteness: the plain intervals are then too narrow. Merged experiments count together.
     """
     if abs(data.Ts - fit.Ts) > 1e-6 * fit.Ts:
         raise InputError(f"the record is sampled every {data.Ts} s and the fit every {fit.Ts} s; give the fit's record")
@@ -115,9 +116,9 @@ def information_at(
     n_init: int = 50,
     noise_variance: float | None = None,
 ) -> Information:
-    """The same for parameters theta (P,) of any origin; with the true ones and `noise_variance`, the Cramer-Rao bound.
+    """The same for any parameters theta (P,); with the true ones and `noise_variance`, the Cramer-Rao bound.
 
-    The initial state in theta is that of the record's first experiment; the further ones' are fitted to them.
+    The initial state in theta belongs to the record's first experiment; those of further experiments are fitted.
     """
     siso(data)
     with one_blas_thread():
@@ -157,8 +158,8 @@ def information_at(
 def _stacked(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """e (N,), J (N, P) of all experiments, which samples count (N,), and the number of further initial states.
 
-    Samples not observed are zero rows. From a further experiment's rows, what its own initial state explains is
-    projected away, which leaves exactly the information on the common parameters (Frisch and Waugh 1933).
+    Missing samples are zero rows. The part that a further experiment's own initial state explains is projected out of
+    its rows, which leaves exactly the information on the common parameters (Frisch and Waugh 1933).
     """
     errors, rows, masks, own = [], [], [], 0
     for k, record in enumerate(data.experiments):
@@ -177,7 +178,7 @@ def _stacked(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[np.ndarray,
 
 
 def _held(chain: Chain, theta: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """True (n,) for free directions that stand at a limit which the descent `gradient` (n,) points beyond."""
+    """True (n,) for free directions at a bound beyond which the descent `gradient` (n,) points."""
     low, high = chain.at_limit(theta)
     return (low[chain.free] & (gradient < 0)) | (high[chain.free] & (gradient > 0))
 
@@ -186,7 +187,7 @@ def _gauge(chain: Chain, theta: np.ndarray, free: np.ndarray, held: np.ndarray) 
     """The gauge in coordinates of the free directions that are not held (n, g)."""
     G = np.linalg.lstsq(free, chain.gauge(theta), rcond=None)[0]
     if held.any() and G.shape[1]:
-        G = G @ null_space(G[held])  # a held direction pins the gauge that would move it
+        G = G @ null_space(G[held])  # a held direction fixes the gauge that would move it
     return G[~held]
 
 

@@ -7,16 +7,16 @@ from sysid.model.chain import Chain
 
 
 def with_initial_state(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
-    """theta (P,) with the initial states that fit one experiment best."""
+    """theta (P,) with the initial states that give the best fit to one experiment."""
     from sysid.estimation.initial_state import estimate_initial
 
     return estimate_initial(chain, theta, data)
 
 
 def initial_state_sensitivity(J: np.ndarray, initial: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """How a fitted initial state passes errors on: T (N, P) = dyhat/dtheta and S (N, n) = dyhat/de of the first n.
+    """Error propagation of a fitted initial state: T (N, P) = dyhat/dtheta and S (N, n) = dyhat/de of the first n.
 
-    J (N, P) is the free run's Jacobian with the initial states as parameters of their own, `initial` (P,) marks them.
+    J (N, P) is the free run's Jacobian with the initial states as separate parameters; `initial` (P,) marks them.
     They solve least squares over the first n samples: to first order dx0 = X+ (e - J dtheta) with X = J[:n, initial].
     """
     X = J[:n, initial]

@@ -1,7 +1,7 @@
-"""Intervals of what an engineer reads off a fit: poles, zeros, time constants, damping, gains, parameters.
+"""Intervals of the quantities of a fit: poles, zeros, time constants, damping, gains, parameters.
 
-All by the delta method on exact gradients, with Student's t for few samples. An interval whose `note` is not empty says
-why the record does not determine the quantity, or that the linear approximation is rough.
+All use the delta method on exact gradients, with Student's t for few samples. The `note` of an interval says why the
+record does not determine the quantity, or that the linear approximation is inaccurate; otherwise it is empty.
 """
 
 from dataclasses import dataclass, replace
@@ -14,14 +14,14 @@ from sysid.blocks import TransferFunction
 from sysid.model.tangents import steady_curve, tangent, transfer
 from sysid.uncertainty.information import Information
 
-_ROUGH = "stands within three standard deviations of another root: the interval is rough"
-_ON_CIRCLE = 1e-12  # an integrator's pole is exact but for rounding
+_ROUGH = "is within three standard deviations of another root: the interval is inaccurate"
+_ON_CIRCLE = 1e-12  # an integrator's pole is exact up to rounding
 _MULTIPLE = "is a multiple root, which has no first derivative"
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A number, its standard deviation and the ends of its interval; nan and infinite where undetermined (`note`)."""
+    """A number, its standard deviation and the limits of its interval; nan and infinite if undetermined (`note`)."""
 
     value: float
     std: float
@@ -32,7 +32,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Band:
-    """A curve over x (n,): value, standard deviation and interval at each point (n,), each point taken by itself."""
+    """A curve over x (n,): pointwise value, standard deviation and interval (n,)."""
 
     x: np.ndarray
     value: np.ndarray
@@ -45,10 +45,10 @@ class Band:
 
 @dataclass(frozen=True)
 class Root:
-    """A pole or zero in z, with intervals of what it means.
+    """A pole or zero in z, with intervals of the derived quantities.
 
     `cov` (2, 2) of real and imaginary part; natural frequency [rad/s] and damping of s = ln(z)/Ts; time constant [s] of
-    the envelope, -Ts/ln|z|, whose interval ends at infinity where the modulus may reach 1.
+    the envelope, -Ts/ln|z|, whose interval is unbounded if the modulus may reach 1.
     """
 
     value: complex
@@ -71,7 +71,7 @@ class Root:
     def ellipse(self) -> tuple[float, float, float]:
         """Semi-axes and angle of the first [rad] of the region that holds the root with probability `level`.
 
-        A real root has one dimension: its second semi-axis is 0 and the first that of its interval.
+        The second semi-axis of a real root is 0, and the first is that of its interval.
         """
         values, vectors = np.linalg.eigh(np.nan_to_num(self.cov))
         a, b = np.sqrt(np.maximum(values[::-1], 0.0))
@@ -98,7 +98,7 @@ def band(info: Information, x: np.ndarray, value: np.ndarray, gradient: np.ndarr
 
 
 def parameters(info: Information, level: float = 0.95) -> dict[str, Interval]:
-    """Interval of every free parameter by name; one that the gauge moves has none."""
+    """Interval of every free parameter by name; a parameter that the gauge changes has none."""
     rows = np.eye(len(info.theta))
     return {
         n: interval(info, info.theta[i], rows[i], level) for i, n in enumerate(info.chain.names) if info.chain.free[i]
@@ -124,7 +124,7 @@ def zeros(info: Information, level: float = 0.95) -> tuple[Root, ...]:
 
 
 def gain(info: Information, u: float = 0.0, level: float = 0.95) -> Interval:
-    """Steady-state gain of the tangent at the constant input u, dy/du; free of the gauge."""
+    """Steady-state gain of the tangent at the constant input u, dy/du; independent of the gauge."""
     G = tangent(info.chain, info.theta, u)
     if not np.isfinite(G.gain):
         return Interval(np.inf, np.nan, -np.inf, np.inf, "is infinite: the chain integrates")
@@ -132,7 +132,7 @@ def gain(info: Information, u: float = 0.0, level: float = 0.95) -> Interval:
 
 
 def steady_state(info: Information, u: np.ndarray | None = None, level: float = 0.95) -> Band:
-    """Steady-state output for constant inputs u (n,), by default 101 over the record's range; free of the gauge."""
+    """Steady-state output for constant inputs u (n,), by default 101 over the record's range, in any gauge."""
     if u is None:
         u = np.linspace(info.data.u.min(), info.data.u.max(), 101)
     u = np.asarray(u, dtype=float)
@@ -142,7 +142,7 @@ def steady_state(info: Information, u: np.ndarray | None = None, level: float = 
 def _linear(info: Information) -> list[TransferFunction]:
     found = [b for b in info.chain.blocks if isinstance(b, TransferFunction)]
     if not found:
-        raise InputError("this chain has no transfer function; it has no poles and zeros")
+        raise InputError("this chain has no transfer function, so it has no poles and zeros; use a structure with one")
     return found
 
 
@@ -150,7 +150,7 @@ def _roots(info: Information, p: np.ndarray, dp: np.ndarray, level: float) -> li
     """Roots of a polynomial p (n,), highest power first, with gradient dp (n, P): dz = -sum z^k dp_k / p'(z)."""
     if not np.any(p):
         return []
-    lead = int(np.flatnonzero(p)[0])  # leading zeros are roots at infinity, of which nothing can be said
+    lead = int(np.flatnonzero(p)[0])  # leading zeros are roots at infinity, which are left out
     p, dp = p[lead:], dp[lead:]
     roots, slope = np.roots(p).astype(complex), np.polyder(p)
     found = []
@@ -164,7 +164,7 @@ def _roots(info: Information, p: np.ndarray, dp: np.ndarray, level: float) -> li
 
 
 def _root(info: Information, z: complex, dz: np.ndarray | None, level: float, note: str = "") -> Root:
-    """A root z with the complex gradient dz (P,); None where there is no derivative, which `note` explains."""
+    """A root z with the complex gradient dz (P,); None if it has no derivative; `note` says why."""
     if dz is None:
         unknown = [Interval(v, np.nan, -np.inf, np.inf, note) for v in _readings(z, info.Ts)]
         return Root(z, np.full((2, 2), np.nan), *unknown, level, info.dof, note)  # type: ignore[arg-type,call-arg]
@@ -213,14 +213,14 @@ def _envelope(r: float, Ts: float) -> float:
 
 
 def _warned(root: Root, roots: np.ndarray) -> Root:
-    """The root with a word where the linear approximation cannot be trusted."""
+    """The root with a note if the linear approximation is inaccurate."""
     others = np.abs(roots - root.value)
     near = np.sort(others)[1] if len(roots) > 1 else np.inf
     return replace(root, note=_ROUGH) if not root.note and near < 3.0 * root.std else root
 
 
 def _region(level: float, dof: float) -> float:
-    """Radius, in standard deviations, of the ellipse that holds two dimensions with this probability."""
+    """Radius, in standard deviations, of the ellipse that contains a two-dimensional value with this probability."""
     if not np.isfinite(dof):
         return float(np.sqrt(-2.0 * np.log1p(-level)))
     return float(np.sqrt(2.0 * fdtri(2.0, dof, level)))

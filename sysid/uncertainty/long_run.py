@@ -1,4 +1,4 @@
-"""Long-run covariance of scores: what makes a covariance robust to coloured residuals."""
+"""Long-run covariance of scores: it makes a covariance robust to coloured residuals."""
 
 from collections.abc import Sequence
 
@@ -6,15 +6,15 @@ import numpy as np
 
 from sysid.base.errors import InputError
 
-_MEMORY = 0.97  # an autocorrelation above this is a drift, for which no bandwidth would do
+_MEMORY = 0.97  # an autocorrelation above this is a drift, for which no bandwidth is sufficient
 
 
 def long_run_covariance_root(scores: np.ndarray, lengths: Sequence[int], lags: int | str) -> tuple[np.ndarray, int]:
     """Root R (r, r) with R R' = sum of all autocovariances of scores (N, r), and the lags used.
 
-    lags: the Bartlett window's (Newey and West 1987, Econometrica 55); 'auto' filters each score by the AR(1) that fits
-    it first and takes Andrews' bandwidth for what is left (Andrews and Monahan 1992, Econometrica 60), since a window
-    long enough for slow noise would itself cost a tenth of the variance.
+    lags: those of the Bartlett window (Newey and West 1987, Econometrica 55). 'auto' first whitens each score with a
+    fitted AR(1) and then uses Andrews' bandwidth (Andrews and Monahan 1992, Econometrica 60), because a window long
+    enough for slow noise would lose a tenth of the variance.
     """
     if isinstance(lags, str):
         if lags != "auto":
@@ -30,7 +30,7 @@ def long_run_covariance_root(scores: np.ndarray, lengths: Sequence[int], lags: i
 def _bartlett_root(scores: np.ndarray, lengths: Sequence[int], lags: int) -> np.ndarray:
     """R R' = sum_k (1 - |k|/(lags + 1)) sum_t s_t s_{t-k}', for scores s (N, r) of several experiments.
 
-    The triangular window is the mean over all windows of lags + 1 samples of the squared sum within: one pass over the
+    The triangular window equals the mean of the squared sums over all windows of lags + 1 samples: one pass over the
     samples, and positive semidefinite by construction.
     """
     m, sums, end = lags + 1, [], 0
@@ -44,7 +44,7 @@ def _bartlett_root(scores: np.ndarray, lengths: Sequence[int], lags: int) -> np.
 
 
 def _prewhitened(scores: np.ndarray, lengths: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """AR(1) coefficient of each score (r,) and what it leaves of them (N, r)."""
+    """AR(1) coefficient of each score (r,) and the residuals (N, r)."""
     memory, white, first = _lag_one(scores), scores.copy(), np.cumsum([0, *lengths[:-1]])
     follows = np.ones(len(scores), dtype=bool)
     follows[first] = False

@@ -1,4 +1,4 @@
-"""Responses of a fit's tangent with bands: step, impulse, frequency response. All free of the gauge."""
+"""Responses of a fit's tangent with bands: step, impulse, frequency response. All are independent of the gauge."""
 
 from dataclasses import dataclass
 
@@ -41,11 +41,13 @@ def frequency(info: Information, u: float = 0.0, w: np.ndarray | None = None, le
     B, dB = _at(G.B, G.B_gradient, w * info.Ts)
     F, dF = _at(G.F, G.F_gradient, w * info.Ts)
     if np.any(B == 0) or not np.any(G.B):
-        raise InputError("the tangent's gain is 0 at this operating point; choose a u where the maps have a slope")
+        raise InputError(
+            "the tangent's gain is 0 at this operating point; choose a u where the slopes of the maps are not zero"
+        )
     value = B / F
     d_log = dB / B[:, None] - dF / F[:, None]
     size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
-    # A band of log |G| stays positive when it is brought back.
+    # A band of log |G| stays positive when it is transformed back.
     log = band(info, w, np.log(size), d_log.real, level)
     magnitude = Band(w, size, size * log.std, np.exp(log.lower), np.exp(log.upper), level, log.note)
     return FrequencyResponse(magnitude, band(info, w, angle, np.degrees(d_log.imag), level))
@@ -71,7 +73,7 @@ def _driven(info: Information, G: Rational, u: np.ndarray, level: float) -> Band
 
 
 def _length(G: Rational, samples: int | None) -> int:
-    """Samples to show: six time constants of the slowest pole, 20 at least and 2000 at most."""
+    """Samples to show: six time constants of the slowest pole, between 20 and 2000."""
     if samples is not None:
         if samples < 2:
             raise InputError(f"samples is {samples}; give at least 2")

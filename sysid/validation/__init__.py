@@ -1,1 +1,1 @@
-"""Fits judged on records that they have not seen."""
+"""Fits judged on validation data."""

@@ -1,4 +1,4 @@
-"""Validation: several fits on one record they have not seen, and one structure on blocks left out in turn."""
+"""Validation: several fits on the same validation data, and cross-validation of one structure over blocks."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -16,7 +16,7 @@ from sysid.model.chain import Chain
 
 @dataclass(frozen=True)
 class Row:
-    """One fit on the record. Free run: it sees u, and the outputs of the first samples only, which are not scored.
+    """One fit on the record. The free run uses u and only the first output samples, which are not scored.
 
     rmse in the unit of y. `one_step` is the one-step fit [%] of models that predict (nonlinear ARX), None for others:
     never compare it with a free run. `criteria` belong to the estimation record, d counts parameters after the gauge.
@@ -66,15 +66,15 @@ class Comparison:
 def compare(data: IOData, *fits: Any, labels: Sequence[str] | None = None) -> Comparison:
     """Free-run scores of fits on one record, best first; all on the same samples.
 
-    Every fit leaves out as many first samples as the one that needs the most. A run that diverges ranks last, at -inf.
-    labels: names in the order of the fits; by default their structures, numbered where two are alike.
+    All fits leave out the same number of first samples, the largest that one needs. A run that diverges ranks last, at
+    -inf. labels: names in the order of the fits; by default their structures, numbered if two are equal.
     """
     if not fits:
         raise InputError("nothing to compare; give at least one fit")
     if labels is None:
         labels = _numbered([f.model.structure for f in fits])
     if len(labels) != len(fits) or len(set(labels)) != len(labels):
-        raise InputError(f"labels are {list(labels)} for {len(fits)} fits; give each fit one name of its own")
+        raise InputError(f"labels are {list(labels)} for {len(fits)} fits; give each fit a different name")
     n = max(f.n_init for f in fits)
     counts = _scored(data, n)
     rows = [_row(label, f, data, n, counts) for label, f in zip(labels, fits, strict=True)]
@@ -119,9 +119,9 @@ def cross_validate(
 ) -> CrossValidation:
     """Refit on all but one contiguous block, free run on that block; once for each of `folds` blocks.
 
-    The parts before and behind the block are experiments of their own, so no sample follows another that it did not
-    follow on the rig. Of the block the first n_init samples give the initial state and are not scored. `options` go to
-    `sysid.fit`. Means must be off the whole record beforehand, or off none.
+    The parts before and after the block are separate experiments, so the samples of each part are consecutive. The
+    first n_init samples of the block give the initial state and are not scored. `options` go to `sysid.fit`. Remove
+    means from the whole record beforehand, or not at all.
     """
     from sysid.nlarx.dispatch import fit
 

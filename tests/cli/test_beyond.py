@@ -206,7 +206,7 @@ def test_ablation_in_the_report(monkeypatch, tmp_path, capsys):
         quiet = record["paper_structure"]["without"]["noise"]
         assert quiet == record["paper_structure"]["without"]["all but end stops"]
         assert quiet["ceiling"] > 98.0
-    assert "Which loss is which" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Causes of the losses" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert (tmp_path / "out" / "figures" / "ablation.png").exists()
 
 

@@ -104,11 +104,11 @@ BAD: dict[str, tuple[str, str | bytes, list[str]]] = {
     "number for a joint": ("leg.json", '{"thigh": 3}', ["thigh is a table", "thigh."]),
     "list for a joint": ("leg.toml", "[[thigh]]\ncoulomb = 3", ["thigh is a table", "thigh."]),
     "table for a number": ("leg.toml", "[gravity]\nx = 3", ["gravity is a table", "one number of m/s2"]),
-    "string": ("leg.toml", "gravity = '9.81'", ["gravity is '9.81'", "no number", "0 to 20 m/s2", "quotes"]),
-    "bool": ("leg.json", '{"gravity": true}', ["gravity is True", "no number", "0 to 20 m/s2"]),
-    "null": ("leg.json", '{"gravity": null}', ["gravity is None", "no number"]),
-    "date": ("leg.toml", "gravity = 2016-01-01", ["gravity is datetime", "no number"]),
-    "list": ("leg.toml", f"gravity = {[1] * 99}", ["gravity is [1, 1,", "...", "no number"]),
+    "string": ("leg.toml", "gravity = '9.81'", ["gravity is '9.81'", "not a number", "0 to 20 m/s2", "quotes"]),
+    "bool": ("leg.json", '{"gravity": true}', ["gravity is True", "not a number", "0 to 20 m/s2"]),
+    "null": ("leg.json", '{"gravity": null}', ["gravity is None", "not a number"]),
+    "date": ("leg.toml", "gravity = 2016-01-01", ["gravity is datetime", "not a number"]),
+    "list": ("leg.toml", f"gravity = {[1] * 99}", ["gravity is [1, 1,", "...", "not a number"]),
     "nan": ("leg.toml", "gravity = nan", ["gravity is nan", "0 to 20 m/s2"]),
     "minus infinity": ("leg.toml", "gravity = -inf", ["gravity is -inf", "0 to 20 m/s2"]),
     "json nan": ("leg.json", '{"gravity": NaN}', ["found NaN", "finite"]),
@@ -122,13 +122,13 @@ BAD: dict[str, tuple[str, str | bytes, list[str]]] = {
     "far above": ("leg.toml", f"gravity = 1{'0' * 400}", ["gravity is 1000", "...", "0 to 20 m/s2"]),
     "digits toml": ("leg.toml", f"gravity = {'9' * 5000}", ["4300 digits"]),
     "digits json": ("leg.json", f'{{"gravity": {"9" * 5000}}}', ["4300 digits"]),
-    "twice in toml": ("leg.toml", "gravity = 9\ngravity = 8\n", ["line 2", "second time", "keep one"]),
-    "table twice": ("leg.toml", "[thigh]\n[shank]\n[thigh]\n", ["line 3", "second time"]),
-    "twice in json": ("leg.json", '{"gravity": 9, "gravity": 8}', ["'gravity' stands twice", "keep one"]),
+    "twice in toml": ("leg.toml", "gravity = 9\ngravity = 8\n", ["line 2", "is repeated", "keep one"]),
+    "table twice": ("leg.toml", "[thigh]\n[shank]\n[thigh]\n", ["line 3", "is repeated"]),
+    "twice in json": ("leg.json", '{"gravity": 9, "gravity": 8}', ["'gravity' is repeated", "keep one"]),
     "twice in two ways": ("leg.json", '{"thigh": {"coulomb": 4}, "thigh.coulomb": 5}', ["thigh.coulomb", "4.0 and 5"]),
     "json list": ("leg.json", "[1, 2]", ["found [1, 2]", "names with numbers"]),
-    "deep json": ("leg.json", '{"a":' * DEEP, ["without end"]),
-    "deep toml": ("leg.toml", f"a = {'[' * DEEP}", ["without end"]),
+    "deep json": ("leg.json", '{"a":' * DEEP, ["nested too deeply"]),
+    "deep toml": ("leg.toml", f"a = {'[' * DEEP}", ["nested too deeply"]),
 }
 
 
@@ -156,7 +156,7 @@ def test_bad_places_are_one_sentence(tmp_path):
     (tmp_path / "folder.toml").mkdir()
     assert "is a folder" in sentence(tmp_path / "folder.toml")
     os.mkfifo(tmp_path / "pipe.toml")
-    assert "no ordinary file" in sentence(tmp_path / "pipe.toml")  # and does not wait for a writer
+    assert "not a regular file" in sentence(tmp_path / "pipe.toml")  # and does not wait for a writer
 
 
 def test_every_bound_that_a_sentence_names_is_accepted(tmp_path):

@@ -100,7 +100,7 @@ def test_without_a_renderer_it_is_one_sentence_and_no_file(logs, monkeypatch, ca
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("thigh.csv", "say it with --joint"),
+        ("thigh.csv", "give --joint"),
         ("thigh.csv --joint knee", "shoulder, thigh, shank"),
         ("thigh.parquet --joint shank", "leave --joint out"),
         ("missing.csv --strip a.png", "missing.csv does not exist"),
@@ -108,7 +108,7 @@ def test_without_a_renderer_it_is_one_sentence_and_no_file(logs, monkeypatch, ca
         ("thigh.parquet --strip a.jpg", "ends in .png"),
         ("thigh.parquet --gif a.png", "ends in .gif"),
         ("thigh.parquet --strip nowhere/a.png", "there is no folder nowhere"),
-        ("thigh.parquet --strip a.png --count 1", "from 2 to 12 frames"),
+        ("thigh.parquet --strip a.png --count 1", "give 2 to 12 frames"),
         ("thigh.parquet --strip a.png --start 3 --stop 2", "start before the stop"),
         ("thigh.parquet --strip a.png --stop 5", "goes from 0 to 4 s"),
         ("thigh.parquet --speed 0", "--speed is 0"),
@@ -163,7 +163,7 @@ def test_a_port_that_is_taken_is_a_sentence(logs, capsys):
         taken.listen()
         port = taken.getsockname()[1]
         assert main(["view", "thigh.parquet", "--web", "--port", str(port)]) == 2
-    assert f"--port {port} cannot be had" in capsys.readouterr().err
+    assert f"--port {port} is not available" in capsys.readouterr().err
     check_port(port)  # free again
 
 

@@ -186,7 +186,7 @@ def test_what_cannot_be_written_is_refused_in_a_sentence():
         with pytest.raises(InputError, match="Own block, which has no formula to write"):
             write(made(Chain((Own(),)), [1.3]))
     good = fitted("output_error", (), 1)
-    with pytest.raises(InputError, match="no identifier"):
+    with pytest.raises(InputError, match="not an identifier"):
         export_c.source(good, "2 legs")
     with pytest.raises(InputError, match="u_offset"):
         export_python.source(good, u_offset=np.zeros(3))

@@ -34,7 +34,7 @@ def test_a_criterion_enters_by_one_line(monkeypatch):
     c = criteria(1.6575, 300, 6)
     assert c.hqic == c.as_dict()["hqic"] == pytest.approx(151.5931 + 20.8936, abs=1e-3)
     assert {"hqic", "bic", "loss"} <= set(dir(c))
-    with pytest.raises(AttributeError, match="no 'bick'; they have fpe, aic"):
+    with pytest.raises(AttributeError, match="no criterion 'bick'; choose one of fpe, aic"):
         _ = c.bick
 
 

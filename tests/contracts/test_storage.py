@@ -136,7 +136,7 @@ def test_a_person_can_read_it(searched, tmp_path):
 
 def test_a_function_of_one_s_own_is_refused_before_anything_is_written(tmp_path):
     block, theta = BLOCKS["custom"]
-    with pytest.raises(InputError, match="cannot hold; put a piecewise linear map"):
+    with pytest.raises(InputError, match="cannot store; use a piecewise linear map"):
         save(around(block, theta), tmp_path / "fit.json")
     assert not list(tmp_path.iterdir())
 
@@ -189,7 +189,7 @@ def drop(*keys):
 DAMAGES = {
     "newer": (put("version", VERSION + 1), f"newer version of this library .file version {VERSION + 1}, this"),
     "no version": (put("version", "1"), "version is '1'"),
-    "other json": (drop("format"), "no saved fit"),
+    "other json": (drop("format"), "not a saved fit"),
     "missing field": (drop("covariance"), "covariance is missing"),
     "missing in a field": (drop("criteria", "d"), "criteria: d is missing"),
     "unknown field": (put("colour", 1), "colour is not known to this version"),
@@ -199,10 +199,10 @@ DAMAGES = {
     "impossible orders": (put("model", "blocks", 1, "nb", 0), "nb >= 1"),
     "wrong option": (put("model", "blocks", 1, "na", 2), "na is not known"),
     "parameter missing": (drop("theta", "linear.f2"), r"see linear\.f2"),
-    "parameter not finite": (put("theta", "linear.f2", "nan"), "no usable model"),
-    "parameter a word": (put("theta", "linear.f2", "one"), "theta: this list holds something that is not a number"),
-    "unstable": (put("theta", "linear.f2", 3.0), "no usable model"),
-    "covariance cut": (put("covariance", "cov", [[1.0]]), "covariance has no row and column for each"),
+    "parameter not finite": (put("theta", "linear.f2", "nan"), "not a valid model"),
+    "parameter a word": (put("theta", "linear.f2", "one"), "theta: this list has an entry that is not a number"),
+    "unstable": (put("theta", "linear.f2", 3.0), "not a valid model"),
+    "covariance cut": (put("covariance", "cov", [[1.0]]), "covariance does not have a row and a column for each"),
     "covariance ragged": (put("covariance", "cov", [[1.0], [1.0, 2.0]]), "rows of this table have different lengths"),
     "fixed without parameter": (put("model", "fixed", {"linear.f9": 0.0}), r"unknown parameter 'linear\.f9'"),
     "negative Ts": (put("Ts", -1.0), "Ts must be above 0"),
@@ -222,12 +222,12 @@ def test_a_damaged_file_says_what_is_wrong(searched, tmp_path, name):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"", "breaks off or is damaged at line 1"),
+        (b"", "is incomplete or damaged at line 1"),
         (b"\xff\xfe\x00", "not text"),
-        (b"[1, 2]", "no saved fit"),
+        (b"[1, 2]", "not a saved fit"),
         (b"NaN", "holds NaN"),
         (b"[" * 100000, "not a fit"),
-        (b"null", "no saved fit"),
+        (b"null", "not a saved fit"),
     ],
 )
 def test_a_file_that_never_was_a_fit(tmp_path, content, says):

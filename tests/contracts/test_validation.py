@@ -103,7 +103,7 @@ def test_comparison_names_what_is_wrong():
         "output_error (1)",
         "output_error (2)",
     ]
-    with pytest.raises(sysid.InputError, match="one name of its own"):
+    with pytest.raises(sysid.InputError, match="a different name"):
         sysid.compare(validation, *fits, labels=("a", "a"))
     with pytest.raises(sysid.InputError, match="at least one fit"):
         sysid.compare(validation)

@@ -123,8 +123,8 @@ def test_shaped_references_leave_a_joint_at_rest_alone(made):
 @pytest.mark.parametrize(
     ("gait", "changes", "sentence"),
     [
-        (Gait(cycles=1), {"thigh.stall_force": 100.0}, "actuator thigh_.. has to give .* N and has 85 at 85 %"),
-        (Gait(cycles=1, height=0.30), {}, "actuator shank_.. has to give"),
+        (Gait(cycles=1), {"thigh.stall_force": 100.0}, "actuator thigh_.. needs .* N and has 85 at 85 %"),
+        (Gait(cycles=1, height=0.30), {}, "actuator shank_.. needs"),
         (Gait(cycles=1, height=0.50), {}, "out of the leg's reach|change the height of the body"),
         (Gait(cycles=1, stride=0.0, sway=0.0), {}, "the centre of mass is planned .* mm inside its support"),
     ],
@@ -139,7 +139,7 @@ def test_a_crawl_that_cannot_be_says_why(gait, changes, sentence):
     [
         (lambda: Gait(stride=0.5), "stride of the crawl is 0.5; give a value from 0 to 0.3"),
         (lambda: Gait(cycles=-1), "give a whole number from 0 to 100"),
-        (lambda: crawl.cycles(6), "6 steps are no whole cycle; give a multiple of 4"),
+        (lambda: crawl.cycles(6), "6 steps are not a whole number of cycles; give a multiple of 4"),
         (lambda: crawl.run(CYCLE, standing=0.0), "standing takes 0.0 s; give 1 to 3600 s"),
         (lambda: crawl.run(CYCLE, draws=-1), "give 0 to 1000"),
     ],
@@ -206,7 +206,7 @@ def test_a_robot_alone_does_what_it_does_among_others(made):
 def test_a_robot_without_power_has_not_walked(made, result):
     (walk,) = drive([Parameters()], made.angles, made.Ts, made.torso[0], [1], power=False)
     found = crawl.measure(made, walk)
-    assert "it went" in crawl.fault(made, found)
+    assert "it walked" in crawl.fault(made, found)
     assert "did not leave the floor" in crawl.fault(made, found)
     assert found.power == pytest.approx(0.0, abs=1e-6)
 
@@ -236,7 +236,7 @@ def test_the_verb_writes_a_report_and_the_summary(tmp_path, monkeypatch, capsys)
 
 def test_the_verb_refuses_half_a_cycle(tmp_path, capsys):
     assert main(["crawl", "--steps", "6", "--out", str(tmp_path / "walk")]) == 2
-    assert "6 steps are no whole cycle" in capsys.readouterr().err
+    assert "6 steps are not a whole number of cycles" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

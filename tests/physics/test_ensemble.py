@@ -180,8 +180,8 @@ def test_draws_that_are_no_leg_are_drawn_again_and_counted() -> None:
         ({"uniform": ["colour"]}, "unknown parameter 'colour'"),
         ({"spread": {"gravity": -0.1}}, "the spread of gravity is -0.1"),
         ({"spread": {"gravity": float("nan")}}, "the spread of gravity is nan"),
-        ({"spread": {"gravity": 0.1}, "uniform": ["gravity"]}, "gravity is to be drawn in two ways"),
-        ({"log_uniform": ["gravity"]}, "gravity can be 0, which has no logarithm"),
+        ({"spread": {"gravity": 0.1}, "uniform": ["gravity"]}, "gravity is given in two ways of drawing"),
+        ({"log_uniform": ["gravity"]}, "the lower bound of gravity is 0, which has no logarithm"),
         ({"seed": -1}, "seed of the draws is -1"),
     ],
 )
@@ -195,7 +195,7 @@ def test_bad_draws_are_refused(arguments: dict, says: str) -> None:
     [
         ({"experiment": "thigh"}, "experiment is a str; give a twin.Experiment"),
         ({"draws": {"gravity": 0.1}}, "draws is a dict"),
-        ({"draws": Draws({"thigh.servo_ki": 0.1})}, "thigh.servo_ki is 0, about which a relative spread is nothing"),
+        ({"draws": Draws({"thigh.servo_ki": 0.1})}, "thigh.servo_ki is 0, so a relative spread has no effect"),
         ({"seeds": []}, "there are no seeds"),
         ({"seeds": [1, -1]}, "a seed is -1"),
         ({"seeds": [1.5]}, "a seed is 1.5"),
@@ -211,9 +211,9 @@ def test_bad_ensembles_are_refused_before_the_run(tmp_path: Path, changes: dict,
 def test_bad_calls_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="threads is -1"):
         ensemble(tmp_path).run(-1)
-    with pytest.raises(InputError, match="experiment 4 is not among the 4"):
+    with pytest.raises(InputError, match="experiment 4 is not in the ensemble; give a number from 0 to 3"):
         ensemble(tmp_path).case(4)
-    with pytest.raises(InputError, match="holds no ensemble yet"):
+    with pytest.raises(InputError, match="has no ensemble yet"):
         ensemble(tmp_path / "new").table()
 
 
@@ -229,14 +229,14 @@ def test_bad_calls_are_refused(tmp_path: Path) -> None:
 def test_a_folder_of_another_ensemble_is_refused(tmp_path: Path, changes: dict, says: str) -> None:
     ensemble(tmp_path).run()
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(InputError, match=f"holds another ensemble, which {says}; choose another folder"):
+    with pytest.raises(InputError, match=f"has another ensemble, which {says}; choose another folder"):
         ensemble(tmp_path, **changes).run()
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_other_folders_are_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("text")
-    with pytest.raises(InputError, match=r"holds no manifest\.json; choose an empty or a new folder"):
+    with pytest.raises(InputError, match=r"has no manifest\.json; choose an empty or a new folder"):
         ensemble(tmp_path).run()
     whole = ensemble(tmp_path / "new").run()
     manifest = tmp_path / "new" / "manifest.json"
@@ -246,11 +246,11 @@ def test_other_folders_are_refused(tmp_path: Path) -> None:
     manifest.write_text(json.dumps(found | {"versions": {"mujoco": "3.0.0"}}))
     assert whole.table().height == 4  # finished: it can be read
     (tmp_path / "new" / "part-00001.parquet").unlink()
-    with pytest.raises(InputError, match=r"was begun with .*mujoco 3\.0\.0 and now"):
+    with pytest.raises(InputError, match=r"was started with .*mujoco 3\.0\.0 and now"):
         whole.run()
     for text in ("{", "[]", json.dumps(found | {"fingerprint": "0"})):
         manifest.write_text(text)
-        with pytest.raises(InputError, match="is damaged or no ensemble's"):
+        with pytest.raises(InputError, match="is damaged or not from an ensemble"):
             whole.run()
 
 

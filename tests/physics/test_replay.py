@@ -162,12 +162,12 @@ def test_only_the_legs_that_are_shown_have_cylinders(ghost, legs):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: movement(Log(T, T, 0.1)), "does not say which joint"),
+        (lambda: movement(Log(T, T, 0.1)), "does not name the joint"),
         (lambda: movement(Log(T, T, 0.1, joint="thigh"), "shank"), "leave --joint out"),
         (lambda: movement(Log(T, T, 0.1), "knee"), "shoulder, thigh, shank"),
         (lambda: Movement(T, {}), "no joint"),
         (lambda: Movement(T, {"thigh": T[1:]}), "one angle for each time"),
-        (lambda: Movement(T, {"thigh": T * np.nan}), "no angle that is a finite number"),
+        (lambda: Movement(T, {"thigh": T * np.nan}), "no finite angle"),
         (lambda: Replay(Movement(T, {"thigh": T}), start=2.0, stop=1.0), "start before the stop"),
         (lambda: Replay(Movement(T, {"thigh": T}), stop=5.0), "goes from 0 to 3.9 s"),
         (lambda: draw_robot(np.zeros((2, 3))), "shape"),

@@ -122,7 +122,7 @@ def test_awkward_records_end_with_finite_numbers_and_a_reason(name, maps):
 def test_an_unstable_start_and_one_of_the_wrong_length_are_refused():
     u, y = record()
     unstable = np.array([1.0, 0.5, -2.5, 1.6, 0.0, 0.0])
-    with pytest.raises(sysid.InputError, match="usable model"):
+    with pytest.raises(sysid.InputError, match="not a valid model"):
         sysid.fit(sysid.structures.output_error(2, 2, 1), sysid.IOData(u, y, 1.0), start=unstable)
     with pytest.raises(sysid.InputError, match="6 finite values"):
         sysid.fit(sysid.structures.output_error(2, 2, 1), sysid.IOData(u, y, 1.0), start=unstable[:4])

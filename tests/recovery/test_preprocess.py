@@ -60,7 +60,7 @@ def test_trends_that_make_no_sense():
             Trend.of(data, "linear", breaks)
     with pytest.raises(InputError, match="mean, linear"):
         Trend.of(data, "cubic")
-    with pytest.raises(InputError, match="the record it was found in"):
+    with pytest.raises(InputError, match="the record it was fitted to"):
         Trend.of(data).remove(data.select(0, 100))
 
 
@@ -166,7 +166,7 @@ def test_missing_and_experiments_carry_over():
 
 def test_rates_that_make_no_sense():
     data = IOData(T, T, 0.1)
-    with pytest.raises(InputError, match="no ratio of whole numbers"):
+    with pytest.raises(InputError, match="not a ratio of whole numbers"):
         resample(data, 0.1 * np.pi)
     with pytest.raises(InputError, match="positive number"):
         resample(data, -1.0)
@@ -240,7 +240,7 @@ def test_short_gaps_are_filled_long_ones_stay_open():
     np.testing.assert_allclose(got.values[:40], 0.5 * T[:40])
     np.testing.assert_array_equal(np.flatnonzero(got.open), [*range(40, 60), 99])
     assert "4 of 25 missing samples filled" in got.sentence
-    assert "2 gap(s) stay open, the longest with 20 samples from 40 (limit 3)" in got.sentence
+    assert "2 gap(s) not filled, the longest with 20 samples from 40 (limit 3)" in got.sentence
     assert fill(T, 3).sentence == "no sample is missing"
 
 

@@ -156,7 +156,7 @@ def test_equal_seeds_draw_equal_bands_and_unstable_models_are_dropped_and_counte
     np.testing.assert_array_equal(a.upper, b.upper)
     assert not np.array_equal(a.upper, bands.monte_carlo(info, draws=300, seed=5).upper)
     assert abs(a.dropped / 300 - 0.159) < 4 * np.sqrt(0.159 * 0.841 / 300)  # the circle is one standard deviation away
-    assert "unusable" in a.note
+    assert "unstable or invalid" in a.note
     (pole,) = intervals.poles(info)
     assert pole.modulus.upper > 1.0
     assert pole.time_constant.upper == np.inf

@@ -1,4 +1,4 @@
-"""Draws of parameters: what differs between the legs of an ensemble."""
+"""Random draws of the parameters of an ensemble."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,15 +12,17 @@ from twin.hardware.motor import check_rotor
 from twin.parameters import JOINTS, TABLE, Parameters, Row
 
 ROWS = {row.name: row for row in TABLE}
-WHOLE = frozenset({"pwm_bits", "adc_bits"})  # rows that count something
-SHAPE = frozenset({"retracted_length", "stroke", "base_radius", "rod_radius"})  # what a joint's triangle closes or not
-ROTOR = frozenset({"rotor_inertia", "gear_ratio", "lead"})  # what its weight at the output comes from
-TRIES = 100_000  # a joint's triangle closes about every tenth time over the whole box
+WHOLE = frozenset({"pwm_bits", "adc_bits"})  # rows with whole numbers
+SHAPE = frozenset(
+    {"retracted_length", "stroke", "base_radius", "rod_radius"}
+)  # rows that decide whether a joint's triangle closes
+ROTOR = frozenset({"rotor_inertia", "gear_ratio", "lead"})  # rows of the rotor's mass at the output
+TRIES = 100_000  # over the whole box, about every tenth triangle closes
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """Parameters of one experiment; `redrawn` counts the draws before them that were no leg."""
+    """Parameters of one experiment; `redrawn` counts the rejected draws before them."""
 
     parameters: Parameters
     redrawn: int
@@ -28,16 +30,15 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Draws:
-    """Parameters that are drawn for each experiment, independent of each other; the others stay as they are.
+    """Parameters that are drawn for each experiment, independent of each other; the others do not change.
 
-    `spread` gives a relative spread: {"thigh.coulomb": 0.2} is uniform within 20 % about the experiment's value, inside
-    the row's bounds. `uniform` and `log_uniform` name rows that are drawn over all of their bounds. Rows that count
-    something (pwm_bits, adc_bits) are rounded. Lengths and pins that make no leg are drawn again, joint by joint, so
-    are rotors too light to be simulated, and a bench on which the foot would start inside the floor.
+    `spread` gives a relative spread: {"thigh.coulomb": 0.2} is uniform within 20 % of the experiment's value, inside
+    the row's bounds. `uniform` and `log_uniform` name rows that are drawn over their whole bounds. Rows with whole
+    numbers (pwm_bits, adc_bits) are rounded. Invalid geometries are drawn again, joint by joint; so are rotors too
+    light for the simulation and benches with the foot inside the floor.
 
-    The draw of experiment i depends on `seed` and i alone, and that of a row on nothing that other rows do, save for
-    the rows of one joint's triangle. Raises InputError for a name that does not exist or stands twice, and for bounds
-    or spreads that cannot be.
+    The draw of experiment i depends only on `seed` and i. The draw of a row does not depend on other rows, except
+    within one joint's triangle. Raises InputError for unknown or repeated names and for invalid bounds or spreads.
     """
 
     spread: Mapping[str, float] = field(default_factory=dict)
@@ -51,19 +52,21 @@ class Draws:
                 raise InputError(f"{what} is the string {getattr(self, what)!r}; give a list of names")
             object.__setattr__(self, what, tuple(getattr(self, what)))
         if isinstance(self.seed, bool) or not isinstance(self.seed, int | np.integer) or self.seed < 0:
-            raise InputError(f"seed of the draws is {self.seed!r}; give a whole number from 0 up")
+            raise InputError(f"seed of the draws is {self.seed!r}; give a whole number of at least 0")
         names = (*self.spread, *self.uniform, *self.log_uniform)
         for name in names:
             if name not in ROWS:
                 raise unknown("parameter", name, ROWS)
             if names.count(name) > 1:
-                raise InputError(f"{name} is to be drawn in two ways; give it once")
+                raise InputError(f"{name} is given in two ways of drawing; give it once")
         for name, part in self.spread.items():
             if isinstance(part, bool) or not isinstance(part, Real) or not 0 < float(part) < np.inf:
                 raise InputError(f"the spread of {name} is {part!r}; give a positive number, 0.2 for 20 %")
         for name in self.log_uniform:
             if ROWS[name].lower <= 0:
-                raise InputError(f"{name} can be {ROWS[name].lower:g}, which has no logarithm; draw it uniformly")
+                raise InputError(
+                    f"the lower bound of {name} is {ROWS[name].lower:g}, which has no logarithm; draw it uniformly"
+                )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -72,10 +75,10 @@ class Draws:
         return tuple(row.name for row in TABLE if row.name in named)
 
     def limits(self, base: Parameters) -> dict[str, tuple[float, float]]:
-        """Between which values each row is drawn around `base`; raises InputError for a spread about 0."""
+        """Limits of each row's draw around `base`; raises InputError for a relative spread about 0."""
         for name in self.spread:
             if base[name] == 0:
-                raise InputError(f"{name} is 0, about which a relative spread is nothing; draw it uniformly")
+                raise InputError(f"{name} is 0, so a relative spread has no effect; draw it uniformly")
         return {name: self._limits(ROWS[name], base) for name in self.names}
 
     def _limits(self, row: Row, base: Parameters) -> tuple[float, float]:
@@ -85,7 +88,7 @@ class Draws:
         return max(row.lower, base[row.name] - half), min(row.upper, base[row.name] + half)
 
     def draw(self, base: Parameters, number: int) -> Drawn:
-        """The parameters of experiment `number`; raises InputError where none of very many draws is a leg."""
+        """The parameters of experiment `number`; raises InputError if none of very many draws is a valid leg."""
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,)))
         limits = self.limits(base)
         values = dict(base.values) | self._values(limits, rng)
@@ -95,7 +98,7 @@ class Draws:
             while not _closes(values, joint):
                 redrawn += 1
                 if not mine or redrawn > TRIES:
-                    end_angles(Parameters(values), joint)  # raises, and says why
+                    end_angles(Parameters(values), joint)  # raises with the reason
                 values |= self._values(mine, rng)
         for joint in JOINTS:
             mine = {name: span for name, span in limits.items() if name in {f"{joint}.{part}" for part in ROTOR}}
@@ -103,13 +106,17 @@ class Draws:
                 redrawn += 1
                 values |= self._values(mine, rng)
         floor = {name: span for name, span in limits.items() if name == "bench_height"}
-        while floor and clearance(Parameters(values)) < 0.0 and redrawn <= TRIES:  # the foot would start in the floor
+        while (
+            floor and clearance(Parameters(values)) < 0.0 and redrawn <= TRIES
+        ):  # the foot would start inside the floor
             redrawn += 1
             values |= self._values(floor, rng)
         return Drawn(Parameters(values), redrawn)
 
     def _values(self, limits: Mapping[str, tuple[float, float]], rng: np.random.Generator) -> dict[str, float]:
-        shares = dict(zip(ROWS, rng.random(len(ROWS)), strict=True))  # all of them: a row's own number stays its own
+        shares = dict(
+            zip(ROWS, rng.random(len(ROWS)), strict=True)
+        )  # all of them, so that a row's number does not depend on the others
         return {name: self._value(name, *span, shares[name]) for name, span in limits.items()}
 
     def _value(self, name: str, low: float, high: float, share: float) -> float:
@@ -127,7 +134,7 @@ def whole_box(seed: int = 0) -> Draws:
 
 
 def _heavy(values: Mapping[str, float], joint: str) -> bool:
-    """Whether a joint's rotor is one that can be simulated."""
+    """Whether a joint's rotor is heavy enough for the simulation."""
     try:
         check_rotor(Parameters(values), joint)
     except InputError:
@@ -136,7 +143,7 @@ def _heavy(values: Mapping[str, float], joint: str) -> bool:
 
 
 def _closes(values: Mapping[str, float], joint: str) -> bool:
-    """Whether a joint's pins can be as far apart as its actuator is long: what `end_angles` needs, without a raise."""
+    """Whether a joint's triangle closes at both actuator lengths, as `end_angles` needs; does not raise."""
     if joint == "shoulder":
         return True
     base, rod, low, stroke = (

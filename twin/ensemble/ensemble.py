@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import polars
 
 SIDE_BY_SIDE = 64  # experiments in a part, at most
-SAMPLES = 2**19  # in a part, all joints counted, at most where that leaves two experiments
+SAMPLES = 2**19  # in a part, over all joints, at most, but at least two experiments
 COMPILED = tuple(row.name for row in TABLE if row.compiled)  # experiments that agree in these share one compiled model
 RANGE = ("angle_min_rad", "angle_max_rad")
 SIGNALS = ("voltage_V", "angle_rad", "angle_true_rad")
@@ -35,7 +35,7 @@ SIGNALS = ("voltage_V", "angle_rad", "angle_true_rad")
 
 @dataclass(frozen=True)
 class _Case:
-    """An experiment that is ready to be simulated, or the sentence that says why it cannot be; `row` begins its row."""
+    """An experiment ready for simulation, or a sentence with the reason why not; `row` is the start of its row."""
 
     row: dict[str, Any]
     experiment: Experiment | None
@@ -45,22 +45,22 @@ class _Case:
 
 @dataclass(frozen=True)
 class Ensemble:
-    """`experiment` once for each of `seeds`, on the leg that `draws` makes for it; None leaves the leg as it is.
+    """`experiment` once for each of `seeds`, with the parameters from `draws`; None keeps the parameters.
 
-    Experiment i has seeds[i] in place of the experiment's own seed. Its log is bit for bit that of
-    `ensemble.case(i).run()`, whatever the number of threads, the size of the parts and the place of a break. An
-    experiment that cannot be run, or on which MuJoCo gives up, is a row with a sentence and a log of NaN.
+    Experiment i has seeds[i] in place of the experiment's own seed. Its log equals that of `ensemble.case(i).run()` bit
+    for bit, for any number of threads, size of parts and interruption. An experiment that cannot be run, or on which
+    MuJoCo fails, is a row with a sentence and a log of NaN.
 
         ensemble = Ensemble(Experiment("thigh", "aprbs"), range(1000), Draws({"thigh.coulomb": 0.3}), "runs/thigh")
         ensemble.run()
-        ensemble.table()       # one row an experiment: seed, drawn parameters, range of the angle
+        ensemble.table()       # one row per experiment: seed, drawn parameters, range of the angle
         for log in ensemble:   # one part at a time
             ...
 
-    `run` writes parts of at most `part` experiments to `folder` as Parquet files of one row an experiment, each under a
-    temporary name first, and holds no more than three parts in memory. Called again, after a kill too, it goes on with
-    the parts that are missing. Let only one process run in a folder at a time. The folder's `manifest.json` says what
-    all of it is; where it is another ensemble's, InputError is raised.
+    `run` writes parts of at most `part` experiments to `folder` as Parquet files with one row per experiment, each
+    under a temporary name first, and keeps at most three parts in memory. When called again, also after a kill, it
+    continues with the missing parts. Only one process may use a folder at a time. The folder's `manifest.json`
+    describes the ensemble; a folder of another ensemble raises InputError.
 
     Raises InputError for seeds or draws that do not fit.
     """
@@ -79,42 +79,42 @@ class Ensemble:
         seeds = self.seeds if isinstance(self.seeds, range) else list(self.seeds)
         for seed in seeds:
             if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
-                raise InputError(f"a seed is {seed!r}; give whole numbers from 0 up, for example range(100)")
+                raise InputError(f"a seed is {seed!r}; give whole numbers of at least 0, for example range(100)")
         if not seeds:
-            raise InputError("there are no seeds; give one an experiment, for example range(100)")
+            raise InputError("there are no seeds; give one per experiment, for example range(100)")
         part = _part(self.experiment) if self.part is None else self.part
         if isinstance(part, bool) or not isinstance(part, Integral) or part < 1:
-            raise InputError(f"part is {self.part!r}; give a whole number of experiments from 1 up")
+            raise InputError(f"part is {self.part!r}; give a whole number of at least 1")
         object.__setattr__(self, "seeds", tuple(int(seed) for seed in seeds))
         object.__setattr__(self, "part", int(part))
         object.__setattr__(self, "folder", Path(self.folder))
-        self.case(0)  # options and draws that cannot be are found here, before the run
+        self.case(0)  # invalid options and draws raise here, before the run
 
     def __len__(self) -> int:
         return len(self.seeds)
 
     def case(self, number: int) -> Experiment:
-        """Experiment `number` of the ensemble. Raises InputError where there is none."""
+        """Experiment `number` of the ensemble. Raises InputError if there is none."""
         if not 0 <= number < len(self):
-            raise InputError(f"experiment {number} is not among the {len(self)} of the ensemble; the first is 0")
+            raise InputError(f"experiment {number} is not in the ensemble; give a number from 0 to {len(self) - 1}")
         return replace(self.experiment, seed=self.seeds[number], parameters=self._drawn(number)[0])
 
     def _drawn(self, number: int) -> tuple[Parameters, int]:
-        """The parameters of experiment `number`, and how many draws before them were no leg."""
+        """The parameters of experiment `number`, and the number of rejected draws before them."""
         if self.draws is None:
             return self.experiment.p, 0
         drawn = self.draws.draw(self.experiment.p, number)
         return drawn.parameters, drawn.redrawn
 
     def describe(self) -> dict[str, Any]:
-        """All that the logs depend on besides the versions of the software, as JSON holds it."""
+        """Everything that the logs depend on except software versions, as JSON values."""
         e = self.experiment
         limits = {} if self.draws is None else self.draws.limits(e.p)
         return {
             **{name: getattr(e, name) for name in ("joint", "excitation", "duration", "Ts", "mode", "pot_side")},
             "realisation": e.realisation,
             "without": list(e.without),
-            # With drawn parameters a default amplitude goes with the drawn supply, so both are said.
+            # A default amplitude follows the drawn supply, so both are stored.
             "options": plain(dict(sorted(e.options.items()))),
             "signals": [plain(vars(signal)) for signal in e.signals()],
             "parameters": dict(e.p.values),
@@ -125,10 +125,10 @@ class Ensemble:
         }
 
     def run(self, threads: int = 0, progress: Callable[[int, int], None] | None = None) -> "Ensemble":
-        """Simulate what the folder does not hold yet, on `threads` threads (0: all processors); returns itself.
+        """Simulate the missing parts on `threads` threads (0: all processors); returns itself.
 
-        `progress` is told how many experiments of how many are on the disk, after every part. Raises InputError for a
-        folder that is another ensemble's or cannot be written to; what is finished then stays.
+        `progress` receives the number of finished experiments and the total after every part. Raises InputError for a
+        folder of another ensemble or without write access; finished parts are kept.
         """
         if isinstance(threads, bool) or not isinstance(threads, Integral) or threads < 0:
             raise InputError(f"threads is {threads!r}; give a whole number, 0 for all processors")
@@ -143,7 +143,7 @@ class Ensemble:
             if progress is not None:
                 progress(done, len(self))
 
-        # While a part is simulated the next is prepared and the one before is written: no processor waits for either.
+        # While one part is simulated, the next is prepared and the previous one is written, so that no processor waits.
         with ThreadPoolExecutor(2) as helpers:
             ahead = [helpers.submit(self._prepare, parts.numbers(k)) for k in left[:1]]
             behind: list[Future[int]] = []
@@ -159,16 +159,16 @@ class Ensemble:
         return self
 
     def table(self) -> "polars.DataFrame":
-        """One row a finished experiment: number, seed, redrawn (draws before its own that were no leg), each drawn
-        parameter in its own unit, smallest and largest measured angle [rad], and trouble: why there is no record, "" if
-        there is one. Raises InputError where the folder holds no part of this ensemble.
+        """One row per finished experiment: number, seed, redrawn (rejected draws before its own), each drawn parameter
+        in its own unit, smallest and largest measured angle [rad], and trouble: why there is no record, "" if there is
+        one. Raises InputError if the folder has no part of this ensemble.
         """
         import polars
 
         signals = {*self._names(SIGNALS), "meta"}
         found = list(self._parts().read([name for name in self._columns() if name not in signals]))
         if not found:
-            raise InputError(f"{self.folder} holds no finished part yet; call run() first")
+            raise InputError(f"{self.folder} has no finished part yet; call run() first")
         return polars.concat(found)
 
     def __iter__(self) -> Iterator[Log]:
@@ -183,7 +183,7 @@ class Ensemble:
                 yield Log(u, y, self.experiment.Ts, y_true, joint, json.loads(meta))
 
     def _names(self, names: Sequence[str]) -> list[str]:
-        """Columns called `names`, of each driven joint where that is not one."""
+        """Columns with these names, one set per driven joint if there are several."""
         if self.experiment.joint in JOINTS:
             return list(names)
         return [f"{joint}.{name}" for joint in self.experiment.joints for name in names]
@@ -212,11 +212,11 @@ class Ensemble:
             if key not in models:
                 models[key] = _model(experiment)
             return _Case(row, experiment, experiment.prepare(models[key]), "")
-        except InputError as error:  # a leg that is one, but not for this excitation
+        except InputError as error:  # a valid leg, but not for this excitation
             return _Case(row, None, None, str(error))
 
     def _simulate(self, cases: Sequence[_Case], threads: int) -> tuple[np.ndarray, list[str]]:
-        """What the boards show (cases, N, joints, COLUMNS), NaN where there is nothing, and a sentence for why."""
+        """Records of the boards (cases, N, joints, COLUMNS), NaN if there is none, with a sentence that says why."""
         e = self.experiment
         shown = np.full((len(cases), e.N, len(e.joints), slots.COLUMNS), np.nan)
         trouble = [case.trouble for case in cases]
@@ -245,7 +245,7 @@ class Ensemble:
         return len(cases)
 
     def _record(self, case: _Case, shown: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
-        """Voltage, angle and true angle (joints, 3, N) of a case whose boards showed `shown`, and its log's header."""
+        """Voltage, angle and true angle (joints, 3, N) of a case from its boards' records, and its log's header."""
         if case.experiment is None or case.run is None:
             return np.full((shown.shape[1], len(SIGNALS), shown.shape[0]), np.nan), {}
         log = case.experiment.record(case.run, shown)
@@ -255,7 +255,7 @@ class Ensemble:
 
 
 def _model(experiment: Experiment) -> mujoco.MjModel:
-    """The experiment's bench without what only a picture needs: textures are most of a model's making and memory."""
+    """The experiment's bench without textures: they take most of a model's build time and memory."""
     spec = bench_spec(experiment.joint, experiment.p, experiment.without, experiment.realisation)
     for material in spec.materials:
         material.textures = [""] * len(material.textures)
@@ -265,11 +265,11 @@ def _model(experiment: Experiment) -> mujoco.MjModel:
 
 
 def _part(experiment: Experiment) -> int:
-    """How many of these experiments make a part."""
+    """Number of these experiments in a part."""
     return int(np.clip(SAMPLES // (experiment.N * len(experiment.joints)), 2, SIDE_BY_SIDE))
 
 
 def _seeds(seeds: Sequence[int]) -> dict[str, int] | list[int]:
-    """Seeds as JSON: those of a range by where it starts, how far apart they are and how many there are."""
+    """Seeds as JSON: a range is stored as start, step and count."""
     steps = set(np.diff(seeds).tolist()) if len(seeds) > 1 else {1}
     return {"from": seeds[0], "step": steps.pop(), "count": len(seeds)} if len(steps) == 1 else list(seeds)

@@ -1,4 +1,4 @@
-"""A folder of parts: a table that is written piece by piece, which a kill leaves usable and which then goes on."""
+"""A folder of parts: a table that is written in pieces and can be continued after a kill."""
 
 import hashlib
 import io
@@ -21,9 +21,8 @@ KIND = "qpal ensemble"
 
 @dataclass(frozen=True)
 class Parts:
-    """Rows 0 to `rows` - 1 of a table in `folder`, `size` of them a Parquet file, which `description` tells apart from
-    other tables. Each file is written under a temporary name, flushed to the disk and renamed: it is whole or it is not
-    there.
+    """Rows 0 to `rows` - 1 of a table in `folder`, `size` of them per Parquet file; `description` identifies the table.
+    Each file is written under a temporary name, flushed to the disk and renamed: it is complete or does not exist.
     """
 
     folder: Path
@@ -36,22 +35,22 @@ class Parts:
     def open(
         folder: Path, rows: int, size: int, description: Mapping[str, Any], versions: Mapping[str, str], new: bool
     ) -> "Parts":
-        """The folder as it was begun, with the size of its parts; or begun now, where it is `new` and that is allowed.
+        """The existing folder with its size of parts, or a new folder if `new` allows it.
 
-        Raises InputError where it holds something else.
+        Raises InputError if the folder has other contents.
         """
         manifest = folder / MANIFEST
         if manifest.is_file():
             size = _same(manifest, description, versions, new)
             return Parts(folder, rows, size, description, versions)
         if folder.exists() and (not folder.is_dir() or any(not name.startswith(".") for name in os.listdir(folder))):
-            raise InputError(f"{folder} is there already and holds no {MANIFEST}; choose an empty or a new folder")
+            raise InputError(f"{folder} exists and has no {MANIFEST}; choose an empty or a new folder")
         if not new:
-            raise InputError(f"{folder} holds no ensemble yet; call run() first")
+            raise InputError(f"{folder} has no ensemble yet; call run() first")
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(f"{folder} cannot be made ({error.strerror}); choose another place") from None
+            raise InputError(f"{folder} cannot be created ({error.strerror}); choose another path") from None
         document = {
             "kind": KIND,
             "fingerprint": fingerprint(description),
@@ -71,20 +70,20 @@ class Parts:
         return range(k * self.size, min((k + 1) * self.size, self.rows))
 
     def path(self, k: int) -> Path:
-        """Where part k is or will be."""
+        """Path of part k."""
         return self.folder / f"part-{k:05d}.parquet"
 
     def missing(self) -> list[int]:
-        """The parts that are not written yet."""
+        """The parts that are not yet written."""
         return [k for k in range(len(self)) if not self.path(k).is_file()]
 
     def sweep(self) -> None:
-        """Remove what a killed writer left."""
+        """Remove temporary files of a killed writer."""
         for path in self.folder.glob(".part-*"):
             path.unlink(missing_ok=True)
 
     def write(self, k: int, table: "polars.DataFrame") -> None:
-        """Write part k. Raises InputError, and leaves no half of it, where the disk is full or not to be written to."""
+        """Write part k. Raises InputError, and leaves no partial file, if the disk is full or not writable."""
         path = self.path(k)
         content = io.BytesIO()
         table.write_parquet(content)
@@ -94,7 +93,7 @@ class Parts:
         except OSError as error:
             raise InputError(
                 f"{path} cannot be written ({error.strerror or error}); the {len(self) - len(self.missing())} parts "
-                f"before it are kept: make room, or see that nothing else writes here, and run again"
+                f"before it are kept: free disk space, or stop other writers, and run again"
             ) from None
 
     def read(self, columns: list[str] | None = None) -> Iterator["polars.DataFrame"]:
@@ -120,9 +119,9 @@ def fingerprint(description: Mapping[str, Any]) -> str:
 
 
 def _same(manifest: Path, description: Mapping[str, Any], versions: Mapping[str, str], more: bool) -> int:
-    """The size of the parts in the folder of `manifest`; raises InputError where it is another's.
+    """The size of the parts in the folder of `manifest`; raises InputError if it belongs to another ensemble.
 
-    Where `more` is to be written, other versions of the software are refused too: the parts would not go together.
+    If `more` parts will be written, other software versions are refused too, because the parts would not match.
     """
     try:
         found = json.loads(manifest.read_text(encoding="utf-8"))
@@ -132,15 +131,15 @@ def _same(manifest: Path, description: Mapping[str, Any], versions: Mapping[str,
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         whole = False
     if not whole:
-        raise InputError(f"{manifest} is damaged or no ensemble's; choose another folder, or delete this one")
+        raise InputError(f"{manifest} is damaged or not from an ensemble; choose another folder, or delete this one")
     if found["fingerprint"] != fingerprint(description):
         names = [name for name in {**theirs, **description} if theirs.get(name) != description.get(name)]
         raise InputError(
-            f"{manifest.parent} holds another ensemble, which differs in {', '.join(names)}; choose another folder"
+            f"{manifest.parent} has another ensemble, which differs in {', '.join(names)}; choose another folder"
         )
     other = [f"{name} {made.get(name)} and now {now}" for name, now in versions.items() if made.get(name) != now]
     if more and other:
         raise InputError(
-            f"{manifest.parent} was begun with {', '.join(other)}; go on with those versions, or choose another folder"
+            f"{manifest.parent} was started with {', '.join(other)}; use those versions, or choose another folder"
         )
     return size

@@ -16,13 +16,13 @@ MODES = ("voltage", "servo")
 
 @dataclass(frozen=True)
 class Drive:
-    """H-bridge on a supply that all joints share, with a limit switch at each end, looked after every `period` [s].
+    """H-bridge on a supply that all joints share, with a limit switch at each end, read every `period` [s].
 
-    A command is cut off at plus and minus `supply` [V], rounded to one of `levels` PWM levels (0: none) and shortened
-    by `dead_band` [V], what the bridge's dead time takes from every pulse. The supply sags by `resistance` [Ohm] times
+    A command is limited to plus and minus `supply` [V], rounded to one of `levels` PWM levels (0: none) and reduced by
+    `dead_band` [V], the loss from the bridge's dead time. The supply sags by `resistance` [Ohm] times
     its current. PWM ripple is not modelled: the rotor does not follow it.
 
-    `lower` and `upper` are where the switches trip, in tendon length [m] or, for the shoulder, drive-side angle [rad].
+    The switches trip at `lower` and `upper`, in tendon length [m] or, for the shoulder, drive-side angle [rad].
     A tripped switch puts the bridge to 0 V (both low sides on, so that back-EMF brakes) as long as the command points
     outward; inward it does nothing.
 
@@ -42,13 +42,13 @@ class Drive:
 
     @property
     def step(self) -> float | None:
-        """How far apart the levels of the bridge are [V], None where there are none."""
+        """Distance between the levels of the bridge [V], None if there are none."""
         return self.supply / self.levels if self.levels else None
 
     def command(self, volts: float, resistance: float) -> float:
-        """The command [V] that puts `volts` [V] on a stalled motor of `resistance` [Ohm]; PWM levels left out.
+        """The command [V] that puts `volts` [V] on a stalled motor of `resistance` [Ohm]; without PWM levels.
 
-        Raises ValueError where the supply cannot. With duty d the bus is V0 / (1 + d^2 R / Ra).
+        Raises ValueError if the supply is too low. With duty d the bus is V0 / (1 + d^2 R / Ra).
         """
         ratio = self.resistance / resistance
         root = self.supply**2 - 4.0 * ratio * volts**2

@@ -12,9 +12,9 @@ class DryFriction:
 
         (1 + stribeck exp(-(v / stribeck_speed)^2)) C + load |W|,   C = up against motion up, down against motion down
 
-    (Stribeck curve: Olsson et al., Friction models and friction compensation, European Journal of Control 4, 1998,
-    eq. 4). A power screw loses a share of its load: raising has efficiency 1 / (1 + load), and from load 1 on no load
-    can drive it back (Budynas and Nisbett, Shigley's Mechanical Engineering Design, 10th ed., section 8-2).
+    (Stribeck curve: Olsson et al., Friction models and friction compensation, European Journal of Control 4, 1998, eq.
+    4). A power screw loses a share of its load: lifting has the efficiency 1 / (1 + load), and for `load` of at least
+    1 the screw is self-locking (Budynas and Nisbett, Shigley's Mechanical Engineering Design, 10th ed., section 8-2).
     """
 
     up: float
@@ -24,7 +24,7 @@ class DryFriction:
     load: float
 
     def static(self, direction: int, load: float) -> float:
-        """What motion up (1) or down (-1) must overcome from rest [N or N m] under axial load [N or N m]."""
+        """Break-away force of motion up (1) or down (-1) [N or N m] under axial load [N or N m]."""
         return (1.0 + self.stribeck) * (self.up if direction > 0 else self.down) + self.load * abs(load)
 
 

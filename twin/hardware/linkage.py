@@ -34,7 +34,7 @@ class Linkage:
         return self.base * self.rod * np.sin(self.offset + q) / self.length(q)
 
     def angle(self, length: float) -> float:
-        """Joint angle [rad] at which the pins are `length` [m] apart; raises InputError where they cannot be."""
+        """Joint angle [rad] at which the pins are `length` [m] apart; raises InputError if that is impossible."""
         cosine = (self.base**2 + self.rod**2 - length**2) / (2 * self.base * self.rod)
         if not -1 < cosine < 1:
             raise InputError(
@@ -53,7 +53,7 @@ def linkage(parameters: Parameters, joint: str) -> Linkage:
 
 
 def stroke(parameters: Parameters, joint: str) -> tuple[float, float]:
-    """Where the drive side of `joint` stops: tendon lengths [m], or angles [rad] for the shoulder."""
+    """Ends of travel of the drive side of `joint`: tendon lengths [m], or angles [rad] for the shoulder."""
     if joint == "shoulder":
         return parameters["shoulder.lower"], parameters["shoulder.upper"]
     retracted = parameters[f"{joint}.retracted_length"]
@@ -61,7 +61,7 @@ def stroke(parameters: Parameters, joint: str) -> tuple[float, float]:
 
 
 def end_angles(parameters: Parameters, joint: str) -> tuple[float, float]:
-    """Joint angles [rad] at the two ends of travel, play centred."""
+    """Joint angles [rad] at the two ends of travel, the backlash centred."""
     low, high = stroke(parameters, joint)
     if joint == "shoulder":
         return low, high

@@ -1,4 +1,4 @@
-"""Motor constants from datasheet numbers: what the compiled `<dcmotor>` must hold."""
+"""Motor constants of the compiled `<dcmotor>` from datasheet numbers."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from twin.parameters import Parameters
 
-# Below these a drive side is all but massless, and a play's stiff stops throw it about between two simulation steps.
+# Below these a drive side has almost no mass, and the stiff stops of the backlash make the simulation inaccurate.
 LIGHTEST = {"shoulder": 0.01, "thigh": 1.0, "shank": 1.0}  # [kg m2], [kg]: rotor at the output
 QUICKEST = 1e-4  # [s]: J R / K^2
 
@@ -53,12 +53,12 @@ def motor(parameters: Parameters, joint: str) -> Motor:
 
 
 def check_rotor(parameters: Parameters, joint: str) -> None:
-    """Raises InputError where the rotor of `joint` is too light for the simulation's step."""
+    """Raises InputError if the rotor of `joint` is too light for the simulation's step."""
     one = motor(parameters, joint)
     mass, lag = one.reflected_inertia, one.inertia * one.resistance / one.constant**2
     unit = "kg m2" if joint == "shoulder" else "kg"
     if mass < LIGHTEST[joint] or lag < QUICKEST:
         raise InputError(
-            f"the {joint}'s rotor weighs {mass:.2g} {unit} at the output and takes {1e3 * lag:.2g} ms to follow; "
-            f"give rotor_inertia and gear_ratio that make at least {LIGHTEST[joint]:g} {unit} and {1e3 * QUICKEST:g} ms"
+            f"the {joint}'s rotor weighs {mass:.2g} {unit} at the output, time constant {1e3 * lag:.2g} ms; "
+            f"give rotor_inertia and gear_ratio for at least {LIGHTEST[joint]:g} {unit} and {1e3 * QUICKEST:g} ms"
         )

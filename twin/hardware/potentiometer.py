@@ -1,4 +1,4 @@
-"""Joint angle to measured angle: the potentiometer's nonlinearity and noise, its ADC, and what the logger loses."""
+"""From joint angle to measured angle: the potentiometer's nonlinearity and noise, its ADC, and lost samples."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -7,18 +7,19 @@ import numpy as np
 
 from twin.parameters import Parameters
 
-SIDES = ("link", "drive")  # of the play, on which a potentiometer may sit
+SIDES = ("link", "drive")  # of the backlash, at which a potentiometer may sit
 WAVES = 3  # of the deviation from a straight line, over the electrical angle
 
 
 @dataclass(frozen=True)
 class Potentiometer:
-    """A reading of the joint's angle: bent, noisy, rounded, at a time that jitters, and now and then missed.
+    """A reading of the joint's angle with nonlinearity, noise, rounding, sampling jitter and lost samples.
 
-    An angle a shows as a + nonlinearity sin(wave a) [rad]; then come white Gaussian noise of `noise` [rad] and
-    rounding to one of 2^bits codes over `span` [rad] about angle 0. `scale` [V/rad] is the potentiometer's own. A
-    sample is taken `jitter` [s] (standard deviation, at most half a sampling interval) off its time. One of 1 /
-    dropouts samples is missed, and the log repeats the one before. `noise` 0 and `bits` None switch noise and ADC off.
+    An angle a reads as a + nonlinearity sin(wave a) [rad]; then white Gaussian noise of `noise` [rad] is added, and the
+    value is rounded to one of 2^bits codes over `span` [rad] about angle 0. `scale` [V/rad] belongs to the
+    potentiometer. The time error of a sample is `jitter` [s] (standard deviation, at most half a sampling interval).
+    One of 1 / dropouts samples is lost, and the log repeats the previous one. `noise` 0 and `bits` None switch noise
+    and ADC off.
     """
 
     noise: float
@@ -31,7 +32,7 @@ class Potentiometer:
 
     @property
     def wave(self) -> float:
-        """Waves of the nonlinearity [rad/rad]."""
+        """Angular frequency of the nonlinearity [rad/rad]."""
         return 2.0 * np.pi * WAVES / self.span
 
     @property
@@ -40,7 +41,7 @@ class Potentiometer:
         return 0.0 if self.bits is None else self.span / 2**self.bits
 
     def read(self, angle: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Logged reading (N,) [rad] of `angle` (N,) [rad], which carries nonlinearity and jitter already."""
+        """Logged reading (N,) [rad] of `angle` (N,) [rad], which already includes nonlinearity and jitter."""
         noise, missed = rng.standard_normal(len(angle)), rng.random(len(angle)) < self.dropouts
         reading = angle + self.noise * noise
         if self.bits is not None:
@@ -50,7 +51,7 @@ class Potentiometer:
         return reading[np.maximum.accumulate(np.where(missed, 0, np.arange(len(angle))))]
 
     def times(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
-        """How much later than k Ts each of N samples is taken (N,) [s]."""
+        """Time errors (N,) [s] of N samples relative to k Ts."""
         off = np.clip(self.jitter * rng.standard_normal(N), -0.5 * Ts, 0.5 * Ts)
         off[0] = max(off[0], 0.0)
         return off

@@ -1,4 +1,4 @@
-"""What `qpal reproduce` shows beyond the paper: an actuated joint beside the paper's structure, and the truth."""
+"""The part of `qpal reproduce` beyond the paper: an actuated joint, the paper's structure and the truth."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN = {"shoulder": 12.0, "thigh": 60.0, "shank": 60.0}  # [s] of the validation half
-WORDS = {"sweep": "the paper's sweep", "drawn sweep": "a sweep of drawn times and levels"}
+WORDS = {"sweep": "the paper's sweep", "drawn sweep": "a sweep with random times and levels"}
 MARKS = {"sweep": ("o", style.INPUT), "drawn sweep": ("s", style.MODEL)}
-FRAME = 4.0  # aims to either side of the truth that the figure of recovered values shows
+FRAME = 4.0  # half width of the figure of recovered values, in multiples of the aim
 
 
 def section(result: ProtocolResult) -> Section:
@@ -36,18 +36,18 @@ def section(result: ProtocolResult) -> Section:
 
 
 _WHY = (
-    "A joint that a voltage drives integrates, and it stops at its ends. No chain of static map, linear block and "
-    "static map holds an end stop: on the paper's sweep it runs well because the sweep repeats itself. Here the same "
-    "structure, with the paper's orders, maps and search, stands beside an actuated joint: motor with friction, "
-    "between two stops, linkage, play. Both are fitted to the first half of the paper's sweep and of one whose times "
-    "and levels are drawn, so that it does not repeat itself, and run free over the second half. The actuated joint "
-    "gets no start and no number of the twin."
+    "A joint driven by a voltage integrates, and it stops at its ends. A Hammerstein-Wiener model has no end stop; "
+    "it fits the paper's sweep only because that sweep repeats itself. This section compares the same structure, "
+    "with the paper's orders, maps and search, with an actuated joint: motor with friction, two end stops, linkage, "
+    "backlash. Both are fitted to the first half of the paper's sweep and of a sweep with random times and levels, "
+    "which does not repeat itself. Both are then simulated in free run over the second half. The actuated joint uses "
+    "no starting values and no numbers of the twin."
 )
 _RECOVERY = (
-    "What either record says of the twin, less the truth, in units of how near it should come (the column aim of the "
-    f"table), with 95 % intervals. Grey: within the aim. An arrow stands for a value beyond {FRAME:g} aims, a hollow "
-    "mark for one without an interval. The ends are those of the drive; the link rests up to half the backlash "
-    "further, and the potentiometer bends."
+    "Identified value minus truth for both records, divided by the accepted error (column aim of the table), with 95 "
+    f"% intervals. Grey: within the aim. An arrow marks a value beyond {FRAME:g} aims, a hollow mark a value without "
+    "an interval. The ends are those of the drive; the link rests up to half the backlash further, and the "
+    "potentiometer is nonlinear."
 )
 
 
@@ -76,7 +76,7 @@ def table(result: ProtocolResult) -> Grid:
         quiet.add(len(rows) - 1)
         for t in r.beyond.trials:
             rows += [_row(r.joint, t, "paper's structure", t.paper), _row(r.joint, t, "actuated joint", t.joint)]
-    headings = ("joint", "record", "model", "fit", "ceiling", f"within {NEAR:g} of it", "d")
+    headings = ("joint", "record", "model", "fit", "ceiling", f"within {NEAR:g} of ceiling", "d")
     return Grid(headings, rows, text_columns=3, quiet_rows=frozenset(quiet))
 
 
@@ -89,7 +89,7 @@ _NONE = ("–", "–")
 
 
 def values_table(result: ProtocolResult) -> Grid:
-    """Truth, aim, and what both records gave with its 95 % interval."""
+    """Truth, aim, and the values from both records with 95 % intervals."""
     rows = []
     for r in result.joints:
         for value in r.beyond.recovered:
@@ -113,7 +113,7 @@ def picture(r: JointResult) -> Picture:
     sweep, drawn = r.beyond.trials
     caption = (
         f"{r.joint.capitalize()}: free runs over the validation half of both records, and the errors on the second. "
-        f"The paper's structure falls from {percent(sweep.paper.validation_fit)} to "
+        f"The fit of the paper's structure falls from {percent(sweep.paper.validation_fit)} to "
         f"{percent(drawn.paper.validation_fit)}, the actuated joint reaches {percent(sweep.joint.validation_fit)} and "
         f"{percent(drawn.joint.validation_fit)}."
     )
@@ -164,7 +164,7 @@ def recovery(result: ProtocolResult) -> Figure:
                     _dot(ax, value, value.found[record], row + shift, *MARKS[record])
         names = [sections.WORDS.get(value.name, value.name) for value in values]
         ax.set_yticks(range(len(values)), names if ax is axes[0, 0] else [""] * len(values))
-        ax.set(xlim=(-FRAME - 0.3, FRAME + 0.3), title=r.joint, xlabel="less the truth, in aims")
+        ax.set(xlim=(-FRAME - 0.3, FRAME + 0.3), title=r.joint, xlabel="error divided by aim")
         ax.set_ylim(len(values) - 0.5, -0.5)
     for record in RECORDS:
         axes[0, 0].plot([], [], MARKS[record][0], color=MARKS[record][1], markersize=4, label=WORDS[record])
@@ -191,12 +191,12 @@ def _dot(ax: Axes, value: Recovered, found: JointValue, row: float, mark: str, c
 
 
 def ablation_section(result: ProtocolResult) -> Section | None:
-    """What is lost without each part, and gained without each imperfection; None where that was not asked for."""
+    """The loss without each part and the gain without each imperfection; None if this was not requested."""
     found = [a for r in result.joints for a in r.ablation]
     if not found:
         return None
     return Section(
-        "Which loss is which",
+        "Causes of the losses",
         [_ABLATION, *ablation_verdict(found)],
         [parts_table(found), imperfections_table(found)],
         [Picture("ablation", style.png(bars(found)), _BARS)],
@@ -204,30 +204,30 @@ def ablation_section(result: ProtocolResult) -> Section | None:
 
 
 _ABLATION = (
-    "The paper blames friction, backlash and disturbance for what its models miss. The twin can say which loss is "
-    "which, from both sides: the actuated joint is fitted again without each of its parts, and the paper's structure "
-    "is fitted to the twin without each of its imperfections, under the same excitation and noise."
+    "The paper attributes the errors of its models to friction, backlash and disturbance. The twin can test this in "
+    "two ways: the actuated joint is fitted again without each of its parts, and the paper's structure is fitted to "
+    "the twin without each of its imperfections, under the same excitation and noise."
 )
 _BARS = (
-    "Points of fit on the validation half. Left: what the actuated joint loses without a part. Right: what the paper's "
-    "structure gains where the twin lacks an imperfection. There a fit below 0 % counts as 0 %: a structure that "
-    "cannot hold an end stop finds another poor model each time, and how poor is chance."
+    "Points of fit on the validation half. Left: loss of the actuated joint without a part. Right: gain of the "
+    "paper's structure on the twin without an imperfection; fits below 0 % count as 0 % there, because a structure "
+    "without end stops gives a different poor model each time."
 )
 
 
 def ablation_verdict(found: Sequence[Ablation]) -> list[str]:
-    """The part that counts most on each record, and what the best of the imperfections explains."""
+    """The most important part on each record, and the effect of the most important imperfection."""
     sentences = []
     for a in found:
         most = max((row for row in a.joint if row.fit is not None), key=a.lost)
         single = [row for row in a.paper if row.fit is not None and row.part in a.single]
         best = max(single, key=a.gained)
         bare = next((row.fit for row in a.paper if row.part == ablation.BARE), None)
-        even = "" if bare is None else f" With all of them off but the end stops it reaches {percent(bare)}."
+        even = "" if bare is None else f" With all imperfections off but the end stops it reaches {percent(bare)}."
         sentences.append(
-            f"{a.name.capitalize()}, {a.record}: without its {most.part} the actuated joint loses "
-            f"{a.lost(most):.1f} points. The paper's structure is {a.behind:.1f} points behind; no single imperfection "
-            f"off the twin gives it more than {max(a.gained(best), 0.0):.1f} ({_words(best.part)}).{even}"
+            f"{a.name.capitalize()}, {a.record}: without its {most.part} the actuated joint loses {a.lost(most):.1f} "
+            f"points. The paper's structure is {a.behind:.1f} points behind; switching off a single imperfection of "
+            f"the twin improves it by at most {max(a.gained(best), 0.0):.1f} points ({_words(best.part)}).{even}"
         )
     return sentences
 
@@ -266,7 +266,7 @@ def _words(part: str) -> str:
 
 @styled
 def bars(found: Sequence[Ablation]) -> Figure:
-    """Losses of the actuated joint on the left, gains of the paper's structure on the right, a colour a joint."""
+    """Losses of the actuated joint on the left, gains of the paper's structure on the right, one colour per joint."""
     figure, axes = style.sheet(len(RECORDS), 2, height=8.4)
     for pair, record in zip(axes, RECORDS, strict=True):
         chosen = [a for a in found if a.record == record]

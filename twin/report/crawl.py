@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#c2410c", "#2f6f8f", "#6b8e23", "#7a5195")  # of the legs
-LOCKED = 1e-3  # [m] of sinking within the time of standing
+LOCKED = 1e-3  # [m] of sinking during the standing test
 NAMES = tuple(leg.replace("_", " ") for leg in LEGS)
 
 
 def page(result: Crawl, pictures: Pictures | str) -> Page:
-    """The report; `pictures` of the robot, or the sentence that says why there are none."""
+    """The report; `pictures` of the robot, or a sentence with the reason why there are none."""
     gait = result.plan.gait
     return Page(
         title="The quadruped stands and walks",
@@ -49,17 +49,17 @@ def page(result: Crawl, pictures: Pictures | str) -> Page:
 
 _WALKING = (
     "One foot is in the air at a time, in the order rear left, front left, rear right, front right; the body moves "
-    "only while all four stand. The margin is how far the centre of mass lies inside the triangle of the standing "
-    "feet, seen from above: below zero the robot would tip over."
+    "only while all four stand. The margin is the distance of the centre of mass from the edge of the triangle of "
+    "the standing feet, seen from above; the robot tips over if it is negative."
 )
 _FORCES = (
-    "What the plan asks of each actuator: the load that it holds, most of it while three feet stand, and the force "
-    "that it gives, friction included, where it moves. The motor must have more than that at the part of the supply "
-    "that the plan counts on. A lower body would load the actuators of the shanks more, with the knees further out."
+    "Requirements of the plan on each actuator: the load that it holds, which is largest while three feet stand, and "
+    "the force for motion, friction included. The motor must provide more than that at the share of the supply that "
+    "the plan uses. A lower body moves the knees outwards and increases the load on the actuators of the shanks."
 )
 _JOINTS = (
-    "Planned angle and what the joint did. At rest a joint may stay off its angle: there a position loop that has a "
-    "gain only asks for less than dry friction holds."
+    "Planned and actual angle of each joint. A joint at rest may keep an error: with a proportional gain only, the "
+    "position loop asks for less than the dry friction."
 )
 
 
@@ -73,7 +73,7 @@ def verdict(result: Crawl) -> list[str]:
     )
     failed = f"The robot did not walk: {result.fault}."
     stood = (
-        f"Standing for {s.seconds:g} s it sank by {_at_most(s.sink)} with the servos on and by "
+        f"While standing for {s.seconds:g} s it sank by {_at_most(s.sink)} with the servos on and by "
         f"{_at_most(s.sink_unpowered)} without power."
     )
     return [failed if result.fault else walked, stood, *([_others(result)] if result.trials else [])]
@@ -82,27 +82,27 @@ def verdict(result: Crawl) -> list[str]:
 def _standing(result: Crawl) -> str:
     s = result.standing
     return (
-        f"Held by its servos for {s.seconds:g} s, the torso sinks by {_at_most(s.sink)} and tilts by "
-        f"{np.degrees(s.tilt):.2f} degrees at most; the motors take {s.power:.1f} W, since the noise of the "
-        f"potentiometers never lets them rest. Without any voltage it sinks by {_at_most(s.sink_unpowered)}"
-        + (": the screws lock themselves." if s.sink_unpowered < LOCKED else ".")
+        f"The servos hold the robot for {s.seconds:g} s: the torso sinks by {_at_most(s.sink)} and tilts by "
+        f"{np.degrees(s.tilt):.2f} degrees at most; the motors take {s.power:.1f} W, because the potentiometers' "
+        f"noise keeps them active. Without voltage the torso sinks by {_at_most(s.sink_unpowered)}"
+        + (": the screws are self-locking." if s.sink_unpowered < LOCKED else ".")
     )
 
 
 def _others(result: Crawl) -> str:
     low, high = result.rate
     return (
-        f"{result.successes} of {len(result.trials)} robots whose friction and masses were drawn within "
-        f"{100 * SPREAD:.0f} % of these walked as well, with the same references (95 % interval of the rate "
-        f"{100 * low:.0f} to {100 * high:.0f} %)."
+        f"{result.successes} of {len(result.trials)} robots with friction and masses drawn within {100 * SPREAD:.0f} "
+        f"% of these values also walked with the same references (95 % interval of the rate {100 * low:.0f} to "
+        f"{100 * high:.0f} %)."
     )
 
 
 def _seen(pictures: Pictures | str) -> Section:
     if isinstance(pictures, str):
-        return Section("What it looks like", [f"The pictures are missing: {pictures}."])
+        return Section("Pictures", [f"The pictures are missing: {pictures}."])
     return Section(
-        "What it looks like",
+        "Pictures",
         pictures=[
             _picture(
                 "strip", strip(pictures), "The swing of each leg in the first cycle; the robot walks to the right."
@@ -110,7 +110,7 @@ def _seen(pictures: Pictures | str) -> Section:
             Picture(
                 "film",
                 film(pictures),
-                f"The whole walk, {pictures.times:.1f} times as fast as it is (an animated PNG).",
+                f"The whole walk at {pictures.times:.1f} times its real speed (an animated PNG).",
             ),
         ],
     )
@@ -121,16 +121,16 @@ def _walking(result: Crawl) -> list[Picture]:
         _picture(
             "path",
             path(result),
-            "(a) Feet and torso from the side, each foot stepping once a cycle. (b) From above: the centre of mass "
-            "(black) crosses to the side of the standing legs before a leg is lifted, and stays inside each triangle "
-            "while the leg of its colour is in the air.",
+            "(a) Feet and torso from the side, each foot steps once per cycle. (b) From above: the centre of mass "
+            "(black) moves to the side of the standing legs before a leg is lifted, and stays inside each triangle "
+            "while the leg of that colour is in the air.",
         ),
         _picture(
             "stability",
             stability(result),
-            "Margin of stability as planned and as walked, and tilt of the torso, with the swing of each leg tinted in "
-            "its colour. With four feet down the margin is far above the frame. The body leans a little towards the "
-            "leg that it lifts, as play and soft feet give way.",
+            "Planned and actual margin of stability, and tilt of the torso; the swing of each leg has its colour. "
+            "With four feet down the margin is far above the frame. Backlash and soft feet let the body lean a "
+            "little towards the lifted leg.",
         ),
     ]
 
@@ -154,8 +154,8 @@ def table(result: Crawl) -> Grid:
         ("smallest margin [mm]", _millimetres(m.margin)),
         ("largest tilt [deg]", number(float(np.degrees(m.tilt)), 2)),
         ("torso, lowest to highest [mm]", f"{1000 * m.height[0]:.1f} to {1000 * m.height[1]:.1f}"),
-        ("a standing foot slips at most [mm]", _millimetres(m.slip)),
-        ("a swinging foot rises at least [mm]", _millimetres(m.clearance)),
+        ("largest slip of a standing foot [mm]", _millimetres(m.slip)),
+        ("smallest rise of a swinging foot [mm]", _millimetres(m.clearance)),
         ("RMS error of the worst shoulder, thigh, shank [deg]", f"{shoulder:.2f}, {thigh:.2f}, {shank:.2f}"),
         ("electrical power, mean / peak [W]", f"{number(m.power, 2)} / {number(m.peak_power, 2)}"),
         ("largest motor voltage [V]", number(m.peak_voltage, 3)),
@@ -176,7 +176,7 @@ def forces(result: Crawl) -> Grid:
 
 
 def robots(result: Crawl) -> Grid:
-    """One row a drawn robot."""
+    """One row per drawn robot."""
     rows = [
         (
             str(k),
@@ -210,7 +210,7 @@ def film(pictures: Pictures) -> bytes:
     """The film as an animated PNG; its last picture stays for a second."""
     from PIL import Image
 
-    # One palette for all: what stands still is then the same in every frame, and costs nothing.
+    # One palette for all frames: the parts that do not move are then equal in every frame and take no space.
     palette = Image.fromarray(pictures.film[0]).quantize(256, Image.Quantize.MAXCOVERAGE)
     plain = Image.Dither.NONE
     frames = [Image.fromarray(frame).quantize(palette=palette, dither=plain) for frame in pictures.film]
@@ -238,10 +238,10 @@ def path(result: Crawl) -> Figure:
             above.plot(*corners.T, color=COLOURS[k], linewidth=0.8, linestyle=":")
     above.plot(1000 * centre[:, 0], 1000 * centre[:, 1], color=style.INK, label="centre of mass")
     middle, height = 500 * (torso[0, 0] + torso[-1, 0]), 1000 * torso[:, 2].min() - 300
-    side.text(middle, height - 3, "torso, 300 mm lower than it is", color=style.INK, ha="center", va="top")
+    side.text(middle, height - 3, "torso, shown 300 mm lower", color=style.INK, ha="center", va="top")
     side.set(title="(a) from the side", ylabel="height of the feet [mm]")
     above.set(
-        title="(b) from above; feet that stand, dotted",
+        title="(b) from above; standing feet dotted",
         xlabel="forward [mm]",
         ylabel="left [mm]",
     )
@@ -281,7 +281,7 @@ def _shade(ax: Axes, t: np.ndarray, stance: np.ndarray) -> None:
 
 @styled
 def joints(result: Crawl) -> Figure:
-    """Planned and real angle of every joint, a row a leg."""
+    """Planned and real angle of every joint, one row per leg."""
     figure, axes = style.sheet(4, 3, height=7.6, sharex=True)
     for i, (leg, row) in enumerate(zip(NAMES, axes, strict=True)):
         for j, (joint, ax) in enumerate(zip(JOINTS, row, strict=True)):

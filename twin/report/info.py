@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = dict(zip(("shoulder", "thigh", "shank"), (style.SECOND, style.INPUT, style.MODEL), strict=True))
-# How a field of the truth is called and the unit it comes in, or the joint's parameter whose unit it has. One that is
-# not here is listed under its own name.
+# Label and unit of each field of the truth, or the joint's parameter with the same unit. A field that is
+# not listed here is shown under its own name.
 TRUTH = {
     "operating_point": ("angle at mid stroke", "rad"),
     "poles": ("poles in z, of the compiled model", ""),
@@ -32,15 +32,15 @@ TRUTH = {
     "closed_form_gain": ("speed per volt, closed form", "rad/s/V"),
     "end_angles": ("ends of travel of the drive side", "rad"),
     "backlash": ("backlash, whole width", "rad"),
-    "load": ("what the drive holds against weight at mid stroke", "coulomb"),
+    "load": ("holding force of the drive against weight at mid stroke", "coulomb"),
     "dead_band": ("dead band of the drive", "V"),
     "delay": ("delay of the drive", "s"),
-    "breakaway_voltage": ("voltage that just moves it, down and up", "V"),
+    "breakaway_voltage": ("break-away voltage, down and up", "V"),
 }
-HEADINGS = {"joint", "Ts", "mode"}  # fields that the table's heading says
+HEADINGS = {"joint", "Ts", "mode"}  # fields shown in the table's heading
 RANGES = {"end_angles"}
 UNITS = {row.name: row.unit for row in TABLE}
-LONGEST = 6  # entries of a list that a cell shows
+LONGEST = 6  # entries of a list shown in a cell
 
 
 def page(result: Information, more: Sequence[Section] = ()) -> Page:
@@ -61,24 +61,24 @@ def page(result: Information, more: Sequence[Section] = ()) -> Page:
 
 
 _TRUTH = (
-    "What a perfect identification of a joint would find. Poles and gain are those of the voltage-to-angle channel at "
-    "mid stroke, with viscous friction and without dry friction, play, ends and gravity; the closed form has them from "
-    "motor and load constants alone, without the simulation. Down and up are towards smaller and larger angles."
+    "What a perfect identification of a joint would find. Poles and gain are those of the voltage-to-angle channel "
+    "at mid stroke, with viscous friction and without dry friction, backlash, ends and gravity. The closed form "
+    "needs only motor and load constants and no simulation. Down and up are towards smaller and larger angles."
 )
 _PARAMETERS = (
-    "Bounds are what the twin accepts and what a calibration may search. Angles are in degrees here; in a parameter "
-    "file, which --write-params writes and --params reads, they are in radians, as everything there is in SI units."
+    "Bounds are the limits of the twin and of a calibration. Angles are in degrees here. In a parameter file, which "
+    "--write-params writes and --params reads, all values are in SI units, so angles are in radians."
 )
 
 
 def verdict(result: Information) -> list[str]:
-    """How far and how fast each joint moves, what was changed, and how much is known."""
+    """Range and speed of each joint, changed parameters, and the number of assumptions."""
     moves = [_moves(joint, _supply(result)) for joint in result.joints]
     return [*moves, *_changes(result), _known(result)]
 
 
 def terminal_tables(result: Information) -> list[Grid]:
-    """The parameters without the column that needs most room, the truth and the versions."""
+    """The parameters without the widest column, the truth and the versions."""
     grids = [value_grid(name, group, result) for name, group in result.groups().items()]
     short = [grid.only(*(heading for heading in grid.headings if heading != ENTERS)) for grid in grids]
     made_with = list(result.as_dict()["versions"].items())
@@ -89,7 +89,7 @@ ENTERS = "how it enters"
 
 
 def value_grid(name: str, values: Sequence[Value], result: Information) -> Grid:
-    """The parameters of one joint; where some were changed, what they would be, and the others in grey."""
+    """The parameters of one joint; if some were changed, with their nominal values and the others in grey."""
     changed = bool(result.changed)
     rows = []
     for v in values:
@@ -105,7 +105,7 @@ def value_grid(name: str, values: Sequence[Value], result: Information) -> Grid:
 
 
 def truth_grid(result: Information) -> Grid:
-    """The truth, one row a quantity and one column a joint."""
+    """The truth, one row per quantity and one column per joint."""
     columns = [dict([*_truth_rows(joint), *_static_rows(joint, _supply(result))]) for joint in result.joints]
     labels = dict.fromkeys(label for column in columns for label in column)
     rows = [(label, *(column.get(label, "–") for column in columns)) for label in labels]
@@ -128,7 +128,7 @@ def _truth_rows(joint: Joint) -> Iterator[tuple[str, str]]:
                 yield f"{_words(name)}: {_words(key)}", _with_unit(entry, _unit(joint, key))
             continue
         label, unit_name = TRUTH.get(name, (_words(name), name))
-        if (of_joint := _unit(joint, unit_name)) is not None:  # it may differ from joint to joint: in the cell
+        if (of_joint := _unit(joint, unit_name)) is not None:  # the unit is in the cell if it differs between joints
             yield label, _with_unit(value, of_joint)
             continue
         unit = shown_unit(unit_name if name in TRUTH else "")
@@ -140,7 +140,7 @@ def _truth_rows(joint: Joint) -> Iterator[tuple[str, str]]:
 
 
 def _unit(joint: Joint, name: str) -> str | None:
-    """Unit of the joint's parameter of that name, with or without a direction behind it; None where it has none."""
+    """Unit of the joint's parameter of that name, with or without a direction suffix; None if there is none."""
     return UNITS.get(f"{joint.name}.{name}", UNITS.get(f"{joint.name}.{name.rpartition('_')[0]}"))
 
 
@@ -152,14 +152,14 @@ def _with_unit(value: Any, unit_name: str | None) -> str:
 def _static_rows(joint: Joint, supply: str) -> Iterator[tuple[str, str]]:
     ways = (joint.down, joint.up)
     least = (number(float(way.voltage[0]), 3) if way.starts else "–" for way in ways)
-    yield "voltage that keeps it going, down and up, mid stroke [V]", ", ".join(least)
+    yield "smallest voltage that maintains motion, down and up, mid stroke [V]", ", ".join(least)
     speeds = (_given(math.degrees(way.top_speed), 4) for way in ways)
     yield f"steady speed at {supply} V, down and up, mid stroke [deg/s]", ", ".join(speeds)
     yield f"end to end at {supply} V, down and up, about [s]", ", ".join(number(way.crossing, 2) for way in ways)
 
 
 def _given(value: float, digits: int = 5) -> str:
-    """A number that somebody chose: as short as it is, of `digits` at most."""
+    """A chosen number in its shortest form, at most `digits` digits."""
     mantissa, e, exponent = number(value, digits).partition("e")
     return (mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa) + e + exponent
 
@@ -169,7 +169,7 @@ def _words(name: str) -> str:
 
 
 def _cell(value: Any, factor: float = 1.0) -> str:
-    """A plain value as text: a number in its unit, a list as long as it can be read."""
+    """A plain value as text: a number in its unit, a list up to a readable length."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int | float):
@@ -180,7 +180,7 @@ def _cell(value: Any, factor: float = 1.0) -> str:
 
 
 def _roots(pairs: Sequence[Sequence[float]]) -> str:
-    """[re, im] pairs; what is nothing but rounding beside the largest is shown as 0."""
+    """[re, im] pairs; values that are only rounding relative to the largest are shown as 0."""
     size = max((math.hypot(*pair) for pair in pairs), default=0.0)
     texts = []
     for re, im in pairs:
@@ -220,14 +220,11 @@ def _changes(result: Information) -> list[str]:
 
 
 def _known(result: Information) -> str:
-    return (
-        f"Of {len(result.values)} parameters {result.assumed} are assumptions: no datasheet and no measurement stands "
-        "behind them."
-    )
+    return f"Of {len(result.values)} parameters {result.assumed} are assumptions without a datasheet or a measurement."
 
 
 def _marked(result: Information) -> list[str]:
-    return ["Rows in grey are nominal; the others show beside their value what it would be."] if result.changed else []
+    return ["Rows in grey are nominal; the other rows also show the nominal value."] if result.changed else []
 
 
 def pictures(result: Information) -> list[Picture]:
@@ -237,8 +234,8 @@ def pictures(result: Information) -> list[Picture]:
             "speed-over-voltage",
             style.png(speed_over_voltage(result.joints, result.supply)),
             "Steady speed over voltage at mid stroke, up to the supply's voltage. From rest a joint starts at the "
-            "dots; a dotted line shows the speed that it then jumps to where friction falls with speed. Weight shifts "
-            "both ways to one side.",
+            "dots. A dotted line shows the speed that it then jumps to if friction falls with speed. The weight "
+            "shifts the curves of both directions to one side.",
         )
     ]
     if any(joint.geometry for joint in result.joints):
@@ -246,8 +243,8 @@ def pictures(result: Information) -> list[Picture]:
             Picture(
                 "geometry",
                 style.png(actuator_geometry(result.joints)),
-                "From end to end of the actuator: joint angle over its length, and the moment arm by which its force "
-                "acts. Speed per volt goes about as one over the arm: it changes along the travel. Dots: mid stroke.",
+                "Joint angle and moment arm of the actuator force over the travel. Speed per volt is about "
+                "proportional to the inverse of the arm, so it changes along the travel. Dots: mid stroke.",
             )
         )
     return found

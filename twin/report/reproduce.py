@@ -13,7 +13,7 @@ from twin.report import beyond
 from twin.studies.beyond import RECORDS
 from twin.studies.protocol import TS, JointResult, ProtocolResult
 
-# The paper's number of each figure, by joint. The twin's figure of the same number shows the same thing.
+# The paper's number of each figure, by joint. The twin's figure with that number shows the same quantity.
 NUMBERS = {
     "raw": {"shoulder": 17, "thigh": 18, "shank": 19},
     "preprocessed": {"shoulder": 20, "thigh": 21, "shank": 22},
@@ -27,16 +27,16 @@ NUMBERS = {
 SHOWN = {"shoulder": 10.0, "thigh": 30.0, "shank": 30.0}  # [s] of raw data and output: a few sweeps
 
 
-Stills = list[tuple[str, str, np.ndarray]] | str  # pictures, or the sentence that says why there are none
+Stills = list[tuple[str, str, np.ndarray]] | str  # pictures, or a sentence with the reason why there are none
 
 
 def page(result: ProtocolResult, stills: Stills) -> Page:
-    """The report; `stills` are the pictures of the leg, or the sentence that says why there are none."""
+    """The report; `stills` are the pictures of the leg, or a sentence with the reason why there are none."""
     return Page(
-        title="A robot leg identified again",
+        title="Identification of a robot leg",
         subtitle=(
-            f"The protocol of Guni and Irawan (2016) on the digital twin of the QPAL leg: {result.duration:g} s a "
-            f"joint, Ts {TS:g} s, first half fitted, second half predicted, seed {result.seed}"
+            f"The protocol of Guni and Irawan (2016) on the digital twin of the QPAL leg: {result.duration:g} s per "
+            f"joint, Ts {TS:g} s, estimation on the first half, validation on the second, seed {result.seed}"
         ),
         verdict=verdict(result),
         sections=[
@@ -52,19 +52,19 @@ def page(result: ProtocolResult, stills: Stills) -> Page:
 
 
 _READING = (
-    "Fit is 100 (1 − ‖y − ŷ‖ / ‖y − mean y‖) of a free run over the second half, of which only the input is used. The "
-    "ceiling is the fit of the twin's own noise-free output against what its potentiometer recorded: no model can be "
-    "expected to do better. Default and final models are Hammerstein-Wiener with their orders nb, nf, nk; NLARX has "
-    "na, nb, nk and a wavelet network, and was fitted to its errors one step ahead. In its row ONE STEP it sees every "
-    "measured output until the sample before, so that this fit must not be compared with any other. Loss and FPE are "
-    "in rad²; the paper does not print its unit, so those two columns compare orders of magnitude at most. The paper's "
-    "rows are grey."
+    "Fit is 100 (1 − ‖y − ŷ‖ / ‖y − mean y‖) of a free run over the second half, which uses only the input. The "
+    "ceiling is the fit of the twin's noise-free output to the recorded potentiometer output: no model can be "
+    "expected to do better. Default and final models are Hammerstein-Wiener with orders nb, nf, nk. NLARX has orders "
+    "na, nb, nk and a wavelet network, and is fitted to one-step-ahead errors. In the row ONE STEP it uses every "
+    "measured output up to the previous sample, so do not compare this fit with any other. Loss and FPE are in rad². "
+    "The paper does not print its unit, so these two columns compare orders of magnitude at most. The paper's rows "
+    "are grey."
 )
 _TRUTH = (
-    "What the twin really is, at mid stroke and with dry friction, play, stops and gravity left out: an integrator "
-    "behind a lag. The poles of the compiled model, linearised as it is stepped, stand beside those that follow from "
-    "motor and load constants on paper. A Hammerstein-Wiener model holds neither end stops nor play, so its poles need "
-    "not come near these; where they do not, that is what the structure cannot say."
+    "At mid stroke, without dry friction, backlash, stops and gravity, the twin is a first-order lag and an "
+    "integrator. The table compares the poles of the linearised compiled model with those calculated from motor and "
+    "load constants. A Hammerstein-Wiener model has neither end stops nor backlash, so its poles may differ from "
+    "these; the difference is a limit of the structure."
 )
 
 
@@ -77,10 +77,10 @@ def verdict(result: ProtocolResult) -> list[str]:
     networks = ", ".join(percent(r.nlarx.validation_fit) for r in result.joints)
     failed = [check for check in result.checks if not check.holds]
     first = (
-        "Each joint of the simulated leg was swept between its ends, and the paper's own Hammerstein-Wiener models "
-        f"were fitted to the first half of the record. Run free over the second half they reach: {fits}. The "
-        f"default NLARX models reach {networks}, and noise alone would allow {ceilings}. The sweep repeats itself, so "
-        "a high fit does not say that a model has found the leg: compare its poles with the truth below."
+        "Each joint of the simulated leg was swept between its ends, and the paper's Hammerstein-Wiener structures "
+        f"were fitted to the first half of the record. Their free-run fits on the second half are: {fits}. The "
+        f"default NLARX models reach {networks}; the ceilings set by noise are {ceilings}. The sweep repeats itself, "
+        "so a high fit does not mean that the model describes the leg: compare its poles with the truth below."
     )
     further = beyond.verdict(result)
     if not failed:
@@ -93,7 +93,7 @@ def verdict(result: ProtocolResult) -> list[str]:
 
 
 def table(result: ProtocolResult) -> Grid:
-    """The big table: every model beside the paper's row."""
+    """The main table: every model and the paper's row."""
     headings = (
         "joint",
         "model",
@@ -161,7 +161,7 @@ def _paper_row(r: JointResult) -> tuple[str, ...]:
 
 
 def truth_table(result: ProtocolResult) -> Grid:
-    """True poles beside the closed form, and what else is true of each joint, in the units people use."""
+    """True poles, the closed form and the other true values of each joint, in practical units."""
     rows = []
     for r in result.joints:
         t = r.truth
@@ -191,7 +191,7 @@ def truth_table(result: ProtocolResult) -> Grid:
 
 
 def checks_table(result: ProtocolResult) -> Grid:
-    """Every check with what was found."""
+    """Every check with its result."""
     rows = [(check.statement, check.found, "yes" if check.holds else "NO") for check in result.checks]
     return Grid(("check", "found", "holds"), rows, text_columns=1)
 
@@ -244,13 +244,14 @@ def _pictures(r: JointResult) -> Iterator[Picture]:
     yield Picture(
         _name("preprocessed", r),
         style.png(figures.preprocessed(final.estimation, final.validation)),
-        f"{_lead('preprocessed', r)}The record with its means off; the first half is fitted, the second predicted.",
+        f"{_lead('preprocessed', r)}The record without its means; the first half is for estimation, the second for "
+        "validation.",
     )
     yield Picture(
         _name("default", r),
         style.png(figures.comparison({"(a) NLARX": r.nlarx, "(b) Hammerstein-Wiener": r.default}, seconds)),
         f"{_lead('default', r)}Free runs of the two default models over the first {seconds:g} s of the validation "
-        f"half. One step ahead, which is no free run, NLARX reaches {_one_step(r)}.",
+        f"half. One-step-ahead prediction, which is not a free run, gives {_one_step(r)} with NLARX.",
     )
     yield Picture(
         _name("output", r),

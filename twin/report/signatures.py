@@ -1,4 +1,4 @@
-"""The section of signatures: one small picture for each imperfection, and its size in it beside the truth."""
+"""The section of signatures: one small picture for each imperfection, with its measured and its true size."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PANEL = (3.3, 2.6)  # [inch]; three of them stand beside each other on a page
+PANEL = (3.3, 2.6)  # [inch]; three fit next to each other on a page
 OFF = "#b8c1ca"
-# Where a mark's text stands: which point of the arrow's frame it starts from, offset in points, and its alignment.
+# Position of a mark's text: its anchor on the arrow's frame, the offset in points, and the alignment.
 PLACES = {
     "right": ((1.0, 0.5), (5, 0), "left", "center"),
     "outside": ((1.0, 0.5), (5, 0), "left", "center"),
@@ -30,7 +30,7 @@ PLACES = {
     "corner": ((1.0, 1.0), (14, 2), "left", "center"),
     "top left": ((0.0, 1.0), (-6, 2), "right", "bottom"),
 }
-ROOM = 0.4  # of the axes' width, for the text of a mark that stands outside of the data
+ROOM = 0.4  # of the axes' width, for the text of a mark outside the data
 
 
 def section(found: Sequence[Signature]) -> Section:
@@ -39,14 +39,14 @@ def section(found: Sequence[Signature]) -> Section:
 
 
 _INTRODUCTION = (
-    "What each imperfection does to a joint, in an experiment with nothing else but what it needs: dark with it, light "
-    "grey without it. Arrows span what the data show and name what the parameter says. The table compares the two: "
-    "sizes are measured in the picture's own data, and once more with the imperfection switched off."
+    "The effect of each imperfection on a joint, in an experiment with only the necessary other effects: dark with "
+    "it, light grey without it. Arrows span the size in the data and are labelled with the parameter. The table "
+    "compares both: sizes are measured in the data of the picture, and again with the imperfection switched off."
 )
 
 
 def pictures(found: Sequence[Signature]) -> list[Picture]:
-    """A picture a signature."""
+    """One picture per signature."""
     return [
         Picture(f"signature-{signature.key}", style.png(draw(signature)), f"{signature.sentence} ({signature.joint})")
         for signature in found
@@ -66,7 +66,7 @@ def sizes(found: Sequence[Signature]) -> Grid:
 
 
 def _value(value: float, true: float) -> str:
-    """Four digits, or 0 for what is nothing but rounding and transients beside the true size."""
+    """Four digits, or 0 for a value that is only rounding and transients relative to the true size."""
     return "0" if abs(value) < 5e-3 * abs(true) else number(float(f"{value:.4g}"))
 
 
@@ -81,7 +81,7 @@ def draw(signature: Signature) -> Figure:
 
 
 def panel(axes: Axes, signature: Signature) -> None:
-    """Lines without the imperfection under those with it, and marks in the colour that nothing else has."""
+    """Lines without the imperfection under those with it, and marks in a colour of their own."""
     x, y = _quantity(signature.x), _quantity(signature.y)
     for line in sorted(signature.lines, key=lambda line: line.on):
         colour = style.INK if line.on else OFF
@@ -89,7 +89,7 @@ def panel(axes: Axes, signature: Signature) -> None:
         if line.dots:
             axes.plot(*data, ".", color=colour, markersize=3.5)
         else:
-            width = 1.1 if line.on else 2.2  # the light line stays to be seen where the dark one covers it
+            width = 1.1 if line.on else 2.2  # the light line stays visible under the dark one
             style.line(axes, *data, line.steps, color=colour, linewidth=width)
     for mark in signature.marks:
         _mark(axes, mark, x.factor, y.factor)
@@ -116,7 +116,7 @@ def _mark(axes: Axes, mark: Mark, x: float, y: float) -> None:
 
 
 def _short(value: float) -> str:
-    """Three digits at most, without zeros behind."""
+    """At most three digits, without trailing zeros."""
     text = number(value, 3)
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 

@@ -1,4 +1,4 @@
-"""The report of `qpal simulate`: what was applied, what was measured, and the truth behind it."""
+"""The report of `qpal simulate`: the applied input, the measured output and the truth."""
 
 import numpy as np
 
@@ -31,13 +31,13 @@ _TRUTH = {
     "voltage": "What a perfect identification of this joint would find, at mid stroke.",
     "servo": "What a perfect identification of this position loop would find, at mid stroke.",
 }
-_INPUT = {"voltage": "Voltage that was commanded", "servo": "Reference of the position loop"}
+_INPUT = {"voltage": "Commanded voltage", "servo": "Reference of the position loop"}
 
 
 def _verdict(part: Part) -> str:
     lo, hi = np.degrees(part.range).tolist()
     return (
-        f"The {part.joint} moved between {number(lo, 3)} and {number(hi, 3)} degrees and lay at an end for "
+        f"The {part.joint} moved between {number(lo, 3)} and {number(hi, 3)} degrees and rested at an end for "
         f"{100 * part.resting:.0f} % of the time."
     )
 
@@ -53,14 +53,14 @@ def _pictures(part: Part, mode: str, without: list[str]) -> list[Picture]:
         Picture(
             f"measurement-error-{part.joint}",
             style.png(figures.measurement_error(data.t, data.y[:, 0], part.y_true)),
-            f"What noise, the steps of the ADC and missed samples add to the {part.joint}'s reading. A missed sample "
-            "repeats the one before it, so it shows as a spike where the joint moves.",
+            f"Error of the {part.joint}'s reading from noise, ADC steps and missed samples. A missed sample repeats "
+            "the previous one, so it appears as a spike while the joint moves.",
         ),
     ]
 
 
 def tables(result: Simulation) -> list[Grid]:
-    """The truth of each joint, one row a quantity."""
+    """The truth of each joint, one row per quantity."""
     return [_table(part) for part in result.parts]
 
 
@@ -71,11 +71,11 @@ def _table(part: Part) -> Grid:
     gain = "degrees per volt of reference" if t.mode == "servo" else "speed per volt [deg/s/V]"
     rows = [
         ("poles in z", ", ".join(_pole(z) for z in t.poles)),
-        ("lag's time constant [s]", number(-1.0 / t.continuous_pole, 3)),
+        ("time constant of the lag [s]", number(-1.0 / t.continuous_pole, 3)),
         (gain, number(float(np.degrees(t.gain)), 4)),
         ("ends of travel [deg]", f"{lo} to {hi}"),
         ("backlash, whole width [deg]", number(float(np.degrees(t.backlash)), 3)),
-        ("voltage that just moves it, down / up [V]", f"{down} / {up}"),
+        ("break-away voltage, down / up [V]", f"{down} / {up}"),
         ("dead band of the drive [V]", number(t.dead_band, 3)),
         ("delay of the command [s]", number(t.delay, 3)),
     ]

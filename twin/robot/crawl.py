@@ -1,4 +1,4 @@
-"""The whole robot at work: it stands, it crawls, and so do robots whose friction and masses are not the plan's."""
+"""The whole robot stands and crawls, also with friction and masses that differ from those of the plan."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,16 +18,16 @@ from twin.robot.statics import stability_margin
 from twin.robot.walk import Walk, drive
 
 STEPS = 3  # of `run`, for a progress bar: crawl, standing, other robots
-SPREAD = 0.2  # part of the nominal value by which a drawn robot's friction and masses differ at most
-DRAWN = ("coulomb", "viscous", "load_friction", "stribeck", "mass")  # how the names of drawn parameters end
+SPREAD = 0.2  # largest relative difference of a drawn robot's friction and masses from nominal
+DRAWN = ("coulomb", "viscous", "load_friction", "stribeck", "mass")  # suffixes of the names of drawn parameters
 FALLEN = np.deg2rad(15.0)  # [rad] of tilt
-LEAST_WAY = 0.8  # part of the planned way that counts as having walked it
+LEAST_WAY = 0.8  # share of the planned distance that counts as success
 
 
 @dataclass(frozen=True)
 class Standing:
-    """A robot that only stands for `seconds`: how far its torso goes down [m] and how far it tilts [rad], with the
-    servos holding it and with no voltage at all; `power` [W] that the servos take meanwhile."""
+    """A robot that only stands for `seconds`: sink [m] and tilt [rad] of its torso, with active servos and without
+    voltage; `power` [W] that the servos take."""
 
     seconds: float
     sink: float
@@ -41,10 +41,11 @@ class Standing:
 class Measures:
     """A crawl in numbers.
 
-    way forward and sideways [m], turn [rad], seconds, the smallest margin of stability [m] over the feet that the plan
-    has on the floor, the largest tilt [rad], lowest and highest torso [m], RMS of angle less planned angle (12,) [rad],
-    the largest way [m] that a standing foot slips before it is lifted, the lowest peak [m] of a swinging foot over the
-    floor, mean and peak electrical power [W], largest motor voltage [V], and cost of transport, power / (weight speed).
+    distance forward and sideways [m], turn [rad], seconds, the smallest margin of stability [m] over the feet that
+    stand in the plan, the largest tilt [rad], lowest and highest torso [m], RMS of angle minus planned angle (12,)
+    [rad], the largest slip [m] of a standing foot before it is lifted, the lowest peak [m] of a swinging foot over the
+    floor, mean and peak electrical power [W], largest motor voltage [V], and cost of transport, power / (weight
+    speed).
     """
 
     forward: float
@@ -70,7 +71,7 @@ class Measures:
 
 @dataclass(frozen=True)
 class Trial:
-    """One drawn robot: its parameters that differ, its crawl, and what went wrong ("" where nothing did)."""
+    """One drawn robot: its parameters that differ, its crawl, and the failure ("" if none)."""
 
     changes: Mapping[str, float]
     measures: Measures
@@ -79,7 +80,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Crawl:
-    """What `qpal crawl` found: plan, the nominal robot's walk, its measures and standing, and the drawn robots."""
+    """The results of `qpal crawl`: plan, the nominal robot's walk, its measures and standing, and the drawn robots."""
 
     plan: Plan
     walk: Walk
@@ -91,12 +92,12 @@ class Crawl:
 
     @property
     def holds(self) -> bool:
-        """Whether the robot itself walked; drawn ones may fail."""
+        """Whether the nominal robot walked; drawn robots may fail."""
         return not self.fault
 
     @property
     def successes(self) -> int:
-        """How many of the drawn robots walked."""
+        """Number of drawn robots that walked."""
         return sum(not trial.fault for trial in self.trials)
 
     @property
@@ -156,15 +157,15 @@ def run(
     """Crawl with `gait`, stand for `standing` [s] with and without power, and let `draws` other robots crawl.
 
     All robots follow references that were planned for `parameters`. `seed` draws the other robots and the noise of
-    every potentiometer. `steps` hears of the progress. Raises InputError for what cannot be planned.
+    every potentiometer. `steps` receives the progress. Raises InputError for a crawl that cannot be planned.
     """
     gait, parameters, steps = gait or Gait(), parameters or Parameters(), steps or _Silent()
     if not 1.0 <= standing <= 3600.0:
         raise InputError(f"standing takes {standing} s; give 1 to 3600 s")
     if not 0 <= draws <= 1000:
-        raise InputError(f"{draws} other robots were asked for; give 0 to 1000")
+        raise InputError(f"the number of other robots is {draws}; give 0 to 1000")
     if gait.cycles < 1:
-        raise InputError("a crawl of no cycle was asked for; give at least one")
+        raise InputError("the crawl has no cycle; give at least one")
     steps("crawl of the robot itself")
     made = plan(gait, parameters)
     references = shaped(made, parameters)
@@ -187,9 +188,11 @@ def run(
 
 
 def cycles(steps: int) -> int:
-    """Cycles of a crawl of `steps`. Raises InputError for a number that is no multiple of the legs."""
+    """Cycles of a crawl of `steps`. Raises InputError for a number that is not a multiple of the legs."""
     if steps < len(LEGS) or steps % len(LEGS):
-        raise InputError(f"{steps} steps are no whole cycle; give a multiple of {len(LEGS)}, one step a leg")
+        raise InputError(
+            f"{steps} steps are not a whole number of cycles; give a multiple of {len(LEGS)}, one step a leg"
+        )
     return steps // len(LEGS)
 
 
@@ -198,7 +201,7 @@ def _part(steps: Any, name: str) -> Callable[[float], None]:
 
 
 def draw(parameters: Parameters, rng: np.random.Generator) -> dict[str, float]:
-    """Friction and masses drawn evenly within SPREAD of those of `parameters`."""
+    """Friction and masses drawn uniformly within SPREAD of those of `parameters`."""
     chosen = [row for row in TABLE if row.name.endswith(DRAWN)]
     factors = rng.uniform(1 - SPREAD, 1 + SPREAD, len(chosen))
     return {
@@ -223,12 +226,12 @@ def stand(gait: Gait, parameters: Parameters, seconds: float, seed: int = 1) -> 
 
 
 def _sink(walk: Walk) -> float:
-    """How far the torso is below where the record began, at most [m]."""
+    """Largest sink [m] of the torso below its first height."""
     return float(walk.torso[0, 2] - walk.torso[:, 2].min())
 
 
 def measure(made: Plan, walk: Walk) -> Measures:
-    """The numbers of a walk that followed `made`."""
+    """The measures of a walk that followed `made`."""
     feet, turns, centre = walk.places
     way, seconds = walk.torso[-1] - walk.torso[0], len(walk.qpos) * walk.Ts
     power = walk.electrical_power.sum(axis=1)
@@ -253,20 +256,20 @@ def measure(made: Plan, walk: Walk) -> Measures:
 
 
 def margins(made: Plan, feet: np.ndarray, centre: np.ndarray) -> np.ndarray:
-    """Margin of stability (N,) [m] over the feet (N, 4, 3) that the plan has on the floor."""
+    """Margin of stability (N,) [m] over the feet (N, 4, 3) that stand in the plan."""
     rows = zip(centre, feet, made.stance, strict=True)
     return np.array([stability_margin(c[:2], f[standing, :2]) for c, f, standing in rows])
 
 
 def _phases(standing: np.ndarray) -> list[tuple[int, int]]:
-    """Where a foot's state (N,) is true without a break: first and last sample but one."""
+    """Intervals in which a foot's state (N,) is true: first sample and sample after the last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], standing, [False]]).astype(int)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _slip(made: Plan, feet: np.ndarray, turns: np.ndarray) -> float:
-    """Largest way [m] of a foot's contact over the floor while the plan has it standing. The foot is a ball: its centre
-    may move as it rolls, v = w x r, without slipping."""
+    """Largest slip [m] of a foot's contact while it stands in the plan. The foot is a ball: its centre may move without
+    slip as it rolls, v = w x r."""
     radius = float(made.feet[0, 0, 2])
     spin = turns[1:] @ np.swapaxes(turns[:-1], -1, -2)  # (N-1, 4, 3, 3), turns so small that their sine is the angle
     rolled = radius * np.stack([spin[..., 0, 2] - spin[..., 2, 0], spin[..., 1, 2] - spin[..., 2, 1]], axis=-1) / 2
@@ -287,7 +290,7 @@ def _clearance(made: Plan, feet: np.ndarray) -> float:
 
 
 def fault(made: Plan, found: Measures) -> str:
-    """What keeps a walk from being one, in words; "" where nothing does."""
+    """Why a walk failed, in words; "" if it did not."""
     faults: Sequence[tuple[bool, str]] = (
         (found.tilt > FALLEN, f"it fell: the torso tilted by {np.degrees(found.tilt):.0f} deg"),
         (found.height[0] < 0.5 * made.gait.height, f"the torso went down to {found.height[0]:.2f} m"),
@@ -295,7 +298,7 @@ def fault(made: Plan, found: Measures) -> str:
         (found.clearance <= 0, "a foot did not leave the floor"),
         (
             found.forward < LEAST_WAY * made.advance,
-            f"it went {found.forward:.3f} m of {made.advance:.3f} m",
+            f"it walked {found.forward:.3f} m of {made.advance:.3f} m",
         ),
     )
     return "; ".join(sentence for wrong, sentence in faults if wrong)

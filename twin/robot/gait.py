@@ -3,7 +3,7 @@
 The order rear left, front left, rear right, front right is the creeping gait with the largest longitudinal stability
 margin (McGhee and Frank 1968, Mathematical Biosciences 3, 331-351). Legs of one side step while the body leans over the
 other side, then the body moves on and across: the two-phase discontinuous gait of Gonzalez de Santos and Jimenez (1995,
-Journal of Robotic Systems 12). It suits slow, self-locking actuators: on three feet nothing that bears weight moves.
+Journal of Robotic Systems 12). It suits slow, self-locking actuators: no loaded leg moves while three feet stand.
 """
 
 from collections.abc import Iterator
@@ -18,18 +18,18 @@ from twin.robot.kinematics import Body, body
 from twin.robot.statics import Statics
 
 ORDER = (("rear_left", "front_left"), ("rear_right", "front_right"))
-CREEP = 1e-9  # [m/s or rad/s] where an actuator breaks away
+CREEP = 1e-9  # [m/s or rad/s] speed at break-away
 STILL = 1e-6  # [m or rad per path] less is rounding
-LEAST_MARGIN = 0.005  # [m] of stability that a plan must leave
-POINTS = 33  # of a move's path, where its loads and speeds are looked at
+LEAST_MARGIN = 0.005  # [m] smallest stability margin of a plan
+POINTS = 33  # points of a move's path at which loads and speeds are checked
 
 
 @dataclass(frozen=True)
 class Gait:
-    """How to crawl. `height` [m] of the torso's centre over the floor and `spread` [m] of a foot from its shoulder's
-    axis give the stance; `stride` [m] is the way of a cycle, `sway` [m] the body's lean to either side, `lift` [m] the
-    height of a foot in swing, `pause` [s] the rest after each move. `effort` is the part of the supply voltage that the
-    plan counts on: the rest is for the servo's errors and for friction that is larger than nominal.
+    """Settings of a crawl. `height` [m] of the torso's centre over the floor and `spread` [m] of a foot from its
+    shoulder's axis give the stance; `stride` [m] is the distance of a cycle, `sway` [m] the body's lean to either
+    side, `lift` [m] the height of a foot in swing, `pause` [s] the rest after each move. `effort` is the share of the
+    supply voltage that the plan uses: the rest is for servo errors and for friction above nominal.
     """
 
     cycles: int = 2
@@ -44,7 +44,7 @@ class Gait:
 
     def __post_init__(self) -> None:
         if not isinstance(self.cycles, int) or not 0 <= self.cycles <= 100:
-            raise InputError(f"a crawl of {self.cycles!r} cycles; give a whole number from 0 to 100")
+            raise InputError(f"the crawl has {self.cycles!r} cycles; give a whole number from 0 to 100")
         for name, low, high in _BOUNDS:
             value = getattr(self, name)
             if not low <= value <= high:
@@ -65,13 +65,13 @@ _BOUNDS = (
 
 @dataclass(frozen=True)
 class Plan:
-    """A crawl as the joints are asked to do it, sampled every `Ts` [s].
+    """The planned motion of a crawl, sampled every `Ts` [s].
 
-    `angles` (N, 12) [rad] in the order of the model's actuators; `torso` (N, 3) [m], level; `feet` (N, 4, 3) [m], their
-    centres, in the order of `LEGS`; `stance` (N, 4): which feet stand; `margin` (N,) [m]: how far the centre of mass
-    lies inside the support polygon; `moves`: (first sample, name) of each move. `load` (12,) and `need` (12,) [N, or
-    N m for a shoulder]: the largest load of each actuator, and what it takes to move it where it moves; `stall` (12,):
-    what it has.
+    `angles` (N, 12) [rad] in the order of the model's actuators; `torso` (N, 3) [m], level; `feet` (N, 4, 3) [m],
+    their centres, in the order of `LEGS`; `stance` (N, 4): which feet stand; `margin` (N,) [m]: distance of the centre
+    of mass from the edge of the support polygon, positive inside; `moves`: (first sample, name) of each move. `load`
+    (12,) and `need` (12,) [N, or N m for a shoulder]: the largest load of each actuator and the largest force required
+    for its motion; `stall` (12,): its stall force.
     """
 
     gait: Gait
@@ -93,14 +93,13 @@ class Plan:
 
     @property
     def advance(self) -> float:
-        """Planned way forward [m]."""
+        """Planned distance forward [m]."""
         return float(self.torso[-1, 0] - self.torso[0, 0])
 
 
 @dataclass(frozen=True)
 class _Move:
-    """A torso (n, 3) and feet (n, 4, 3) along a path, and which feet stand (4,) meanwhile; all four do in the last
-    `rest` samples."""
+    """A torso (n, 3) and feet (n, 4, 3) along a path, and the standing feet (4,); all four during the last `rest`."""
 
     name: str
     torso: np.ndarray
@@ -129,8 +128,8 @@ def start(gait: Gait, shape: Body) -> tuple[np.ndarray, np.ndarray]:
 def plan(gait: Gait | None = None, parameters: Parameters | None = None) -> Plan:
     """The crawl of `gait` for a robot with `parameters`.
 
-    Raises InputError where a foot cannot be reached, where an actuator is too weak for its load, and where the centre
-    of mass comes nearer than LEAST_MARGIN to the edge of its support.
+    Raises InputError if a foot is out of reach, if an actuator is too weak for its load, or if the centre of mass comes
+    closer than LEAST_MARGIN to the edge of its support.
     """
     gait, parameters = gait or Gait(), parameters or Parameters()
     model = robot(parameters)
@@ -152,7 +151,7 @@ def plan(gait: Gait | None = None, parameters: Parameters | None = None) -> Plan
         k = int(np.argmin(margin))
         name = next(piece.name for piece, stop in zip(pieces, starts[1:], strict=True) if k < stop)
         raise InputError(
-            f"at {name!r} the centre of mass is planned {1000 * margin[k]:.1f} mm inside its support, and play and "
+            f"at {name!r} the centre of mass is planned {1000 * margin[k]:.1f} mm inside its support; backlash and "
             f"soft feet need {1000 * LEAST_MARGIN:g}; give more sway, or another stride"
         )
     names = tuple((int(start), piece.name) for start, piece in zip(starts, pieces, strict=False))
@@ -160,12 +159,12 @@ def plan(gait: Gait | None = None, parameters: Parameters | None = None) -> Plan
 
 
 def _moves(gait: Gait, torso: np.ndarray, feet: np.ndarray) -> Iterator[_Move]:
-    """All moves of the crawl, each from where the one before ended."""
+    """All moves of the crawl, each from the end of the previous one."""
     way = np.array([gait.stride, 0.0, 0.0])
     everyone = np.ones(4, dtype=bool)
     path = np.linspace(0.0, 1.0, POINTS)
     for phase in range(2 * gait.cycles):
-        side = 1.0 if phase % 2 else -1.0  # first over the right side, for the left legs to step
+        side = 1.0 if phase % 2 else -1.0  # first over the right side, while the left legs step
         target = np.array([gait.stride / 2 * phase, side * gait.sway, gait.height])
         yield _shift("body moves", torso, target, feet, everyone)
         torso = target
@@ -189,12 +188,12 @@ def _shift(name: str, start: np.ndarray, stop: np.ndarray, feet: np.ndarray, sta
 
 
 def _ramp(s: np.ndarray) -> np.ndarray:
-    """From 0 to 1 with rest at both ends."""
+    """Profile from 0 to 1 with zero speed at both ends."""
     return s * s * (3 - 2 * s)
 
 
 def _timed(move: _Move, gait: Gait, shape: Body, statics: Statics, rest: int) -> tuple[_Move, np.ndarray, np.ndarray]:
-    """The move sampled at Ts with a rest behind it, as fast as its slowest actuator allows; loads and needs (12,)."""
+    """The move sampled at Ts, then a rest, as fast as its slowest actuator allows; loads and required forces (12,)."""
     s = np.linspace(0.0, 1.0, len(move.torso))
     angles = shape.angles(move.torso, move.feet)
     way = np.array([statics.travel(row) for row in angles])  # of each actuator [m or rad]
@@ -206,11 +205,11 @@ def _timed(move: _Move, gait: Gait, shape: Body, statics: Statics, rest: int) ->
         k, j = np.unravel_index(int(np.argmin(allowed)), allowed.shape)
         unit = "N m" if statics.names[j].startswith("shoulder") else "N"
         raise InputError(
-            f"at {move.name!r} actuator {statics.names[j]} has to give {need[k, j]:.3g} {unit} and has "
+            f"at {move.name!r} actuator {statics.names[j]} needs {need[k, j]:.3g} {unit} and has "
             f"{gait.effort * statics.stall[j]:.3g} at {100 * gait.effort:.0f} % of the supply; "
             "raise the body, bring the feet in, or give more effort"
         )
-    # Along the whole path the slowest actuator runs at the speed that it has left; only the ends are smoothed.
+    # The slowest actuator runs at its available speed along the whole path; only the ends are smoothed.
     pace = np.max(np.abs(speed) / allowed, axis=1)  # [s] per path
     at_s = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(s))])
     n = max(1, int(np.ceil(at_s[-1] / gait.Ts)))

@@ -1,4 +1,4 @@
-"""Where the feet are for given joint angles, and back, in closed form: the leg turns about z, then twice about y."""
+"""Forward and inverse kinematics in closed form: the leg turns about z, then twice about y."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,8 @@ class Leg:
     """Lengths of one leg [m]: `hip` from the shoulder's axis out to the thigh's, then `thigh` and `shank`.
 
     Frame: origin on the shoulder's axis at the height of the thigh's, x outward at shoulder angle 0, z up. Angles are
-    those between the links (play included), shoulder, thigh, shank [rad]; `lower` and `upper` (3,) [rad] bound them.
+    those between the links (backlash included), shoulder, thigh, shank [rad]; `lower` and `upper` (3,) [rad] bound
+    them.
     """
 
     hip: float
@@ -35,11 +36,11 @@ class Leg:
     def angles(self, foot: np.ndarray) -> np.ndarray:
         """Joint angles (..., 3) [rad] that put the foot at (..., 3) [m], with the knee outside and the leg not crossed.
 
-        Raises InputError where a joint would have to leave its travel, with the joint, and by how much.
+        Raises InputError if a joint would leave its travel, with the joint and the angle.
         """
         foot = np.asarray(foot, dtype=float)
         x, y, z = np.moveaxis(foot, -1, 0)
-        side = np.where(x < 0, -1.0, 1.0)  # a foot pulled in past the shoulder's axis: |yaw| stays below 90 degrees
+        side = np.where(x < 0, -1.0, 1.0)  # a foot beyond the shoulder's axis: |yaw| stays below 90 degrees
         out, down = side * np.hypot(x, y) - self.hip, -z
         # Law of cosines in the triangle thigh, shank, distance; at shank angle 0 the knee encloses a right angle.
         sine = (self.thigh**2 + self.shank**2 - out**2 - down**2) / (2 * self.thigh * self.shank)
@@ -62,7 +63,7 @@ class Leg:
         k, j = np.unravel_index(int(np.argmax(beyond)), (beyond.size // 3, 3))
         low, high, found = (np.degrees(v) for v in (self.lower[j], self.upper[j], angles.reshape(-1, 3)[k, j]))
         raise InputError(
-            f"a foot {_point(foot, int(k))} from its shoulder needs the {JOINTS[j]} at {found:.1f} deg; it goes from "
+            f"a foot {_point(foot, int(k))} from its shoulder needs the {JOINTS[j]} at {found:.1f} deg; its travel is "
             f"{low:.1f} to {high:.1f} deg, so move the foot or change the height of the body"
         )
 
@@ -86,7 +87,7 @@ class Body:
     def angles(self, torso: np.ndarray, feet: np.ndarray) -> np.ndarray:
         """Joint angles (..., 12) [rad] for a level torso at (..., 3) [m] and feet (..., 4, 3) [m] in the world.
 
-        Raises InputError where a foot cannot be reached.
+        Raises InputError if a foot is out of reach.
         """
         local = _turn(np.asarray(feet) - self.mounts - np.asarray(torso)[..., None, :], -self.headings)
         return self.leg.angles(local).reshape(*local.shape[:-2], 12)

@@ -1,9 +1,9 @@
-"""References for a proportional position loop: each carries the error that the loop needs in order to move its joint.
+"""References for a proportional position loop: each includes the error that the loop needs to move its joint.
 
-The motor boards close a loop with a gain only, so a joint moves when its error times the gain overcomes friction, load
-and back-EMF. What the plan knows of these goes in front: feed-forward through the reference (Olsson et al., Friction
-models and friction compensation, European Journal of Control 4, 1998, section 4). At rest nothing is added, and the
-actuators' own friction holds.
+The motor boards have proportional gain only, so a joint moves when its error times the gain exceeds friction, load and
+back-EMF. The planned values of these are added to the reference as feed-forward (Olsson et al., Friction models and
+friction compensation, European Journal of Control 4, 1998, section 4). At rest nothing is added, and the actuators'
+friction holds.
 """
 
 import numpy as np
@@ -14,12 +14,12 @@ from twin.plant.leg import LEGS, robot
 from twin.robot.gait import Plan
 from twin.robot.statics import Statics
 
-STILL = 1e-5  # [m/s or rad/s] slower is at rest
-KEPT = 0.2  # [s] for which a lead stays after the plan has come to rest, for the joint to arrive
+STILL = 1e-5  # [m/s or rad/s] below this an actuator is at rest
+KEPT = 0.2  # [s] for which the feed-forward continues after the plan is at rest, until the joint arrives
 
 
 def shaped(plan: Plan, parameters: Parameters | None = None) -> np.ndarray:
-    """References (N, 12) [rad] with which robots with `parameters` follow the plan's angles."""
+    """References (N, 12) [rad] for robots with `parameters` to follow the plan's angles."""
     parameters = parameters or Parameters()
     model = robot(parameters)
     statics = Statics(model, parameters)
@@ -35,11 +35,11 @@ def shaped(plan: Plan, parameters: Parameters | None = None) -> np.ndarray:
 
 
 def _kept(lead: np.ndarray, samples: int) -> np.ndarray:
-    """The lead with each value that zeros follow repeated over up to `samples` of them."""
+    """The feed-forward with each last value before zeros held for up to `samples` of them."""
     out = lead.copy()
     for _ in range(samples):
         late = np.roll(out, 1, axis=0)
         late[0] = 0.0
-        # one sample further each time, and never over a lead that begins
+        # one sample further each time, never over the start of the next feed-forward
         out = np.where(out == 0.0, late, out)
     return out

@@ -1,4 +1,4 @@
-"""What the actuators of the standing robot have to carry, how fast they can be, and whether it tips over."""
+"""Statics of the standing robot: loads and speeds of the actuators, and stability."""
 
 from collections.abc import Callable
 
@@ -37,7 +37,7 @@ class Statics:
         )
 
     def pose(self, torso: np.ndarray, angles: np.ndarray) -> mujoco.MjData:
-        """The model at rest with a level torso at (3,) [m] and joint angles (12,) [rad], its play centred."""
+        """The model at rest with a level torso at (3,) [m] and joint angles (12,) [rad], the backlash centred."""
         data = self._data
         mujoco.mj_resetData(self._model, data)
         data.qpos[:3] = torso
@@ -53,7 +53,7 @@ class Statics:
 
     def loads(self, torso: np.ndarray, angles: np.ndarray, stance: np.ndarray) -> np.ndarray:
         """Force (12,) [N], or torque [N m] of a shoulder, that holds the pose with vertical forces at the feet that
-        stand (4,). With four feet the forces are those of least squares, as equal springs under the feet share them."""
+        stand (4,). With four feet the least-squares forces are used, as for equal springs under the feet."""
         data = self.pose(torso, angles)
         gravity = np.zeros(self._model.nv)
         mujoco.mj_rne(self._model, data, 0, gravity)
@@ -62,23 +62,23 @@ class Statics:
         for site, stands in zip(self._feet, stance, strict=True):
             mujoco.mj_jacSite(self._model, data, jacobian, None, site)
             rows.append(jacobian[2] * float(stands))
-        up = np.array(rows)  # (4, nv): what one newton under each foot does
+        up = np.array(rows)  # (4, nv): generalised forces of one newton under each foot
         forces = np.linalg.lstsq(up[:, GRAVITY_ROWS].T, gravity[GRAVITY_ROWS], rcond=None)[0]
         return (gravity - up.T @ forces)[self._dofs] / self._arms(angles)
 
     def needs(self, loads: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        """Actuator force (..., 12) in the direction of `speed` (..., 12) [m/s or rad/s] that keeps `loads` (..., 12)
-        moving: the load and dry friction; just above speed 0 what it takes to break away."""
+        """Actuator force (..., 12) in the direction of `speed` (..., 12) [m/s or rad/s] that moves `loads`
+        (..., 12): the load and dry friction; just above speed 0 the break-away force."""
         dry = np.where(speed > 0, self._up, self._down) * (1 + self._stribeck * np.exp(-((speed / self._fade) ** 2)))
         return np.where(speed == 0, 0.0, dry + self._per_load * np.abs(loads) + loads * np.sign(speed))
 
     def volts(self, loads: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        """Command (..., 12) [V] that keeps `loads` moving at `speed`; 0 for speed 0, where friction holds."""
+        """Command (..., 12) [V] that moves `loads` at `speed`; 0 for speed 0, where friction holds."""
         force = np.sign(speed) * self.needs(loads, speed) + self._damping * speed
         return force / self._per_volt + np.sign(speed) * self._dead_band
 
     def speeds(self, needs: np.ndarray, effort: float) -> np.ndarray:
-        """Speed (..., 12) [m/s or rad/s] that is left at `effort` times the supply while it gives `needs` (..., 12)."""
+        """Speed (..., 12) [m/s or rad/s] available at `effort` times the supply under the forces `needs` (..., 12)."""
         return (effort * self.stall - np.maximum(needs, 0.0)) / self._damping
 
     def margin(self, torso: np.ndarray, angles: np.ndarray, feet: np.ndarray, stance: np.ndarray) -> float:
@@ -96,7 +96,7 @@ class Statics:
 
 
 def _each(value: Callable[[str], float]) -> np.ndarray:
-    """The value of each joint (12,), leg after leg."""
+    """The value of each joint (12,), leg by leg."""
     return np.tile([float(value(joint)) for joint in JOINTS], len(LEGS))
 
 

@@ -1,4 +1,4 @@
-"""The whole robot with its twelve joints in servo mode: joint references in, what the robot did out."""
+"""The whole robot with its twelve joints in servo mode: from joint references to the motion of the robot."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ SETTLE = 1.0  # [s] that the first reference is held before the record starts
 
 @dataclass(frozen=True)
 class Walk:
-    """What a robot did, sampled every `Ts` [s], at the end of the interval over which the row's reference was held.
+    """The motion of a robot, sampled every `Ts` [s] at the end of the interval in which the row's reference is held.
 
     `references`, `angles` (N, 12) [rad] in the order of the model's actuators; `volts` (N, 12) [V] at the motors;
     `speeds` (N, 12) [m/s, shoulder rad/s] of the drives; `qpos` (N, nq); `parameters` are the robot's.
@@ -57,7 +57,7 @@ class Walk:
 
     @property
     def electrical_power(self) -> np.ndarray:
-        """Power (N, 12) [W] that each motor takes, V i with i = (V - K w) / R; none goes back into the supply."""
+        """Power (N, 12) [W] of each motor, V i with i = (V - K w) / R; no power returns to the supply."""
         circuits = robot_circuits(self.parameters)
         constant, gear, resistance = (
             np.array([getattr(each.motor, name) for each in circuits]) for name in ("constant", "gear", "resistance")
@@ -91,10 +91,11 @@ def drive(
     threads: int = 1,
     heard: Callable[[float], None] = lambda done: None,
 ) -> list[Walk]:
-    """What robots with these parameters do with one set of references (N, 12) [rad], each held for `Ts` [s].
+    """The motions of robots with these parameters for one set of references (N, 12) [rad], each held for `Ts` [s].
 
-    They start at rest with the first reference and a level torso at (3,) [m]; `seeds`, one a robot, draw what their
-    servos' potentiometers add. Without `power` no motor gets a voltage. `heard` gets the part that is done, 0 to 1.
+    They start at rest with the first reference and a level torso at (3,) [m]; `seeds`, one per robot, draw the noise
+    of the servos' potentiometers. Without `power` no motor gets a voltage. `heard` receives the completed share, 0 to
+    1.
     """
     models = [robot(parameters) for parameters in robots]
     first = models[0]
@@ -110,7 +111,7 @@ def drive(
     settle = round(SETTLE / Ts)
     with boards():
         for k in range(-settle, len(references)):
-            # The command's delay is part of the servo's wire too: what arrives first is still the reference before.
+            # The servo's command has the transport delay too: the previous reference still arrives first.
             held = [np.where(np.arange(per) < n, max(k - 1, 0), max(k, 0)) for n in late]
             commands = np.stack([references[index] * scale for index, scale in zip(held, scales, strict=True)])
             found = batch.rollout(per, commands if power else np.zeros_like(commands), record=tuple(rows))

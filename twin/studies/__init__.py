@@ -1,1 +1,1 @@
-"""Studies on the twin as finished numbers: the paper's protocol, beyond it, ablation."""
+"""Studies on the twin, as finished numbers: the paper's protocol, the part beyond it, ablation."""

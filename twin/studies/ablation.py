@@ -1,5 +1,5 @@
-"""Which loss is which: what fit an actuated joint loses without each of its parts, and the paper's structure gains
-without each of the twin's imperfections."""
+"""Causes of the losses: the fit that an actuated joint loses without each of its parts, and the fit that the paper's
+structure gains without each of the twin's imperfections."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -26,15 +26,15 @@ from twin.studies.beyond import Beyond, Trial, ceiling
 STEPS = 4  # what `run` announces
 SHARED = tuple(name for name in IMPERFECTIONS if name != "contact")  # a bench leg hangs in the air
 ALL_BUT_STOPS = tuple(name for name in SHARED if name != "end_stops")
-BARE = "all but end stops"  # what is off where the end stops alone are left
-LEFT = 90.0  # [%] ceiling below which a record no longer shows the joint
-LEAST = -1e4  # [%] fit below which a free run has nothing to do with its joint
+BARE = "all but end stops"  # imperfections that are off if only the end stops remain
+LEFT = 90.0  # [%] below this ceiling the record does not show the joint
+LEAST = -1e4  # [%] below this fit a free run is unrelated to its joint
 DIVERGES = "diverges"
-LEAST_LAG = 1e-3  # samples: no lag that a record could show
+LEAST_LAG = 1e-3  # samples: a lag too short to appear in a record
 
 
 def _motor(chain: Chain, hold: dict[str, float], **options: Any) -> Chain:
-    """The chain with its motor changed, and with those of `hold` fixed that it still has."""
+    """The chain with its motor changed; parameters of `hold` that still exist are fixed."""
     return sub(chain, tuple(replace(b, **options) if isinstance(b, Motor) else b for b in chain.blocks), hold)
 
 
@@ -46,7 +46,7 @@ def _drop(chain: Chain, *kinds: type[Block]) -> Chain:
     return sub(chain, tuple(b for b in chain.blocks if not isinstance(b, kinds)))
 
 
-# What is dropped, and the chain that is left: the same one where the joint has no such part.
+# Each part and the chain without it; the same chain if the joint has no such part.
 PARTS: dict[str, Callable[[Chain], Chain]] = {
     "end stops": lambda chain: _motor(chain, {}, stops=False, jams=False),
     "dry friction": lambda chain: _motor(chain, dict.fromkeys(("motor.rise", "motor.fall", "motor.loss"), 0.0)),
@@ -60,12 +60,12 @@ PARTS: dict[str, Callable[[Chain], Chain]] = {
     "play": lambda chain: _drop(chain, Play, CoastingPlay),
     "driver's steps": lambda chain: _drop(chain, Quantiser),
 }
-ALIKE = "load and direction of friction"  # the part that no list of fixed values can drop: both directions alike
+ALIKE = "load and direction of friction"  # the part that fixed values cannot remove: equal friction in both directions
 
 
 @dataclass(frozen=True)
 class Row:
-    """A part and the fit [%] on the validation half without it; None with the reason where there is none."""
+    """A part and the fit [%] on the validation half without it, or None with the reason."""
 
     part: str
     fit: float | None
@@ -77,8 +77,8 @@ class Row:
 class Ablation:
     """One record of one joint.
 
-    `joint_fit` is that of the whole actuated joint, `joint` what is left of it without each part; `paper_fit` is that
-    of the paper's structure on the whole twin, `paper` that on the twin without each imperfection.
+    `joint_fit` is the fit of the whole actuated joint, `joint` the fit without each part; `paper_fit` is the fit of the
+    paper's structure on the whole twin, `paper` the fit on the twin without each imperfection.
     """
 
     name: str
@@ -100,7 +100,7 @@ class Ablation:
     def gained(self, row: Row) -> float:
         """Points of fit that the paper's structure gains without an imperfection; a fit below 0 counts as 0.
 
-        A model that does worse than a mean is no model, and how much worse is chance.
+        A model worse than the mean is useless, and how much worse it is depends on chance.
         """
         return max(row.fit, 0.0) - max(self.paper_fit, 0.0) if row.fit is not None else np.nan
 
@@ -147,7 +147,7 @@ def without_parts(trial: Trial) -> list[Row]:
             rows.append(Row(part, None, reason="the joint grew without it"))
             continue
         fit = sysid.fit(chain, e.estimation, starts=e.setting.starts, seed=e.setting.seed)
-        with np.errstate(over="ignore", invalid="ignore"):  # without stops a free run may leave all numbers
+        with np.errstate(over="ignore", invalid="ignore"):  # without stops a free run may overflow
             left = fit.fit_percent(e.validation)
         rows.append(Row(part, left) if left > LEAST else Row(part, None, reason=DIVERGES))
     rows.insert(3, Row(ALIKE, _alike(whole, e.estimation).fit_percent(e.validation)))
@@ -177,7 +177,10 @@ def without_imperfections(joint: str, trial: Trial, setting: Setting, threads: i
     cases = {**{name: (name,) for name in SHARED}, BARE: ALL_BUT_STOPS}
     whole = experiment(trial.log)
     logs: dict[str, Log] = {}
-    for play in (True, False):  # without play the model has a joint less, and runs side by side must be alike
+    for play in (
+        True,
+        False,
+    ):  # without backlash the model has one joint less, and parallel runs must have equal models
         group = {name: replace(whole, without=w) for name, w in cases.items() if play == ("backlash" not in w)}
         if group:
             logs |= dict(zip(group, run_all(list(group.values()), threads), strict=True))
@@ -185,7 +188,7 @@ def without_imperfections(joint: str, trial: Trial, setting: Setting, threads: i
 
 
 def experiment(log: Log) -> Experiment:
-    """The experiment that gave a log, by what the log itself says."""
+    """The experiment that gave a log, from the log's own header."""
     meta = log.meta
     return Experiment(
         joint=log.joint,
@@ -202,7 +205,7 @@ def _paper_row(name: str, log: Log, setting: Setting) -> Row:
     try:
         model = setting.recipe.model()
         fit = sysid.fit(model, estimation, search=setting.search, starts=setting.starts, seed=setting.seed)
-    except InputError as error:  # without friction or stops a joint may leave all that is reasonable
+    except InputError as error:  # without friction or stops a joint may leave any reasonable range
         return Row(name, None, reason=str(error))
     most = ceiling(log, slice(estimation.N + fit.n_init, None))
     if most < LEFT:

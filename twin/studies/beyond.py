@@ -1,7 +1,7 @@
-"""Beyond the paper: its structure and an actuated joint on the same records of the twin, beside ceiling and truth.
+"""Beyond the paper: its structure and an actuated joint on the same records of the twin, with ceiling and truth.
 
-Two records a joint. The paper's sweep repeats itself, and any model with a resonance of its period runs well on it. One
-of drawn times and levels does not: there a model has to know what moves the joint and what stops it.
+Each joint has two records. The paper's sweep repeats itself, and any model with a resonance at its period fits it well.
+A sweep with random times and levels does not repeat itself: a good fit there needs the friction and the end stops.
 """
 
 from collections.abc import Callable, Mapping
@@ -22,15 +22,15 @@ from twin.log import Log
 from twin.parameters import Parameters
 from twin.truth import truth
 
-NEAR = 0.5  # points of fit below the ceiling at which a model has explained all but noise
+NEAR = 0.5  # points of fit below the ceiling that still count as all but noise explained
 STEPS = 4  # what `run` announces
 RECORDS = ("sweep", "drawn sweep")
-LONGER = 1.25  # mean half period of the drawn sweep, in the paper's sweep's
+LONGER = 1.25  # mean half period of the drawn sweep, relative to the paper's sweep
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One record, with what either structure makes of it.
+    """One record with the fits of both structures.
 
     `ceiling` [%] is the fit of the twin's noise-free output against its measured output on the validation half.
     """
@@ -65,7 +65,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Recovered:
-    """One physical value in SI units: what is true, what either record gave by name, and how near would do."""
+    """One physical value in SI units: the truth, the values from each record by name, and the accepted error."""
 
     name: str
     unit: str
@@ -81,7 +81,7 @@ class Recovered:
 
 @dataclass(frozen=True)
 class Beyond:
-    """One joint: its two trials and the physical values that they gave."""
+    """One joint: its two trials and the recovered physical values."""
 
     joint: str
     trials: tuple[Trial, ...]
@@ -117,10 +117,10 @@ def run(
 
 
 def irregular(joint: str, seed: int, duration: float, Ts: float) -> Log:
-    """A sweep whose half periods are drawn within 50 % of a mean and whose levels from 60 % of the supply up.
+    """A sweep with random half periods within 50 % of a mean and random levels of at least 60 % of the supply.
 
-    Somewhat longer than the paper's, so that a slow crossing too may end. It shows speeds at many voltages, and meets
-    its ends often enough for a free run to forget what it got wrong.
+    It is somewhat longer than the paper's, so that slow crossings reach the end too. It contains speeds at many
+    voltages, and it meets the ends often enough to reset the error of a free run.
     """
     mean = round(LONGER * DEFAULTS[joint]["sweep"]["half_period"], 3)
     options = {"half_period": mean, "jitter": 0.5, "shrink": 0.4}
@@ -128,14 +128,14 @@ def irregular(joint: str, seed: int, duration: float, Ts: float) -> Log:
 
 
 def ceiling(log: Log, scored: slice) -> float:
-    """Fit [%] of the noise-free output against the measured one: no model can be expected to run better."""
+    """Fit [%] of the noise-free output against the measured one: no model can be expected to do better."""
     assert log.y_true is not None
     return fit_percent(log.y[scored], log.y_true[scored])
 
 
 def _trial(record: str, log: Log, paper: Evaluation) -> Trial:
     estimation, validation = quick_start(log.io(), kind="none")
-    # How fine the bridge is and how straight the potentiometer stand in their data sheets; all else is found.
+    # The data sheets give the resolution of the bridge and the linearity of the potentiometer; the fit finds the rest.
     p = Parameters()
     setting = Setting(
         ActuatedJoint(driver_step=drive(p, log.joint).step, sensor_linearity=potentiometer(p).nonlinearity)
@@ -145,10 +145,12 @@ def _trial(record: str, log: Log, paper: Evaluation) -> Trial:
 
 
 def twin_truth(joint: str, Ts: float, parameters: Parameters | None = None) -> dict[str, float]:
-    """What is true of a twin's joint, by the names of `sysid.joint_values` and in their units."""
+    """True values of a twin's joint, with the names and units of `sysid.joint_values`."""
     p = parameters or Parameters()
     t = truth(joint, Ts, p)
-    moving = truth(joint, Ts, p.replace({f"{joint}.stribeck": 0.0}))  # what is left of friction once it moves
+    moving = truth(
+        joint, Ts, p.replace({f"{joint}.stribeck": 0.0})
+    )  # share of the static friction that remains in motion
     return {
         "speed_per_volt": t.gain,
         "time_constant": -1.0 / t.continuous_pole,
@@ -164,7 +166,7 @@ def twin_truth(joint: str, Ts: float, parameters: Parameters | None = None) -> d
 
 
 def aim(name: str, true: float, Ts: float) -> float:
-    """How near to the truth an estimate should come, in the value's own unit; a tenth of a sample for times."""
+    """Accepted error of an estimate, in the value's own unit; a tenth of a sample for times."""
     if name.startswith("end_"):
         return float(np.deg2rad(0.5))
     if name == "backlash":
@@ -175,12 +177,12 @@ def aim(name: str, true: float, Ts: float) -> float:
 
 
 def recovered(true: Mapping[str, float], trials: list[Trial]) -> tuple[Recovered, ...]:
-    """The physical values of every trial beside the truth; a record whose joint has no such part gives none."""
+    """The physical values of every trial and the truth; a joint without the part gives no value."""
     Ts, rows = trials[0].log.Ts, []
     units = {value.name: value.unit for trial in trials for value in trial.joint.values}
     for name in [*true, *(name for name in units if name not in true)]:
         found = {t.record: value for t in trials for value in t.joint.values if value.name == name}
         known = true.get(name)
-        unit = units.get(name, "rad")  # what no record gave is a play
+        unit = units.get(name, "rad")  # only the backlash can be missing
         rows.append(Recovered(name, unit, known, np.nan if known is None else aim(name, known, Ts), found))
     return tuple(rows)

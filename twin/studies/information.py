@@ -1,4 +1,4 @@
-"""What the twin is made of and what is true of it: what `qpal info` does."""
+"""Parameters and truth of the twin, for `qpal info`."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -16,12 +16,12 @@ from twin.plant.leg import check_joint
 from twin.truth import Truth, arm
 
 POINTS = 101  # of a curve
-SPEEDS = 1000  # that are tried, evenly on a logarithmic scale
+SPEEDS = 1000  # that are tried, equally spaced on a logarithmic scale
 
 
 @dataclass(frozen=True)
 class Value:
-    """A parameter as it is used: its row of the table and its value, in the row's unit."""
+    """A parameter in use: its row of the table and its value in the row's unit."""
 
     row: Row
     value: float
@@ -33,7 +33,7 @@ class Value:
 
     @property
     def assumed(self) -> bool:
-        """Whether no document stands behind the nominal value."""
+        """Whether the nominal value has no documented source."""
         return self.row.source.startswith("assumption")
 
 
@@ -49,12 +49,11 @@ class Geometry:
 
 @dataclass(frozen=True)
 class Branch:
-    """Steady motion one way at mid stroke, from the command that just keeps it going to that of the whole supply.
+    """Steady motion in one direction at mid stroke, from the smallest command that maintains it to the full supply.
 
-    voltage (n,) [V] and speed (n,) [rad/s], empty where the supply cannot keep it going. breakaway [V]: command that
-    starts it from rest, from the truth; jump [rad/s]: the speed at which it then runs, 0 where it does not start.
-    crossing [s]: about how long it takes from end to end on the whole supply, as if it were at mid stroke all the way;
-    infinite where it does not start.
+    voltage (n,) [V] and speed (n,) [rad/s], empty if the supply cannot maintain the motion. breakaway [V]: command that
+    starts it from rest, from the truth; jump [rad/s]: the speed after the start, 0 if it does not start. crossing [s]:
+    approximate time from end to end at full supply with the speed of mid stroke; infinite if it does not start.
     """
 
     voltage: np.ndarray
@@ -70,13 +69,13 @@ class Branch:
 
     @property
     def top_speed(self) -> float:
-        """Speed [rad/s] on the whole supply, 0 where it does not start."""
+        """Speed [rad/s] at full supply, 0 if it does not start."""
         return float(self.speed[-1]) if self.starts else 0.0
 
 
 @dataclass(frozen=True)
 class Joint:
-    """One joint: its truth, how it moves down and up, and its actuator's geometry (None where the motor sits on it)."""
+    """One joint: its truth, its motion down and up, and its actuator's geometry (None for a motor on the joint)."""
 
     name: str
     truth: Truth
@@ -87,7 +86,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class Information:
-    """Values of the parameters, and the joints that were asked for; `source` is the file that changed parameters."""
+    """Values of the parameters, and the requested joints; `source` is the file that changed parameters."""
 
     values: tuple[Value, ...]
     joints: tuple[Joint, ...]
@@ -102,11 +101,11 @@ class Information:
 
     @property
     def assumed(self) -> int:
-        """How many of the values are nominal and assumed."""
+        """Number of values that are nominal and assumed."""
         return sum(v.assumed and not v.changed for v in self.values)
 
     def groups(self) -> dict[str, tuple[Value, ...]]:
-        """The values by the joint that they belong to; those of no single joint under an empty name, first."""
+        """The values by joint; shared values come first, under an empty name."""
         found: dict[str, list[Value]] = {"": []}
         for v in self.values:
             found.setdefault(v.row.name.rpartition(".")[0], []).append(v)
@@ -129,8 +128,7 @@ def inform(
 ) -> Information:
     """All about `joint`, or about every joint, at sampling time Ts [s].
 
-    With a joint, the parameters are its own and those of no single joint. Raises InputError for a joint or Ts that does
-    not exist.
+    With a joint, the parameters are its own and the shared ones. Raises InputError for an invalid joint or Ts.
     """
     p = parameters or Parameters()
     if joint is not None:
@@ -148,7 +146,7 @@ def _joint(name: str, Ts: float, p: Parameters) -> Joint:
 
 
 def geometry(joint: str, parameters: Parameters) -> Geometry | None:
-    """The actuator of `joint` over its travel; None for a joint that its motor turns directly."""
+    """The actuator of `joint` over its travel; None for a joint with a direct motor."""
     if joint == "shoulder":
         return None
     triangle = linkage(parameters, joint)
@@ -157,13 +155,13 @@ def geometry(joint: str, parameters: Parameters) -> Geometry | None:
 
 
 def branch(truth: Truth, direction: int, parameters: Parameters) -> Branch:
-    """Steady motion of the joint of `truth` up (1) or down (-1) in angle, as its drive and its friction have it."""
+    """Steady motion of the joint of `truth` up (1) or down (-1) in angle, from its drive and its friction."""
     p, constants = parameters, motor(parameters, truth.joint)
     r, supply = arm(truth.joint, p), p["supply_voltage"]
     v = supply / (constants.constant * constants.gear) * np.geomspace(1e-6, 3.0, SPEEDS)  # beyond 1: a load may help
     volts = direction * steady_command(truth, direction * v, p)
     v, volts = v[np.isfinite(volts)], volts[np.isfinite(volts)]
-    # Below the least command friction falls faster with speed than back-EMF rises: no steady motion.
+    # Below the smallest command, friction falls faster with speed than back-EMF rises: no steady motion.
     least = int(np.argmin(volts)) if len(volts) else 0
     breakaway = truth.breakaway_voltage[int(direction > 0)]
     if not np.any(volts <= supply):
@@ -180,11 +178,11 @@ def branch(truth: Truth, direction: int, parameters: Parameters) -> Branch:
 
 
 def steady_command(truth: Truth, v: np.ndarray, parameters: Parameters) -> np.ndarray:
-    """Command (n,) [V] that keeps the drive at speeds v (n,) [m/s or rad/s], none of them 0; nan where none can.
+    """Command (n,) [V] that keeps the drive at speeds v (n,) [m/s or rad/s], none of them 0; nan if no command can.
 
-    With K the motor's constant, g its gear, R its resistance: the current is i = F / (K g) for the force F that weight,
-    friction and bearing take at that speed, the motor's voltage R i + K g v = d (V0 - Rs d i) on a supply V0 of
-    resistance Rs at duty d. PWM's levels are left out.
+    With K the motor's constant, g its gear, R its resistance: the current is i = F / (K g) for the force F of weight,
+    friction and bearing at that speed, the motor's voltage R i + K g v = d (V0 - Rs d i) on a supply V0 of resistance
+    Rs at duty d. PWM's levels are left out.
     """
     p, joint = parameters, truth.joint
     constants, board, dry = motor(p, joint), drive(p, joint), dry_friction(p, joint)

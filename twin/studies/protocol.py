@@ -1,8 +1,8 @@
-"""The paper's protocol on the twin: three joints, three models each, beside the paper's numbers and the truth.
+"""The paper's protocol on the twin: three joints, three models each, compared with the paper and the truth.
 
-Guni and Irawan, JEECIE 1(10), 2016: the joint is swept between its ends by a voltage, sampled every 0.1 s; means off,
-first half for estimation, second half for validation (sections III.B and IV). Structures, searches and results are
-those of section IV.D; the poles are the roots of its equations (7), (9) and (11).
+Guni and Irawan, JEECIE 1(10), 2016: the joint is swept between its ends by a voltage, sampled every 0.1 s; means
+removed, first half for estimation, second half for validation (sections III.B and IV). Structures, searches and
+results are those of section IV.D; the poles are the roots of its equations (7), (9) and (11).
 """
 
 import time
@@ -25,8 +25,8 @@ from twin.studies.beyond import Beyond
 from twin.truth import Truth
 
 TS = 0.1  # [s]
-DURATION = 250.0  # [s]: 2 x 1,250 samples, what the paper's ratio of FPE to loss points to
-SHORTEST = 60.0  # [s]: below this the halves hold too few samples for the largest of the models
+DURATION = 250.0  # [s]: 2 x 1,250 samples, as the paper's ratio of FPE to loss indicates
+SHORTEST = 60.0  # [s]: with less, the halves have too few samples for the largest of the models
 TRUTH_TOLERANCE = 1e-3  # |z|, between the compiled model's poles and the closed form
 NLARX = Setting(NonlinearArx(2, 2, 1), "lm", starts=3)  # with a wavelet network, fitted one step ahead
 DEFAULT = Setting(HammersteinWiener(2, 3, 1, "piecewise_linear", "piecewise_linear"), "auto")
@@ -34,7 +34,7 @@ DEFAULT = Setting(HammersteinWiener(2, 3, 1, "piecewise_linear", "piecewise_line
 
 @dataclass(frozen=True)
 class PaperRow:
-    """What the paper did and found on one joint."""
+    """Settings and results of the paper for one joint."""
 
     title: str
     setting: Setting
@@ -73,17 +73,17 @@ PAPER: dict[str, PaperRow] = {
 
 
 def steps(ablated: bool = False) -> int:
-    """How many steps `run` announces."""
+    """Number of steps that `run` announces."""
     return (4 + beyond.STEPS + (ablation.STEPS if ablated else 0)) * len(PAPER)
 
 
 @dataclass(frozen=True)
 class JointResult:
-    """One joint: its log, its truth, its three models, and the ceiling that noise sets.
+    """One joint: its log, its truth, its three models, and the ceiling set by noise.
 
     `ceiling` [%] is the fit of the twin's noise-free output against its measured output on the validation half: no
-    model can be expected to run better. `beyond` is what an actuated joint makes of the same record and of one that
-    does not repeat itself, `ablation` what is lost without parts of it, where that was asked for.
+    model can be expected to do better. `beyond` has the fits of an actuated joint to the same record and to one that
+    does not repeat itself; `ablation` has the losses without parts of it, if requested.
     """
 
     joint: str
@@ -105,7 +105,7 @@ class JointResult:
 
 @dataclass(frozen=True)
 class Check:
-    """A statement that has to hold, and what was found."""
+    """A statement that must hold, and the result."""
 
     statement: str
     found: str
@@ -114,7 +114,7 @@ class Check:
 
 @dataclass(frozen=True)
 class ProtocolResult:
-    """All of it, ready to be shown."""
+    """The results of the protocol, ready for display."""
 
     seed: int
     duration: float
@@ -123,7 +123,7 @@ class ProtocolResult:
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """What has to hold in every run."""
+        """Statements that must hold in every run."""
         found = []
         for r in self.joints:
             for name, e in (("default", r.default), ("final", r.final)):
@@ -166,13 +166,13 @@ def run(
     announce: Callable[[str], None] = lambda name: None,
     ablated: bool = False,
 ) -> ProtocolResult:
-    """Runs the protocol; `announce` hears the name of each step before it begins.
+    """Runs the protocol; `announce` receives the name of each step before it begins.
 
     `ablated`: see `twin.studies.ablation`.
     """
     if not SHORTEST <= duration < float("inf"):
         raise InputError(
-            f"--duration is {duration:g} s; give at least {SHORTEST:g} s, or half of it is too few samples"
+            f"--duration is {duration:g} s; give at least {SHORTEST:g} s, because half of it must have enough samples"
         )
     began = time.perf_counter()
     joints = tuple(_run_joint(joint, seed, duration, announce, ablated) for joint in PAPER)

@@ -1,4 +1,4 @@
-"""One excitation experiment with the truth behind it: what `qpal simulate` does."""
+"""One excitation experiment with its truth, for `qpal simulate`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from twin.truth import Truth
 
 @dataclass(frozen=True)
 class Part:
-    """One joint of an experiment: its record, what the potentiometer would have shown undisturbed, and its truth."""
+    """One joint of an experiment: its record, the undisturbed potentiometer reading, and its truth."""
 
     joint: str
     data: IOData
@@ -31,7 +31,7 @@ class Part:
 
     @property
     def resting(self) -> float:
-        """Part of the record, 0 to 1, in which the joint lies within its backlash of an end."""
+        """Share of the record, 0 to 1, in which the joint is within its backlash of an end."""
         lo, hi = self.truth.end_angles
         slack = self.truth.backlash + self.pot.nonlinearity + 1e-3
         return float(np.mean((self.y_true < lo + slack) | (self.y_true > hi - slack)))
@@ -39,13 +39,13 @@ class Part:
 
 @dataclass(frozen=True)
 class Simulation:
-    """A log of the twin, and its joints one by one."""
+    """A log of the twin and its joints."""
 
     log: Log
     parts: tuple[Part, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """The summary of `qpal simulate`, ready for JSON; by joint where there are several."""
+        """The summary of `qpal simulate`, ready for JSON; by joint if there are several."""
         return {
             "joint": self.log.joint,
             "samples": self.log.N,
@@ -62,7 +62,7 @@ class Simulation:
 
 
 def simulate(experiment: twin.Experiment) -> Simulation:
-    """Runs the experiment and looks up the truth of its joints."""
+    """Runs the experiment and adds the truth of its joints."""
     log = experiment.run()
     assert log.y_true is not None
     clean = log.y_true.reshape(log.N, -1)

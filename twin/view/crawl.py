@@ -1,4 +1,4 @@
-"""What a crawl looks like: still pictures of its moves, and a film, by MuJoCo's offscreen renderer."""
+"""Pictures of a crawl: stills of its moves and a film, by MuJoCo's offscreen renderer."""
 
 from dataclasses import dataclass
 
@@ -15,8 +15,8 @@ FILM_SECONDS = 8.0  # that it lasts
 
 @dataclass(frozen=True)
 class Pictures:
-    """`stills`: what is seen, when [s], and the picture (360, 480, 3); `film` (n, 300, 400, 3) lasts FILM_SECONDS and
-    shows `times` as much time [1]. All uint8."""
+    """`stills`: label, time [s] and picture (360, 480, 3); `film` (n, 300, 400, 3) lasts FILM_SECONDS and runs
+    at `times` the real speed [1]. All uint8."""
 
     stills: list[tuple[str, float, np.ndarray]]
     film: list[np.ndarray]
@@ -24,7 +24,7 @@ class Pictures:
 
 
 def pictures(result: Crawl) -> Pictures:
-    """Pictures of the nominal robot's crawl. Raises twin.view.stills.NoRenderer where this machine cannot draw."""
+    """Pictures of the nominal robot's crawl. Raises twin.view.stills.NoRenderer if this machine cannot draw."""
     walk, moves = result.walk, result.plan.moves
     ends = [start for start, _ in moves[1:]] + [len(walk.qpos)]
     first = [(name, (start + end) // 2) for (start, name), end in zip(moves, ends, strict=True)][:8]

@@ -12,10 +12,10 @@ ELSEWHERE = "use --web to see it in a browser, or --strip FILE.png for pictures"
 
 
 def show(replay: Replay | None, *, speed: float = 1.0, web: bool = False, port: int = 0) -> None:
-    """Show `replay` over and over at `speed` times its own, until a person closes the viewer or presses Ctrl-C.
+    """Show `replay` in a loop at `speed` times real time, until a person closes the viewer or presses Ctrl-C.
 
-    Without a replay: the robot on its floor, simulated, its motors' voltages on sliders and 0 V at first. `web` serves
-    a page on this machine's `port`, 0 for the first free one from 8080 on. Raises InputError where this machine cannot.
+    Without a replay: the simulated robot on its floor, with sliders for the motor voltages, 0 V at first. `web` serves
+    a page on this machine's `port`, 0 for the first free one from 8080 on. Raises InputError if this machine cannot.
     """
     if web:
         check_port(port)
@@ -38,10 +38,9 @@ def _serve(replay: Replay | None, speed: float, port: int) -> None:
 
 
 def check_display() -> None:
-    """Raises InputError where no window can be opened.
+    """Raises InputError if no window can be opened.
 
-    Tried by opening an unseen one: MuJoCo's viewer opens its own in a thread, and a failure there is waited for for
-    ever.
+    The test opens a hidden window: MuJoCo's viewer opens its window in a thread and waits forever after a failure.
     """
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError(f"there is no display to open a window on (DISPLAY is not set); {ELSEWHERE}")
@@ -52,7 +51,7 @@ def check_display() -> None:
             raise InputError(
                 f"MuJoCo's window needs its own mjpython on macOS: mjpython -m twin.cli view; or {ELSEWHERE}"
             )
-        return  # the window belongs to another thread there, and is not for us to try
+        return  # there the window belongs to another thread, so it is not tested
     import glfw
 
     with warnings.catch_warnings(record=True) as said:  # GLFW's errors are Python warnings
@@ -68,7 +67,7 @@ def check_display() -> None:
 
 
 def check_port(port: int) -> None:
-    """Raises InputError where no page can be served at `port`."""
+    """Raises InputError if no page can be served at `port`."""
     if not 0 <= port <= 65535:
         raise InputError(f"--port is {port}; give a port from 1 to 65535, or leave it out for the first free one")
     if not port:
@@ -80,5 +79,5 @@ def check_port(port: int) -> None:
             probe.listen()  # two sockets may share a port until one of them listens
         except OSError as error:
             raise InputError(
-                f"--port {port} cannot be had ({error.strerror}); give another, or leave it out for the first free one"
+                f"--port {port} is not available ({error.strerror}); give another, or omit it for the first free one"
             ) from None

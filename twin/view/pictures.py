@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from PIL.Image import Image
 
-RATE = 20.0  # [1/s] frames of the wall clock; a GIF counts in hundredths of a second
+RATE = 20.0  # [1/s] of wall time; a GIF counts in hundredths of a second
 MOST_FRAMES = 2000
-BATCH = 50  # frames that one drawing process makes: bounds what is in memory at once
+BATCH = 50  # frames per drawing process: limits the memory in use
 STRIP_COUNTS = (2, 12)  # fewest and most frames in a strip
-STAND_HEIGHT = 0.323  # [m] of the torso: at mid stroke the feet just touch the floor
+STAND_HEIGHT = 0.323  # [m] height of the torso at which the feet just touch the floor at mid stroke
 SIDES = (
     {"azimuth": 140.0, "elevation": -18.0},
     {"azimuth": 180.0, "elevation": -8.0},
@@ -35,15 +35,15 @@ SIDES = (
 
 @dataclass(frozen=True)
 class Names:
-    """What the solid leg and the ghost leg are called in a picture."""
+    """Names of the solid leg and the ghost leg in a picture."""
 
     leg: str
     ghost: str | None = None
 
 
 def frame_times(replay: Replay, speed: float) -> np.ndarray:
-    """Times [s] after the start of frames (n,) that show the replay at `speed` times its own; raises InputError where
-    these are too many to be meant."""
+    """Times [s] after the start of frames (n,) that show the replay at `speed` times real time; raises InputError for
+    too many frames."""
     n = int(np.floor(replay.length / speed * RATE)) + 1
     if n > MOST_FRAMES:
         enough = int(np.ceil(replay.length * RATE / (MOST_FRAMES - 1)))
@@ -57,9 +57,9 @@ def frame_times(replay: Replay, speed: float) -> np.ndarray:
 def frames(
     replay: Replay, times: np.ndarray, names: Names, tell: Callable[[int], None] = lambda done: None
 ) -> Iterator[Image]:
-    """Captioned pictures of the replay at `times` (n,) [s]; `tell` hears how many are drawn.
+    """Captioned pictures of the replay at `times` (n,) [s]; `tell` receives the number of drawn pictures.
 
-    Raises NoRenderer where this machine cannot draw.
+    Raises NoRenderer if this machine cannot draw.
     """
     for first in range(0, len(times), BATCH):
         part = times[first : first + BATCH]
@@ -71,7 +71,7 @@ def frames(
 
 
 def save_frames(images: Iterator[Image], folder: Path) -> int:
-    """Write frame-0001.png and so on into `folder`; how many."""
+    """Write frame-0001.png and so on into `folder`; returns their number."""
     n = 0
     for n, image in enumerate(images, 1):
         image.save(folder / f"frame-{n:04d}.png")
@@ -87,13 +87,11 @@ def save_gif(images: Iterator[Image], path: Path) -> None:
 
 @styled
 def strip(replay: Replay, names: Names, count: int) -> Figure:
-    """`count` frames along the replay with their times, above the angles that they are taken from."""
+    """`count` frames along the replay with their times, above the plot of the angles."""
     from matplotlib.figure import Figure
 
     if not STRIP_COUNTS[0] <= count <= STRIP_COUNTS[1]:
-        raise InputError(
-            f"a strip of {count} frames is asked for; give from {STRIP_COUNTS[0]} to {STRIP_COUNTS[1]} frames"
-        )
+        raise InputError(f"the strip has {count} frames; give {STRIP_COUNTS[0]} to {STRIP_COUNTS[1]} frames")
     times = np.linspace(0, replay.length, count)
     poses = np.array([replay.pose(time) for time in times])
     pictures = draw(replay.model, poses, [replay.camera()] * count, stand=True, size=(480, 480))
@@ -156,7 +154,7 @@ def _moving(replay: Replay) -> list[str]:
 
 
 def _trace(axes, replay: Replay, names: Names, joint: str, times: np.ndarray) -> None:
-    for part, name, colour, width in (  # the ghost's is the finer pen, so that both are seen where they agree
+    for part, name, colour, width in (  # the ghost has the thinner line, so that both are visible where they agree
         (replay.leg, names.leg, INK, 1.9),
         (replay.ghost, f"{names.ghost} (ghost)", GHOST[:3], 1.0),
     ):

@@ -1,6 +1,6 @@
 """A recorded movement of the leg as poses of the robot on a stand, with a second record as a ghost leg.
 
-Kinematic: joint angles are set, nothing is simulated. The ghost is the rear left leg of the same model, moved onto the
+Kinematic: joint angles are set without simulation. The ghost is the rear left leg of the same model, moved onto the
 front left one and made translucent, so both legs are the same leg with the same actuators.
 """
 
@@ -19,14 +19,14 @@ from twin.view.stills import on_stand, tint
 
 GHOST_LEG = LEGS["rear_left"]
 GHOST = (0.10, 0.50, 1.0, 0.38)
-GHOST_SCALE = 0.94  # thinner than the leg: where the two coincide it hides inside, and nothing flickers
+GHOST_SCALE = 0.94  # thinner than the leg, so that it is hidden inside without flicker where the two coincide
 HIDDEN = (0.0, 0.0, 0.0, 0.0)
-REST = 1.0  # [s] on the wall clock that the last pose stays before the replay starts again
+REST = 1.0  # [s] of wall time that the last pose stays before the replay starts again
 
 
 @dataclass(frozen=True)
 class Movement:
-    """Joint angles (N,) [rad] by joint at the times t (N,) [s], which grow; what a leg did, whoever recorded it."""
+    """Joint angles (N,) [rad] by joint at the times t (N,) [s], which increase: the recorded motion of a leg."""
 
     t: np.ndarray
     angles: Mapping[str, np.ndarray]
@@ -42,10 +42,10 @@ class Movement:
                     "angle for each time"
                 )
             if not np.isfinite(angle).any():
-                raise InputError(f"{joint} has no angle that is a finite number; give a record that has some")
+                raise InputError(f"{joint} has no finite angle; give a record with finite angles")
 
     def at(self, time: float) -> dict[str, float]:
-        """Angles [rad] by joint at `time` [s]: straight between samples, over missing ones, held at the ends."""
+        """Angles [rad] by joint at `time` [s]: linear between measured samples, constant beyond the ends."""
         known = {joint: np.isfinite(angle) for joint, angle in self.angles.items()}
         return {
             joint: float(np.interp(time, self.t[known[joint]], angle[known[joint]]))
@@ -54,10 +54,10 @@ class Movement:
 
 
 def movement(log: Log, joint: str | None = None) -> Movement:
-    """What `log` measured, as a movement of `joint`; the log's own joint where it knows one.
+    """The measured movement of `joint` in `log`; the joint of the log if it names one.
 
-    A log with all three joints has y (N, 3) in the order of `JOINTS`. Raises InputError where no one says which joint
-    moved, or two say different things.
+    A log with all three joints has y (N, 3) in the order of `JOINTS`. Raises InputError if the joint is not given, or
+    if log and `joint` differ.
     """
     if joint is not None:
         check_joint(joint)
@@ -66,23 +66,23 @@ def movement(log: Log, joint: str | None = None) -> Movement:
         columns = {name: y[:, k] for k, name in enumerate(JOINTS)}
         return Movement(log.t, columns if joint is None else {joint: columns[joint]})
     if not (joint or log.joint):
-        raise InputError(f"the log does not say which joint moved; say it with --joint ({', '.join(JOINTS)})")
+        raise InputError(f"the log does not name the joint that moved; give --joint ({', '.join(JOINTS)})")
     if joint and log.joint and joint != log.joint:
-        raise InputError(f"the log says that {log.joint} moved, --joint says {joint}; leave --joint out")
+        raise InputError(f"the log names the joint {log.joint} and --joint is {joint}; leave --joint out")
     return Movement(log.t, {joint or log.joint: y.ravel()})
 
 
 def moment(wall: float, length: float, speed: float = 1.0, rest: float = REST) -> float:
-    """Time [s] within a record of `length` [s] that is shown `wall` [s] after the start, at `speed` times its own.
+    """Time [s] within a record of `length` [s] that is shown `wall` [s] after the start, at `speed` times real time.
 
-    After the end the last pose rests for `rest` [s] of the wall clock, then the record starts again.
+    After the end the last pose stays for `rest` [s] of wall time, then the record starts again.
     """
     return min(speed * (max(wall, 0.0) % (length / speed + rest)), length)
 
 
 @dataclass(frozen=True)
 class Replay:
-    """The leg's movement and perhaps a ghost's, between `start` and `stop` [s]; the whole of both where not given."""
+    """The movement of the leg and optionally of a ghost, from `start` to `stop` [s]; by default all of it."""
 
     leg: Movement
     ghost: Movement | None = None
@@ -110,7 +110,7 @@ class Replay:
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """The robot with one leg to see, two with a ghost; nothing in it pushes, should someone step it."""
+        """The robot with one visible leg, two with a ghost; it has no forces, even if it is stepped."""
         model = robot(self.parameters)
         colours = {suffix: HIDDEN for suffix in LEGS.values() if suffix != BENCH_LEG}
         if self.ghost is not None:
@@ -127,7 +127,7 @@ class Replay:
         return model
 
     def pose(self, time: float) -> np.ndarray:
-        """Pose (nq,) of `model` at `time` [s] after the start; joints that no record moves stand at mid stroke."""
+        """Pose (nq,) of `model` at `time` [s] after the start; joints without a record are at mid stroke."""
         parameters = self.parameters or Parameters()
         qpos = on_stand(self.model, parameters, self.leg.at(self.start + time))
         if self.ghost is not None:
@@ -136,7 +136,7 @@ class Replay:
         return qpos
 
     def camera(self) -> dict:
-        """Entries of `twin.view.stills.CAMERA` that show the whole leg wherever it goes."""
+        """Entries of `twin.view.stills.CAMERA` that show the whole leg in all its poses."""
         if "shoulder" in self.leg.angles and len(self.leg.angles) == 1:
             return {"lookat": (0.13, 0.24, 0.33), "distance": 1.05, "azimuth": 200.0, "elevation": -48.0}
         return {"lookat": (0.16, 0.26, 0.31), "distance": 1.05, "azimuth": 196.0, "elevation": -12.0}

@@ -1,7 +1,7 @@
-"""Pictures of the robot by MuJoCo's offscreen renderer, and what every view of it adds: the actuators' cylinders.
+"""Pictures of the robot by MuJoCo's offscreen renderer, and the actuators' cylinders that every view adds.
 
-The renderer runs in a process of its own: a machine without OpenGL may kill the process that tries, and which backend
-works is known only after trying. That process gets a compiled model and poses, so it draws any model of this leg.
+The renderer runs in its own process: without OpenGL the process may be killed, and only a test shows which backend
+works. The process gets a compiled model and poses, so it draws any model of this leg.
 """
 
 import os
@@ -21,11 +21,11 @@ from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import BENCH_LEG, LEGS, robot
 
 BACKENDS = {"darwin": ("cgl",), "win32": ("wgl",)}.get(sys.platform, ("egl", "osmesa"))
-TIMEOUT = 60.0  # [s] a backend gets to start and draw a first picture; software rendering takes a few
+TIMEOUT = 60.0  # [s] for a backend to start and draw a first picture; software rendering takes a few
 PER_PICTURE = 3.0  # [s] more for each picture
 WIDTH, HEIGHT = 640, 480
-# What a camera is: the point it looks at [m], how far it is from there [m], azimuth and elevation [deg], and whether
-# that point is counted from the torso instead of the floor's origin, so that a walking robot stays in the picture.
+# A camera: the point it looks at [m], its distance from there [m], azimuth and elevation [deg], and whether the point
+# is relative to the torso instead of the floor's origin, so that a walking robot stays in the picture.
 CAMERA: Mapping[str, Any] = {
     "lookat": (0.0, 0.0, 0.19),
     "distance": 1.4,
@@ -40,13 +40,13 @@ VIEWS: Mapping[str, Mapping[str, Any]] = {
     "shank": _FROM_THE_FRONT,
 }
 TORSO_HEIGHT = 0.46  # [m] on its stand: no foot reaches the floor
-FADED = (0.75, 0.78, 0.82, 0.28)  # the three legs that a still is not about
-UNSEEN = 5  # a group that no viewer shows unless asked to
+FADED = (0.75, 0.78, 0.82, 0.28)  # the three legs that a still does not show
+UNSEEN = 5  # a group that viewers hide by default
 STAND = (0.35, 0.38, 0.43, 1.0)
 
 
 class NoRenderer(RuntimeError):  # noqa: N818 - reads as what it says
-    """This machine cannot draw; the text says what was tried."""
+    """This machine cannot draw; the text says which backends were tried."""
 
 
 class Rod(NamedTuple):
@@ -66,8 +66,8 @@ def draw_robot(
 ) -> list[np.ndarray]:
     """Pictures (height, width, 3) uint8 of the robot on its floor, one for each pose in `qpos` (n, nq).
 
-    `model` is the one that the poses come from, `robot()` where it is left out. `camera` changes entries of `CAMERA`.
-    Raises InputError where the poses do not fit the model, NoRenderer where this machine cannot draw.
+    `model` is the one that the poses come from, by default `robot()`. `camera` changes entries of `CAMERA`. Raises
+    InputError if the poses do not fit the model, NoRenderer if this machine cannot draw.
     """
     model = robot() if model is None else model
     qpos = np.atleast_2d(np.asarray(qpos, dtype=float))
@@ -75,9 +75,9 @@ def draw_robot(
 
 
 def leg_stills() -> list[tuple[str, str, np.ndarray]]:
-    """(joint, "min" or "max", picture (480, 640, 3) uint8) at both ends of every joint's travel, play centred.
+    """(joint, "min" or "max", picture (480, 640, 3) uint8) at both ends of every joint's travel, the backlash centred.
 
-    Raises NoRenderer where none can be made.
+    Raises NoRenderer if no picture can be made.
     """
     parameters = Parameters()
     model = robot(parameters)
@@ -102,7 +102,7 @@ def on_stand(model: mujoco.MjModel, parameters: Parameters, angles: Mapping[str,
 
 
 def mid_stroke(model: mujoco.MjModel, parameters: Parameters) -> np.ndarray:
-    """Pose (nq,) of `model`, a robot, with every joint at mid stroke; the torso where the model has it."""
+    """Pose (nq,) of `model`, a robot, with every joint at mid stroke and the torso at its place in the model."""
     qpos = np.array(model.qpos0)
     for suffix in LEGS.values():
         for joint in JOINTS:
@@ -129,7 +129,7 @@ def tint(model: mujoco.MjModel, colours: Mapping[str, Sequence[float]]) -> None:
             chosen = [name.endswith(suffix) for name in names]
             rgba[chosen], material[chosen] = colour, -1
             if colour[3] == 0:
-                group[chosen] = UNSEEN  # opacity 0 alone would still throw a shadow
+                group[chosen] = UNSEEN  # opacity 0 alone would still cast a shadow
 
 
 def cylinders(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Rod]:
@@ -182,7 +182,7 @@ def draw(
 ) -> list[np.ndarray]:
     """Pictures (height, width, 3) uint8 of `model`, a robot, in the poses `qpos` (n, nq), each from its own camera.
 
-    `stand` puts a column under the torso. Raises InputError for poses or cameras that do not fit, NoRenderer where this
+    `stand` puts a column under the torso. Raises InputError for poses or cameras that do not fit, NoRenderer if this
     machine cannot draw.
     """
     _check(model, qpos, cameras, size)
@@ -206,7 +206,7 @@ def draw(
                     check=False,
                 )
             except subprocess.TimeoutExpired:
-                reasons.append(f"{backend}: nothing within {limit:g} s")
+                reasons.append(f"{backend}: no answer within {limit:g} s")
                 continue
             if done.returncode == 0 and (folder / "pictures.npy").is_file():
                 return list(np.load(folder / "pictures.npy"))
@@ -230,11 +230,11 @@ def _check(
             raise unknown("camera entry", name, CAMERA)
     largest = model.vis.global_.offwidth, model.vis.global_.offheight
     if not all(1 <= side <= most for side, most in zip(size, largest, strict=True)):
-        raise InputError(f"pictures of {size[0]} x {size[1]} are asked for; this model draws up to {largest}")
+        raise InputError(f"the picture size is {size[0]} x {size[1]}; this model draws up to {largest}")
 
 
 def _draw_here(folder: Path) -> None:
-    """What the process of its own does: the request in `folder` to pictures.npy (n, height, width, 3)."""
+    """The work of the separate process: from the request in `folder` to pictures.npy (n, height, width, 3)."""
     model = mujoco.MjModel.from_binary_path(str(folder / "model.mjb"))
     data = mujoco.MjData(model)
     option = mujoco.MjvOption()

@@ -1,6 +1,6 @@
-"""MuJoCo's web viewer, with poses of a replay or a simulated robot, and the cylinders that are no bodies of the model.
+"""MuJoCo's web viewer, with poses of a replay or a simulated robot, and the cylinders that are not bodies of the model.
 
-Importing this raises ImportError where a library that the web viewer needs is missing.
+Importing this raises ImportError if a library of the web viewer is missing.
 """
 
 import logging
@@ -17,7 +17,7 @@ from twin.view.pictures import standing_robot
 from twin.view.replay import Replay, moment
 from twin.view.stills import column, cylinders, shape
 
-FRAME = 1 / 60  # [s] between poses that go to the viewer
+FRAME = 1 / 60  # [s] between poses sent to the viewer
 
 
 def serve(replay: Replay | None, speed: float, port: int) -> None:
@@ -33,13 +33,13 @@ def serve(replay: Replay | None, speed: float, port: int) -> None:
     data = mujoco.MjData(model)
     data.qpos[:] = pose
     config = viewer_protocol.ViewerConfig(title="qpal view", gfx="web", http_port=port, open_browser=True)
-    logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # that a person closes the page is no error
+    logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # closing the page is not an error
     with on_this_machine_only():
         launch_web.run(config, model=model, data=data, plugins=plugins)
 
 
 class Player(plugin.SimPlugin):
-    """Sets the pose of the moment instead of stepping physics; obeys the viewer's own pause and speed."""
+    """Sets the current pose instead of stepping physics; follows the viewer's pause and speed."""
 
     def __init__(self, replay: Replay, speed: float) -> None:
         self._replay, self._speed = replay, speed
@@ -69,7 +69,7 @@ class Player(plugin.SimPlugin):
 
 
 class Overlay(plugin.ViewerPlugin):
-    """Draws the actuators' cylinders into every frame, and the column that a replay stands on."""
+    """Draws the actuators' cylinders into every frame, and the column under the robot of a replay."""
 
     def __init__(self, on_column: bool) -> None:
         self._on_column = on_column
@@ -95,10 +95,10 @@ def _aim(model: mujoco.MjModel, camera: Mapping[str, Any]) -> None:
 
 @contextmanager
 def on_this_machine_only() -> Iterator[None]:
-    """Inside, the web viewer listens on the loopback alone, and to its own page alone (see `twin.view.guard`).
+    """Within this context the web viewer serves the loopback only, and its own page only (see `twin.view.guard`).
 
-    MuJoCo 4.0 offers no such choice: it listens on every interface, without a password, to anyone who wants to steer,
-    to load a model, or to read the paths of files. The server starts inside, and stays as it was started.
+    MuJoCo 4.0 has no such option: it listens on every interface without a password, so that anyone can steer, load a
+    model or read the paths of files. A server started in this context keeps these settings.
     """
     server, banner = web_viewer.web_server, web_viewer._print_url_banner
     bind, listen = server.bind_public_socket, server.serve

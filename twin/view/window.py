@@ -1,4 +1,4 @@
-"""MuJoCo's window, with poses of a replay or a simulated robot, and the cylinders that are no bodies of the model."""
+"""MuJoCo's window, with poses of a replay or a simulated robot, and the cylinders that are not bodies of the model."""
 
 import time
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from twin.view.replay import Replay, moment
 from twin.view.stills import CAMERA, column, cylinders, shape
 
 FRAME = 1 / 60  # [s] between pictures
-LAG = 0.1  # [s] that the simulation may fall behind the clock before it lets time go
+LAG = 0.1  # [s] that the simulation may lag behind the clock before it skips time
 
 
 def window(replay: Replay | None, speed: float) -> None:
@@ -29,7 +29,7 @@ def window(replay: Replay | None, speed: float) -> None:
     if replay is None:
         data.userdata[:] = user_data(model, robot_circuits(Parameters()))
     clock = Clock()
-    panels = {"show_left_ui": False, "show_right_ui": replay is None}  # the motors' voltages are on the right
+    panels = {"show_left_ui": False, "show_right_ui": replay is None}  # the panel with the motors' voltages
     with suppress(KeyboardInterrupt), viewer.launch_passive(model, data, key_callback=clock.key, **panels) as handle:
         _aim(handle.cam, {**CAMERA, **({} if replay is None else replay.camera())})
         while handle.is_running():
@@ -56,7 +56,7 @@ class Clock:
         self._last: float | None = None
 
     def key(self, code: int) -> None:
-        """What the viewer calls with a key: the space bar pauses or goes on."""
+        """Key callback of the viewer: the space bar pauses or continues."""
         if code == ord(" "):
             self._paused = not self._paused
 
@@ -69,9 +69,9 @@ class Clock:
 
 
 def simulate(model: mujoco.MjModel, data: mujoco.MjData, passed: float) -> None:
-    """Step physics through `passed` [s], less where the machine would not keep up; ctrl keeps what a person asked."""
+    """Step physics through `passed` [s], less if the machine is too slow; ctrl keeps the person's settings."""
     asked = data.ctrl.copy()
-    with boards():  # they put the motors' voltages where the commands stood
+    with boards():  # the board's kernels replace the commands by the motors' voltages
         for _ in range(round(min(passed, LAG) / model.opt.timestep)):
             data.ctrl[:] = asked
             mujoco.mj_step(model, data)

@@ -1,4 +1,4 @@
-"""Adaptive Gauss-Newton: the singular values to ignore are learnt from how often a step had to be halved."""
+"""Adaptive Gauss-Newton: the threshold of ignored singular values follows the number of halvings of a step."""
 
 from typing import Any
 

@@ -13,7 +13,7 @@ _HALVINGS = 2
 
 
 class Auto:
-    """auto: at each iteration gn, lm, gna, gradient in this order; the first descent is taken."""
+    """auto: at each iteration gn, lm, gna, gradient in this order; the first step that lowers the loss is used."""
 
     name = "auto"
 
@@ -22,7 +22,7 @@ class Auto:
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         for method in self._methods:
-            # A Gauss-Newton step that must be halved often leads where the data hardly show: lm knows better.
+            # A Gauss-Newton step that is halved often goes in poorly determined directions; lm is better there.
             limits = replace(options, max_halvings=_HALVINGS) if method.name == "gn" else options
             step = method.step(lin, attempt, memory.setdefault(method.name, {}), limits)
             if step is not None:

@@ -8,9 +8,9 @@ _DAMPING, _FACTOR, _FLOOR, _CEILING = 1e-3, 2.0, 1e-14, 1e9
 
 
 class LevenbergMarquardt:
-    """lm: damping from 1e-3, doubled until the loss falls, lowered by how well the linear model foretold the drop.
+    """lm: damping from 1e-3, doubled until the loss falls, lowered by the ratio of actual to predicted reduction.
 
-    Marquardt's scaling (More 1978) makes it blind to units; lowering by the gain ratio follows Nielsen 1999.
+    Marquardt's scaling (More 1978) makes it independent of units; the reduction by the gain ratio follows Nielsen 1999.
     """
 
     name = "lm"

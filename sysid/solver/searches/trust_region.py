@@ -11,8 +11,8 @@ from sysid.solver.iterate import Attempt, Linearisation, Options, Step
 class TrustRegion:
     """trust_region: the exact solution of the subproblem (More and Sorensen 1983), found by SciPy's `brentq`.
 
-    Radii are in columns of unit norm. A step that keeps less than a quarter of its promise shrinks the radius to a
-    quarter, one that keeps more than three quarters lets it grow (Nocedal and Wright, Numerical Optimization, ch. 4).
+    Radii are in columns of unit norm. If the actual reduction is below a quarter of the predicted one, the radius
+    shrinks to a quarter; above three quarters it grows (Nocedal and Wright, Numerical Optimization, ch. 4).
     """
 
     name = "trust_region"
@@ -47,7 +47,7 @@ def within(lin: Linearisation, radius: float) -> np.ndarray:
     def excess(log_damping: float) -> float:
         return float(np.log(np.linalg.norm(uz * s / (s * s + np.exp(log_damping))) / radius))
 
-    # Between no damping, where the step is too long, and one so large that its length is |uz s| / damping < radius.
+    # The bracket is from no damping (the step is too long) to a damping so large that |uz s| / damping < radius.
     low, high = -80.0, float(np.log(np.linalg.norm(uz * s) / radius)) + 1.0
     if excess(low) <= 0.0 or excess(high) >= 0.0:
         return full * radius / float(np.linalg.norm(lin.scaled(full)))
