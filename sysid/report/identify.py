@@ -44,7 +44,8 @@ def terminal_tables(result: Identification) -> list[Grid]:
     """What the command prints: the ranking of a search, criteria and poles."""
     e = result.evaluation
     ranking = [] if result.selection is None else [ranking_grid(result)]
-    return [*ranking, sections.criteria_grid(e), *sections.only([sections.pole_grid(e), sections.values_grid(e)])]
+    criteria = sections.criteria_grid(e).only("criterion", "value")
+    return [*ranking, criteria, *sections.only([sections.pole_grid(e), sections.values_grid(e)])]
 
 
 def terminal_sentences(result: Identification) -> list[str]:

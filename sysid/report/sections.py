@@ -5,6 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from sysid.base.criteria import TABLE as CRITERIA
 from sysid.joint.values import JointValue
 from sysid.nlarx.result import ONE_STEP, NlarxFit
 from sysid.report import figures, style
@@ -220,32 +221,33 @@ def parameter_grid(evaluation: Evaluation, caption: str = "All parameters") -> G
 
 
 def criteria_grid(evaluation: Evaluation) -> Grid:
-    """Fit of both parts and the criteria of the estimation part."""
+    """Fit of both parts, and every criterion of the estimation part with what it means."""
     c = evaluation.fit.criteria
     unit = f" [{evaluation.estimation.y_unit}²]" if evaluation.estimation.y_unit else ""
     rows = [
-        ("fit, free run, validation part", percent(evaluation.validation_fit)),
-        ("fit, free run, estimation part", percent(evaluation.estimation_fit)),
+        ("fit, free run, validation part", percent(evaluation.validation_fit), "the whole output from the input alone"),
+        ("fit, free run, estimation part", percent(evaluation.estimation_fit), "the same where the model was fitted"),
         *_one_step_rows(evaluation),
-        (f"loss V, mean squared error{unit}", number(c.loss)),
-        (f"FPE{unit}", number(c.fpe)),
-        ("AIC", number(c.aic)),
-        ("AICc", number(c.aicc)),
-        ("nAIC", number(c.naic)),
-        ("BIC", number(c.bic)),
-        ("free parameters d / samples N", f"{c.d} / {c.N}"),
+        (f"loss V, mean squared error{unit}", number(c.loss), "what the search minimised"),
+        *(
+            (f"{entry.label}{unit if entry.squared else ''}", number(entry.formula(c)), entry.meaning)
+            for entry in CRITERIA.values()
+        ),
+        ("free parameters d / samples N", f"{c.d} / {c.N}", "d after the gauge, initial states counted"),
     ]
-    caption = "FPE, AIC and BIC are about errors one step ahead" if _one_step(evaluation) else ""
-    return Grid(("criterion", "value"), rows, caption)
+    *most, last = (entry.label for entry in CRITERIA.values())
+    caption = f"{', '.join(most)} and {last} are about errors one step ahead" if _one_step(evaluation) else ""
+    return Grid(("criterion", "value", "meaning"), rows, caption, last_text=True)
 
 
-def _one_step_rows(evaluation: Evaluation) -> list[tuple[str, str]]:
+def _one_step_rows(evaluation: Evaluation) -> list[tuple[str, str, str]]:
     one = evaluation.one_step
     if one is None:
         return []
+    meaning = "each sample from all measured ones before it"
     return [
-        ("fit, ONE STEP ahead, validation part", percent(one.validation_fit)),
-        ("fit, ONE STEP ahead, estimation part", percent(one.estimation_fit)),
+        ("fit, ONE STEP ahead, validation part", percent(one.validation_fit), meaning),
+        ("fit, ONE STEP ahead, estimation part", percent(one.estimation_fit), meaning),
     ]
 
 
