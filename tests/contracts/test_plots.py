@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import sysid
-from sysid.plots import figures as plots
+from sysid import plots
 from sysid.systems import system
 from sysid.uncertainty import bands, curves, intervals, responses
 
@@ -31,10 +31,10 @@ def test_responses_show_the_band_and_the_units(case):
     *_, info = case
     band = responses.step(info)
     axes = plots.step(band, y_unit="rad", u_unit="V")
-    assert axes.get_xlabel() == "time [s]"
-    assert axes.get_ylabel() == "output [rad per V]"
-    np.testing.assert_allclose(axes.lines[0].get_ydata(), band.value)
-    assert shaded(axes) == pytest.approx((band.lower.min(), band.upper.max()))
+    assert axes.get_xlabel() == "time after the step [s]"
+    assert axes.get_ylabel() == "output [deg per V]"
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), np.degrees(band.value))
+    assert shaded(axes) == pytest.approx(np.degrees((band.lower.min(), band.upper.max())))
     assert "95 %" in axes.get_legend().get_texts()[1].get_text()
     assert plots.impulse(responses.impulse(info)).lines[0].get_ydata()[0] == 0.0  # nk = 1
 
@@ -69,7 +69,7 @@ def test_maps_say_which_scale_they_are_in(case):
     assert "own scale" in first.get_title("left")
     assert first.get_xlabel() == "u [V]"
     assert "normalised scale" in last.get_title("left")
-    assert last.get_ylabel() == "y [rad]"
+    assert last.get_ylabel() == "y [deg]"
     assert any(t.get_text() == "no nonlinearity" for t in last.get_legend().get_texts())
 
 
@@ -77,9 +77,9 @@ def test_simulated_output_with_band_over_data(case):
     data, _, info = case
     band = bands.linear(info)
     axes = plots.simulated(band, data)
-    np.testing.assert_array_equal(axes.lines[0].get_ydata(), data.y[:, 0])
-    assert axes.get_ylabel() == "angle [rad]"
-    assert shaded(axes) == pytest.approx((band.lower.min(), band.upper.max()))
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), np.degrees(data.y[:, 0]))
+    assert axes.get_ylabel() == "angle [deg]"
+    assert shaded(axes) == pytest.approx(np.degrees((band.lower.min(), band.upper.max())))
     drawn = plots.simulated(bands.monte_carlo(info, draws=40), data)
     assert "40 draws" in drawn.get_legend().get_texts()[2].get_text()
 
