@@ -26,9 +26,8 @@ def close_ups(data: IOData, run: np.ndarray, axes: Sequence[Axes] | None = None,
     for ax, title, sign in ((both[0], "(a) upper peak", 1.0), (both[1], "(b) lower peak", -1.0)):
         centre = _first_peak(sign * data.y[:, 0])
         a, b = max(0, centre - width), min(data.N, centre + width + 1)
-        dots: dict[str, Any] = (
-            {"marker": ".", "markersize": 3} if b - a < 200 else {}
-        )  # more of them would only make the line fat
+        # More dots than that would only make the line fat.
+        dots: dict[str, Any] = {"marker": ".", "markersize": 3} if b - a < 200 else {}
         ax.plot(data.t[a:b], data.y[a:b, 0] * y.factor, color=style.INK, label="measured", **dots)
         ax.plot(data.t[a:b], run[a:b] * y.factor, color=style.MODEL, label="free run")
         ax.set(title=title, xlabel=time, ylabel=y.label)

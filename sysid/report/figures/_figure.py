@@ -26,13 +26,15 @@ def _always(evaluation: Evaluation) -> bool:
 class ReportFigure:
     """One figure of the report of `qpal identify`, made from an evaluation; other reports may show it too.
 
-    `draw` returns the axes that it drew into, and may take options that another report gives.
+    `draw` returns the axes that it drew into, and may take options that another report gives. The axes of a figure name
+    their units, but where it shows `pure` numbers alone.
     """
 
     section: SectionTitle
     draw: Callable[..., Axes | Sequence[Axes]]
     caption: Callable[[Evaluation], str]
     applies: Callable[[Evaluation], bool] = _always
+    pure: bool = False
 
     def picture(self, name: str, evaluation: Evaluation, lead: str = "", **options: Any) -> Picture | None:
         """The figure with its caption, behind `lead`; None where it does not apply to this model or record."""

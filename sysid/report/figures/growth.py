@@ -61,4 +61,4 @@ def applies(e: Evaluation) -> bool:
     return e.growth is not None and bool(e.growth.steps)
 
 
-FIGURE = ReportFigure("Model", draw, caption, applies)
+FIGURE = ReportFigure("Model", draw, caption, applies, pure=True)

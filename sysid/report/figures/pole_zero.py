@@ -36,4 +36,4 @@ def applies(e: Evaluation) -> bool:
     return e.linear
 
 
-FIGURE = ReportFigure("Model", draw, caption, applies)
+FIGURE = ReportFigure("Model", draw, caption, applies, pure=True)
