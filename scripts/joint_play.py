@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import twin
+from sysid.base import style
 from sysid.blocks import CoastingPlay, Play
-from sysid.report import style
 
 QUIET = ("noise", "adc", "jitter", "dropouts", "nonlinearity")
 FILE = Path(__file__).resolve().parent.parent / "docs" / "joint-play.png"

@@ -24,14 +24,20 @@ class Criteria:
 
     def as_dict(self) -> dict[str, float]:
         """All values by name."""
-        return {"loss": self.loss, "mse": self.mse, **{n: f(self) for n, f in TABLE.items()}, "N": self.N, "d": self.d}
+        return {
+            "loss": self.loss,
+            "mse": self.mse,
+            **{n: c.formula(self) for n, c in TABLE.items()},
+            "N": self.N,
+            "d": self.d,
+        }
 
     def __getattr__(self, name: str) -> float:
         if name not in TABLE:
             raise AttributeError(
                 f"there is no criterion {name!r}; choose one of {', '.join(TABLE)}, loss, mse, N and d"
             )
-        return TABLE[name](self)
+        return TABLE[name].formula(self)
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *TABLE]
@@ -66,7 +72,26 @@ def _bic(c: Criteria) -> float:
     return _likelihood(c) + c.d * float(np.log(c.N))
 
 
-TABLE: dict[str, Callable[[Criteria], float]] = {"fpe": _fpe, "aic": _aic, "aicc": _aicc, "naic": _naic, "bic": _bic}
+@dataclass(frozen=True)
+class Criterion:
+    """One criterion: its formula, how people write it, and what it says in one line.
+
+    `squared` marks one that has the unit of y squared; the others are pure numbers.
+    """
+
+    formula: Callable[[Criteria], float]
+    label: str
+    meaning: str
+    squared: bool = False
+
+
+TABLE: dict[str, Criterion] = {
+    "fpe": Criterion(_fpe, "FPE", "mean squared error to expect on new data of the same kind", squared=True),
+    "aic": Criterion(_aic, "AIC", "likelihood with a penalty on d; compares models on one record, lower is better"),
+    "aicc": Criterion(_aicc, "AICc", "AIC corrected for few samples"),
+    "naic": Criterion(_naic, "nAIC", "AIC per sample, without its constant"),
+    "bic": Criterion(_bic, "BIC", "as AIC, but its penalty grows with N: it prefers smaller models"),
+}
 
 
 def criteria(loss: float, N: int, d: int, mse: float | None = None) -> Criteria:

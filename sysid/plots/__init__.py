@@ -1,1 +1,64 @@
-"""Figures of a fit, each drawn from finished numbers."""
+"""The figures: one kind a file, one line in `TABLE`. Each is drawn from finished numbers and computes nothing.
+
+Every function takes what it shows, and as `axes` the Axes to draw into (a list of them where it has several panels);
+without, it makes a figure of its own. It returns what it drew into. Radians are shown as degrees. Shaded areas are
+intervals of the level that their legend names. Matplotlib is imported when something is drawn.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from sysid.plots._runs import Run
+from sysid.plots.bode import bode
+from sysid.plots.close_ups import close_ups
+from sysid.plots.comparison import comparison
+from sysid.plots.free_runs import free_run, free_runs
+from sysid.plots.pole_zero import pole_zero, pole_zero_map
+from sysid.plots.records import parts, record
+from sysid.plots.residual_tests import higher_order_tests, residual_tests
+from sysid.plots.responses import impulse, step
+from sysid.plots.simulated import simulated
+from sysid.plots.static_maps import static_curve, static_maps
+from sysid.plots.steady_state import steady_state
+
+TABLE: dict[str, Callable[..., Any]] = {
+    "bode": bode,
+    "close_ups": close_ups,
+    "comparison": comparison,
+    "free_run": free_run,
+    "free_runs": free_runs,
+    "higher_order_tests": higher_order_tests,
+    "impulse": impulse,
+    "parts": parts,
+    "pole_zero": pole_zero,
+    "pole_zero_map": pole_zero_map,
+    "record": record,
+    "residual_tests": residual_tests,
+    "simulated": simulated,
+    "static_curve": static_curve,
+    "static_maps": static_maps,
+    "steady_state": steady_state,
+    "step": step,
+}
+
+__all__ = [
+    "TABLE",
+    "Run",
+    "bode",
+    "close_ups",
+    "comparison",
+    "free_run",
+    "free_runs",
+    "higher_order_tests",
+    "impulse",
+    "parts",
+    "pole_zero",
+    "pole_zero_map",
+    "record",
+    "residual_tests",
+    "simulated",
+    "static_curve",
+    "static_maps",
+    "steady_state",
+    "step",
+]

@@ -1,11 +1,12 @@
 """The report of `qpal identify`: one record, one model."""
 
+from sysid.base.units import Quantity, number, percent, poles
 from sysid.base.versions import versions
 from sysid.estimation.result import Fit
 from sysid.export import closed_form
-from sysid.report import figures, growth, sections, style
-from sysid.report.page import Grid, Listing, Page, Picture, Section
-from sysid.report.units import Quantity, number, percent, poles
+from sysid.report import figures, sections
+from sysid.report.page import Grid, Listing, Page, Section
+from sysid.report.words import tests_in_words
 from sysid.selection.select import Selection
 from sysid.structures import TABLE
 from sysid.workflow.evaluation import Evaluation
@@ -44,7 +45,8 @@ def terminal_tables(result: Identification) -> list[Grid]:
     """What the command prints: the ranking of a search, criteria and poles."""
     e = result.evaluation
     ranking = [] if result.selection is None else [ranking_grid(result)]
-    return [*ranking, sections.criteria_grid(e), *sections.only([sections.pole_grid(e), sections.values_grid(e)])]
+    criteria = sections.criteria_grid(e).only("criterion", "value")
+    return [*ranking, criteria, *sections.only([sections.pole_grid(e), sections.values_grid(e)])]
 
 
 def terminal_sentences(result: Identification) -> list[str]:
@@ -54,7 +56,7 @@ def terminal_sentences(result: Identification) -> list[str]:
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
     notes = [f"Note: {note}." for note in (*result.record.notes, *e.notes)]
     grown = [e.growth.sentence()] if e.growth else []
-    said = [*chosen, *grown, sections.tests_in_words(e), sections.search_sentence(e), *advice, *notes]
+    said = [*chosen, *grown, tests_in_words(e), sections.search_sentence(e), *advice, *notes]
     return [*said, *_next(result)]
 
 
@@ -126,7 +128,7 @@ def _verdict(result: Identification) -> list[str]:
     first = (
         f"{sections.model_in_words(e)} runs free over the validation part with a fit of "
         f"{percent(e.validation_fit)} ({percent(e.estimation_fit)} on the part that it was fitted to). "
-        f"{_stability(e)} {sections.tests_in_words(e)}"
+        f"{_stability(e)} {tests_in_words(e)}"
     )
     chosen = [] if result.selection is None else [_found(result.selection)]
     return [first, *chosen, sections.search_sentence(e), *(f"Note: {note}." for note in e.notes), *_next(result)]
@@ -142,13 +144,7 @@ def _stability(e: Evaluation) -> str:
 
 
 def _data(record: Record, e: Evaluation) -> Section:
-    n = e.estimation.N
-    u, y = sections.signals(e)
-    split = Picture(
-        "data",
-        style.png(figures.preprocessed(e.estimation, e.validation)),
-        f"The record as it was used: the first {n} samples for estimation, the other {e.validation.N} for validation.",
-    )
+    u, y = figures.signals(e)
     removed = (
         f"Removed before the fit: {_offset(u, e.estimation.u_offset[0])} from the input and "
         f"{_offset(y, e.estimation.y_offset[0])} from the output (means over the whole record). "
@@ -156,14 +152,11 @@ def _data(record: Record, e: Evaluation) -> Section:
         else "Nothing was removed from the data. "
     )
     notes = "".join(f"{note[0].upper()}{note[1:]}. " for note in record.notes)
-    return Section("Data", [f"Read from {record.path}. {notes}{removed}"], pictures=[split])
+    return Section("Data", [f"Read from {record.path}. {notes}{removed}"], pictures=figures.pictures("Data", e))
 
 
 def _offset(quantity: Quantity, value: float) -> str:
     return f"{number(value * quantity.factor)} {quantity.unit}".rstrip()
-
-
-_ONE_STEP = " The last panel is no free run: each sample there is foretold from the measured ones before it."
 
 
 _PHYSICS = (
@@ -174,22 +167,10 @@ _PHYSICS = (
 
 
 def _output(e: Evaluation) -> Section:
-    run = Picture(
-        "free-run",
-        style.png(figures.free_run(e)),
-        f"Measured output and the model's free run: only the input is used, and the first {e.fit.n_init} outputs of "
-        f"each part for the initial state; these are not scored.{_ONE_STEP if e.one_step else ''}",
-    )
-    return Section("Model output", pictures=[run, sections.picture_of_close_ups("close-up", e)])
+    return Section("Model output", pictures=figures.pictures("Model output", e))
 
 
 def _model(e: Evaluation) -> Section:
-    pictures = [
-        sections.picture_of_poles("pole-zero", e),
-        sections.picture_of_step("step-response", e),
-        sections.picture_of_maps("static-maps", e),
-        growth.picture(e.growth),
-    ]
     return Section(
         "Model",
         [
@@ -198,14 +179,12 @@ def _model(e: Evaluation) -> Section:
             *([_PHYSICS] if e.values else []),
         ],
         tables=sections.only([sections.values_grid(e), sections.criteria_grid(e), sections.pole_grid(e)]),
-        pictures=sections.only(pictures),
+        pictures=figures.pictures("Model", e),
         details=[sections.parameter_grid(e)],
     )
 
 
 def _residuals(e: Evaluation) -> Section:
-    picture = sections.picture_of_residuals("residuals", e)
-    words = [] if picture else [sections.tests_in_words(e)]
-    return Section(
-        "Residual tests", [*words, *filter(None, [sections.higher_in_words(e)])], pictures=sections.only([picture])
-    )
+    pictures = figures.pictures("Residual tests", e)
+    words = [] if e.tests else [tests_in_words(e)]  # else they stand in the caption
+    return Section("Residual tests", [*words, *filter(None, [sections.higher_in_words(e)])], pictures=pictures)

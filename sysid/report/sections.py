@@ -1,15 +1,15 @@
-"""What more than one report shows: each piece draws from finished numbers and says in a sentence what to see."""
+"""What more than one report says, in tables and sentences, from finished numbers."""
 
 from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
 
+from sysid.base.criteria import TABLE as CRITERIA
+from sysid.base.units import number, percent, pole, shown
 from sysid.joint.values import JointValue
-from sysid.nlarx.result import ONE_STEP, NlarxFit
-from sysid.report import figures, style
-from sysid.report.page import Grid, Picture
-from sysid.report.units import Quantity, number, percent, pole, poles, shown
+from sysid.report.page import Grid
+from sysid.report.words import one_step
 from sysid.uncertainty.intervals import Interval, Root
 from sysid.workflow.evaluation import Evaluation
 
@@ -29,61 +29,6 @@ WORDS = {  # the physical values of an actuated joint as people call them
 }
 
 
-def picture_of_step(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
-    """Step response of the tangent linear model, where there is one."""
-    e = evaluation
-    if e.step is None:
-        return None
-    u, y = signals(e)
-    last = float(e.step.y[-1]) * y.factor
-    caption = (
-        f"{lead}Step response of the linear model that is tangent to the fit at the mean input: after "
-        f"{e.step.x[-1]:.3g} s it stands at {number(last, 3)} {y.unit or 'units of y'} per {u.unit or 'unit of u'}."
-    )
-    return Picture(name, style.png(figures.step_response(e.step, u, y)), caption)
-
-
-def signals(evaluation: Evaluation) -> tuple[Quantity, Quantity]:
-    """How input and output are shown."""
-    data = evaluation.estimation
-    return shown(data.u_name, data.u_unit), shown(data.y_name, data.y_unit)
-
-
-def picture_of_poles(
-    name: str, evaluation: Evaluation, lead: str = "", references: dict[str, np.ndarray] | None = None
-) -> Picture | None:
-    """Pole-zero map with a sentence on stability, where there is a linear block."""
-    if not evaluation.linear:
-        return None
-    p = evaluation.poles
-    inside = "all poles lie inside the unit circle, the model is stable" if evaluation.stable else "UNSTABLE"
-    if not evaluation.stable:
-        inside = f"{int(np.sum(np.abs(p) >= 1))} pole(s) lie on or outside the unit circle, the model is not stable"
-    caption = f"{lead}Poles and zeros of the linear block: {inside} (poles {poles(p)})."
-    return Picture(name, style.png(figures.pole_zero(p, evaluation.zeros, references)), caption)
-
-
-def picture_of_residuals(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
-    """Residual tests with the verdict in words, where the record was long enough for them."""
-    tests = evaluation.tests
-    if tests is None:
-        return None
-    caption = (
-        f"{lead}Tests of the validation residuals {_residuals_of(evaluation)}. {tests_in_words(evaluation)} "
-        f"A model that explains everything but noise stays inside the {tests.level:.0%} bounds."
-    )
-    return Picture(name, style.png(figures.residuals(tests)), caption)
-
-
-def _one_step(evaluation: Evaluation) -> bool:
-    """Whether the criteria and residuals of a fit are about one step ahead instead of its free run."""
-    return isinstance(evaluation.fit, NlarxFit) and evaluation.fit.criteria_of == ONE_STEP
-
-
-def _residuals_of(evaluation: Evaluation) -> str:
-    return "one step ahead" if _one_step(evaluation) else "of the free run"
-
-
 def higher_in_words(evaluation: Evaluation) -> str:
     """The tests that see a missing nonlinearity, in a sentence each."""
     h = evaluation.higher
@@ -99,38 +44,6 @@ def higher_in_words(evaluation: Evaluation) -> str:
     return " ".join(sentence(a).replace("^2", "²") for a in h.advice)
 
 
-def tests_in_words(evaluation: Evaluation) -> str:
-    """Both verdicts with their counts."""
-    t = evaluation.tests
-    if t is None:
-        return "The validation part is too short for residual tests."
-    white = "white" if t.white else "not white"
-    independent = "independent of the input" if t.independent else "not independent of the input"
-    subject = "The residuals one step ahead" if _one_step(evaluation) else "The residuals"
-    return (
-        f"{subject} are {white} ({t.whiteness_outside} of {len(t.lags) - 1} lags outside) and {independent} "
-        f"({t.independence_outside} of {len(t.cross_lags)} lags outside)."
-    )
-
-
-def picture_of_close_ups(name: str, evaluation: Evaluation, lead: str = "") -> Picture:
-    """First upper and lower peak of the validation output."""
-    caption = f"{lead}Close-up of the first upper and lower peak of the validation part."
-    return Picture(name, style.png(figures.close_ups(evaluation)), caption)
-
-
-def picture_of_maps(name: str, evaluation: Evaluation, lead: str = "") -> Picture | None:
-    """Static curves, where the structure has any."""
-    if not evaluation.maps:
-        return None
-    only = "Only the shape counts: a gain can move between a map and the linear block without changing the model."
-    if not evaluation.linear:
-        only = "The linkage's map runs from 0 at one end of the actuator's stroke to 1 at the other."
-    names = " and ".join(role.replace("map", "linkage") for role in evaluation.maps)
-    caption = f"{lead}Static {names} map over the range that the estimation data visited. {only}"
-    return Picture(name, style.png(figures.static_maps(evaluation.maps)), caption)
-
-
 def values_grid(evaluation: Evaluation, caption: str = "Physical values with 95 % intervals") -> Grid | None:
     """What an actuated joint's parameters say, in the units people use; None for other structures."""
     if not evaluation.values:
@@ -141,17 +54,13 @@ def values_grid(evaluation: Evaluation, caption: str = "Physical values with 95 
 
 def value_cells(v: JointValue) -> tuple[str, str, str]:
     """Value, interval and unit of a physical value, angles in degrees."""
-    factor, unit = shown_unit(v.unit)
+    shown_as = shown(v.name, v.unit)
+    factor, unit = shown_as.factor, shown_as.unit
     if v.low is None or v.high is None:
         return number(v.value * factor, 4), NOT_KNOWN, unit
     digits = max(decimals(v.high * factor - v.low * factor), decimals(v.value * factor) if v.value else 0)
     low, high = (f"{x * factor:.{digits}f}".replace("-", "−") for x in (v.low, v.high))
     return f"{v.value * factor:.{digits}f}".replace("-", "−"), f"{low} to {high}", unit
-
-
-def shown_unit(unit: str) -> tuple[float, str]:
-    """Factor and unit in which a physical value is shown: degrees for radians."""
-    return (180.0 / np.pi, unit.replace("rad", "deg")) if "rad" in unit else (1.0, unit)
 
 
 def decimals(width: float) -> int:
@@ -220,32 +129,33 @@ def parameter_grid(evaluation: Evaluation, caption: str = "All parameters") -> G
 
 
 def criteria_grid(evaluation: Evaluation) -> Grid:
-    """Fit of both parts and the criteria of the estimation part."""
+    """Fit of both parts, and every criterion of the estimation part with what it means."""
     c = evaluation.fit.criteria
     unit = f" [{evaluation.estimation.y_unit}²]" if evaluation.estimation.y_unit else ""
     rows = [
-        ("fit, free run, validation part", percent(evaluation.validation_fit)),
-        ("fit, free run, estimation part", percent(evaluation.estimation_fit)),
+        ("fit, free run, validation part", percent(evaluation.validation_fit), "the whole output from the input alone"),
+        ("fit, free run, estimation part", percent(evaluation.estimation_fit), "the same where the model was fitted"),
         *_one_step_rows(evaluation),
-        (f"loss V, mean squared error{unit}", number(c.loss)),
-        (f"FPE{unit}", number(c.fpe)),
-        ("AIC", number(c.aic)),
-        ("AICc", number(c.aicc)),
-        ("nAIC", number(c.naic)),
-        ("BIC", number(c.bic)),
-        ("free parameters d / samples N", f"{c.d} / {c.N}"),
+        (f"loss V, mean squared error{unit}", number(c.loss), "what the search minimised"),
+        *(
+            (f"{entry.label}{unit if entry.squared else ''}", number(entry.formula(c)), entry.meaning)
+            for entry in CRITERIA.values()
+        ),
+        ("free parameters d / samples N", f"{c.d} / {c.N}", "d after the gauge, initial states counted"),
     ]
-    caption = "FPE, AIC and BIC are about errors one step ahead" if _one_step(evaluation) else ""
-    return Grid(("criterion", "value"), rows, caption)
+    *most, last = (entry.label for entry in CRITERIA.values())
+    caption = f"{', '.join(most)} and {last} are about errors one step ahead" if one_step(evaluation) else ""
+    return Grid(("criterion", "value", "meaning"), rows, caption, last_text=True)
 
 
-def _one_step_rows(evaluation: Evaluation) -> list[tuple[str, str]]:
+def _one_step_rows(evaluation: Evaluation) -> list[tuple[str, str, str]]:
     one = evaluation.one_step
     if one is None:
         return []
+    meaning = "each sample from all measured ones before it"
     return [
-        ("fit, ONE STEP ahead, validation part", percent(one.validation_fit)),
-        ("fit, ONE STEP ahead, estimation part", percent(one.estimation_fit)),
+        ("fit, ONE STEP ahead, validation part", percent(one.validation_fit), meaning),
+        ("fit, ONE STEP ahead, estimation part", percent(one.estimation_fit), meaning),
     ]
 
 

@@ -42,6 +42,12 @@ class Band:
     level: float
     note: str = ""
 
+    @classmethod
+    def bare(cls, x: np.ndarray, value: np.ndarray) -> "Band":
+        """A curve of which nothing but the values (n,) is known: deviation nan, interval infinite."""
+        unknown = np.full(len(x), np.inf)
+        return cls(x, value, np.full(len(x), np.nan), -unknown, unknown, 0.95)
+
 
 @dataclass(frozen=True)
 class Root:

@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 import sysid
+from sysid.base import style
 from sysid.base.criteria import criteria
+from sysid.base.units import number, percent, poles, shown
 from sysid.data.preprocess import detrend
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.joint.values import JointValue
-from sysid.report import sections, style
+from sysid.report import sections
 from sysid.report.page import Grid, to_json
-from sysid.report.units import number, percent, poles, shown
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
 from sysid.workflow.extrapolation import ends_met, extrapolated_joint, extrapolated_signals

@@ -17,6 +17,7 @@ import scipy.signal
 
 import sysid
 import twin
+from sysid.base import criteria
 from sysid.data.preprocess import quick_start
 from sysid.report.page import Page
 from sysid.structures import HammersteinWiener
@@ -88,7 +89,7 @@ def test_identify_recovers_known_poles_and_writes_the_summary(tmp_path, monkeypa
     np.testing.assert_allclose(found, sorted(POLES), atol=1e-6)
     assert summary["fit_percent"]["validation"] > 99.99
     assert set(summary["fit_percent"]) == {"estimation", "validation"}
-    assert set(summary["criteria"]) >= {"loss", "mse", "fpe", "aic", "aicc", "naic", "bic"}
+    assert set(summary["criteria"]) == {"loss", "mse", "N", "d", *criteria.TABLE}
     assert set(summary["poles"][0]) >= {"re", "im", "std"}
     assert set(summary["parameters"][0]) >= {"name", "value", "std", "unit", "free"}
     assert set(summary["stop"]) >= {"reason", "iterations", "evaluations"}
@@ -105,10 +106,11 @@ def test_identify_prints_a_table_and_a_report_that_needs_no_network(tmp_path, mo
     out, _ = capsys.readouterr()
     (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name.endswith("-identify")
-    assert "FPE" in out
+    assert all(re.search(rf"{c.label}\b", out) for c in criteria.TABLE.values())
     assert str(folder.relative_to(tmp_path) / "report.html") in out
     html = (folder / "report.html").read_text(encoding="utf-8")
     assert_stands_alone(html)
+    assert all(f">{c.label}</td>" in html and f">{c.meaning}</td>" in html for c in criteria.TABLE.values())
     pictures = list((folder / "figures").glob("*.png"))
     assert html.count("<figcaption>") == html.count("<img ") == len(pictures) >= 6
 

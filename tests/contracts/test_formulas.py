@@ -2,20 +2,29 @@
 
 import numpy as np
 import pytest
+from cases import CRITERIA
 from scipy.signal import correlate
 
 from sysid import InputError, residual_tests
-from sysid.base.criteria import TABLE, criteria, fit_percent
+from sysid.base.criteria import TABLE, Criterion, criteria, fit_percent
 
 
-def test_criteria_of_a_worked_example():
-    """N 300, V 1.6575, d 6, worked by hand."""
-    c = criteria(1.6575, 300, 6)
-    assert c.fpe == pytest.approx(1.7252, abs=5e-5)
-    assert c.aic == pytest.approx(1015.0, abs=5e-2)
-    assert c.naic == pytest.approx(0.5453, abs=5e-5)
-    assert c.bic == pytest.approx(1037.2, abs=5e-2)
-    assert c.aicc == pytest.approx(c.aic + 84 / 293)
+@pytest.mark.parametrize("name", TABLE)
+def test_a_criterion_gives_what_was_worked_out_by_hand(name):
+    """N 300, V 1.6575, d 6."""
+    assert name in CRITERIA, f"work {name} out by hand for N 300, V 1.6575, d 6 and add a line to tests/cases.py"
+    value, tolerance = CRITERIA[name]
+    assert getattr(criteria(1.6575, 300, 6), name) == pytest.approx(value, abs=tolerance)
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_a_criterion_has_a_label_of_its_own_and_says_what_it_means(name):
+    entry = TABLE[name]
+    assert entry.label.lower() == name
+    assert 10 < len(entry.meaning) < 90
+    # One with the unit of y squared grows with V; the others are -2 ln of a likelihood, of which V is a summand.
+    large, small = (entry.formula(criteria(v, 300, 6)) for v in (4.0, 1.0))
+    assert (large == pytest.approx(4 * small)) == entry.squared
 
 
 def test_criteria_that_N_does_not_allow_are_infinite():
@@ -28,9 +37,13 @@ def test_criteria_follow_from_the_errors_as_they_are_not_from_the_loss():
     assert heavy.as_dict() == {**plain.as_dict(), "loss": 165.75}
 
 
+def hannan_quinn(c):
+    return c.N * np.log(c.mse) + 2 * c.d * np.log(np.log(c.N))
+
+
 def test_a_criterion_enters_by_one_line(monkeypatch):
     """Hannan and Quinn 1979: N ln V + 2 d ln ln N. By name, as an attribute, in what a fit says, and offered."""
-    monkeypatch.setitem(TABLE, "hqic", lambda c: c.N * np.log(c.mse) + 2 * c.d * np.log(np.log(c.N)))
+    monkeypatch.setitem(TABLE, "hqic", Criterion(hannan_quinn, "HQIC", "between AIC and BIC"))
     c = criteria(1.6575, 300, 6)
     assert c.hqic == c.as_dict()["hqic"] == pytest.approx(151.5931 + 20.8936, abs=1e-3)
     assert {"hqic", "bic", "loss"} <= set(dir(c))

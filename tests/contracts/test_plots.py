@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import sysid
-from sysid.plots import figures as plots
+from sysid import plots
+from sysid.data.preprocess import detrend
 from sysid.systems import system
 from sysid.uncertainty import bands, curves, intervals, responses
 
@@ -31,10 +32,10 @@ def test_responses_show_the_band_and_the_units(case):
     *_, info = case
     band = responses.step(info)
     axes = plots.step(band, y_unit="rad", u_unit="V")
-    assert axes.get_xlabel() == "time [s]"
-    assert axes.get_ylabel() == "output [rad per V]"
-    np.testing.assert_allclose(axes.lines[0].get_ydata(), band.value)
-    assert shaded(axes) == pytest.approx((band.lower.min(), band.upper.max()))
+    assert axes.get_xlabel() == "time after the step [s]"
+    assert axes.get_ylabel() == "output [deg per V]"
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), np.degrees(band.value))
+    assert shaded(axes) == pytest.approx(np.degrees((band.lower.min(), band.upper.max())))
     assert "95 %" in axes.get_legend().get_texts()[1].get_text()
     assert plots.impulse(responses.impulse(info)).lines[0].get_ydata()[0] == 0.0  # nk = 1
 
@@ -69,7 +70,7 @@ def test_maps_say_which_scale_they_are_in(case):
     assert "own scale" in first.get_title("left")
     assert first.get_xlabel() == "u [V]"
     assert "normalised scale" in last.get_title("left")
-    assert last.get_ylabel() == "y [rad]"
+    assert last.get_ylabel() == "y [deg]"
     assert any(t.get_text() == "no nonlinearity" for t in last.get_legend().get_texts())
 
 
@@ -77,9 +78,9 @@ def test_simulated_output_with_band_over_data(case):
     data, _, info = case
     band = bands.linear(info)
     axes = plots.simulated(band, data)
-    np.testing.assert_array_equal(axes.lines[0].get_ydata(), data.y[:, 0])
-    assert axes.get_ylabel() == "angle [rad]"
-    assert shaded(axes) == pytest.approx((band.lower.min(), band.upper.max()))
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), np.degrees(data.y[:, 0]))
+    assert axes.get_ylabel() == "angle [deg]"
+    assert shaded(axes) == pytest.approx(np.degrees((band.lower.min(), band.upper.max())))
     drawn = plots.simulated(bands.monte_carlo(info, draws=40), data)
     assert "40 draws" in drawn.get_legend().get_texts()[2].get_text()
 
@@ -105,3 +106,127 @@ def test_an_axes_of_ones_own_is_used(case):
     own = Figure().subplots()
     assert plots.steady_state(intervals.steady_state(case[2]), own, "V", "rad") is own
     assert own.get_xlabel() == "u [V]"
+
+
+def drawings(case):
+    """What each kind of figure is given here, and how many panels that makes."""
+    data, fit, info = case
+    half, other = data.select(0, 400), data.select(400, 800)
+    runs = [plots.Run(part, fit.simulate(part), 90.0) for part in (half, other)]
+    e = fit.residuals(data)
+    higher = sysid.higher_order_tests(e, data.u[-len(e) :, 0])
+    maps = curves.curves(info)
+    return {
+        "bode": ((responses.frequency(info),), 2),
+        "close_ups": ((data, fit.simulate(data)), 2),
+        "comparison": ((sysid.compare(data, fit),), 1),
+        "free_run": ((runs[0], runs[1], runs[1]), 4),
+        "free_runs": ((runs,), 2),
+        "higher_order_tests": ((higher,), len(higher.tests)),
+        "impulse": ((responses.impulse(info),), 1),
+        "parts": ((half, other), 2),
+        "pole_zero": ((fit.poles, fit.zeros), 1),
+        "pole_zero_map": ((np.array([0.97]), ()), 2),
+        "record": ((data,), 2),
+        "residual_tests": ((fit.residual_tests(data),), 2),
+        "simulated": ((bands.linear(info), data), 1),
+        "static_curve": ((maps[0],), 1),
+        "static_maps": ((maps,), len(maps)),
+        "steady_state": ((intervals.steady_state(info),), 1),
+        "step": ((responses.step(info),), 1),
+    }
+
+
+@pytest.mark.parametrize("name", plots.TABLE)
+def test_every_kind_draws_into_given_axes_or_its_own_alike_and_leaves_settings_alone(case, name):
+    from matplotlib.figure import Figure
+
+    given = drawings(case)
+    assert name in given, f"say in drawings() of tests/contracts/test_plots.py what {name} is given"
+    arguments, n = given[name]
+    before = dict(mpl.rcParams)
+    own = plots.TABLE[name](*arguments)
+    single = not isinstance(own, list)
+    axes = list(Figure().subplots(n, 1, squeeze=False)[:, 0])
+    drawn = plots.TABLE[name](*arguments, axes=axes[0] if single else axes)
+    assert dict(mpl.rcParams) == before
+    assert (drawn is axes[0]) if single else all(a is b for a, b in zip(drawn, axes, strict=True))
+    for mine, theirs in zip([own] if single else own, axes, strict=True):
+        assert len(mine.lines) == len(theirs.lines)
+        for a, b in zip(mine.lines, theirs.lines, strict=True):
+            np.testing.assert_array_equal(a.get_xydata(), b.get_xydata())
+        assert mine.get_title("left") == theirs.get_title("left")
+        assert not mine.get_title("center")
+        for label in (mine.get_xlabel(), mine.get_ylabel()):
+            assert "[rad]" not in label
+            assert "[" in label or not any(word in label for word in ("angle", "voltage", "time")), label
+    with pytest.raises(sysid.InputError, match=f"9 axes are given and there are {n} panels"):
+        plots.TABLE[name](*arguments, axes=[axes[0]] * 9)
+
+
+def test_a_response_of_an_angle_to_an_angle_has_the_same_number_in_degrees(case):
+    band = responses.step(case[2])
+    axes = plots.step(band, y_unit="rad", u_unit="rad")
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), band.value)
+    assert axes.get_ylabel() == "output [deg per deg]"
+    per_degree = plots.step(band, y_unit="V", u_unit="rad", y_name="level")
+    np.testing.assert_allclose(per_degree.lines[0].get_ydata(), band.value * np.pi / 180)
+    assert per_degree.get_ylabel() == "level [V per deg]"
+
+
+def test_roots_without_intervals_have_no_regions_and_far_ones_are_counted():
+    axes = plots.pole_zero(np.array([0.5, 3.0, -0.2 + 2j]), [0.9], references={"truth": np.array([4.0, 0.1])})
+    assert not axes.patches
+    assert [t.get_text() for t in axes.texts] == ["3 beyond the frame"]
+    assert {t.get_text() for t in axes.get_legend().get_texts()} == {"pole", "zero", "truth"}
+    assert len(plots.pole_zero_map(np.array([0.5]))) == 1
+    left, right = plots.pole_zero_map(np.array([0.5]), references={"truth": np.array([0.97])})
+    assert right.get_xlim()[0] < 0.97 < right.get_xlim()[1] < left.get_xlim()[1]
+
+
+def test_a_free_run_shows_both_parts_their_error_and_one_step_ahead_in_degrees():
+    u, t = np.zeros(50), np.arange(50)
+    parts = [sysid.IOData(u, np.sin(0.1 * t + k), 0.1, y_name="angle", y_unit="rad") for k in (0, 1)]
+    runs = [plots.Run(part, part.y[:, 0] + 0.1 * (k + 1), 80.0 + k) for k, part in enumerate(parts)]
+    rows = plots.free_run(*runs, plots.Run(parts[1], np.full(50, 0.5), 99.0))
+    np.testing.assert_allclose(rows[0].lines[1].get_ydata(), np.degrees(np.sin(0.1 * t) + 0.1))
+    np.testing.assert_allclose(rows[2].lines[0].get_ydata(), np.degrees(-0.2))
+    np.testing.assert_allclose(rows[3].lines[1].get_ydata(), np.degrees(0.5))
+    labels = [row.get_legend().get_texts()[1].get_text() for row in (rows[0], rows[1], rows[3])]
+    assert labels == ["free run, fit 80.00 %", "free run, fit 81.00 %", "one step ahead, fit 99.00 %"]
+    wild = plots.free_runs([plots.Run(parts[0], 1e6 * np.ones(50), -1e9)], seconds=2.0)
+    assert wild[0].get_ylim()[1] < 2 * np.degrees(1.0)  # a run that leaves the data does not flatten them
+    assert len(wild[0].lines[0].get_xdata()) == 20
+
+
+def test_a_record_is_shown_as_recorded_and_its_parts_after_each_other():
+    data = detrend(sysid.IOData(np.arange(10.0), np.ones(10) + np.arange(10), 0.5, "u", "y", "V", "rad"))
+    top, bottom = plots.record(data)
+    np.testing.assert_allclose(top.lines[0].get_ydata(), np.arange(10.0))
+    np.testing.assert_allclose(bottom.lines[0].get_ydata(), np.degrees(1 + np.arange(10.0)))
+    top, _ = plots.parts(data.select(0, 6), data.select(6, 10))
+    np.testing.assert_allclose(top.lines[1].get_xdata(), 3.0 + 0.5 * np.arange(4))
+    np.testing.assert_allclose(top.lines[1].get_ydata(), np.arange(6.0, 10.0) - 4.5)
+
+
+def test_close_ups_hold_the_first_peaks():
+    t = np.arange(400) * 0.05
+    y = np.sin(2 * np.pi * t / 5.0)  # up at 1.25 s, down at 3.75 s, four times
+    up, down = plots.close_ups(sysid.IOData(np.zeros(400), y, 0.05), y)
+    for ax, centre in ((up, 1.25), (down, 3.75)):
+        shown = ax.lines[0].get_xdata()
+        assert shown[0] < centre < shown[-1]
+        assert shown[-1] - shown[0] < 4.0
+
+
+def test_bars_of_residuals_leave_out_lag_zero_and_colour_those_outside():
+    rng = np.random.default_rng(3)
+    e = rng.normal(size=500)
+    e[1:] += 0.8 * e[:-1]
+    tests = sysid.residual_tests(e, rng.normal(size=500))
+    top, _ = plots.residual_tests(tests)
+    lags = np.concatenate([line.get_xdata() for line in top.lines if line.get_marker() == "o"])
+    assert sorted(lags) == list(range(1, 26))
+    outside = next(line for line in top.lines if line.get_label() == "outside")
+    assert len(outside.get_xdata()) == tests.whiteness_outside > 0
+    assert top.get_title("left").endswith("not white")

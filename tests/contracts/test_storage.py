@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import sysid
 from sysid import InputError, IOData
 from sysid.base.criteria import TABLE as TABLE_OF_CRITERIA
-from sysid.base.criteria import criteria
+from sysid.base.criteria import Criterion, criteria
 from sysid.blocks import TABLE, TransferFunction
 from sysid.estimation.migrations import VERSION, Step
 from sysid.estimation.result import Fit
@@ -274,7 +274,7 @@ def test_a_file_with_fewer_criteria_or_more_loads(searched, tmp_path, monkeypatc
     """Both directions: today's file where a criterion was added since, and where one is known no more."""
     fit = searched[0]
     path = save(fit, tmp_path / "fit.json")
-    monkeypatch.setitem(TABLE_OF_CRITERIA, "hqic", lambda c: c.mse + c.d)
+    monkeypatch.setitem(TABLE_OF_CRITERIA, "hqic", Criterion(lambda c: c.mse + c.d, "HQIC", "stands for a new one"))
     assert load(path).criteria.as_dict() == {**fit.criteria.as_dict(), "hqic": fit.criteria.mse + fit.criteria.d}
     path = save(load(path), tmp_path / "richer.json")
     assert "hqic" in json.loads(path.read_text())["criteria"]

@@ -101,7 +101,7 @@ def _movement(path: str, log: twin.Log, joint: str | None) -> "Movement":
 
 
 def _write_strip(replay: "Replay | None", names: list[str], count: int, path: Path) -> None:
-    from sysid.report.style import png
+    from sysid.base.style import png
     from twin.view import pictures
 
     figure = pictures.standing() if replay is None else pictures.strip(replay, pictures.Names(*names), count)

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.base import style
+from sysid.base.style import styled
+from sysid.base.units import number, percent, shown
 from sysid.joint.values import JointValue
-from sysid.report import sections, style
+from sysid.report import sections
 from sysid.report.page import Grid, Picture, Section
-from sysid.report.style import styled
-from sysid.report.units import number, percent
 from sysid.workflow.evaluation import Evaluation
 from twin.studies import ablation
 from twin.studies.ablation import DIVERGES, Ablation, Row
@@ -93,14 +94,14 @@ def values_table(result: ProtocolResult) -> Grid:
     rows = []
     for r in result.joints:
         for value in r.beyond.recovered:
-            factor, unit = sections.shown_unit(value.unit)
+            unit = shown(sections.WORDS.get(value.name, value.name), value.unit)
             cells = [sections.value_cells(value.found[name])[:2] if name in value.found else _NONE for name in RECORDS]
             rows.append(
                 (
                     r.joint,
-                    f"{sections.WORDS.get(value.name, value.name)} [{unit}]",
-                    number(None if value.true is None else value.true * factor, 4),
-                    number(value.aim * factor, 2),
+                    unit.label,
+                    number(None if value.true is None else value.true * unit.factor, 4),
+                    number(value.aim * unit.factor, 2),
                     *(cell for pair in cells for cell in pair),
                 )
             )

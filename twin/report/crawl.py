@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.base import style
+from sysid.base.style import styled
+from sysid.base.units import number
 from sysid.base.versions import versions
-from sysid.report import style
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.report.style import styled
-from sysid.report.units import number
 from twin.parameters import JOINTS
 from twin.plant.leg import LEGS
 from twin.robot.crawl import SPREAD, Crawl, margins

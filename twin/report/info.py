@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.report import style
+from sysid.base import style
+from sysid.base.style import styled
+from sysid.base.units import Quantity, number, shown
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.report.style import styled
-from sysid.report.units import Quantity, number
 from twin.parameters import TABLE
 from twin.studies.information import Information, Joint, Value
 
@@ -93,7 +93,7 @@ def value_grid(name: str, values: Sequence[Value], result: Information) -> Grid:
     changed = bool(result.changed)
     rows = []
     for v in values:
-        unit = shown_unit(v.row.unit)
+        unit = shown("", v.row.unit)
         value, nominal, lower, upper = (
             _given(x * unit.factor) for x in (v.value, v.row.nominal, v.row.lower, v.row.upper)
         )
@@ -112,13 +112,6 @@ def truth_grid(result: Information) -> Grid:
     return Grid((f"truth at Ts {result.Ts:g} s", *(joint.name for joint in result.joints)), rows)
 
 
-def shown_unit(unit: str) -> Quantity:
-    """How a unit is shown: degrees for radians, also per second or per volt; nothing for a plain number."""
-    if unit == "rad" or unit.startswith("rad/"):
-        return Quantity("", "deg" + unit.removeprefix("rad"), 180.0 / math.pi)
-    return Quantity("", "" if unit == "1" else unit)
-
-
 def _truth_rows(joint: Joint) -> Iterator[tuple[str, str]]:
     for name, value in joint.truth.as_dict().items():
         if name in HEADINGS:
@@ -131,7 +124,7 @@ def _truth_rows(joint: Joint) -> Iterator[tuple[str, str]]:
         if (of_joint := _unit(joint, unit_name)) is not None:  # the unit is in the cell if it differs between joints
             yield label, _with_unit(value, of_joint)
             continue
-        unit = shown_unit(unit_name if name in TRUTH else "")
+        unit = shown("", unit_name if name in TRUTH else "")
         if "poles" in name or "zeros" in name:
             text = _roots(value)
         else:
@@ -145,7 +138,7 @@ def _unit(joint: Joint, name: str) -> str | None:
 
 
 def _with_unit(value: Any, unit_name: str | None) -> str:
-    unit = shown_unit(unit_name or "")
+    unit = shown("", unit_name or "")
     return f"{_cell(value, unit.factor)} {unit.unit}".rstrip()
 
 
@@ -211,7 +204,7 @@ def _changes(result: Information) -> list[str]:
         return [f"{result.source} changes none of these parameters."]
     parts = []
     for v in result.changed[:LONGEST]:
-        unit = shown_unit(v.row.unit)
+        unit = shown("", v.row.unit)
         value, nominal = _given(v.value * unit.factor), _given(v.row.nominal * unit.factor)
         parts.append(f"{v.row.name} {value} {unit.unit}".rstrip() + f" instead of {nominal}")
     more = len(result.changed) - len(parts)

@@ -1,17 +1,25 @@
 """The report of `qpal reproduce`: the paper's protocol, joint by joint, in the order of its figures 17 to 40."""
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid import plots
+from sysid.base import style
+from sysid.base.units import number, percent, poles
 from sysid.base.versions import versions
-from sysid.report import figures, sections, style
+from sysid.report import sections
+from sysid.report.figures import TABLE, VALIDATION_TIME
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.report.units import number, percent, poles
+from sysid.report.words import tests_in_words
 from sysid.workflow.evaluation import Evaluation
 from twin.report import beyond
 from twin.studies.beyond import RECORDS
 from twin.studies.protocol import TS, JointResult, ProtocolResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # The paper's number of each figure, by joint. The twin's figure with that number shows the same quantity.
 NUMBERS = {
@@ -221,7 +229,7 @@ def _leg(stills: Stills) -> Section:
 
 def _joint(r: JointResult) -> Section:
     lead = (
-        f"{sections.sentence(sections.setting_in_words(r.final))} {sections.tests_in_words(r.final)} "
+        f"{sections.sentence(sections.setting_in_words(r.final))} {tests_in_words(r.final)} "
         f"{sections.search_sentence(r.final)}"
     )
     notes = [f"Note: {note}." for note in r.final.notes]
@@ -238,36 +246,41 @@ def _pictures(r: JointResult) -> Iterator[Picture]:
     seconds = SHOWN[r.joint]
     yield Picture(
         _name("raw", r),
-        style.png(figures.raw_data(io, seconds)),
+        style.png(plots.record(io, seconds=seconds)),
         f"{_lead('raw', r)}The first {seconds:g} s as recorded: the angle follows the voltage and rests at its ends.",
     )
     yield Picture(
         _name("preprocessed", r),
-        style.png(figures.preprocessed(final.estimation, final.validation)),
+        style.png(plots.parts(final.estimation, final.validation)),
         f"{_lead('preprocessed', r)}The record without its means; the first half is for estimation, the second for "
         "validation.",
     )
     yield Picture(
         _name("default", r),
-        style.png(figures.comparison({"(a) NLARX": r.nlarx, "(b) Hammerstein-Wiener": r.default}, seconds)),
+        style.png(_free_runs({"(a) NLARX": r.nlarx, "(b) Hammerstein-Wiener": r.default}, seconds)),
         f"{_lead('default', r)}Free runs of the two default models over the first {seconds:g} s of the validation "
         f"half. One-step-ahead prediction, which is not a free run, gives {_one_step(r)} with NLARX.",
     )
     yield Picture(
         _name("output", r),
-        style.png(figures.comparison({"": final}, seconds)),
+        style.png(_free_runs({"": final}, seconds)),
         f"{_lead('output', r)}Free run of the final model over the same seconds; a perfect model would reach "
         f"{r.ceiling:.1f} %.",
     )
     references = {"truth": r.truth.poles, "paper": np.array(r.paper.poles, dtype=complex)}
-    optional = (
-        sections.picture_of_close_ups(_name("close-up", r), final, _lead("close-up", r)),
-        sections.picture_of_step(_name("step", r), final, _lead("step", r)),
-        sections.picture_of_poles(_name("pole-zero", r), final, _lead("pole-zero", r), references),
-        sections.picture_of_residuals(_name("residuals", r), final, _lead("residuals", r)),
-        sections.picture_of_maps(f"{r.joint}-static-maps", final),
-    )
-    yield from sections.only(optional)
+    for kind, file, options in (
+        ("close-up", "close-up", {}),
+        ("step", "step-response", {}),
+        ("pole-zero", "pole-zero", {"references": references}),
+        ("residuals", "residuals", {}),
+    ):
+        yield from sections.only([TABLE[file].picture(_name(kind, r), final, _lead(kind, r), **options)])
+    yield from sections.only([TABLE["static-maps"].picture(f"{r.joint}-static-maps", final)])
+
+
+def _free_runs(evaluations: dict[str, Evaluation], seconds: float) -> "list[Axes]":
+    runs = [plots.Run(e.validation, e.validation_output, e.validation_fit, title) for title, e in evaluations.items()]
+    return plots.free_runs(runs, seconds=seconds, time=VALIDATION_TIME)
 
 
 def _one_step(r: JointResult) -> str:

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sysid.report import style
+from sysid.base import style
+from sysid.base.style import styled
+from sysid.base.units import Quantity, number, shown
 from sysid.report.page import Grid, Picture, Section
-from sysid.report.style import styled
-from sysid.report.units import Quantity, number
-from twin.report.info import shown_unit
 from twin.signatures import Axis, Mark, Signature
 
 if TYPE_CHECKING:
@@ -58,7 +57,7 @@ def sizes(found: Sequence[Signature]) -> Grid:
     rows = []
     for signature in found:
         for size in signature.sizes:
-            unit = shown_unit(size.unit)
+            unit = shown("", size.unit)
             values = (_value(v * unit.factor, size.true * unit.factor) for v in (size.measured, size.true, size.off))
             rows.append((signature.name, size.name, signature.joint, *values, unit.unit, ", ".join(size.rows)))
     headings = ("switch", "what is measured", "joint", "measured", "true", "switched off", "unit", "true from")
@@ -105,7 +104,7 @@ def _mark(axes: Axes, mark: Mark, x: float, y: float) -> None:
     ends = np.array([mark.start, mark.end]) * (x, y)
     arrow = {"arrowstyle": "<|-|>,head_width=0.18,head_length=0.35", "color": style.MODEL, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", ends[1], ends[0], arrowprops={**arrow, "linewidth": 1.1}, zorder=5)
-    unit = shown_unit(mark.unit)
+    unit = shown("", mark.unit)
     said = f"{_short(mark.value * unit.factor)} {unit.unit}".rstrip()
     share, offset, across, up = PLACES[mark.place]
     anchor = ends.min(axis=0) + share * np.ptp(ends, axis=0)
@@ -122,5 +121,4 @@ def _short(value: float) -> str:
 
 
 def _quantity(axis: Axis) -> Quantity:
-    unit = shown_unit(axis.unit)
-    return Quantity(axis.name, unit.unit, unit.factor)
+    return shown(axis.name, axis.unit)

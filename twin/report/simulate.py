@@ -1,12 +1,19 @@
 """The report of `qpal simulate`: the applied input, the measured output and the truth."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from sysid import plots
+from sysid.base import style
+from sysid.base.style import styled
+from sysid.base.units import number
 from sysid.base.versions import versions
-from sysid.report import figures, style
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.report.units import number
 from twin.studies.simulation import Part, Simulation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def page(result: Simulation) -> Page:
@@ -47,16 +54,25 @@ def _pictures(part: Part, mode: str, without: list[str]) -> list[Picture]:
     return [
         Picture(
             f"data-{part.joint}",
-            style.png(figures.raw_data(data)),
+            style.png(plots.record(data)),
             f"{_INPUT[mode]} and angle that the potentiometer read, {part.joint}; switched off: {missing}.",
         ),
         Picture(
             f"measurement-error-{part.joint}",
-            style.png(figures.measurement_error(data.t, data.y[:, 0], part.y_true)),
+            style.png(measurement_error(data.t, data.y[:, 0], part.y_true)),
             f"Error of the {part.joint}'s reading from noise, ADC steps and missed samples. A missed sample repeats "
             "the previous one, so it appears as a spike while the joint moves.",
         ),
     ]
+
+
+@styled
+def measurement_error(t: np.ndarray, measured: np.ndarray, true: np.ndarray) -> "Axes":
+    """Measured less true angle [rad], shown in degrees."""
+    (ax,) = style.panels(None, height=2.2)
+    style.line(ax, t, np.degrees(measured - true), color=style.SECOND, linewidth=0.8)
+    ax.set(xlabel="time [s]", ylabel="error [deg]", title="measured less true angle")
+    return ax
 
 
 def tables(result: Simulation) -> list[Grid]:

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.report.style import INK, line, styled
+from sysid.base.style import INK, line, styled
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import LEGS, robot
 from twin.view.replay import GHOST, Replay

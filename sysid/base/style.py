@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
+
+from sysid.base.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+P = ParamSpec("P")
+R = TypeVar("R")
+
 INK = "#1f2933"  # measured data, text
 MODEL = "#c2410c"  # the model's free run
 INPUT = "#2f6f8f"
 SECOND = "#7a8794"  # bounds, references, the part that is not looked at
+BOUND = "#dbe7ee"  # the area within which nothing is to be seen
 
 RC: Any = {
     "font.family": "sans-serif",
@@ -50,11 +56,11 @@ DPI = 125
 POINTS = 4000  # a line gets at most about this many: more than the picture has pixels
 
 
-def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+def styled(draw: Callable[P, R]) -> Callable[P, R]:
     """Runs a function that draws a figure in the house style, and leaves matplotlib's own settings as they were."""
 
     @wraps(draw)
-    def drawn(*args, **kwargs):
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> R:
         from matplotlib import rc_context
 
         with rc_context(RC):
@@ -71,11 +77,26 @@ def sheet(rows: int = 1, columns: int = 1, height: float = 2.6, sharex: bool = F
     return figure, figure.subplots(rows, columns, sharex=sharex, squeeze=False)
 
 
-def png(figure: Figure) -> bytes:
-    """The figure as PNG."""
+def panels(
+    axes: Axes | Sequence[Axes] | None, rows: int = 1, columns: int = 1, height: float = 2.6, sharex: bool = False
+) -> list[Axes]:
+    """The given axes, or those of a new sheet, row by row; raises InputError where not as many as panels are given."""
+    if axes is None:
+        return list(sheet(rows, columns, height, sharex)[1].ravel())
+    given = list(axes) if isinstance(axes, Sequence | np.ndarray) else [axes]
+    if len(given) != rows * columns:
+        raise InputError(f"{len(given)} axes are given and there are {rows * columns} panels; give one for each")
+    return given
+
+
+def png(drawn: Figure | Axes | Sequence[Axes]) -> bytes:
+    """A figure, or the one in which these axes stand, as PNG."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+    figure: Any = drawn[0] if isinstance(drawn, Sequence) else drawn
+    if not hasattr(figure, "savefig"):
+        figure = figure.figure
     buffer = io.BytesIO()
     with rc_context(RC):
         FigureCanvasAgg(figure)

@@ -18,12 +18,17 @@ class Quantity:
         """For an axis: name [unit]."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
+    def per(self, other: "Quantity") -> "Quantity":
+        """This quantity for each unit of another one, of which both may be shown in units that are not the stored."""
+        unit = f"{self.unit or '1'} per {other.unit or 'unit'}" if self.unit or other.unit else ""
+        return Quantity(self.name, unit, self.factor / other.factor)
+
 
 def shown(name: str, unit: str) -> Quantity:
-    """How a signal is shown: radians as degrees, everything else as it is."""
-    if unit == "rad":
-        return Quantity(name, "deg", 180.0 / math.pi)
-    return Quantity(name, unit)
+    """How a quantity is shown: radians as degrees, also per second or per volt; nothing for a plain number."""
+    if unit == "rad" or unit.startswith("rad/"):
+        return Quantity(name, "deg" + unit.removeprefix("rad"), 180.0 / math.pi)
+    return Quantity(name, "" if unit == "1" else unit)
 
 
 def number(value: float | None, digits: int = 4) -> str:

@@ -1,0 +1,52 @@
+"""Close-ups of the first peaks of a record, with a free run over them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sysid.base import style
+from sysid.base.style import styled
+from sysid.data.record import IOData
+from sysid.plots._runs import frame, output
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@styled
+def close_ups(data: IOData, run: np.ndarray, axes: Sequence[Axes] | None = None, time: str = "time [s]") -> list[Axes]:
+    """The first upper and the first lower peak of the measured output, with the free run (N,) over it.
+
+    `time` labels the axis.
+    """
+    y, width, both = output(data), _peak_width(data.y[:, 0]), style.panels(axes, 1, 2, height=2.8)
+    for ax, title, sign in ((both[0], "(a) upper peak", 1.0), (both[1], "(b) lower peak", -1.0)):
+        centre = _first_peak(sign * data.y[:, 0])
+        a, b = max(0, centre - width), min(data.N, centre + width + 1)
+        # More dots than that would only make the line fat.
+        dots: dict[str, Any] = {"marker": ".", "markersize": 3} if b - a < 200 else {}
+        ax.plot(data.t[a:b], data.y[a:b, 0] * y.factor, color=style.INK, label="measured", **dots)
+        ax.plot(data.t[a:b], run[a:b] * y.factor, color=style.MODEL, label="free run")
+        ax.set(title=title, xlabel=time, ylabel=y.label)
+        ax.set_ylim(frame(data.y[a:b, 0] * y.factor, run[a:b] * y.factor))
+    style.legend(both[1])
+    return both
+
+
+def _first_peak(y: np.ndarray) -> int:
+    """Middle of the first stretch in which y is in the top 15 % of its range."""
+    high = y >= y.max() - 0.15 * np.ptp(y)
+    start = int(np.argmax(high))
+    after = np.flatnonzero(~high[start:])
+    stop = start + (int(after[0]) if len(after) else len(y) - start)
+    return (start + stop) // 2
+
+
+def _peak_width(y: np.ndarray) -> int:
+    """Half a window [samples] that holds a peak: the mean distance between crossings of the middle, within reason."""
+    middle = 0.5 * (y.max() + y.min())
+    crossings = max(int(np.sum(np.diff(y > middle) != 0)), 1)
+    return int(np.clip(len(y) / crossings * 0.6, 15, max(15, len(y) // 4)))

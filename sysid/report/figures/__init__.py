@@ -1,0 +1,39 @@
+"""The figures of the report of `qpal identify`: one file each, one line in `TABLE`, shown in its order.
+
+A name is that of the file in figures/. What is drawn comes from `sysid.plots`; a figure that no one else shows draws
+itself. Nothing here computes: the numbers are an evaluation's.
+"""
+
+from sysid.report.figures import (
+    close_up,
+    data,
+    free_run,
+    growth,
+    pole_zero,
+    residuals,
+    static_maps,
+    step_response,
+)
+from sysid.report.figures._figure import VALIDATION_TIME, ReportFigure, SectionTitle, signals
+from sysid.report.page import Picture
+from sysid.workflow.evaluation import Evaluation
+
+TABLE: dict[str, ReportFigure] = {
+    "data": data.FIGURE,
+    "free-run": free_run.FIGURE,
+    "close-up": close_up.FIGURE,
+    "pole-zero": pole_zero.FIGURE,
+    "step-response": step_response.FIGURE,
+    "static-maps": static_maps.FIGURE,
+    "growth": growth.FIGURE,
+    "residuals": residuals.FIGURE,
+}
+
+
+def pictures(section: SectionTitle, evaluation: Evaluation) -> list[Picture]:
+    """The figures of one section that apply to this evaluation."""
+    found = (figure.picture(name, evaluation) for name, figure in TABLE.items() if figure.section == section)
+    return [picture for picture in found if picture is not None]
+
+
+__all__ = ["TABLE", "VALIDATION_TIME", "ReportFigure", "SectionTitle", "pictures", "signals"]

@@ -1,0 +1,49 @@
+"""What a figure of a report is: where it stands, when it is shown, how it is drawn, and what one sees in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from sysid.base import style
+from sysid.base.units import Quantity, shown
+from sysid.report.page import Picture
+from sysid.workflow.evaluation import Evaluation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SectionTitle = Literal["Data", "Model output", "Model", "Residual tests"]
+VALIDATION_TIME = "time in the validation part [s]"
+
+
+def _always(evaluation: Evaluation) -> bool:
+    return True
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """One figure of the report of `qpal identify`, made from an evaluation; other reports may show it too.
+
+    `draw` returns the axes that it drew into, and may take options that another report gives. The axes of a figure name
+    their units, but where it shows `pure` numbers alone.
+    """
+
+    section: SectionTitle
+    draw: Callable[..., Axes | Sequence[Axes]]
+    caption: Callable[[Evaluation], str]
+    applies: Callable[[Evaluation], bool] = _always
+    pure: bool = False
+
+    def picture(self, name: str, evaluation: Evaluation, lead: str = "", **options: Any) -> Picture | None:
+        """The figure with its caption, behind `lead`; None where it does not apply to this model or record."""
+        if not self.applies(evaluation):
+            return None
+        return Picture(name, style.png(self.draw(evaluation, **options)), f"{lead}{self.caption(evaluation)}")
+
+
+def signals(evaluation: Evaluation) -> tuple[Quantity, Quantity]:
+    """How input and output are shown."""
+    data = evaluation.estimation
+    return shown(data.u_name, data.u_unit), shown(data.y_name, data.y_unit)

@@ -1,0 +1,26 @@
+"""First peaks of the validation part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from sysid.plots import close_ups
+from sysid.report.figures._figure import VALIDATION_TIME, ReportFigure
+from sysid.workflow.evaluation import Evaluation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def draw(e: Evaluation) -> Sequence[Axes]:
+    """The first upper and the first lower peak."""
+    return close_ups(e.validation, e.validation_output, time=VALIDATION_TIME)
+
+
+def caption(e: Evaluation) -> str:
+    """What it is."""
+    return "Close-up of the first upper and lower peak of the validation part."
+
+
+FIGURE = ReportFigure("Model output", draw, caption)

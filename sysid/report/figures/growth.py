@@ -1,0 +1,64 @@
+"""What an actuated joint was tried with, and what stayed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.base import style
+from sysid.base.style import styled
+from sysid.joint.growth import MARGIN
+from sysid.report.figures._figure import ReportFigure
+from sysid.workflow.evaluation import Evaluation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+NAMES = {
+    "stribeck": "Stribeck",
+    "loss": "screw's loss",
+    "jams": "jam at stops",
+    "screw": "loss and jam",
+    "plays": "play",
+    "coasts": "coasting play",
+}
+
+
+@styled
+def draw(e: Evaluation) -> Sequence[Axes]:
+    """A panel a round, a bar a part: the fall of BIC on an axis that is linear about zero and logarithmic beyond."""
+    assert e.growth is not None
+    steps = e.growth.steps
+    row = style.panels(None, 1, 1 + max(step.round for step in steps), height=2.8)
+    for k, ax in enumerate(row):
+        shown = [step for step in steps if step.round == k]
+        places = np.arange(len(shown))
+        for place, step in zip(places, shown, strict=True):
+            colour = style.MODEL if step.kept else "none"
+            ax.barh(place, step.earned, 0.6, color=colour, edgecolor=style.MODEL, linewidth=1.0)
+        ax.axvline(0, color=style.SECOND, linewidth=0.8)
+        ax.axvline(MARGIN, color=style.INK, linewidth=0.8, linestyle="--")
+        ax.set_xscale("symlog", linthresh=10.0)
+        ax.set_yticks(places, [NAMES[step.part] for step in shown])
+        ax.set(title=f"round {k + 1}", xlabel="fall of BIC")
+        ax.invert_yaxis()
+    return row
+
+
+def caption(e: Evaluation) -> str:
+    """How to read the bars."""
+    return (
+        f"Parts tried on the estimation half, round by round: by how much each lowered BIC. Beyond the line, at "
+        f"{MARGIN:g}, it earns its place; of each round the best stays (filled), and the next round begins with it. A "
+        "bar to the left is a part that costs more than it explains."
+    )
+
+
+def applies(e: Evaluation) -> bool:
+    """Where parts were tried."""
+    return e.growth is not None and bool(e.growth.steps)
+
+
+FIGURE = ReportFigure("Model", draw, caption, applies, pure=True)

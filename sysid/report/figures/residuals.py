@@ -1,0 +1,38 @@
+"""Residual tests with the verdict in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from sysid.plots import residual_tests
+from sysid.report.figures._figure import ReportFigure
+from sysid.report.words import one_step, tests_in_words
+from sysid.workflow.evaluation import Evaluation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def draw(e: Evaluation) -> Sequence[Axes]:
+    """Correlations of the validation residuals with themselves and with the input."""
+    assert e.tests is not None
+    return residual_tests(e.tests)
+
+
+def caption(e: Evaluation) -> str:
+    """Both verdicts, and what they mean."""
+    assert e.tests is not None
+    which = "one step ahead" if one_step(e) else "of the free run"
+    return (
+        f"Tests of the validation residuals {which}. {tests_in_words(e)} "
+        f"A model that explains everything but noise stays inside the {e.tests.level:.0%} bounds."
+    )
+
+
+def applies(e: Evaluation) -> bool:
+    """Where the validation part is long enough."""
+    return e.tests is not None
+
+
+FIGURE = ReportFigure("Residual tests", draw, caption, applies)
