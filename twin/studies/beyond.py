@@ -14,7 +14,7 @@ from sysid.base.criteria import fit_percent
 from sysid.data.preprocess import quick_start
 from sysid.joint.values import JointValue
 from sysid.workflow.evaluation import JOINT, Evaluation, Setting, evaluate
-from twin.experiment import DEFAULTS, Experiment
+from twin.experiment import Experiment
 from twin.hardware.drive import drive
 from twin.hardware.potentiometer import potentiometer
 from twin.log import Log
@@ -121,7 +121,7 @@ def irregular(joint: str, seed: int, duration: float, Ts: float) -> Log:
     Somewhat longer than the paper's, so that a slow crossing too may end. It shows speeds at many voltages, and meets
     its ends often enough for a free run to forget what it got wrong.
     """
-    mean = round(LONGER * DEFAULTS[joint]["sweep"]["half_period"], 3)
+    mean = round(LONGER * vars(Experiment(joint, "sweep").signal())["half_period"], 3)
     options = {"half_period": mean, "jitter": 0.5, "shrink": 0.4}
     return Experiment(joint, "sweep", duration, Ts, seed, options=options).run()
 
