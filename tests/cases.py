@@ -1,6 +1,8 @@
 """One ready instance for each registered name; the contract tests run over these tables."""
 
 import numpy as np
+import polars
+import scipy.io
 
 from sysid.blocks import (
     Channels,
@@ -137,6 +139,13 @@ EXCITATIONS = {
     "staircase": Staircase(amplitude=3.0),
     "steps": Steps(amplitude=3.0),
     "sweep": Sweep(amplitude=3.0, half_period=2.0),
+}
+# Files of input u (N,) and output y (N,) as other programs write them, by what they are called: at least one a format.
+FOREIGN = {
+    "table.parquet": lambda path, u, y: polars.DataFrame({"label": ["a"] * len(u), "u": u, "y": y}).write_parquet(path),
+    "vectors.mat": lambda path, u, y: scipy.io.savemat(path, {"u": u[:, None], "y": y[:, None], "gain": 3.0}),
+    "rows.mat": lambda path, u, y: scipy.io.savemat(path, {"u": u, "y": y}),
+    "matrix.mat": lambda path, u, y: scipy.io.savemat(path, {"data": np.column_stack([u, y])}),
 }
 # Orders and maps for each structure.
 STRUCTURES = {

@@ -9,6 +9,7 @@ import pytest
 from rig import record
 
 from sysid.base.errors import InputError
+from sysid.formats import TABLE, WRITTEN
 from twin import IMPERFECTIONS, JOINTS, Experiment, Log, Parameters, truth
 from twin.hardware.linkage import middle
 from twin.plant.leg import bench, robot
@@ -109,7 +110,7 @@ def test_free_robot_stands_on_its_feet() -> None:
     assert upright == pytest.approx(1.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat"])
+@pytest.mark.parametrize("suffix", WRITTEN)
 def test_a_log_comes_back_from_its_file(tmp_path: Path, suffix: str) -> None:
     log = Experiment(duration=3.0).run()
     path = log.save(tmp_path / f"log{suffix}")
@@ -117,7 +118,7 @@ def test_a_log_comes_back_from_its_file(tmp_path: Path, suffix: str) -> None:
     back = Log.load(path)
     assert same(log, back)
     assert back.Ts == log.Ts
-    if suffix != ".csv":
+    if TABLE[suffix].headed:
         assert back.joint == "thigh"
         assert back.meta["seed"] == 1
 
