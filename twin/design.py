@@ -11,11 +11,12 @@ import numpy as np
 
 from sysid.base.errors import InputError, unknown
 from twin.experiment import Experiment
+from twin.imperfections import of_group
 from twin.parameters import JOINTS
 from twin.truth import Truth, truth
 
 WHERE = ("inside", "ends")
-QUIET = ("nonlinearity", "noise", "adc", "jitter", "dropouts")  # of the sensor: what moves is what is judged
+QUIET = of_group("sensor")  # what moves is what is judged
 TOUCH = 0.03  # share of the stroke that switch and play may leave between a joint at its end and the end
 MOVES = 0.02  # share of the stroke, play apart, below which friction has held the joint
 ENOUGH = 0.4  # share of the stroke that an experiment inside should use, or the next setting is tried

@@ -196,7 +196,7 @@ class Experiment:
             _start(model, p, angles),
             commands,
             np.array([c.pot.scale * angles[j] if servo else 0.0 for c, j in zip(circuits, self.joints, strict=True)]),
-            0.0 if "delay" in self.without else p["delay"],
+            p.switched_off(self.without)["delay"],
             late,
         )
 
