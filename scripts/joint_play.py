@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 import twin
 from sysid.base import style
 from sysid.blocks import CoastingPlay, Play
+from twin.imperfections import of_group
 
-QUIET = ("noise", "adc", "jitter", "dropouts", "nonlinearity")
+QUIET = of_group("sensor")
 FILE = Path(__file__).resolve().parent.parent / "docs" / "joint-play.png"
 # Drag, pull0 [rad/sample^2] and pull1 [1/sample^2] of the two links, and what of the record is shown [s].
 LINKS = {"shoulder": (0.003, 0.0, 0.0, 30.0), "shank": (0.03, 0.0262, 0.1, 60.0)}

@@ -1,30 +1,20 @@
-"""Renew docs/imperfections.md's pictures and its table of sizes. Run it after a change that moves either.
+"""Renew docs/imperfections.md: its pictures, its table of sizes, its sections. Run it after a change that moves any.
 
 .venv/bin/python scripts/signatures.py
 """
 
 import io
-import re
 from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from sysid.report.page import Grid
-from twin.report.signatures import draw, sizes
+from twin.report.signatures import MARKS, draw, markdown
 from twin.signatures import Signature, signatures
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
-MARKS = ("<!-- sizes: made by scripts/signatures.py -->\n", "<!-- end of sizes -->\n")
-SHOWN = ("switch", "what is measured", "joint", "measured", "true", "unit")
 DPI = 200
 COLOURS = 64  # a palette keeps the pictures small enough to live in the repository
-
-
-def markdown(grid: Grid) -> str:
-    """The grid as a Markdown table."""
-    rows = [grid.headings, [":--" if grid.is_text(j) else "--:" for j in range(len(grid.headings))], *grid.rows]
-    return "".join("| " + " | ".join(row) + " |\n" for row in rows)
 
 
 def picture(signature: Signature) -> Image.Image:
@@ -37,14 +27,13 @@ def picture(signature: Signature) -> Image.Image:
 
 
 def main() -> None:
-    """Pictures, and the table between the two marks."""
+    """The pictures, and all of the page below its introduction."""
     found = signatures()
     for signature in found:
         picture(signature).save(DOCS / f"imperfections-{signature.key}.png", optimize=True)
     page = DOCS / "imperfections.md"
-    new = MARKS[0] + markdown(sizes(found).only(*SHOWN)) + MARKS[1]
-    pattern = re.escape(MARKS[0]) + ".*?" + re.escape(MARKS[1])
-    page.write_text(re.sub(pattern, lambda _: new, page.read_text(encoding="utf-8"), flags=re.DOTALL), encoding="utf-8")
+    introduction = page.read_text(encoding="utf-8").partition(MARKS[0])[0]
+    page.write_text(introduction + markdown(found), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,10 @@
 """One ready instance for each registered name; the contract tests run over these tables."""
 
+import math
+
 import numpy as np
+import polars
+import scipy.io
 
 from sysid.blocks import (
     Channels,
@@ -168,6 +172,13 @@ EXCITATIONS = {
     "steps": Steps(amplitude=3.0),
     "sweep": Sweep(amplitude=3.0, half_period=2.0),
 }
+# Files of input u (N,) and output y (N,) as other programs write them, by what they are called: at least one a format.
+FOREIGN = {
+    "table.parquet": lambda path, u, y: polars.DataFrame({"label": ["a"] * len(u), "u": u, "y": y}).write_parquet(path),
+    "vectors.mat": lambda path, u, y: scipy.io.savemat(path, {"u": u[:, None], "y": y[:, None], "gain": 3.0}),
+    "rows.mat": lambda path, u, y: scipy.io.savemat(path, {"u": u, "y": y}),
+    "matrix.mat": lambda path, u, y: scipy.io.savemat(path, {"data": np.column_stack([u, y])}),
+}
 # A recipe of each structure, with orders and maps.
 STRUCTURES = {
     "actuated_joint": ActuatedJoint(driver_step=0.1, sensor_linearity=0.01),
@@ -185,4 +196,45 @@ CRITERIA = {  # N ln V = 151.593, N (1 + ln 2 pi) = 851.363, ln N = 5.70378
     "bic": (1037.179, 1e-3),  # 151.593 + 851.363 + 6 * 5.70378
     "fpe": (1.7252, 5e-5),  # 1.6575 * 306 / 294
     "naic": (0.5453, 5e-5),  # 0.505310 + 12 / 300
+}
+# How far the size that a signature measures may be from the true one, as part of it, and why not less.
+STEADY = (2e-3, "a steady state, and a line through several of them")
+SIGNATURES = {
+    "friction": STEADY,
+    "asymmetry": STEADY,
+    "stribeck": (0.02, "speed is taken over 0.02 s, in which a joint that breaks loose loses a part of its friction"),
+    "hunting": (0.02, "the integral winds on between two looks of the board, and motion shows a sample later"),
+    "load_friction": (3e-3, "the start of a ramp's motion, extrapolated over a slightly turning moment arm"),
+    "end_stops": (2e-3, "the stop is stiff, not rigid: 0.02 of 52 degrees"),
+    "backlash": (2e-3, "the play's stop gives by as much"),
+    "pwm": (1e-6, "a difference of two voltages"),
+    "dead_band": STEADY,
+    "sag": (1e-4, "Ohm's law, on a motor that creeps by nothing else than the friction's own give"),
+    "delay": (1e-3, "a settled line's extrapolation; delays are whole milliseconds"),
+    "nonlinearity": (1e-3, "the largest of samples 0.3 degrees apart"),
+    "noise": (4 / math.sqrt(2 * 3000), "four standard errors of a deviation from 3000 samples"),
+    "adc": (1e-6, "a difference of two codes"),
+    "jitter": (4 / math.sqrt(2 * 2400), "four standard errors of a deviation from some 2400 samples"),
+    "dropouts": (4 / math.sqrt(0.002 * 200_000), "four standard errors of a count that is Poisson's"),
+    "gravity": (2e-3, "speed lags behind the weight, which changes along the way"),
+    "contact": (2e-3, "the rubber foot gives by a fraction of a millimetre"),
+}
+# Other values of what they measure, some by much, so that no signature can be right by chance.
+OTHER_SIZES = {
+    **{"shoulder.coulomb": 1.3, "shoulder.bearing_coulomb": 0.2, "shoulder.viscous": 0.4},
+    **{"shoulder.asymmetry": -0.25, "shoulder.stribeck": 0.5, "shoulder.stribeck_speed": math.radians(3.0)},
+    **{"thigh.load_friction": 0.6, "shank.stroke": 0.06, "shank.retracted_length": 0.16},
+    **{"shoulder.backlash": math.radians(0.6), "pwm_bits": 7, "dead_band": 0.5, "supply_resistance": 2.5},
+    **{"delay": 0.047, "pot_linearity": 0.003, "pot_noise": math.radians(0.1), "adc_bits": 9},
+    **{"sample_jitter": 0.002, "dropout_rate": 0.01, "thigh_mass": 0.6, "gravity": 9.0, "supply_voltage": 14.0},
+}
+# Angles [rad] by which an imperfection moves a log at least, where that is less than 0.1 degrees.
+FAINT: dict[str, float] = {}
+# A short good run of every verb that reports, in a folder with a record log.csv of columns u and y; --out is added.
+VERBS = {
+    "crawl": ["--steps", "4", "--robots", "1", "--duration", "2"],
+    "identify": ["log.csv", "--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1"],
+    "info": ["--joint", "thigh"],
+    "reproduce": ["--duration", "60"],
+    "simulate": ["--duration", "5"],
 }

@@ -3,12 +3,13 @@
 import numpy as np
 
 from twin.experiment import Experiment, respond
+from twin.imperfections import of_group
 from twin.plant import slots
 from twin.plant.slots import ANGLE, FORCE, READING, VOLTS
 
-QUIET = ("noise", "adc", "jitter", "dropouts")
+QUIET = tuple(name for name in of_group("sensor") if name != "nonlinearity")
 # What stands between a command and the motor besides the limit switches.
-IDEAL_BRIDGE = ("pwm", "dead_band", "sag", "delay")
+IDEAL_BRIDGE = of_group("bridge")
 
 
 def shown(

@@ -30,6 +30,8 @@ FLOORS = {
         ("report",),
     ),
     "twin": (
+        ("declared",),
+        ("imperfections",),
         ("parameters",),
         ("hardware", "log"),
         ("parameter_file", "plant"),
@@ -50,6 +52,7 @@ FOLDERS = (
     "sysid.solver.searches",
     "sysid.structures",
     "sysid.systems",
+    "twin.imperfections",
 )
 NOT_FOR_SYSID = ("twin", "mujoco")
 LONGEST = 400

@@ -13,5 +13,6 @@ from .ensemble.draws import Draws as Draws
 from .ensemble.ensemble import Ensemble as Ensemble
 from .experiment import Experiment as Experiment
 from .log import Log as Log
-from .parameters import IMPERFECTIONS as IMPERFECTIONS, JOINTS as JOINTS, Parameters as Parameters
+from .imperfections import IMPERFECTIONS as IMPERFECTIONS
+from .parameters import JOINTS as JOINTS, Parameters as Parameters
 from .truth import truth as truth

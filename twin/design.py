@@ -11,35 +11,18 @@ import numpy as np
 
 from sysid.base.errors import InputError, unknown
 from twin.experiment import Experiment
+from twin.imperfections import of_group
 from twin.parameters import JOINTS
 from twin.truth import Truth, truth
 
 WHERE = ("inside", "ends")
-QUIET = ("nonlinearity", "noise", "adc", "jitter", "dropouts")  # of the sensor: what moves is what is judged
+QUIET = of_group("sensor")  # what moves is what is judged
 TOUCH = 0.03  # share of the stroke that switch and play may leave between a joint at its end and the end
 MOVES = 0.02  # share of the stroke, play apart, below which friction has held the joint
 ENOUGH = 0.4  # share of the stroke that an experiment inside should use, or the next setting is tried
 FURTHEST = 0.25  # share of the supply voltage that an offset may add to what carries the load
 SMALLEST = 0.01  # share of a setting at which the search gives up
 
-# The settings that are turned down, in turn, until the joint stays inside. A reach reorders levels and keeps amplitude
-# and holds, so it comes first where there is one; a time is shortened where a small amplitude would stick.
-SETTINGS: dict[str, tuple[str, ...]] = {
-    "aprbs": ("reach", "amplitude"),
-    "chirp": ("amplitude",),
-    "multisine": ("amplitude",),
-    "prbs": ("amplitude", "hold"),
-    "staircase": ("amplitude", "hold"),
-    "steps": ("reach", "amplitude", "hold"),
-    "sweep": ("amplitude", "half_period"),
-}
-LONGER = {  # the times that are stretched until both ends are met
-    "aprbs": ("hold_min", "hold_max"),
-    "prbs": ("hold",),
-    "staircase": ("hold",),
-    "steps": ("hold",),
-    "sweep": ("half_period",),
-}
 STRETCHES = (1.5, 2.25, 3.4, 5.0)
 
 
@@ -88,7 +71,8 @@ class _Bench:
 
     def __post_init__(self) -> None:
         e = self.experiment
-        self.signal = asdict(e.signal())  # type: ignore[call-overload]
+        self.kind = e.signal()
+        self.signal = asdict(self.kind)  # type: ignore[call-overload]
         self.truth: Truth = truth(e.joint, e.Ts, e.p, mode=e.mode)
         self.lower, self.stroke = self.truth.end_angles[0], float(np.ptp(self.truth.end_angles))
         self.voltage = e.mode == "voltage"
@@ -144,10 +128,7 @@ class _Bench:
     def _settings(self) -> tuple[str, ...]:
         if not self.voltage:
             return ("amplitude",)
-        names = SETTINGS.get(self.experiment.excitation, ("amplitude",))
-        if self.signal.get("levels") == "fixed":  # a reach turns the sign of random levels alone
-            names = tuple(name for name in names if name != "reach")
-        return names
+        return self.kind.travel_less
 
     def _largest(self, setting: str) -> Travel | None:
         """The travel inside with the largest share of `setting` that an offset can keep there."""
@@ -175,11 +156,10 @@ class _Bench:
         if setting == "reach":
             options["dead"] = self.signal["dead"] or _tidy(self.dead)
             value = min(value or np.inf, 0.6 * self.full)
-        if "first" in self.signal and self.voltage:
-            options["first"] = 0.5
-        if setting in ("hold", "half_period"):  # not below what a sample can carry
-            return options | {setting: max(_tidy(share * value), self.experiment.Ts)}
-        return options | {setting: _tidy(share * value)}
+        if self.voltage:
+            options |= self.kind.centred
+        least = self.kind.least_samples[setting] * self.experiment.Ts if setting in self.kind.least_samples else 0.0
+        return options | {setting: max(_tidy(share * value), least)}
 
     def _side(self, travel: Travel) -> int:
         """0: inside. 1, -1: out at the upper or lower end. 2: out at both, no offset helps."""
@@ -231,7 +211,7 @@ class _Bench:
         if self.signal.get("reach"):
             options = options | {"reach": 0.0}
             yield options
-        times = LONGER.get(self.experiment.excitation, ())
+        times = self.kind.travel_more
         for stretch in STRETCHES if times else ():
             if 4 * stretch * max(self.signal[name] for name in times) > self.experiment.duration:
                 return  # a record of a few levels shows little else

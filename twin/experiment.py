@@ -24,31 +24,10 @@ from twin.plant.closed_loop import assembled
 from twin.plant.leg import BENCH_LEG, bench, check_switches, joints_of
 from twin.plant.stepping import TIMESTEP, Run, step
 
-# What an excitation gets where the caller gives nothing. A sweep's half period leaves about 22 % of it as rest at an
-# end (the first trials on the paper's protocol); an aprbs holds its levels for a fraction of the travel to all of it.
-# Bands and holds of the others go by the time of travel too, 1.6 s at the shoulder and 6 s at thigh and shank.
-_SLOW: dict[str, dict[str, Any]] = {
-    "sweep": {"half_period": 8.0},
-    "aprbs": {"hold_min": 0.5, "hold_max": 5.0},
-    "steps": {"hold": 3.0, "rest": 2.0},
-    "staircase": {"hold": 1.0},
-    "prbs": {"hold": 0.3, "nbits": 8},
-    "multisine": {"f_min": 0.04, "f_max": 0.4, "period": 25.0},
-    "chirp": {"f_min": 0.05, "f_max": 1.0, "spacing": "log"},
-}
-DEFAULTS: dict[str, dict[str, dict[str, Any]]] = {
-    "shoulder": {
-        "sweep": {"half_period": 2.0},
-        "aprbs": {"hold_min": 0.2, "hold_max": 1.5},
-        "steps": {"hold": 0.8, "rest": 0.5},
-        "staircase": {"hold": 0.3},
-        "prbs": {"hold": 0.1, "nbits": 8},
-        "multisine": {"f_min": 0.2, "f_max": 2.0, "period": 10.0},
-        "chirp": {"f_min": 0.2, "f_max": 3.0, "spacing": "log"},
-    },
-    "thigh": _SLOW,
-    "shank": _SLOW,
-}
+# Which of an excitation's settings a joint gets where the caller gives none: the shoulder crosses its stroke in 1.6 s,
+# thigh and shank take 6 s. A sweep's half period then leaves about 22 % of it as rest at an end (the first trials on
+# the paper's protocol); an aprbs holds its levels for a fraction of the travel to all of it.
+PACE = {"shoulder": "fast", "thigh": "slow", "shank": "slow"}
 SETTLE = 0.5  # [s] at rest before the record starts, for the link to lie against one side of its play
 SHORTEST = 10  # samples; a shorter record identifies nothing
 
@@ -169,7 +148,7 @@ class Experiment:
             settings = {"amplitude": 0.4 * (high - low), "offset": 0.5 * (high + low)}
             if "offset" not in known:
                 raise InputError(f"{self.excitation} has no offset, which servo mode needs; take another excitation")
-        settings |= DEFAULTS[joint].get(self.excitation, {})
+        settings |= kind.paces[PACE[joint]]
         settings |= self.options
         for name in settings:
             if name not in known:
@@ -217,7 +196,7 @@ class Experiment:
             _start(model, p, angles),
             commands,
             np.array([c.pot.scale * angles[j] if servo else 0.0 for c, j in zip(circuits, self.joints, strict=True)]),
-            0.0 if "delay" in self.without else p["delay"],
+            p.switched_off(self.without)["delay"],
             late,
         )
 

@@ -1,7 +1,7 @@
-"""Log: what an excitation experiment recorded, and its three file formats."""
+"""Log: what an excitation experiment recorded, to and from a file of any format of `sysid.formats`."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
-from sysid.base.files import whole_file
 from sysid.data.record import IOData
-from sysid.formats import read_table
+from sysid.formats import read_header, read_table, write_table
 from twin.parameters import JOINTS, LEG
 
 TIME = "time_s"
@@ -60,31 +59,22 @@ class Log:
         return IOData(u, y, self.Ts, INPUTS[self.mode], "angle", "V", "rad")
 
     def save(self, path: str | Path) -> Path:
-        """Write .csv, .parquet or .mat by suffix, under a temporary name first so that no half-written file appears.
+        """Write a file whose suffix is one of `sysid.formats.WRITTEN`; no half-written file appears.
 
-        CSV holds the columns alone; Parquet and MAT keep joint and meta too.
+        Formats that keep a header hold joint and meta too, text tables the columns alone. Raises InputError for another
+        suffix and for a place that cannot be written to.
         """
-        path = Path(path)
-        write = _format(path)[0]
-        if not path.parent.is_dir():
-            raise InputError(f"{path}: there is no folder {path.parent}; make it first or choose another place")
-        try:
-            with whole_file(path) as temporary:
-                write(self, temporary)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another place") from None
-        return path
+        return write_table(path, _columns(self), json.dumps({**self.meta, "joint": self.joint, "Ts": self.Ts}))
 
     @staticmethod
     def load(path: str | Path) -> "Log":
-        """Read what `save` wrote; joint and meta are empty from a CSV.
+        """Read what `save` wrote; joint and meta are empty from a text table.
 
         Raises InputError, which names the place, for a file that is missing, damaged or not sampled uniformly.
         """
         path = Path(path)
-        read_meta = _format(path)[1]
         table = read_table(path)
-        meta = read_meta(path)
+        meta = _meta(read_header(path))
         joint, mode = _kind(table.names, meta)
         names = column_names(joint, mode)
         required = [TIME, *names[0], *names[1]]
@@ -129,70 +119,23 @@ def _kind(names: Sequence[str], meta: Mapping[str, Any]) -> tuple[str, str]:
     return str(meta.get("joint", "")), "voltage"
 
 
+def _meta(header: str) -> dict[str, Any]:
+    """What `save` put into the header; empty where another program wrote the file."""
+    try:
+        found = json.loads(header)
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
 def _joined(columns: list[np.ndarray]) -> np.ndarray:
     return columns[0] if len(columns) == 1 else np.column_stack(columns)
 
 
 def _columns(log: Log) -> dict[str, np.ndarray]:
     names = column_names(log.joint, log.mode)
-    columns = {TIME: log.t}
+    columns = {TIME: np.round(log.t, 9)}  # k Ts in decimals, as it would be written by hand
     for group, values in zip(names, (log.u, log.y, log.y_true), strict=True):
         if values is not None:
             columns |= dict(zip(group, values.reshape(log.N, -1).T, strict=True))
     return columns
-
-
-def _header(log: Log) -> str:
-    return json.dumps({**log.meta, "joint": log.joint, "Ts": log.Ts})
-
-
-def _write_csv(log: Log, path: Path) -> None:
-    import polars
-
-    polars.DataFrame(_columns(log)).with_columns(polars.col("time_s").round(9)).write_csv(path)
-
-
-def _no_meta(path: Path) -> dict[str, Any]:
-    return {}
-
-
-def _write_parquet(log: Log, path: Path) -> None:
-    import polars
-
-    polars.DataFrame(_columns(log)).write_parquet(path, metadata={"qpal": _header(log)})
-
-
-def _parquet_meta(path: Path) -> dict[str, Any]:
-    import polars
-
-    return json.loads(polars.read_parquet_metadata(path).get("qpal", "{}"))
-
-
-def _write_mat(log: Log, path: Path) -> None:
-    import scipy.io
-
-    scipy.io.savemat(path, {**_columns(log), "qpal": _header(log)}, oned_as="column")
-
-
-def _mat_meta(path: Path) -> dict[str, Any]:
-    import scipy.io
-
-    text = scipy.io.loadmat(path, variable_names=["qpal"]).get("qpal")
-    return {} if text is None else json.loads(str(text.ravel()[0]))
-
-
-_Writer = Callable[[Log, Path], None]
-_MetaReader = Callable[[Path], dict[str, Any]]
-_FORMATS: dict[str, tuple[_Writer, _MetaReader]] = {
-    ".csv": (_write_csv, _no_meta),
-    ".parquet": (_write_parquet, _parquet_meta),
-    ".mat": (_write_mat, _mat_meta),
-}
-
-
-def _format(path: Path) -> tuple[_Writer, _MetaReader]:
-    if path.suffix not in _FORMATS:
-        raise InputError(
-            f"{path}: a log cannot be {path.suffix or 'without suffix'}; end its name in {', '.join(_FORMATS)}"
-        )
-    return _FORMATS[path.suffix]

@@ -1,69 +1,40 @@
 """The twin's physical parameters: one row each, with the source of the number and its place in the model."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from twin.declared import GUESS, Row
+from twin.imperfections import TABLE as IMPERFECTIONS
 
 JOINTS = ("shoulder", "thigh", "shank")
-LEG = "leg"  # in place of a joint: all three joints at once
-# What each switch removes. "friction" removes all friction, dry and viscous, of actuator and bearing; the three after
-# it remove a part of the dry friction. "end_stops" removes hard stops and limit switches, "contact" that of foot and
-# floor.
-IMPERFECTIONS = (
-    *("friction", "asymmetry", "stribeck", "load_friction", "end_stops", "backlash"),
-    *("pwm", "dead_band", "sag", "delay"),
-    *("nonlinearity", "noise", "adc", "jitter", "dropouts"),
-    *("gravity", "contact"),
-)
+LEG = "leg"  # in place of a joint: all three of them at once
 REALISATIONS = ("tendon", "closed_loop")
-# Rows, of any joint, that the motor board, the potentiometer or the logger reads; the others enter the compiled model.
-OUTSIDE_MODEL = frozenset(
-    {
-        *("supply_voltage", "supply_resistance", "pwm_bits", "dead_band", "switch_period", "delay", "switch_margin"),
-        *("pot_noise", "pot_range", "adc_bits", "pot_supply", "pot_linearity", "sample_jitter", "dropout_rate"),
-        *("servo_kp", "servo_ki", "servo_kd"),
-    }
-)
-
-
-@dataclass(frozen=True)
-class Row:
-    """A physical parameter. `lower` and `upper` are the limits of the twin and of a calibration."""
-
-    name: str
-    nominal: float
-    lower: float
-    upper: float
-    unit: str
-    source: str
-    enters: str
-
-    @property
-    def compiled(self) -> bool:
-        """Whether the model that MuJoCo compiles depends on this row."""
-        return self.name.rpartition(".")[2] not in OUTSIDE_MODEL
-
-
 PAPER = "Guni and Irawan 2016, section III"
-# The paper gives no actuator, link length or friction. These numbers are of the size of catalogue parts. A 12 V sweep
-# crosses the stroke in about three quarters of its half period, as in the paper's records.
-GUESS = "assumption"
+# The paper names no actuator, link length or friction. What stands here as a GUESS is of the size of catalogue parts,
+# and such that a 12 V sweep crosses the stroke in about three quarters of its half period, as the paper's records look.
 
 
-# Rows that every joint has, in the same units.
+# Rows that every joint has, in the same units. False: the model that MuJoCo compiles does not depend on it.
 _FRICTION = (
-    ("asymmetry", -0.9, 0.9, "1", "friction row: Coulomb friction is (1 + this) up and (1 - this) down of its mean"),
-    ("stribeck", 0, 2, "1", "friction row: at rest it is (1 + this) times Coulomb friction"),
-    ("load_friction", 0, 3, "1", "friction row: dry friction per axial load; the screw is self-locking from 1 on"),
+    (
+        "asymmetry",
+        -0.9,
+        0.9,
+        "1",
+        "friction row: Coulomb friction is (1 + this) up and (1 - this) down of its mean",
+        False,
+    ),
+    ("stribeck", 0, 2, "1", "friction row: at rest it is (1 + this) times Coulomb friction", False),
+    ("load_friction", 0, 3, "1", "friction row: dry friction per axial load; from 1 on the screw locks itself", False),
 )
 _SERVO = (
-    ("servo_kp", 0, 2000, "V/V", "servo mode: motor volts per volt of the potentiometer's error"),
-    ("servo_ki", 0, 2000, "V/(V s)", "servo mode: motor volts per volt second of the error's integral"),
-    ("servo_kd", 0, 100, "V s/V", "servo mode: braking motor volts per volt per second of the reading's rate"),
+    ("servo_kp", 0, 2000, "V/V", "servo mode: motor volts per volt of the potentiometer's error", False),
+    ("servo_ki", 0, 2000, "V/(V s)", "servo mode: the same for the error's integral", False),
+    ("servo_kd", 0, 100, "V s/V", "servo mode: the same for the reading's rate, against it", False),
 )
 
 
@@ -90,12 +61,12 @@ def _rod_joint(joint: str, **nominal: float) -> list[Row]:
         ("rod_angle", -np.pi, np.pi, "rad", "site: direction of that pin at joint angle 0, up positive"),
         ("coulomb", 0, 500, "N", "friction row: dry friction of screw and gear without load, at the rod"),
         *_FRICTION,
-        ("stribeck_speed", 1e-5, 0.05, "m/s", "friction row: rod speed over which static friction fades"),
+        ("stribeck_speed", 1e-5, 0.05, "m/s", "friction row: rod speed over which static friction fades", False),
         ("viscous", 0, 20000, "N s/m", "tendon damping: viscous friction of screw and gear, at the rod"),
         ("bearing_coulomb", 0, 5, "N m", "angle tendon frictionloss: dry friction of the joint's bearing"),
         ("bearing_viscous", 0, 5, "N m s/rad", "angle tendon damping: viscous friction of the joint's bearing"),
         ("backlash", 0.0005, 0.1, "rad", "play hinge range: whole width, between actuator and link"),
-        ("switch_margin", 0, 0.005, "m", "limit switches: trip this far before the end of the stroke"),
+        ("switch_margin", 0, 0.005, "m", "limit switches: trip this far before the end of the stroke", False),
         *_SERVO,
     )
     return [_row(joint, nominal, *row) for row in rows]
@@ -113,30 +84,39 @@ def _geared_joint(joint: str, **nominal: float) -> list[Row]:
         ("upper", 0.05, np.pi, "rad", "joint range: hard stop"),
         ("coulomb", 0, 20, "N m", "friction row: dry friction of the gear without load, at the joint"),
         *_FRICTION,
-        ("stribeck_speed", 1e-3, 5, "rad/s", "friction row: joint speed over which static friction fades"),
+        ("stribeck_speed", 1e-3, 5, "rad/s", "friction row: joint speed over which static friction fades", False),
         ("viscous", 0, 20, "N m s/rad", "joint damping: viscous friction of the gear, at the joint"),
         ("bearing_coulomb", 0, 5, "N m", "angle tendon frictionloss: dry friction of the joint's bearing"),
         ("bearing_viscous", 0, 5, "N m s/rad", "angle tendon damping: viscous friction of the joint's bearing"),
         ("backlash", 0.0005, 0.1, "rad", "play hinge range: whole width, between gear and link"),
-        ("switch_margin", 0, 0.1, "rad", "limit switches: trip this far before the hard stop"),
+        ("switch_margin", 0, 0.1, "rad", "limit switches: trip this far before the hard stop", False),
         *_SERVO,
     )
     return [_row(joint, nominal, *row) for row in rows]
 
 
 def _row(
-    joint: str, nominal: Mapping[str, float], name: str, lower: float, upper: float, unit: str, enters: str
+    joint: str,
+    nominal: Mapping[str, float],
+    name: str,
+    lower: float,
+    upper: float,
+    unit: str,
+    enters: str,
+    compiled: bool = True,
 ) -> Row:
-    return Row(f"{joint}.{name}", nominal[name], float(lower), float(upper), unit, GUESS, enters)
+    return Row(f"{joint}.{name}", nominal[name], float(lower), float(upper), unit, GUESS, enters, compiled)
 
 
-TABLE: tuple[Row, ...] = (
-    Row("supply_voltage", 12.0, 3, 48, "V", GUESS, "drive: limit of the motor voltage, both signs"),
-    Row(
-        "supply_resistance", 1.0, 0, 10, "Ohm", GUESS, "drive: supply and wires, shared by all joints; the supply sags"
-    ),
-    Row("pwm_bits", 8, 4, 16, "1", GUESS, "drive: duty in steps of 1 / (2^bits - 1)"),
-    Row("dead_band", 0.3, 0, 3, "V", GUESS, "drive: voltage loss from the bridge's dead time"),
+def _of(*names: str) -> list[Row]:
+    """The rows that imperfections have alone."""
+    return [row for name in names for row in IMPERFECTIONS[name].rows]
+
+
+# A row's place decides which of an ensemble's numbers draws it: rows of new imperfections come last.
+_ROWS_IN_ORDER = (
+    Row("supply_voltage", 12.0, 3, 48, "V", GUESS, "drive: motor voltage is cut off at plus and minus this", False),
+    *_of("sag", "pwm", "dead_band"),
     Row(
         "switch_period",
         0.01,
@@ -144,50 +124,24 @@ TABLE: tuple[Row, ...] = (
         0.1,
         "s",
         GUESS,
-        "drive: period at which the board reads commands, switches and pots",
+        "drive: the board looks at commands, switches and pots this often",
+        False,
     ),
+    *_of("delay", "noise"),
     Row(
-        "delay",
-        0.02,
-        0,
-        1,
-        "s",
+        "pot_range",
+        np.deg2rad(270.0),
+        0.5,
+        6.3,
+        "rad",
         GUESS,
-        "drive: from a command's time stamp to the board, which reads once per switch_period",
+        "pot: electrical angle that the ADC's codes divide",
+        False,
     ),
-    Row("pot_noise", np.deg2rad(0.2), 0, 0.1, "rad", GUESS, "pot: standard deviation of white noise on a reading"),
-    Row("pot_range", np.deg2rad(270.0), 0.5, 6.3, "rad", GUESS, "pot: electrical angle that the ADC's codes divide"),
-    Row(
-        "adc_bits",
-        10,
-        4,
-        24,
-        "1",
-        "assumption: the 10-bit converter usual on such an MCU board",
-        "pot: 2^bits codes over pot_range",
-    ),
-    Row("pot_supply", 5.0, 1, 24, "V", GUESS, "pot: volts over pot_range; scale of servo mode's reference"),
-    Row("pot_linearity", 0.001, 0, 0.01, "1", GUESS, "pot: largest deviation from a straight line, part of pot_range"),
-    Row("sample_jitter", 0.001, 0, 0.05, "s", GUESS, "pot: standard deviation of a sample's time"),
-    Row(
-        "dropout_rate",
-        0.002,
-        0,
-        0.2,
-        "1",
-        GUESS,
-        "pot: share of the samples that are lost; the log repeats the last one",
-    ),
-    Row("gravity", 9.81, 0, 20, "m/s2", "standard", "option gravity"),
-    Row(
-        "bench_height",
-        0.6,
-        0.2,
-        1,
-        "m",
-        GUESS,
-        "height of the bench's torso above the floor; at 0.6 the foot hangs free",
-    ),
+    *_of("adc"),
+    Row("pot_supply", 5.0, 1, 24, "V", GUESS, "pot: volts over pot_range; scale of servo mode's reference", False),
+    *_of("nonlinearity", "jitter", "dropouts", "gravity"),
+    Row("bench_height", 0.6, 0.2, 1, "m", GUESS, "torso of the bench above the floor; at 0.6 the foot hangs free"),
     Row("torso_mass", 4.0, 0.5, 50, "kg", GUESS, "geom mass; the torso's size is the paper's, in the MJCF"),
     Row("shoulder_mass", 0.30, 0.01, 10, "kg", GUESS, "geom mass of the bracket"),
     Row("thigh_mass", 0.35, 0.01, 10, "kg", GUESS, "geom mass of the thigh's tube"),
@@ -274,7 +228,8 @@ TABLE: tuple[Row, ...] = (
         switch_margin=0.0001,
     ),
 )
-_ROWS = {row.name: row for row in TABLE}
+_ROWS = {row.name: row for row in (*_ROWS_IN_ORDER, *_of(*IMPERFECTIONS))}
+TABLE: tuple[Row, ...] = tuple(_ROWS.values())
 
 
 @dataclass(frozen=True)
@@ -303,6 +258,14 @@ class Parameters:
 
     def __getitem__(self, name: str) -> float:
         return self.values[name]
+
+    def switched_off(self, without: Collection[str]) -> Mapping[str, float]:
+        """The values of a leg without the imperfections `without`: theirs are ideal, and may lie outside of bounds."""
+        ideal: dict[str, float] = {}
+        for name in without:
+            for row, value in IMPERFECTIONS[name].ideal.items():
+                ideal |= {row.replace("JOINT", joint): value for joint in JOINTS}
+        return {**self.values, **ideal}
 
     def replace(self, changes: Mapping[str, float]) -> "Parameters":
         """The same parameters with some values changed."""

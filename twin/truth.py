@@ -14,7 +14,8 @@ from twin.hardware.friction import dry_friction
 from twin.hardware.linkage import end_angles, linkage, middle
 from twin.hardware.motor import motor
 from twin.hardware.potentiometer import potentiometer
-from twin.parameters import IMPERFECTIONS, Parameters
+from twin.imperfections import IMPERFECTIONS
+from twin.parameters import Parameters
 from twin.plant.leg import BENCH_LEG, bench, check_joint
 
 # Effects that the linearisation omits besides Coulomb friction.

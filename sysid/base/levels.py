@@ -1,11 +1,15 @@
 """Helpers of the excitations: checks of settings, times as whole samples, and a bounded running sum."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
 
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+
+# Settings for a plant that crosses its range in about 2 s ("fast") and for one that takes about 6 s ("slow").
+Paces = Mapping[str, Mapping[str, float | str]]
+PACES = ("fast", "slow")
 
 
 def check(owner: str, positive: dict[str, float], finite: dict[str, float] | None = None) -> None:

@@ -1,11 +1,13 @@
 """Amplitude-modulated pseudo-random binary signal: random levels held for random times."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.levels import check, check_from_zero, within_reach
+from sysid.base.levels import Paces, check, check_from_zero, within_reach
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,16 @@ class Aprbs:
     offset: float = 0.0
     reach: float = 0.0
     dead: float = 0.0
+
+    seeded: ClassVar[bool] = True
+    paces: ClassVar[Paces] = {
+        "fast": {"hold_min": 0.2, "hold_max": 1.5},
+        "slow": {"hold_min": 0.5, "hold_max": 5.0},
+    }
+    travel_less: ClassVar[tuple[str, ...]] = ("reach", "amplitude")
+    travel_more: ClassVar[tuple[str, ...]] = ("hold_min", "hold_max")
+    least_samples: ClassVar[Mapping[str, int]] = {}
+    centred: ClassVar[Mapping[str, float]] = {}
 
     def __post_init__(self) -> None:
         positive = {"amplitude": self.amplitude, "hold_min": self.hold_min, "hold_max": self.hold_max}

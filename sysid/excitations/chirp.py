@@ -1,11 +1,13 @@
 """Chirp: a sine whose frequency runs from f_min to f_max."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.levels import check, check_band, check_from_zero, check_name, samples
+from sysid.base.levels import Paces, check, check_band, check_from_zero, check_name, samples
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,16 @@ class Chirp:
     spacing: str = "linear"
     repeat: str = "restart"
     offset: float = 0.0
+
+    seeded: ClassVar[bool] = False
+    paces: ClassVar[Paces] = {
+        "fast": {"f_min": 0.2, "f_max": 3.0, "spacing": "log"},
+        "slow": {"f_min": 0.05, "f_max": 1.0, "spacing": "log"},
+    }
+    travel_less: ClassVar[tuple[str, ...]] = ("amplitude",)
+    travel_more: ClassVar[tuple[str, ...]] = ()
+    least_samples: ClassVar[Mapping[str, int]] = {}
+    centred: ClassVar[Mapping[str, float]] = {}
 
     def __post_init__(self) -> None:
         positive = {"amplitude": self.amplitude, "f_min": self.f_min, "f_max": self.f_max}

@@ -1,12 +1,14 @@
 """Multisine: a sum of sines on chosen lines, with phases that keep its peaks low."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import minimize
 
 from sysid.base.errors import InputError
-from sysid.base.levels import check, check_band, check_name, half_way, samples
+from sysid.base.levels import Paces, check, check_band, check_name, half_way, samples
 from sysid.base.threads import one_blas_thread
 
 GRIDS = ("full", "odd", "odd_odd", "random_odd")
@@ -39,6 +41,16 @@ class Multisine:
     grid: str = "full"
     phases: str = "optimised"
     offset: float = 0.0
+
+    seeded: ClassVar[bool] = True
+    paces: ClassVar[Paces] = {
+        "fast": {"f_min": 0.2, "f_max": 2.0, "period": 10.0},
+        "slow": {"f_min": 0.04, "f_max": 0.4, "period": 25.0},
+    }
+    travel_less: ClassVar[tuple[str, ...]] = ("amplitude",)
+    travel_more: ClassVar[tuple[str, ...]] = ()
+    least_samples: ClassVar[Mapping[str, int]] = {}
+    centred: ClassVar[Mapping[str, float]] = {}
 
     def __post_init__(self) -> None:
         positive = {"amplitude": self.amplitude, "f_min": self.f_min, "f_max": self.f_max, "period": self.period}

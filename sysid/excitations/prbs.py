@@ -1,11 +1,13 @@
 """Pseudo-random binary sequence from a maximum-length shift register."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.signal import max_len_seq
 
-from sysid.base.levels import check, check_name, check_whole, half_way, samples
+from sysid.base.levels import Paces, check, check_name, check_whole, half_way, samples
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,13 @@ class Prbs:
     hold: float = 0.3
     repeat: str = "plain"
     offset: float = 0.0
+
+    seeded: ClassVar[bool] = True
+    paces: ClassVar[Paces] = {"fast": {"hold": 0.1, "nbits": 8}, "slow": {"hold": 0.3, "nbits": 8}}
+    travel_less: ClassVar[tuple[str, ...]] = ("amplitude", "hold")
+    travel_more: ClassVar[tuple[str, ...]] = ("hold",)
+    least_samples: ClassVar[Mapping[str, int]] = {"hold": 1}
+    centred: ClassVar[Mapping[str, float]] = {}
 
     def __post_init__(self) -> None:
         check("a prbs", {"amplitude": self.amplitude, "hold": self.hold}, {"offset": self.offset})

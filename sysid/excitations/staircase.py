@@ -1,10 +1,12 @@
 """Staircase: level after level up and down over the whole range, each held."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from sysid.base.levels import check, check_name, check_whole, samples
+from sysid.base.levels import Paces, check, check_name, check_whole, samples
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,13 @@ class Staircase:
     hold: float = 2.0
     order: str = "stairs"
     offset: float = 0.0
+
+    seeded: ClassVar[bool] = False
+    paces: ClassVar[Paces] = {"fast": {"hold": 0.3}, "slow": {"hold": 1.0}}
+    travel_less: ClassVar[tuple[str, ...]] = ("amplitude", "hold")
+    travel_more: ClassVar[tuple[str, ...]] = ("hold",)
+    least_samples: ClassVar[Mapping[str, int]] = {"hold": 1}
+    centred: ClassVar[Mapping[str, float]] = {}
 
     def __post_init__(self) -> None:
         check("a staircase", {"amplitude": self.amplitude, "hold": self.hold}, {"offset": self.offset})

@@ -1,10 +1,12 @@
 """Steps out of rest: up, back to zero, down, back to zero."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from sysid.base.levels import check, check_from_zero, check_name, samples, within_reach
+from sysid.base.levels import Paces, check, check_from_zero, check_name, samples, within_reach
 
 
 @dataclass(frozen=True)
@@ -26,10 +28,21 @@ class Steps:
     reach: float = 0.0
     dead: float = 0.0
 
+    seeded: ClassVar[bool] = True
+    paces: ClassVar[Paces] = {"fast": {"hold": 0.8, "rest": 0.5}, "slow": {"hold": 3.0, "rest": 2.0}}
+    travel_more: ClassVar[tuple[str, ...]] = ("hold",)
+    least_samples: ClassVar[Mapping[str, int]] = {"hold": 1}
+    centred: ClassVar[Mapping[str, float]] = {}
+
     def __post_init__(self) -> None:
         check("steps", {"amplitude": self.amplitude, "hold": self.hold, "rest": self.rest}, {"offset": self.offset})
         check_from_zero("steps", {"reach": self.reach, "dead": self.dead})
         check_name("steps", "levels", self.levels, ("random", "fixed"))
+
+    @property
+    def travel_less(self) -> tuple[str, ...]:
+        """Settings that reduce the travel; a reach turns the sign of random levels alone."""
+        return ("amplitude", "hold") if self.levels == "fixed" else ("reach", "amplitude", "hold")
 
     @property
     def band(self) -> tuple[float, float]:

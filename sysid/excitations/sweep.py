@@ -1,11 +1,13 @@
 """Square sweep: drive from end to end and rest there, the experiment of the paper."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.levels import check, check_from_zero
+from sysid.base.levels import Paces, check, check_from_zero
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,13 @@ class Sweep:
     offset: float = 0.0
     first: float = 1.0
     shrink: float = 0.0
+
+    seeded: ClassVar[bool] = False
+    paces: ClassVar[Paces] = {"fast": {"half_period": 2.0}, "slow": {"half_period": 8.0}}
+    travel_less: ClassVar[tuple[str, ...]] = ("amplitude", "half_period")
+    travel_more: ClassVar[tuple[str, ...]] = ("half_period",)
+    least_samples: ClassVar[Mapping[str, int]] = {"half_period": 1}
+    centred: ClassVar[Mapping[str, float]] = {"first": 0.5}
 
     def __post_init__(self) -> None:
         positive = {"amplitude": self.amplitude, "half period": self.half_period, "first": self.first}

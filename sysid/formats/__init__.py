@@ -1,29 +1,57 @@
-"""Readers of recorded files: one file a format, one class, one line in `TABLE`, which goes by the file's suffix."""
+"""Formats of recorded files: one file a format, one class, one line in `FORMATS`; a file's suffix chooses among them.
+
+A class reads, and writes too where its `written` says so. Help texts, error sentences and tests come from these tables.
+"""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import ClassVar, Protocol
+
+import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.files import whole_file
 from sysid.data.table import Table
 from sysid.formats.delimited import Delimited
 from sysid.formats.mat import Mat
 from sysid.formats.parquet import Parquet
 
 
-class Reader(Protocol):
-    """What every reader offers."""
+class Format(Protocol):
+    """What every format offers.
+
+    `suffixes` are those that it reads, `written` those of them that it writes too: () where it only reads. `headed`
+    says whether a header, a text beside the columns, survives in the file; every class says all three itself.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]]
+    written: ClassVar[tuple[str, ...]]
+    headed: ClassVar[bool]
 
     def read(self, path: Path) -> Table:
         """The columns of the file at `path`; raises InputError where it is not such a file."""
         ...
 
+    def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
+        """Write columns (N,) by name, and `header` where the format keeps one; called for `written` suffixes alone."""
+        ...
 
-TABLE: dict[str, type] = {".csv": Delimited, ".dat": Delimited, ".mat": Mat, ".parquet": Parquet, ".txt": Delimited}
+    def header(self, path: Path) -> str:
+        """The header that `write` put into the file at `path`, empty where there is none."""
+        ...
+
+
+FORMATS: tuple[type[Format], ...] = (Delimited, Mat, Parquet)
+TABLE: dict[str, type[Format]] = dict(sorted((suffix, each) for each in FORMATS for suffix in each.suffixes))
+WRITTEN: tuple[str, ...] = tuple(suffix for suffix, each in TABLE.items() if suffix in each.written)
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
-    """The columns of the file at `path`, read by the reader that `TABLE` has for its suffix."""
+    """The columns of the file at `path`, read by the format that `TABLE` has for its suffix.
+
+    Raises InputError, which names the file, where it is missing, empty, damaged or of no format of `TABLE`.
+    """
     path = Path(path)
     allowed = ", ".join(TABLE)
     if path.is_dir():
@@ -42,4 +70,48 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         ) from None
 
 
-__all__ = ["TABLE", "Delimited", "Mat", "Parquet", "Reader", "read_table"]
+def read_header(path: str | os.PathLike[str]) -> str:
+    """The header of a file that `read_table` has read, empty where it has none."""
+    return TABLE[Path(path).suffix.lower()]().header(Path(path))
+
+
+def check_written(path: str | os.PathLike[str]) -> Path:
+    """`path`, if a format writes files of its suffix, else InputError."""
+    path = Path(path)
+    if path.suffix.lower() not in WRITTEN:
+        raise InputError(
+            f"{path}: a table cannot be written {f'to {path.suffix}' if path.suffix else 'without a suffix'}; end its "
+            f"name in {', '.join(WRITTEN)}"
+        )
+    return path
+
+
+def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray], header: str = "") -> Path:
+    """Write columns (N,) by name to `path`, under a temporary name first so that no half-written file appears.
+
+    Raises InputError for a suffix that no format writes and for a place that cannot be written to.
+    """
+    path = check_written(path)
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent}; make it first or choose another place")
+    try:
+        with whole_file(path) as temporary:
+            TABLE[path.suffix.lower()]().write(temporary, columns, header)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another place") from None
+    return path
+
+
+__all__ = [
+    "FORMATS",
+    "TABLE",
+    "WRITTEN",
+    "Delimited",
+    "Format",
+    "Mat",
+    "Parquet",
+    "check_written",
+    "read_header",
+    "read_table",
+    "write_table",
+]

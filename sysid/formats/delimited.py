@@ -1,7 +1,11 @@
 """Text tables: comma, semicolon, tab or white space between the columns, with or without a header."""
 
 import csv
+from collections.abc import Mapping
 from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table, is_number
@@ -10,13 +14,17 @@ COMMENT = ("#", "%")
 
 
 class Delimited:
-    """Reads .csv, .txt and .dat.
+    """Reads .csv, .txt and .dat; writes .csv: names, then a row a sample, numbers in full, without a header text.
 
     A first row with any cell that is no number is the header; without one the columns are called 1, 2, ... Lines that
     start with # or % and blank lines are passed over, and still count as rows of the file. A column without a single
     entry (the trailing comma that some programs write) is dropped. In a file with semicolons or tabs a comma may be
     the decimal mark.
     """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".csv", ".dat", ".txt")
+    written: ClassVar[tuple[str, ...]] = (".csv",)
+    headed: ClassVar[bool] = False
 
     def read(self, path: Path) -> Table:
         """The table in `path`; raises InputError where it is binary, empty or ragged."""
@@ -42,6 +50,16 @@ class Delimited:
         columns = tuple(list(column) for column in zip(*(cells for _, cells in body), strict=True))
         return Table(path, tuple(names), columns, (numbers,) * len(names), decimal=decimal)
 
+    def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
+        """Columns (N,) by name."""
+        import polars
+
+        polars.DataFrame(dict(columns)).write_csv(path)
+
+    def header(self, path: Path) -> str:
+        """None: a text table holds its columns alone."""
+        return ""
+
 
 def _text(path: Path) -> str:
     raw = path.read_bytes()
@@ -52,7 +70,9 @@ def _text(path: Path) -> str:
         text = raw.decode("latin-1")  # an old degree sign in a header is no reason to refuse the numbers
     strange = next((c for c in text if ord(c) < 32 and c not in "\t\r\n\f\v"), None)
     if strange is not None or "\x7f" in text:
-        raise InputError(f"{path} is not a text file (it holds binary bytes); give a text table, or .mat or .parquet")
+        raise InputError(
+            f"{path} is not a text file (it holds binary bytes); give a text table, or the suffix of what it is"
+        )
     return text
 
 

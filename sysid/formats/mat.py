@@ -1,15 +1,26 @@
 """MATLAB files up to version 7."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
 
+HEADER = "qpal"
+
 
 class Mat:
-    """Reads .mat: every numeric vector is a column; column j (from 1) of a matrix M is called M:j."""
+    """Reads .mat: every numeric vector is a column; column j (from 1) of a matrix M is called M:j.
+
+    Writes a column vector a column, and the header as the text `qpal`.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".mat",)
+    written: ClassVar[tuple[str, ...]] = (".mat",)
+    headed: ClassVar[bool] = True
 
     def read(self, path: Path) -> Table:
         """The vectors in `path`; raises InputError where it is no MAT file, or of version 7.3, or has no vector."""
@@ -37,6 +48,19 @@ class Mat:
             raise InputError(f"{path} has no numeric vector; found {found}; save input and output as vectors")
         rows = tuple(range(1, len(values) + 1) for values in columns.values())
         return Table(path, tuple(columns), tuple(columns.values()), rows, place="element")
+
+    def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
+        """Columns (N,) by name, and the header."""
+        from scipy.io import savemat
+
+        savemat(path, {**columns, HEADER: header}, oned_as="column")
+
+    def header(self, path: Path) -> str:
+        """The text `qpal` of the file."""
+        from scipy.io import loadmat
+
+        text = loadmat(path, variable_names=[HEADER]).get(HEADER)
+        return "" if text is None or text.size == 0 else str(text.ravel()[0])
 
 
 def _vectors(name: str, value: object) -> dict[str, np.ndarray]:

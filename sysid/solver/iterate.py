@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from scipy.linalg.lapack import dgeqrf
@@ -150,9 +150,14 @@ Attempt = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
 
 class Search(Protocol):
-    """A method that computes a step; `memory` keeps its state between iterations."""
+    """One way to make a step; `memory` is its own between iterations.
+
+    `second_order`: whether steps use the curvature J'J in every direction, so that badly conditioned problems converge
+    within the usual number of iterations. Every class says so itself.
+    """
 
     name: str
+    second_order: ClassVar[bool]
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         """A step that lowers the cost, or None if the method finds none."""
@@ -172,6 +177,38 @@ def halve(
         if cost < lin.cost - 1e-4 * max(lin.predicted(delta), 0.0):
             return Step(delta, cost, method), k
     return None, max_halvings
+
+
+def within_radius(
+    lin: Linearisation,
+    attempt: Attempt,
+    memory: dict[str, Any],
+    options: Options,
+    shortest: Callable[[Linearisation, float], np.ndarray],
+    method: str,
+) -> Step | None:
+    """The first step `shortest(lin, radius)` (P,) that lowers the cost, within a radius that learns from success.
+
+    Radii are in columns of unit norm. A step that keeps less than a quarter of its promise shrinks the radius to a
+    quarter, one that keeps more than three quarters lets it grow (Nocedal and Wright, Numerical Optimization, ch. 4).
+    """
+    radius = memory.get("radius") or float(np.linalg.norm(lin.scaled(lin.damped(1e-3))))
+    for _ in range(2 * options.max_halvings):
+        proposed = shortest(lin, radius)
+        length = float(np.linalg.norm(lin.scaled(proposed)))
+        cost, delta = attempt(proposed)
+        promised = lin.predicted(delta)
+        ratio = (lin.cost - cost) / promised if promised > 0 and np.isfinite(cost) else -1.0
+        if ratio > 1e-4:
+            if ratio > 0.75:
+                radius = max(radius, 2.5 * length)
+            elif ratio < 0.25:
+                radius = 0.25 * length
+            memory["radius"] = radius
+            return Step(delta, cost, method)
+        radius = 0.25 * min(radius, length)
+    memory["radius"] = None
+    return None
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.io
 
+from sysid.formats import TABLE
 from twin.cli import main
 
 GOOD = [(np.sin(0.7 * k) + np.sign(np.sin(0.1 * k)), np.cos(0.3 * k)) for k in range(200)]
@@ -198,6 +199,12 @@ def expect(arguments: list[str], fragments: list[str], folder: Path, capsys) -> 
 @pytest.mark.parametrize(("arguments", "fragments"), CASES.values(), ids=CASES)
 def test_identify(arguments, fragments, folder, capsys):
     expect(["identify", *arguments], fragments, folder, capsys)
+
+
+@pytest.mark.parametrize("suffix", TABLE)
+def test_a_file_that_is_not_what_its_suffix_says(suffix, folder, capsys):
+    (folder / f"junk{suffix}").write_bytes(b"PK" + bytes(range(256)) * 4)
+    expect(["identify", f"junk{suffix}", "--ts", "1"], [f"junk{suffix}", "not a ", "; "], folder, capsys)
 
 
 @pytest.mark.parametrize(("arguments", "fragments"), SIMULATE.values(), ids=SIMULATE)

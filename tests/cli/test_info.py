@@ -11,6 +11,7 @@ import pytest
 import twin
 from twin import parameter_file
 from twin.cli import main
+from twin.imperfections import of_group
 from twin.parameters import TABLE, Parameters
 from twin.report import info as report
 from twin.studies.information import Information, Joint, inform
@@ -165,7 +166,7 @@ def test_speed_over_voltage_is_that_of_the_simulation(joint):
     """Constant volts through mid stroke, with all imperfections of drive and friction and none of measurement."""
     volts = 8.0  # 170 of the 255 levels of PWM
     options = {"amplitude": volts, "half_period": 15.0}
-    without = tuple(n for n in twin.IMPERFECTIONS if n in ("noise", "adc", "nonlinearity", "jitter", "dropouts"))
+    without = of_group("sensor")
     record = twin.Experiment(joint, duration=40.0, Ts=0.01, without=without, options=options).run()
     found = inform(joint).joints[0]
     q = record.y_true

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import twin
+from sysid.formats import WRITTEN
 from twin.cli import main
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat"])
+@pytest.mark.parametrize("suffix", WRITTEN)
 @pytest.mark.parametrize("mode", ["voltage", "servo"])
 def test_a_log_of_all_joints_comes_back_from_its_file(suffix, mode, tmp_path, capsys):
     path = tmp_path / f"leg{suffix}"

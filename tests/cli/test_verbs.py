@@ -10,13 +10,13 @@ import time
 from typing import Any
 
 import numpy as np
-import polars
 import pytest
-import scipy.io
 import scipy.signal
+from cases import FOREIGN
 
 import sysid
 import twin
+from sysid import formats
 from sysid.base import criteria
 from sysid.data.preprocess import quick_start
 from sysid.report.page import Page
@@ -59,17 +59,18 @@ TEXTS = {
 }
 
 
-@pytest.mark.parametrize("name", [*TEXTS, "table.parquet", "vectors.mat", "rows.mat", "matrix.mat"])
+def test_there_is_a_file_of_every_format():
+    assert {os.path.splitext(name)[1] for name in (*TEXTS, *FOREIGN)} == set(formats.TABLE)
+
+
+@pytest.mark.parametrize("name", [*TEXTS, *FOREIGN])
 def test_every_format_reads_the_same_numbers(name, tmp_path):
     u, y = known_system()
     path = tmp_path / name
     if name in TEXTS:
         path.write_text(TEXTS[name], encoding="utf-8", newline="")
-    elif name == "table.parquet":
-        polars.DataFrame({"label": ["a"] * len(u), "u": u, "y": y}).write_parquet(path)
     else:
-        content = {"vectors.mat": {"u": u[:, None], "y": y[:, None], "gain": 3.0}, "rows.mat": {"u": u, "y": y}}
-        scipy.io.savemat(path, content.get(name, {"data": np.column_stack([u, y])}))
+        FOREIGN[name](path, u, y)
     record = read_record(path, Ts=TS)
     assert np.array_equal(record.data.u[:, 0], u)
     assert np.array_equal(record.data.y[:, 0], y)
@@ -193,7 +194,7 @@ def assert_stands_alone(html: str) -> None:
     assert "<script" not in html
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".mat", ".parquet"])
+@pytest.mark.parametrize("suffix", formats.WRITTEN)
 def test_a_simulated_log_is_identified_as_if_it_had_never_been_a_file(suffix, tmp_path, capsys):
     log = tmp_path / f"thigh{suffix}"
     arguments = ["--joint", "thigh", "--duration", "60", "--seed", "3", "--log", str(log), "--out", str(tmp_path / "s")]

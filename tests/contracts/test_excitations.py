@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sysid.base.errors import InputError
-from sysid.excitations import TABLE, Aprbs, Chirp, Multisine, Prbs, Staircase, Steps, Sweep, excitation
+from sysid.excitations import PACES, TABLE, Aprbs, Chirp, Multisine, Prbs, Staircase, Steps, Sweep, excitation
 
 NAMES = sorted(TABLE)
-SEEDLESS = {"chirp", "staircase", "sweep"}  # say so in their docstrings; a sweep draws its jitter alone
+DECLARED = ("seeded", "paces", "travel_less", "travel_more", "least_samples", "centred")
 
 
 def drawn(make, N=2000, Ts=0.1, seed=1):
@@ -42,7 +42,68 @@ def test_the_seed_and_nothing_else_decides(name):
     u = drawn(make)
     assert np.ptp(u) > make.amplitude
     np.testing.assert_array_equal(u, drawn(replace(make)))
-    assert np.array_equal(u, drawn(make, seed=2)) == (name in SEEDLESS)
+    assert np.array_equal(u, drawn(make, seed=2)) != make.seeded
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_class_says_all_that_an_experiment_is_shaped_by(name):
+    kind = TABLE[name]
+    missing = [each for each in DECLARED if each not in vars(kind)]
+    assert not missing, f"{kind.__name__} does not say {', '.join(missing)}; sysid.excitations.Excitation says what"
+    known = {field.name for field in fields(kind)}
+    make = EXCITATIONS[name]
+    named = (*make.travel_less, *make.travel_more, *make.least_samples, *make.centred)
+    assert {*named, *(each for pace in kind.paces.values() for each in pace)} <= known
+    assert set(kind.paces) == set(PACES)
+    # The times among what is turned down are those that have a shortest.
+    assert set(make.least_samples) == set(make.travel_less) - {"reach", "amplitude"}
+
+
+def excursion(make, seed, Ts=0.1):
+    """How far an integrator without friction travels from its start in 100 s, as a whole range."""
+    return np.ptp(np.cumsum(drawn(make, 1000, Ts, seed)) * Ts)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_pace_makes_a_signal_and_the_fast_one_reaches_higher_frequencies(name):
+    paces = {pace: TABLE[name](amplitude=1.0, **TABLE[name].paces[pace]) for pace in PACES}
+    for make in paces.values():
+        assert np.ptp(drawn(make)) > 1.0  # 200 s of 0.1 s carry it
+    assert paces["fast"].band[1] > 1.5 * paces["slow"].band[1]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_travels_less_and_more_does(name, seeds):
+    """Half of a setting that reduces travel, and twice the times that let it go further; on average over draws."""
+    make = TABLE[name](amplitude=1.0, **TABLE[name].paces["slow"])
+    whole = np.mean([excursion(make, seed) for seed in seeds])
+    for setting in make.travel_less:
+        half = {setting: 0.5 * getattr(make, setting) or 0.2 * whole}  # a reach of 0 is none
+        assert np.mean([excursion(replace(make, **half), seed) for seed in seeds]) < 0.85 * whole, setting
+    if make.travel_more:
+        longer = replace(make, **{each: 2 * getattr(make, each) for each in make.travel_more})
+        assert np.mean([excursion(longer, seed) for seed in seeds]) > 1.15 * whole
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_shortest_times_can_be_generated(name):
+    for setting, least in TABLE[name].least_samples.items():
+        u = drawn(replace(EXCITATIONS[name], **{setting: 0.1 * least}))
+        assert np.ptp(u) > EXCITATIONS[name].amplitude
+        levels = drawn(replace(EXCITATIONS[name], **{setting: 0.1 * (least + 1)}))
+        assert not np.array_equal(u, levels)  # the shortest is not a longer one in disguise
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if TABLE[name].centred])
+def test_a_centred_signal_keeps_an_integrator_about_its_start(name):
+    """As far up as down, which it does not do as it is by default."""
+
+    def lean(options):
+        total = np.cumsum(drawn(TABLE[name](amplitude=1.0, **{**TABLE[name].paces["slow"], **options}), 3200))
+        return abs(total.max() + total.min()) / np.ptp(total)
+
+    assert lean(TABLE[name].centred) < 0.05
+    assert lean({}) > 0.25
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import twin
-from sysid.formats import TABLE, read_table
+from sysid.formats import WRITTEN, read_table
 
 NAMES = ["log[1]", "log[!a]", *([] if sys.platform == "win32" else ["log*", "log?", "*"])]
 OTHERS = ["log1", "logb", "log"]  # what those would choose as patterns
@@ -16,7 +16,7 @@ def log(level: float) -> twin.Log:
     return twin.Log(np.full(20, level), np.arange(20) * level, 0.1, np.arange(20) * level, "thigh", {"level": level})
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".mat", ".parquet"])
+@pytest.mark.parametrize("suffix", WRITTEN)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_log_is_read_from_the_file_of_its_name(name, suffix, tmp_path):
     for k, other in enumerate(OTHERS, start=2):
@@ -30,10 +30,9 @@ def test_a_log_is_read_from_the_file_of_its_name(name, suffix, tmp_path):
         assert twin.Log.load(tmp_path / f"{other}{suffix}").u[0] == k
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".mat", ".parquet"])
+@pytest.mark.parametrize("suffix", WRITTEN)
 @pytest.mark.parametrize("name", NAMES)
 def test_every_reader_takes_the_folder_by_its_name(name, suffix, tmp_path):
-    assert suffix in TABLE
     for level, folder in enumerate([name, *OTHERS], start=1):
         (tmp_path / folder).mkdir()
         log(float(level)).save(tmp_path / folder / f"a{suffix}")

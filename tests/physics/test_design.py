@@ -12,31 +12,10 @@ from twin.design import QUIET, fit_stroke
 
 # Short records, with times that fit them: the shoulder crosses its stroke in 1.6 s, the others in about 6 s.
 DURATION = {"shoulder": 20.0, "thigh": 50.0, "shank": 50.0}
-OPTIONS = {
-    "shoulder": {
-        "aprbs": {"hold_min": 0.2, "hold_max": 1.5},
-        "chirp": {"f_min": 0.2, "f_max": 3.0, "spacing": "log"},
-        "multisine": {"f_min": 0.2, "f_max": 2.0, "period": 10.0},
-        "prbs": {"hold": 0.1},
-        "staircase": {"hold": 0.3},
-        "steps": {"hold": 0.8, "rest": 0.5},
-        "sweep": {"half_period": 2.0},
-    },
-    "rod": {
-        "aprbs": {"hold_min": 0.5, "hold_max": 5.0},
-        "chirp": {"f_min": 0.05, "f_max": 1.0, "spacing": "log"},
-        "multisine": {"f_min": 0.04, "f_max": 0.4, "period": 25.0},
-        "prbs": {"hold": 0.3},
-        "staircase": {"hold": 1.0},
-        "steps": {"hold": 3.0, "rest": 1.0},
-        "sweep": {"half_period": 8.0},
-    },
-}
 
 
 def planned(joint, excitation, **changes):
-    options = OPTIONS.get(joint, OPTIONS["rod"]).get(excitation, {})
-    settings = {"duration": DURATION[joint], "seed": 3, "options": options} | changes
+    settings = {"duration": DURATION[joint], "seed": 3} | changes
     return Experiment(joint=joint, excitation=excitation, **settings)
 
 
@@ -66,21 +45,15 @@ def test_inside_stays_inside_and_uses_the_stroke(joint, excitation):
     assert signal.amplitude + abs(signal.offset) <= designed.p["supply_voltage"] + 1e-9  # no peak is cut
 
 
-# A sum of sines and a chirp have no hold to stretch: the supply's 12 V cannot carry them from end to end.
-NEVER = {"chirp", "multisine"}
-HOLDS = {"prbs": {"hold": 0.7}, "steps": {"hold": 6.0, "levels": "fixed"}, "aprbs": {"hold_min": 1.0, "hold_max": 8.0}}
-
-
 @pytest.mark.parametrize("joint", JOINTS)
 @pytest.mark.parametrize("excitation", sorted(TABLE))
 def test_ends_meets_both_ends_or_says_why_not(joint, excitation):
-    experiment = planned(joint, excitation)
-    if excitation in NEVER:
+    # The random levels of some take more crossings than the short records hold: 150 s at thigh and shank.
+    experiment = planned(joint, excitation, duration=20.0 if joint == "shoulder" else 150.0)
+    if not experiment.signal().travel_more:  # nothing to stretch: the supply's 12 V do not carry it from end to end
         with pytest.raises(InputError, match=f"{excitation} on the {joint} does not surely meet both ends within"):
             fit_stroke(experiment, "ends")
         return
-    if joint != "shoulder" and excitation in HOLDS:
-        experiment = replace(experiment, options=HOLDS[excitation])
     designed = fit_stroke(experiment, "ends")
     weaker = replace(designed, options={**designed.options, "amplitude": 0.95 * designed.signal().amplitude})
     for each in (designed, noisier(designed), weaker):
@@ -94,7 +67,7 @@ def test_what_serves_already_is_left_alone(joint):
     small = planned(joint, "sweep", options={"amplitude": 8.0, "half_period": 0.8 if joint == "shoulder" else 2.0})
     if fit_stroke(small) is not small:  # drift alone may need an offset, and then the first half period
         assert set(fit_stroke(small).options) <= {"amplitude", "half_period", "offset", "first"}
-    assert fit_stroke(planned(joint, "sweep"), "ends").options == planned(joint, "sweep").options
+    assert not fit_stroke(planned(joint, "sweep"), "ends").options
 
 
 def test_the_design_is_one_and_the_same_every_time():

@@ -7,9 +7,10 @@ from rig import VOLTS, shown
 from sysid.blocks import Quantiser
 from twin import JOINTS, Parameters
 from twin.hardware.drive import drive
+from twin.imperfections import of_group
 
 # What else stands between a command and the motor, and what the motor could do to it in return.
-ELSE = ("dead_band", "sag", "delay", "friction", "end_stops")
+ELSE = (*(name for name in of_group("bridge") if name != "pwm"), "friction", "end_stops")
 
 
 def levels(u: np.ndarray, step: float) -> np.ndarray:

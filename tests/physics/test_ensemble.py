@@ -25,7 +25,7 @@ from twin.ensemble.draws import ROWS, WHOLE, Draws, whole_box
 from twin.ensemble.ensemble import COMPILED
 from twin.hardware.linkage import end_angles
 from twin.log import Log
-from twin.parameters import JOINTS, OUTSIDE_MODEL, Parameters, Row
+from twin.parameters import JOINTS, Parameters
 from twin.plant import stepping
 from twin.plant.leg import bench
 from twin.plant.stepping import attempt, step
@@ -107,13 +107,6 @@ def moved_fields(values: dict[str, float]) -> set[str]:
     return {name for name in MODEL_FIELDS if not np.array_equal(nominal[name], changed[name])}
 
 
-def test_whether_a_row_is_compiled_goes_by_its_name_and_not_by_its_words() -> None:
-    assert {name.rpartition(".")[2] for name in ROWS} >= OUTSIDE_MODEL
-    drive, mass = ROWS["dead_band"], ROWS["thigh_mass"]
-    assert not Row(drive.name, 0.3, 0, 3, "V", "", enters="volts that the bridge takes").compiled
-    assert Row(mass.name, 0.35, 0.01, 10, "kg", "", enters="drive: what it carries").compiled
-
-
 def test_rows_said_to_lie_outside_the_model_do_not_enter_it() -> None:
     outside = [row for row in ROWS.values() if not row.compiled]
     assert {row.name for row in outside} | set(COMPILED) == set(ROWS)
@@ -121,11 +114,7 @@ def test_rows_said_to_lie_outside_the_model_do_not_enter_it() -> None:
         assert moved_fields({row.name: getattr(row, side) for row in outside}) == set()
 
 
-# Of the row of dry friction MuJoCo keeps one bound; the board makes the rest of it in every step.
-BOARD_FRICTION = ("asymmetry", "stribeck", "stribeck_speed", "load_friction")
-
-
-@pytest.mark.parametrize("name", [name for name in COMPILED if not name.endswith(BOARD_FRICTION)])
+@pytest.mark.parametrize("name", COMPILED)
 def test_rows_said_to_enter_the_model_do(name: str) -> None:
     row = ROWS[name]
     assert moved_fields({name: row.nominal + 0.02 * (row.upper - row.nominal)})

@@ -69,7 +69,16 @@ def test_pole_deviations_are_those_of_the_errors(seeds):
     )  # 0.40 and 1.98 for 60 records; intervals of twice the width have a mean of 0.25
 
 
-@pytest.mark.parametrize("search", ["gn", "gna", "lm", "trust_region", "auto"])
+@pytest.mark.parametrize("search", sorted(SEARCHES))
+def test_a_search_says_what_it_is(search):
+    """First order or second: without it the next test would not know whether to ask for the optimum."""
+    kind = SEARCHES[search]
+    missing = [each for each in ("name", "second_order") if each not in vars(kind)]
+    assert not missing, f"{kind.__name__} does not say its {' and '.join(missing)}"
+    assert kind.name == search
+
+
+@pytest.mark.parametrize("search", [name for name in sorted(SEARCHES) if SEARCHES[name].second_order])
 def test_every_search_reaches_the_same_optimum(search):
     plant = system("textbook")
     data = plant.record(3000, 0.01, np.random.default_rng(21))

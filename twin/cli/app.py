@@ -10,6 +10,7 @@ from twin.cli.simulate import simulate
 from twin.cli.view import view
 
 VERBS = (reproduce, simulate, identify, info, view, crawl)
+SHOWN = (view,)  # what these make is looked at: they write no report and no summary, and take no --out and --json
 
 
 def build() -> typer.Typer:

@@ -8,7 +8,6 @@ import typer
 from sysid import structures
 from sysid.base.errors import InputError
 from sysid.data.preprocess import DETREND
-from sysid.formats import TABLE as READERS
 from sysid.solver import searches
 from twin.cli import console, options, recipes
 from twin.cli.output import run_folder
@@ -23,11 +22,11 @@ ROUNDS = 4  # of a structure search
 
 @recipes.takes_recipes
 def identify(
-    file: Annotated[str, typer.Argument(metavar="FILE", help=f"a table: {', '.join(READERS)}")],
-    input: Annotated[str | None, typer.Option(metavar="COL", help="column of the input")] = None,
-    output: Annotated[str | None, typer.Option(metavar="COL", help="column of the output")] = None,
-    ts: Annotated[float | None, options.number("S", "sampling time in seconds")] = None,
-    time: Annotated[str | None, typer.Option(metavar="COL", help="column of time in seconds, instead of --ts")] = None,
+    file: options.RecordFile,
+    input: options.Input = None,
+    output: options.Output = None,
+    ts: options.Ts = None,
+    time: options.Time = None,
     structure: Annotated[
         str, options.name("structure of the model, auto to search for one", [*structures.TABLE, AUTO])
     ] = recipes.DEFAULT,

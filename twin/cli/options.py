@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sysid.base.errors import InputError
+from sysid.formats import TABLE as FORMATS
 
 if TYPE_CHECKING:
     from twin.parameters import Parameters
@@ -47,6 +48,14 @@ def _whole(text: str) -> int:
         return int(text)
     except ValueError:
         raise typer.BadParameter(f"found {text!r}, give a whole number") from None
+
+
+# What a verb that reads a record takes: the file and its columns.
+RecordFile = Annotated[str, typer.Argument(metavar="FILE", help=f"a table: {', '.join(FORMATS)}")]
+Input = Annotated[str | None, typer.Option("--input", metavar="COL", help="column of the input")]
+Output = Annotated[str | None, typer.Option("--output", metavar="COL", help="column of the output")]
+Ts = Annotated[float | None, number("S", "sampling time in seconds")]
+Time = Annotated[str | None, typer.Option("--time", metavar="COL", help="column of time in seconds, instead of --ts")]
 
 
 def orders(text: str, names: dict[str, int], example: str) -> dict[str, int]:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 import twin
-from sysid import excitations
+from sysid import excitations, formats
 from twin.cli import console, options
 from twin.cli.output import check_writable_file, run_folder
 from twin.hardware.drive import MODES
@@ -36,7 +36,8 @@ def simulate(
     realisation: Annotated[str, options.name("how linear actuators are built", REALISATIONS)] = "tendon",
     params: options.Params = None,
     log: Annotated[
-        str | None, typer.Option(metavar="FILE", help="the log: .csv, .parquet or .mat; DIR/log.csv if not given")
+        str | None,
+        typer.Option(metavar="FILE", help=f"the log: {', '.join(formats.WRITTEN)}; DIR/log.csv if not given"),
     ] = None,
     out: options.Out = None,
     as_json: options.Json = False,
@@ -66,6 +67,7 @@ def simulate(
     with run_folder(out, "simulate") as (folder, scratch), console.progress(2) as step:
         target = Path(log) if log is not None else folder / "log.csv"
         inside = target.parent.resolve() == folder.resolve()
+        formats.check_written(target)
         if not inside:
             check_writable_file(target)
         step(f"{joint}: {duration:g} s of {excitation}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import twin
+from sysid import formats
 from sysid.base.errors import InputError
 from sysid.base.files import whole_file
 from twin.cli import console, options
@@ -15,7 +16,7 @@ from twin.cli.output import check_writable_file, output_folder
 if TYPE_CHECKING:
     from twin.view.replay import Movement, Replay
 
-File = Annotated[str | None, typer.Argument(metavar="[LOG]", help="log to replay (.csv, .parquet, .mat)")]
+File = Annotated[str | None, typer.Argument(metavar="[LOG]", help=f"log to replay: {', '.join(formats.TABLE)}")]
 Ghost = Annotated[str | None, typer.Option(metavar="LOG", help="another log, such as the rig's, as a ghost leg")]
 Strip = Annotated[str | None, typer.Option(metavar="FILE.png", help="draw frames along the log into one figure")]
 Frames = Annotated[str | None, typer.Option(metavar="DIR", help="write numbered PNG frames, 20 for a second")]

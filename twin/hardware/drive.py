@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.hardware.linkage import stroke
+from twin.imperfections.pwm import levels
 from twin.parameters import Parameters
 
 MODES = ("voltage", "servo")
@@ -60,17 +61,16 @@ class Drive:
 
 def drive(parameters: Parameters, joint: str, without: Collection[str] = ()) -> Drive:
     """The drive of `joint`, with the parts that are not switched off."""
-    p = parameters
-    low, high = stroke(p, joint)
+    p = parameters.switched_off(without)
+    low, high = stroke(parameters, joint)
     margin = p[f"{joint}.switch_margin"]
-    lower, upper = (-np.inf, np.inf) if "end_stops" in without else (low + margin, high - margin)
     return Drive(
         p["supply_voltage"],
-        0.0 if "sag" in without else p["supply_resistance"],
-        0 if "pwm" in without else 2 ** round(p["pwm_bits"]) - 1,
-        0.0 if "dead_band" in without else p["dead_band"],
-        lower,
-        upper,
+        p["supply_resistance"],
+        levels(p["pwm_bits"]),
+        p["dead_band"],
+        low + margin,
+        high - margin,
         p["switch_period"],
         *(p[f"{joint}.servo_{gain}"] for gain in ("kp", "ki", "kd")),
     )

@@ -30,14 +30,8 @@ class DryFriction:
 
 def dry_friction(parameters: Parameters, joint: str, without: Collection[str] = ()) -> DryFriction:
     """The dry friction of `joint`, with the parts that are not switched off."""
-    p = {name: parameters[f"{joint}.{name}"] for name in ("coulomb", "asymmetry", "stribeck", "stribeck_speed")}
-    load = parameters[f"{joint}.load_friction"]
-    coulomb = 0.0 if "friction" in without else p["coulomb"]
-    tilt = 0.0 if "asymmetry" in without else p["asymmetry"]
-    return DryFriction(
-        coulomb * (1.0 + tilt),
-        coulomb * (1.0 - tilt),
-        0.0 if "stribeck" in without else p["stribeck"],
-        p["stribeck_speed"],
-        0.0 if {"friction", "load_friction"} & set(without) else load,
+    values = parameters.switched_off(without)
+    coulomb, tilt, *others = (
+        values[f"{joint}.{name}"] for name in ("coulomb", "asymmetry", "stribeck", "stribeck_speed", "load_friction")
     )
+    return DryFriction(coulomb * (1.0 + tilt), coulomb * (1.0 - tilt), *others)

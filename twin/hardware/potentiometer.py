@@ -59,13 +59,13 @@ class Potentiometer:
 
 def potentiometer(parameters: Parameters, without: Collection[str] = ()) -> Potentiometer:
     """The potentiometer of every joint, with the parts that are not switched off."""
-    p = parameters
+    p = parameters.switched_off(without)
     return Potentiometer(
-        0.0 if "noise" in without else p["pot_noise"],
+        p["pot_noise"],
         p["pot_range"],
-        None if "adc" in without else round(p["adc_bits"]),
-        0.0 if "nonlinearity" in without else p["pot_linearity"] * p["pot_range"],
+        None if np.isinf(p["adc_bits"]) else round(p["adc_bits"]),
+        p["pot_linearity"] * p["pot_range"],
         p["pot_supply"] / p["pot_range"],
-        0.0 if "jitter" in without else p["sample_jitter"],
-        0.0 if "dropouts" in without else p["dropout_rate"],
+        p["sample_jitter"],
+        p["dropout_rate"],
     )

@@ -1,6 +1,6 @@
 """Circuits to user data: how a model comes to carry the motor board that `kernels` runs."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -10,6 +10,7 @@ from twin.hardware.drive import Drive, drive
 from twin.hardware.friction import DryFriction, dry_friction
 from twin.hardware.motor import Motor, motor
 from twin.hardware.potentiometer import Potentiometer, potentiometer
+from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.parameters import Parameters
 from twin.plant import slots
 
@@ -21,23 +22,31 @@ JOINT_ROW = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 
 @dataclass(frozen=True)
 class Circuit:
-    """One actuated joint on the board. `viscous` is the drive's own; the rest says which number belongs to what."""
+    """One actuated joint on the board. `viscous` is the drive's own; the rest says which number belongs to what.
+
+    `common` and `own` are what imperfections put onto the board and into the joint's part of it, by slot.
+    """
 
     motor: Motor
     drive: Drive
     friction: DryFriction
     viscous: float
     pot: Potentiometer
+    common: Mapping[str, float]
+    own: Mapping[str, float]
 
 
 def circuit(parameters: Parameters, joint: str, without: Collection[str] = ()) -> Circuit:
     """The circuit of `joint` with the imperfections that are not switched off."""
+    p = parameters.switched_off(without)
     return Circuit(
         motor(parameters, joint),
         drive(parameters, joint, without),
         dry_friction(parameters, joint, without),
-        0.0 if "friction" in without else parameters[f"{joint}.viscous"],
+        p[f"{joint}.viscous"],
         potentiometer(parameters, without),
+        {slot: value(p) for each in IMPERFECTIONS.values() for slot, value in each.board.items()},
+        {slot: value(p, joint) for each in IMPERFECTIONS.values() for slot, value in each.joint.items()},
     )
 
 
@@ -75,13 +84,11 @@ def user_data(
         slots.STEP: h,
         slots.PERIOD: max(1, round(common.period / h)),
         slots.SUPPLY: common.supply,
-        slots.SUPPLY_R: common.resistance,
-        slots.LEVELS: common.levels,
-        slots.DEAD_BAND: common.dead_band,
         slots.SEED: seed % 2**53,
         slots.SENSOR: model.sensor(SENSOR).adr[0],
         slots.FILTER: h / (LOAD_LAG + h),
         slots.BUS: common.supply,
+        **{slots.OF_BOARD[name]: value for name, value in circuits[0].common.items()},
     }.items():
         out[slot] = value
     for k, one in enumerate(circuits):
@@ -100,9 +107,6 @@ def _electrics(c: Circuit, servo: bool) -> dict[int, float]:
         slots.VISCOUS: c.viscous,
         slots.COULOMB_UP: c.friction.up,
         slots.COULOMB_DOWN: c.friction.down,
-        slots.STRIBECK: c.friction.stribeck,
-        slots.STRIBECK_SPEED: c.friction.stribeck_speed,
-        slots.LOAD_FRICTION: c.friction.load,
         slots.LOWER: c.drive.lower,
         slots.UPPER: c.drive.upper,
         slots.SERVO: float(servo),
@@ -112,11 +116,11 @@ def _electrics(c: Circuit, servo: bool) -> dict[int, float]:
         slots.POT_SCALE: c.pot.scale,
         slots.POT_STEP: c.pot.step,
         slots.POT_HALF: 0 if c.pot.bits is None else 2 ** (c.pot.bits - 1),
-        slots.POT_NOISE: c.pot.noise,
         slots.POT_NONLINEARITY: c.pot.nonlinearity,
         slots.POT_WAVE: c.pot.wave,
         slots.LAST: np.nan,
         slots.GIVEN: np.nan,
+        **{slots.OF_JOINT[name]: value for name, value in c.own.items()},
     }
 
 

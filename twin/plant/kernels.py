@@ -55,12 +55,12 @@ def _integers(data, field):
 
 
 @njit(inline="always")
-def _joints(model, data):
+def _joints(model, data, mark):
     """Number of joints on the board; 0 where the user data is not the board's."""
     if carray(_pointer(model + NUSERDATA), 1, np.int64)[0] < s.HEAD:
         return 0
     board = _numbers(data, USERDATA)
-    return int(board[s.JOINTS]) if board[s.MAGIC] == s.MAGIC_VALUE else 0
+    return int(board[s.JOINTS]) if board[s.MAGIC] == mark else 0
 
 
 @njit
@@ -190,50 +190,64 @@ def _weigh(board, j, speed):
     j[s.LOAD] += board[s.FILTER] * (force - j[s.LOAD])
 
 
-@cfunc(types.void(types.intp, types.intp), cache=True, error_model="numpy")
-def control(model, data):
-    """mjcb_control: commands in ctrl become motor voltages there; dry friction is set for this step."""
-    joints = _joints(model, data)
-    if joints == 0:
-        return
-    board, ctrl, velocity = _numbers(data, USERDATA), _numbers(data, CTRL), _numbers(data, VELOCITY)
-    length, qpos = _numbers(data, LENGTH), _numbers(data, QPOS)
-    step = int(np.floor(carray(_pointer(data + TIME), 1, np.float64)[0] / board[s.STEP] + 0.5))
-    period = int(board[s.PERIOD])
-    for k in range(joints):
-        j = board[s.HEAD + k * s.WIDTH :]
-        speed = velocity[k] / j[s.GEAR]
-        if step % period == 0:
-            asked = ctrl[k]
-            if j[s.SERVO] == 1.0:
-                asked = _servo(board, j, k, step // period, period * board[s.STEP], asked, qpos)
-            j[s.DUTY] = _duty(board, j, asked, length[k] / j[s.GEAR] + j[s.OFFSET])
-        _weigh(board, j, speed)
-        j[s.SPEED] = speed
-        _rub(j, data, k, speed)
-    board[s.BUS] = _bus(board, joints, velocity)
-    for k in range(joints):
-        ctrl[k] = board[s.HEAD + k * s.WIDTH + s.DUTY] * board[s.BUS]
+# Numba keeps compiled callbacks by this file's age and by what they close over. They close over the mark of the layout,
+# so that a number more or less on the board compiles them anew, and never runs them on the places of another layout.
+def _control(mark):
+    @cfunc(types.void(types.intp, types.intp), cache=True, error_model="numpy")
+    def control(model, data):
+        """mjcb_control: commands in ctrl become motor voltages there; dry friction is set for this step."""
+        joints = _joints(model, data, mark)
+        if joints == 0:
+            return
+        board, ctrl, velocity = _numbers(data, USERDATA), _numbers(data, CTRL), _numbers(data, VELOCITY)
+        length, qpos = _numbers(data, LENGTH), _numbers(data, QPOS)
+        step = int(np.floor(carray(_pointer(data + TIME), 1, np.float64)[0] / board[s.STEP] + 0.5))
+        period = int(board[s.PERIOD])
+        for k in range(joints):
+            j = board[s.HEAD + k * s.WIDTH :]
+            speed = velocity[k] / j[s.GEAR]
+            if step % period == 0:
+                asked = ctrl[k]
+                if j[s.SERVO] == 1.0:
+                    asked = _servo(board, j, k, step // period, period * board[s.STEP], asked, qpos)
+                j[s.DUTY] = _duty(board, j, asked, length[k] / j[s.GEAR] + j[s.OFFSET])
+            _weigh(board, j, speed)
+            j[s.SPEED] = speed
+            _rub(j, data, k, speed)
+        board[s.BUS] = _bus(board, joints, velocity)
+        for k in range(joints):
+            ctrl[k] = board[s.HEAD + k * s.WIDTH + s.DUTY] * board[s.BUS]
+
+    return control
 
 
-@cfunc(types.void(types.intp, types.intp, types.int32), cache=True, error_model="numpy")
-def sense(model, data, stage):
-    """mjcb_sensor: what the board's sensor shows; and what the solver found is kept for the next step's load."""
-    joints = _joints(model, data) if stage == AFTER_SOLVER else 0
-    if joints == 0:
-        return
-    board, ctrl, qpos = _numbers(data, USERDATA), _numbers(data, CTRL), _numbers(data, QPOS)
-    torque, solved = _numbers(data, TORQUE), _numbers(data, EFC_FORCE)
-    for k in range(joints):
-        j = board[s.HEAD + k * s.WIDTH :]
-        j[s.GIVEN] = torque[k] * j[s.GEAR]
-        row = _row(j, data)
-        if row >= 0:
-            rising, falling = _bounds(j, j[s.SPEED])
-            j[s.GIVEN] += solved[row] + 0.5 * (falling - rising)
-        angle = qpos[int(j[s.HINGE])]
-        if j[s.PLAY] >= 0:
-            angle += qpos[int(j[s.PLAY])]
-        shown = _numbers(data, SENSORDATA)[int(board[s.SENSOR]) + k * s.COLUMNS :]
-        shown[s.ANGLE], shown[s.READING] = angle, _seen(j, qpos)
-        shown[s.VOLTS], shown[s.FORCE] = ctrl[k], j[s.FORCE_NOW]
+control = _control(s.MAGIC_VALUE)
+
+
+def _sense(mark):
+    @cfunc(types.void(types.intp, types.intp, types.int32), cache=True, error_model="numpy")
+    def sense(model, data, stage):
+        """mjcb_sensor: what the board's sensor shows; and what the solver found is kept for the next step's load."""
+        joints = _joints(model, data, mark) if stage == AFTER_SOLVER else 0
+        if joints == 0:
+            return
+        board, ctrl, qpos = _numbers(data, USERDATA), _numbers(data, CTRL), _numbers(data, QPOS)
+        torque, solved = _numbers(data, TORQUE), _numbers(data, EFC_FORCE)
+        for k in range(joints):
+            j = board[s.HEAD + k * s.WIDTH :]
+            j[s.GIVEN] = torque[k] * j[s.GEAR]
+            row = _row(j, data)
+            if row >= 0:
+                rising, falling = _bounds(j, j[s.SPEED])
+                j[s.GIVEN] += solved[row] + 0.5 * (falling - rising)
+            angle = qpos[int(j[s.HINGE])]
+            if j[s.PLAY] >= 0:
+                angle += qpos[int(j[s.PLAY])]
+            shown = _numbers(data, SENSORDATA)[int(board[s.SENSOR]) + k * s.COLUMNS :]
+            shown[s.ANGLE], shown[s.READING] = angle, _seen(j, qpos)
+            shown[s.VOLTS], shown[s.FORCE] = ctrl[k], j[s.FORCE_NOW]
+
+    return sense
+
+
+sense = _sense(s.MAGIC_VALUE)

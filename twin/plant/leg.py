@@ -1,6 +1,6 @@
 """Parameters and model/qpal.xml to a compiled MuJoCo model: the leg bench, or the whole free robot."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import cache
 from pathlib import Path
 
@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
-from twin.hardware.friction import dry_friction
 from twin.hardware.linkage import end_angles, middle, stroke
 from twin.hardware.motor import motor
-from twin.parameters import IMPERFECTIONS, JOINTS, LEG, REALISATIONS, Parameters
+from twin.imperfections import IMPERFECTIONS
+from twin.parameters import JOINTS, LEG, REALISATIONS, Parameters
 from twin.plant.board import Circuit, add_sensor, circuit
 from twin.plant.closed_loop import close_loop
 
@@ -111,8 +111,8 @@ def _file() -> mujoco.MjSpec:
 
 def _spec(p: Parameters, without: tuple[str, ...], suffixes: tuple[str, ...]) -> mujoco.MjSpec:
     """The MJCF with the parameters written over its nominal numbers, in the legs with `suffixes`."""
-    spec = _file().copy()
-    spec.option.gravity[2] = 0.0 if "gravity" in without else -p["gravity"]
+    spec, values = _file().copy(), p.switched_off(without)
+    spec.option.gravity[2] = 0.0 - values["gravity"]
     if "contact" in without:
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     spec.geom("torso").mass = p["torso_mass"]
@@ -121,9 +121,9 @@ def _spec(p: Parameters, without: tuple[str, ...], suffixes: tuple[str, ...]) ->
             spec.geom(geom + suffix).mass = p[row]
         for joint in JOINTS:
             _motor(spec, p, joint, suffix)
-            _friction(spec, p, joint, suffix, without)
+            _friction(spec, values, joint, suffix, "load_friction" not in without and "friction" not in without)
             _ends(spec, p, joint, suffix, "end_stops" not in without)
-            _backlash(spec, p, joint, suffix, "backlash" not in without)
+            _backlash(spec, values[f"{joint}.backlash"], joint, suffix)
             if joint != "shoulder":
                 _pins(spec, p, joint, suffix)
     return spec
@@ -147,16 +147,14 @@ def _motor(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str) -> None:
     actuator.armature = constants.inertia
 
 
-def _friction(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str, without: tuple[str, ...]) -> None:
-    on = "friction" not in without
+def _friction(spec: mujoco.MjSpec, p: Mapping[str, float], joint: str, suffix: str, loaded: bool) -> None:
     drive = spec.joint(joint + suffix) if joint == "shoulder" else spec.tendon(joint + suffix)
     angle = spec.tendon(f"{joint}_angle{suffix}")
     # Without any loss MuJoCo makes no friction row, and the board would have none to write the loaded friction into.
-    dry = dry_friction(p, joint, without)
-    drive.frictionloss = max((dry.up + dry.down) / 2, LEAST if dry.load > 0.0 else 0.0)
-    angle.frictionloss = p[f"{joint}.bearing_coulomb"] if on else 0.0
+    drive.frictionloss = max(p[f"{joint}.coulomb"], LEAST if loaded else 0.0)
+    angle.frictionloss = p[f"{joint}.bearing_coulomb"]
     for element, viscous in ((drive, "viscous"), (angle, "bearing_viscous")):
-        element.damping[0] = p[f"{joint}.{viscous}"] if on else 0.0
+        element.damping[0] = p[f"{joint}.{viscous}"]
 
 
 def _ends(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str, on: bool) -> None:
@@ -169,10 +167,10 @@ def _ends(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str, on: bool)
     element.limited = mujoco.mjtLimited.mjLIMITED_TRUE if on else mujoco.mjtLimited.mjLIMITED_FALSE
 
 
-def _backlash(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str, on: bool) -> None:
+def _backlash(spec: mujoco.MjSpec, width: float, joint: str, suffix: str) -> None:
     play = spec.joint(f"{joint}_play{suffix}")
-    if on:
-        play.range = np.rad2deg([-p[f"{joint}.backlash"] / 2, p[f"{joint}.backlash"] / 2])
+    if width > 0.0:
+        play.range = np.rad2deg([-width / 2, width / 2])
         return
     # Without its play hinge the link is welded to the drive side, so the angle is the driven hinge alone.
     old = spec.tendon(f"{joint}_angle{suffix}")

@@ -1,63 +1,81 @@
 """The motor board's numbers in MuJoCo's user data: one name a place. HEAD of the board, then WIDTH for each joint.
 
-Plain integers, so that compiled code can use them by name.
+Places are counted, not written down; what imperfections put onto the board comes behind what it has itself. Plain
+integers, so that compiled code can use them by name.
 """
 
+from zlib import crc32
+
+from twin.imperfections import TABLE
+
 # The board. MAGIC marks user data as the board's own: a model whose first number is another is left alone.
-MAGIC_VALUE = 20161001.0
-MAGIC = 0
-JOINTS = 1
-STEP = 2  # [s] of the simulation
-PERIOD = 3  # simulation steps between two looks at commands, switches and potentiometers
-SUPPLY = 4  # [V] without load
-SUPPLY_R = 5  # [Ohm] of supply and wires
-LEVELS = 6  # PWM levels from 0 to full; 0: continuous
-DEAD_BAND = 7  # [V] that the bridge loses
-SEED = 8  # of the noise in the servo loop
-SENSOR = 9  # where the board's sensor begins in sensordata
-FILTER = 10  # share of a new load that enters its average
-BUS = 11  # [V] state: supply under load
-HEAD = 12
+(
+    MAGIC,
+    JOINTS,
+    STEP,  # [s] of the simulation
+    PERIOD,  # simulation steps between two looks at commands, switches and potentiometers
+    SUPPLY,  # [V] without load
+    SEED,  # of the noise in the servo loop
+    SENSOR,  # where the board's sensor begins in sensordata
+    FILTER,  # share of a new load that enters its average
+    BUS,  # [V] state: supply under load
+) = range(9)
 
 # A joint. "Drive" is the rod [m, N] or the shoulder's gear output [rad, N m].
-GEAR = 0  # rotor angle per drive position
-CONSTANT = 1  # [V s/rad]
-RESISTANCE = 2  # [Ohm]
-INERTIA = 3  # of the rotor, at the drive
-VISCOUS = 4
-ROW_TYPE = 5  # of the dry friction among MuJoCo's constraints
-ROW_ID = 6
-COULOMB_UP = 7
-COULOMB_DOWN = 8
-STRIBECK = 9  # static friction is (1 + this) times Coulomb friction
-STRIBECK_SPEED = 10
-LOAD_FRICTION = 11
-OFFSET = 12  # drive position less actuator length / gear
-LOWER = 13  # limit switches
-UPPER = 14
-HINGE = 15  # address in qpos
-PLAY = 16  # address in qpos; -1: none
-POT_PLAY = 17  # the same if the potentiometer sees the play, else -1
-SERVO = 18  # 1: the command is a reference
-KP = 19
-KI = 20
-KD = 21
-POT_SCALE = 22  # [V/rad]
-POT_STEP = 23  # [rad]; 0: no ADC
-POT_HALF = 24  # codes to one side
-POT_NOISE = 25  # [rad]
-POT_NONLINEARITY = 26  # [rad]
-POT_WAVE = 27  # [rad/rad]
-DUTY = 28  # state: part of the supply, -1 to 1
-LOAD = 29  # state: averaged force of the drive on the link
-INTEGRAL = 30  # state: of the servo's error [V s]
-LAST = 31  # state: the servo's last reading [V]; NaN before the first
-GIVEN = 32  # state: motor and dry friction on the drive in the last step; NaN before the first
-SPEED = 33  # state: of the drive in the last step
-FORCE_NOW = 34  # state: force of the drive on the link in the last step
-WIDTH = 35
+(
+    GEAR,  # rotor angle per drive position
+    CONSTANT,  # [V s/rad]
+    RESISTANCE,  # [Ohm]
+    INERTIA,  # of the rotor, at the drive
+    VISCOUS,
+    ROW_TYPE,  # of the dry friction among MuJoCo's constraints
+    ROW_ID,
+    COULOMB_UP,
+    COULOMB_DOWN,
+    OFFSET,  # drive position less actuator length / gear
+    LOWER,  # limit switches
+    UPPER,
+    HINGE,  # address in qpos
+    PLAY,  # address in qpos; -1: none
+    POT_PLAY,  # the same if the potentiometer sees the play, else -1
+    SERVO,  # 1: the command is a reference
+    KP,
+    KI,
+    KD,
+    POT_SCALE,  # [V/rad]
+    POT_STEP,  # [rad]; 0: no ADC
+    POT_HALF,  # codes to one side
+    POT_NONLINEARITY,  # [rad]
+    POT_WAVE,  # [rad/rad]
+    DUTY,  # state: part of the supply, -1 to 1
+    LOAD,  # state: averaged force of the drive on the link
+    INTEGRAL,  # state: of the servo's error [V s]
+    LAST,  # state: the servo's last reading [V]; NaN before the first
+    GIVEN,  # state: motor and dry friction on the drive in the last step; NaN before the first
+    SPEED,  # state: of the drive in the last step
+    FORCE_NOW,  # state: force of the drive on the link in the last step
+) = range(31)
+
+# What imperfections need, by name: of the board, and of each joint.
+OF_BOARD = {name: k for k, name in enumerate((n for each in TABLE.values() for n in each.board), start=BUS + 1)}
+OF_JOINT = {name: k for k, name in enumerate((n for each in TABLE.values() for n in each.joint), start=FORCE_NOW + 1)}
+HEAD = BUS + 1 + len(OF_BOARD)
+WIDTH = FORCE_NOW + 1 + len(OF_JOINT)
+_twice = {name for name in (*OF_BOARD, *OF_JOINT) if name in globals() or (name in OF_BOARD and name in OF_JOINT)}
+assert not _twice, f"two numbers of the board are called {', '.join(_twice)}"
+globals().update(OF_BOARD | OF_JOINT)
+
+
+def __getattr__(name: str) -> int:
+    """Names of OF_BOARD and OF_JOINT are integers here too; this is how type checkers know."""
+    raise AttributeError(f"no number of the board is called {name}")
+
 
 # What the sensor shows of each joint: angle between the links [rad], what the potentiometer would read without noise
 # and ADC [rad], motor voltage [V], force of the drive on the link [N or N m].
 ANGLE, READING, VOLTS, FORCE = range(4)
 COLUMNS = 4
+
+# The first number tells boards of this very layout: compiled code in the cache of another one must not touch them.
+_layout = repr({name: value for name, value in globals().items() if name.isupper() and isinstance(value, int)})
+MAGIC_VALUE = 20161001.0 + crc32(_layout.encode())

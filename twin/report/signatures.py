@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,8 @@ from sysid.base import style
 from sysid.base.style import styled
 from sysid.base.units import Quantity, number, shown
 from sysid.report.page import Grid, Picture, Section
+from twin.declared import Imperfection
+from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.signatures import Axis, Mark, Signature
 
 if TYPE_CHECKING:
@@ -29,7 +32,8 @@ PLACES = {
     "corner": ((1.0, 1.0), (14, 2), "left", "center"),
     "top left": ((0.0, 1.0), (-6, 2), "right", "bottom"),
 }
-ROOM = 0.4  # of the axes' width, for the text of a mark outside the data
+MARKS = ("<!-- from here on made by scripts/signatures.py -->\n", "<!-- end of sizes -->\n")  # in the documentation
+ROOM = 0.4  # of the axes' width, for the text of a mark that stands outside of the data
 
 
 def section(found: Sequence[Signature]) -> Section:
@@ -62,6 +66,22 @@ def sizes(found: Sequence[Signature]) -> Grid:
             rows.append((signature.name, size.name, signature.joint, *values, unit.unit, ", ".join(size.rows)))
     headings = ("switch", "what is measured", "joint", "measured", "true", "switched off", "unit", "true from")
     return Grid(headings, rows, text_columns=3, last_text=True)
+
+
+def markdown(found: Sequence[Signature]) -> str:
+    """docs/imperfections.md from its table of sizes on: each imperfection in words and its signatures as pictures."""
+    shown = sizes(found).only("switch", "what is measured", "joint", "measured", "true", "unit")
+    rule = [":--" if shown.is_text(j) else "--:" for j in range(len(shown.headings))]
+    table = "".join("| " + " | ".join(row) + " |\n" for row in (shown.headings, rule, *shown.rows))
+    return "\n".join([MARKS[0] + table + MARKS[1], *(_chapter(each, found) for each in IMPERFECTIONS.values())])
+
+
+def _chapter(each: type[Imperfection], found: Sequence[Signature]) -> str:
+    first, *more = [f"![{one.sentence}](imperfections-{one.key}.png)" for one in found if one.name == each.name]
+    said = [each.about, f"Model: {each.model}", f"Parameters: {each.parameters}", "", each.remark]
+    about, model, rows, _, remark = (textwrap.fill(part, 120, break_on_hyphens=False) for part in said)
+    parts = [f"## {each.title}: `{each.name}`", about, model, rows, first, remark, *more]
+    return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def _value(value: float, true: float) -> str:

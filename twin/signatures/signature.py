@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from twin.experiment import SETTLE, Experiment
-from twin.parameters import IMPERFECTIONS, Parameters
+from twin.imperfections import IMPERFECTIONS
+from twin.parameters import Parameters
 from twin.plant import slots
 from twin.plant.stepping import TIMESTEP, step
 from twin.truth import truth

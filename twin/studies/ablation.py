@@ -19,8 +19,8 @@ from sysid.estimation.result import Fit
 from sysid.model.chain import Chain
 from sysid.workflow.evaluation import Setting
 from twin.experiment import Experiment, run_all
+from twin.imperfections import IMPERFECTIONS
 from twin.log import Log
-from twin.parameters import IMPERFECTIONS
 from twin.studies.beyond import Beyond, Trial, ceiling
 
 STEPS = 4  # what `run` announces

@@ -15,7 +15,7 @@ from sysid.data.preprocess import quick_start
 from sysid.joint.values import JointValue
 from sysid.structures import ActuatedJoint
 from sysid.workflow.evaluation import Evaluation, Setting, evaluate
-from twin.experiment import DEFAULTS, Experiment
+from twin.experiment import Experiment
 from twin.hardware.drive import drive
 from twin.hardware.potentiometer import potentiometer
 from twin.log import Log
@@ -122,7 +122,7 @@ def irregular(joint: str, seed: int, duration: float, Ts: float) -> Log:
     It is somewhat longer than the paper's, so that slow crossings reach the end too. It contains speeds at many
     voltages, and it meets the ends often enough to reset the error of a free run.
     """
-    mean = round(LONGER * DEFAULTS[joint]["sweep"]["half_period"], 3)
+    mean = round(LONGER * vars(Experiment(joint, "sweep").signal())["half_period"], 3)
     options = {"half_period": mean, "jitter": 0.5, "shrink": 0.4}
     return Experiment(joint, "sweep", duration, Ts, seed, options=options).run()
 

@@ -1,40 +1,24 @@
 """Trust region: the best step of the linear model within a radius that grows and shrinks with its success."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.optimize import brentq
 
-from sysid.solver.iterate import Attempt, Linearisation, Options, Step
+from sysid.solver.iterate import Attempt, Linearisation, Options, Step, within_radius
 
 
 class TrustRegion:
     """trust_region: the exact solution of the subproblem (More and Sorensen 1983), found by SciPy's `brentq`.
 
-    Radii are in columns of unit norm. If the actual reduction is below a quarter of the predicted one, the radius
-    shrinks to a quarter; above three quarters it grows (Nocedal and Wright, Numerical Optimization, ch. 4).
+    How the radius grows and shrinks is `within_radius`'s.
     """
 
     name = "trust_region"
+    second_order: ClassVar[bool] = True
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
-        radius = memory.get("radius") or float(np.linalg.norm(lin.scaled(lin.damped(1e-3))))
-        for _ in range(2 * options.max_halvings):
-            proposed = within(lin, radius)
-            length = float(np.linalg.norm(lin.scaled(proposed)))
-            cost, delta = attempt(proposed)
-            promised = lin.predicted(delta)
-            ratio = (lin.cost - cost) / promised if promised > 0 and np.isfinite(cost) else -1.0
-            if ratio > 1e-4:
-                if ratio > 0.75:
-                    radius = max(radius, 2.5 * length)
-                elif ratio < 0.25:
-                    radius = 0.25 * length
-                memory["radius"] = radius
-                return Step(delta, cost, self.name)
-            radius = 0.25 * min(radius, length)
-        memory["radius"] = None
-        return None
+        return within_radius(lin, attempt, memory, options, within, self.name)
 
 
 def within(lin: Linearisation, radius: float) -> np.ndarray:

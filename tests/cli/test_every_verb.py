@@ -1,0 +1,107 @@
+"""What holds of every verb: its help, the options that all have, what it leaves behind, and how it refuses."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+import typer
+from cases import VERBS
+
+from twin.cli import app, main
+from twin.cli.options import _number, _whole
+
+COMMANDS = typer.main.get_command(app.build()).commands
+REPORTING = [verb.__name__ for verb in app.VERBS if verb not in app.SHOWN]
+SHARED = ("input", "output", "time", "params", "out", "as_json")  # one text wherever they are
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A working folder with a record of y_t = 0.8 y_{t-1} + u_{t-1}."""
+    monkeypatch.chdir(tmp_path)
+    u = np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 60), 4)
+    y = np.zeros(240)
+    for t in range(1, 240):
+        y[t] = 0.8 * y[t - 1] + u[t - 1]
+    rows = "".join(f"{a!r},{b!r}\n" for a, b in zip(u.tolist(), y.tolist(), strict=True))
+    (tmp_path / "log.csv").write_text("u,y\n" + rows)
+    return tmp_path
+
+
+def options_of(verb, kinds=None):
+    """The options of a verb that are values; `kinds` chooses them by what takes their text apart."""
+    for parameter in COMMANDS[verb].params:
+        parse = getattr(parameter.type, "func", None)
+        if parameter.param_type_name == "option" and (kinds is None or parse in kinds):
+            yield parameter
+
+
+def test_every_verb_that_reports_has_a_good_run():
+    assert set(VERBS) == set(REPORTING)
+
+
+@pytest.mark.parametrize("verb", REPORTING)
+def test_a_good_run_leaves_a_report_and_prints_its_summary(verb, folder, capsys):
+    assert main([verb, *VERBS[verb], "--json", "--out", "made/here"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    summary = json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    made = folder / "made" / "here"
+    assert summary == json.loads((made / "summary.json").read_text(encoding="utf-8"))
+    html = (made / "report.html").read_text(encoding="utf-8")
+    figures = list((made / "figures").iterdir())
+    assert figures
+    assert html.count("<img ") == len(figures)
+    assert not re.findall(r"""(?:src|href)=["'](?!data:image/png;base64,|#)""", html)  # it needs no network
+    assert {path.name for path in folder.iterdir()} == {"log.csv", "made"}
+
+
+@pytest.mark.parametrize("verb", [verb.__name__ for verb in app.VERBS])
+def test_shared_options_are_one_everywhere(verb):
+    texts = {parameter.name: parameter.help for parameter in options_of(verb) if parameter.name in SHARED}
+    assert verb not in REPORTING or {"out", "as_json"} <= set(texts)
+    for other in COMMANDS:
+        for parameter in options_of(other):
+            assert texts.get(parameter.name, parameter.help) == parameter.help
+
+
+def refused(arguments, folder, capsys):
+    """The one sentence on standard error of a verb that ends with 2 and leaves nothing."""
+    before = sorted(folder.rglob("*"))
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("qpal: ")
+    assert err.count("\n") == 1
+    assert sorted(folder.rglob("*")) == before
+    return err
+
+
+@pytest.mark.parametrize(
+    ("verb", "option"),
+    [(verb, parameter.opts[0]) for verb in COMMANDS for parameter in options_of(verb, (_number, _whole))],
+)
+def test_a_number_that_is_none_is_refused(verb, option, folder, capsys):
+    said = refused([verb, *VERBS.get(verb, []), option, "many"], folder, capsys)
+    assert option in said
+    assert "found 'many', give a" in said
+
+
+@pytest.mark.parametrize("verb", COMMANDS)
+def test_an_option_that_does_not_exist_is_refused(verb, folder, capsys):
+    said = refused([verb, *VERBS.get(verb, []), "--nonsense", "1"], folder, capsys)
+    assert "--nonsense" in said
+    assert f"see qpal {verb} --help" in said
+
+
+@pytest.mark.parametrize("verb", REPORTING)
+def test_an_out_that_is_a_file_is_refused_before_the_work(verb, folder, capsys, monkeypatch):
+    monkeypatch.setattr("twin.cli.console.Steps.__call__", lambda *_: pytest.fail("it began to work"))
+    said = refused([verb, *VERBS[verb], "--out", "log.csv"], folder, capsys)
+    assert "cannot write to log.csv" in said
+
+
+@pytest.mark.parametrize("verb", [verb for verb in REPORTING if any(p.name == "params" for p in options_of(verb))])
+def test_parameters_that_are_nowhere_are_refused(verb, folder, capsys):
+    assert "nowhere.toml" in refused([verb, *VERBS[verb], "--params", "nowhere.toml"], folder, capsys)

@@ -1,0 +1,53 @@
+"""Imperfections of the leg: one file, one class, one line in `TABLE`, whose order is that of the documentation.
+
+A class says which rows of the parameters size it, their ideal values when it is switched off, the numbers that the
+motor board's kernel needs of it, and its text. How it shows in an experiment is in `twin.signatures`.
+"""
+
+from twin.declared import Imperfection
+from twin.imperfections.adc import Adc
+from twin.imperfections.asymmetry import Asymmetry
+from twin.imperfections.backlash import Backlash
+from twin.imperfections.contact import Contact
+from twin.imperfections.dead_band import DeadBand
+from twin.imperfections.delay import Delay
+from twin.imperfections.dropouts import Dropouts
+from twin.imperfections.end_stops import EndStops
+from twin.imperfections.friction import Friction
+from twin.imperfections.gravity import Gravity
+from twin.imperfections.jitter import Jitter
+from twin.imperfections.load_friction import LoadFriction
+from twin.imperfections.noise import Noise
+from twin.imperfections.nonlinearity import Nonlinearity
+from twin.imperfections.pwm import Pwm
+from twin.imperfections.sag import Sag
+from twin.imperfections.stribeck import Stribeck
+
+TABLE: dict[str, type[Imperfection]] = {
+    "friction": Friction,
+    "asymmetry": Asymmetry,
+    "stribeck": Stribeck,
+    "load_friction": LoadFriction,
+    "end_stops": EndStops,
+    "backlash": Backlash,
+    "pwm": Pwm,
+    "dead_band": DeadBand,
+    "sag": Sag,
+    "delay": Delay,
+    "nonlinearity": Nonlinearity,
+    "noise": Noise,
+    "adc": Adc,
+    "jitter": Jitter,
+    "dropouts": Dropouts,
+    "gravity": Gravity,
+    "contact": Contact,
+}
+IMPERFECTIONS = tuple(TABLE)
+
+
+def of_group(*groups: str) -> tuple[str, ...]:
+    """Names of the imperfections in these groups, of `twin.declared.GROUPS`."""
+    return tuple(name for name, each in TABLE.items() if each.group in groups)
+
+
+__all__ = ["IMPERFECTIONS", "TABLE", "of_group"]

@@ -1,0 +1,30 @@
+"""Quantisation."""
+
+from collections.abc import Mapping
+from math import inf
+from typing import ClassVar
+
+from twin.declared import Imperfection, Row
+
+
+class Adc(Imperfection):
+    """Infinitely many bits are a converter without codes."""
+
+    name, group = "adc", "sensor"
+    title = "Quantisation"
+    about = "The converter knows only so many codes."
+    model = "readings are rounded to pot_range / 2^adc_bits, and end at the first and the last code."
+    parameters = "`adc_bits`, `pot_range`."
+    rows = (
+        Row(
+            "adc_bits",
+            10,
+            4,
+            24,
+            "1",
+            "assumption: the 10-bit converter usual on such an MCU board",
+            "pot: 2^bits codes over pot_range",
+            compiled=False,
+        ),
+    )
+    ideal: ClassVar[Mapping[str, float]] = {"adc_bits": inf}
