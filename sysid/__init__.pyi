@@ -4,6 +4,9 @@ A room is a folder of the house; its own `__init__.py` says what is in it.
 """
 
 from . import (
+    base as base,
+    bench as bench,
+    block as block,
     blocks as blocks,
     data as data,
     diagnosis as diagnosis,

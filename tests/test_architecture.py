@@ -222,3 +222,21 @@ def test_packages_say_that_they_are_typed(package):
 @pytest.mark.parametrize("path", [p for package in PACKAGES for p in sources(package)], ids=lambda p: p.name)
 def test_no_module_is_a_second_house(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda p: p.__name__)
+def test_the_facade_reaches_every_module_of_every_public_room(package):
+    """By attributes alone, in a fresh process where nothing has been imported beside the package."""
+    own = [name.split(".") for name in modules() if name.startswith(f"{package.__name__}.") and "._" not in name]
+    wanted = [".".join(parts) for parts in own if len(parts) == 3 and parts[1] in dir(package)]
+    known = [name for name in wanted if not _shadowed(name)]
+    assert len(known) > 20
+    code = f"import {package.__name__}\n" + "\n".join(f"assert {name}.__name__ == {name!r}" for name in known)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-500:]
+
+
+def _shadowed(name: str) -> bool:
+    """Whether a class or function of the room bears its module's name, as in folders of one thing a file."""
+    room, _, last = name.rpartition(".")
+    return not inspect.ismodule(getattr(importlib.import_module(room), last, sys))

@@ -1,5 +1,8 @@
 """What a block is: slots, tangent, symmetries; and the compiled loops under it."""
 
+from sysid.base.room import modules_of
 from sysid.block.block import Block, Slot, StaticBlock, Symmetry
 
 __all__ = ["Block", "Slot", "StaticBlock", "Symmetry"]
+
+__getattr__, __dir__ = modules_of(__name__)

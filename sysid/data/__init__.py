@@ -1,6 +1,9 @@
 """Records: `IOData` and preprocessing before a model is fitted."""
 
+from sysid.base.room import modules_of
 from sysid.data.preprocess import detrend, quick_start, retrend
 from sysid.data.record import IOData
 
 __all__ = ["IOData", "detrend", "quick_start", "retrend"]
+
+__getattr__, __dir__ = modules_of(__name__)

@@ -1,1 +1,5 @@
 """The page that shows a workflow's numbers: sections, figures, HTML."""
+
+from sysid.base.room import modules_of
+
+__getattr__, __dir__ = modules_of(__name__)

@@ -1,5 +1,5 @@
 """The iteration loop, the searches that give its steps, and the covariance of the result."""
 
-from sysid.solver import searches
+from sysid.base.room import modules_of
 
-__all__ = ["searches"]
+__getattr__, __dir__ = modules_of(__name__)

@@ -1,5 +1,5 @@
 """Uncertainty of a fit: standard deviations, intervals, bands, responses and curves with bands."""
 
-from sysid.uncertainty import bands, curves, information, intervals, responses
+from sysid.base.room import modules_of
 
-__all__ = ["bands", "curves", "information", "intervals", "responses"]
+__getattr__, __dir__ = modules_of(__name__)

@@ -7,15 +7,16 @@ from PIL import Image
 import twin
 from sysid.base import style
 from sysid.report import figures, identify, page
+from sysid.structures import ActuatedJoint, HammersteinWiener, NonlinearArx, OutputError
 from sysid.workflow.evaluation import Setting
 from sysid.workflow.exports import Exports
 from sysid.workflow.identification import identify_file
 
 SETTINGS = {
-    "hammerstein_wiener": Setting(nb=2, nf=2, starts=1),
-    "output_error": Setting("output_error", nb=2, nf=2, starts=1),
-    "nlarx": Setting("nlarx", starts=1),
-    "actuated_joint": Setting("actuated_joint", starts=1),
+    "hammerstein_wiener": Setting(HammersteinWiener(2, 2, 1), starts=1),
+    "output_error": Setting(OutputError(2, 2, 1), starts=1),
+    "nlarx": Setting(NonlinearArx(2, 2, 1), starts=1),
+    "actuated_joint": Setting(ActuatedJoint(), starts=1),
 }
 SIGNALS = ("voltage", "angle", "time", "input u", "output y")  # of the record: where they are named, so is their unit
 

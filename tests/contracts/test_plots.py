@@ -232,3 +232,17 @@ def test_bars_of_residuals_leave_out_lag_zero_and_colour_those_outside():
     outside = next(line for line in top.lines if line.get_label() == "outside")
     assert len(outside.get_xdata()) == tests.whiteness_outside > 0
     assert top.get_title("left").endswith("not white")
+
+
+def test_steady_state_and_gain_are_shown_in_degrees(case):
+    band = intervals.steady_state(case[2])
+    axes = plots.steady_state(band, u_unit="V", y_unit="rad")
+    np.testing.assert_allclose(axes.lines[0].get_xydata(), np.column_stack([band.x, np.degrees(band.value)]))
+    assert shaded(axes) == pytest.approx(np.degrees((band.lower.min(), band.upper.max())))
+    response = responses.frequency(case[2])
+    magnitude, phase = plots.bode(response, y_unit="rad", u_unit="V")
+    np.testing.assert_allclose(magnitude.lines[0].get_ydata(), np.degrees(response.magnitude.value))
+    np.testing.assert_allclose(phase.lines[0].get_ydata(), response.phase.value)
+    assert magnitude.get_ylabel() == "magnitude [deg per V]"
+    (output,) = (c for c in curves.curves(case[2]) if c.role == "output")
+    np.testing.assert_allclose(plots.static_curve(output).lines[0].get_ydata(), np.degrees(output.band.value))

@@ -1,0 +1,23 @@
+"""The modules of a room, loaded when they are asked for: `import sysid` reaches all of them and loads none."""
+
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Any
+
+
+def modules_of(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """`__getattr__` and `__dir__` of the package whose `__init__` calls this with its `__name__`."""
+    room = sys.modules[package]
+    names = sorted(m.name for m in iter_modules(room.__path__) if not m.name.startswith("_"))
+
+    def load(name: str) -> Any:
+        if name in names:
+            return import_module(f"{package}.{name}")
+        raise AttributeError(f"{package} has no {name!r}; it has {', '.join(public())}")
+
+    def public() -> list[str]:
+        return sorted({*names, *vars(room).get("__all__", ())})
+
+    return load, public
