@@ -1,0 +1,37 @@
+"""The page of the house: its rooms are the rooms, its tables exist, its code runs and finds the truth."""
+
+import importlib
+import re
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_architecture import FLOORS
+
+PAGE = (Path(__file__).parents[2] / "docs" / "house.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("package", FLOORS)
+def test_every_room_is_listed_from_the_ground_up(package):
+    _, _, rest = PAGE.partition(f"| room of `{package}` |")
+    listed = re.findall(r"^\| `(\w+)` \|", rest.partition("\n\n")[0], flags=re.MULTILINE)
+    floors = {name: level for level, names in enumerate(FLOORS[package]) for name in names}
+    assert sorted(listed) == sorted(floors)
+    assert [floors[name] for name in listed] == sorted(floors.values())
+
+
+def test_every_place_for_something_new_exists():
+    places = re.findall(r"\| `((?:sysid|twin)/[\w/.]+\.py)` \|$", PAGE, flags=re.MULTILINE)
+    assert len(places) >= 10
+    for place in places:
+        module = importlib.import_module(place.removesuffix(".py").replace("/", ".").removesuffix(".__init__"))
+        assert hasattr(module, "TABLE") or hasattr(module, "VERBS"), place
+
+
+def test_the_block_of_the_page_is_found_again(tmp_path):
+    (code,) = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.DOTALL | re.MULTILINE)
+    (tmp_path / "page.py").write_text(code, encoding="utf-8")
+    fit = runpy.run_path(str(tmp_path / "page.py"))["fit"]
+    std = np.array([p.std for p in fit.parameters])
+    assert np.all(np.abs(fit.theta - [2.0, 8.0, 0.05]) < 5.0 * std)
