@@ -230,7 +230,8 @@ OTHER_SIZES = {
 }
 # Angles [rad] by which an imperfection moves a log at least, where that is less than 0.1 degrees.
 FAINT: dict[str, float] = {}
-# A short good run of every verb that reports, in a folder with a record log.csv of columns u and y; --out is added.
+# A short good run of every verb that reports, in a folder with a record log.csv of columns u and y and a saved
+# model.json of it; --out is added.
 VERBS = {
     "crawl": ["--steps", "4", "--robots", "1", "--duration", "2"],
     "identify": ["log.csv", "--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1"],

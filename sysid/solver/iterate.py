@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.linalg.lapack import dgeqrf
@@ -150,14 +150,9 @@ Attempt = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
 
 class Search(Protocol):
-    """One way to make a step; `memory` is its own between iterations.
-
-    `second_order`: whether steps use the curvature J'J in every direction, so that badly conditioned problems converge
-    within the usual number of iterations. Every class says so itself.
-    """
+    """One way to make a step; `memory` is its own between iterations."""
 
     name: str
-    second_order: ClassVar[bool]
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         """A step that lowers the cost, or None if the method finds none."""

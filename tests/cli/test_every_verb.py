@@ -2,14 +2,15 @@
 
 import json
 import re
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
 import typer
 from cases import VERBS
 
+import sysid
 from twin.cli import app, main
-from twin.cli.options import _number, _whole
 
 COMMANDS = typer.main.get_command(app.build()).commands
 REPORTING = [verb.__name__ for verb in app.VERBS if verb not in app.SHOWN]
@@ -18,7 +19,7 @@ SHARED = ("input", "output", "time", "params", "out", "as_json")  # one text whe
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A working folder with a record of y_t = 0.8 y_{t-1} + u_{t-1}."""
+    """A working folder with a record of y_t = 0.8 y_{t-1} + u_{t-1}, and a saved model of it."""
     monkeypatch.chdir(tmp_path)
     u = np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 60), 4)
     y = np.zeros(240)
@@ -26,15 +27,23 @@ def folder(tmp_path, monkeypatch):
         y[t] = 0.8 * y[t - 1] + u[t - 1]
     rows = "".join(f"{a!r},{b!r}\n" for a, b in zip(u.tolist(), y.tolist(), strict=True))
     (tmp_path / "log.csv").write_text("u,y\n" + rows)
+    sysid.fit(sysid.structures.output_error(1, 1, 1), sysid.IOData(u, y, 0.1)).save("model.json")
     return tmp_path
 
 
-def options_of(verb, kinds=None):
-    """The options of a verb that are values; `kinds` chooses them by what takes their text apart."""
-    for parameter in COMMANDS[verb].params:
-        parse = getattr(parameter.type, "func", None)
-        if parameter.param_type_name == "option" and (kinds is None or parse in kinds):
-            yield parameter
+def options_of(verb):
+    return [parameter for parameter in COMMANDS[verb].params if parameter.param_type_name == "option"]
+
+
+def numbers_of(verb):
+    """The options that take a number, by the types that the verb gives them."""
+    function = next(each for each in app.VERBS if each.__name__ == verb)
+    types = {
+        name: get_args(hint)[0]
+        for name, hint in get_type_hints(function, include_extras=True).items()
+        if get_args(hint)
+    }
+    return [each for each in options_of(verb) if {int, float} & {types[each.name], *get_args(types[each.name])}]
 
 
 def test_every_verb_that_reports_has_a_good_run():
@@ -54,7 +63,7 @@ def test_a_good_run_leaves_a_report_and_prints_its_summary(verb, folder, capsys)
     assert figures
     assert html.count("<img ") == len(figures)
     assert not re.findall(r"""(?:src|href)=["'](?!data:image/png;base64,|#)""", html)  # it needs no network
-    assert {path.name for path in folder.iterdir()} == {"log.csv", "made"}
+    assert {path.name for path in folder.iterdir()} == {"log.csv", "model.json", "made"}
 
 
 @pytest.mark.parametrize("verb", [verb.__name__ for verb in app.VERBS])
@@ -80,7 +89,7 @@ def refused(arguments, folder, capsys):
 
 @pytest.mark.parametrize(
     ("verb", "option"),
-    [(verb, parameter.opts[0]) for verb in COMMANDS for parameter in options_of(verb, (_number, _whole))],
+    [(verb, parameter.opts[0]) for verb in COMMANDS for parameter in numbers_of(verb)],
 )
 def test_a_number_that_is_none_is_refused(verb, option, folder, capsys):
     said = refused([verb, *VERBS.get(verb, []), option, "many"], folder, capsys)

@@ -8,6 +8,7 @@ from rig import IDEAL_BRIDGE, QUIET, VOLTS, record, shown
 from twin import JOINTS, Experiment, Parameters, truth
 from twin.hardware.linkage import end_angles, linkage, middle, stroke
 from twin.hardware.potentiometer import potentiometer
+from twin.plant.board import circuit
 from twin.plant.leg import bench
 from twin.plant.stepping import step
 
@@ -36,6 +37,16 @@ def test_without_friction_gravity_moves_the_leg(joint: str) -> None:
     assert np.rad2deg(np.ptp(loose)) > 0.1  # back-EMF alone slows it; with friction it stays within 0.01 deg
     weightless = record(joint, np.zeros(50), without=("friction", "gravity"), start=0.0)
     assert np.rad2deg(np.ptp(weightless)) < 1e-6
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_the_switch_of_friction_takes_all_of_it(joint: str) -> None:
+    left = circuit(P, joint, ("friction",))
+    assert [left.friction.static(way, 1e3) for way in (-1, 1)] == [0.0, 0.0]
+    assert (left.viscous, left.own["LOAD_FRICTION"]) == (0.0, 0.0)
+    model = bench(joint, without=("friction",))
+    for field in (model.dof_frictionloss, model.tendon_frictionloss, model.dof_damping, model.tendon_damping):
+        assert not np.any(field)
 
 
 @pytest.mark.parametrize("joint", JOINTS)

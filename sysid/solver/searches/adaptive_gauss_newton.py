@@ -1,6 +1,6 @@
 """Adaptive Gauss-Newton: the threshold of ignored singular values follows the number of halvings of a step."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 from sysid.solver.iterate import Attempt, Linearisation, Options, Step, halve
 
@@ -11,7 +11,6 @@ class AdaptiveGaussNewton:
     """gna: ignores singular values below gamma times the largest (Wills and Ninness 2008, Automatica 44)."""
 
     name = "gna"
-    second_order: ClassVar[bool] = True
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         gamma = memory.get("gamma", _GAMMA)

@@ -1,7 +1,7 @@
 """Automatic choice: the first of several methods that descends."""
 
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 from sysid.solver.iterate import SMALL, Attempt, Linearisation, Options, Search, Step
 from sysid.solver.searches.adaptive_gauss_newton import AdaptiveGaussNewton
@@ -16,7 +16,6 @@ class Auto:
     """auto: at each iteration gn, lm, gna, gradient in this order; the first step that lowers the loss is used."""
 
     name = "auto"
-    second_order: ClassVar[bool] = True
 
     def __init__(self) -> None:
         self._methods: tuple[Search, ...] = (GaussNewton(), LevenbergMarquardt(), AdaptiveGaussNewton(), Gradient())

@@ -1,6 +1,6 @@
 """Steepest descent, scaled by the minimum of the linear model along it."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 from sysid.solver.iterate import Attempt, Linearisation, Options, Step, halve
 
@@ -9,7 +9,6 @@ class Gradient:
     """gradient: slow near the optimum; a last resort of `auto`."""
 
     name = "gradient"
-    second_order: ClassVar[bool] = False
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         g = lin.gradient / lin.scale**2

@@ -1,6 +1,6 @@
 """Levenberg-Marquardt in columns of unit norm."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 from sysid.solver.iterate import Attempt, Linearisation, Options, Step
 
@@ -14,7 +14,6 @@ class LevenbergMarquardt:
     """
 
     name = "lm"
-    second_order: ClassVar[bool] = True
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         damping, growth = memory.get("damping", _DAMPING), _FACTOR

@@ -1,6 +1,6 @@
 """Trust region: the best step of the linear model within a radius that grows and shrinks with its success."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -15,7 +15,6 @@ class TrustRegion:
     """
 
     name = "trust_region"
-    second_order: ClassVar[bool] = True
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         return within_radius(lin, attempt, memory, options, within, self.name)
