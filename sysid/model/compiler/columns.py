@@ -16,7 +16,9 @@ class Columns(Derivatives):
 
     def commit(self, env: dict[Var, Map], live: frozenset[Var], y: Map | None = None) -> None:
         """Bring the vectors of what lives on up to date."""
-        moved = [(self._place(v), ("v", variable(v)), m) for v, m in env.items() if v in live]
+        moved: list[tuple[str, Key, Map]] = [
+            (self._place(v), ("v", variable(v)), m) for v, m in env.items() if v in live
+        ]
         moved += [("J[t, {}]", ("y",), y)] if y is not None else []
         wide = self.narrow or any(k[0] in "xr" for _, _, m in moved for k in m)
         bare: set[str] = set()  # nothing but own columns
@@ -32,7 +34,7 @@ class Columns(Derivatives):
                     rows.append((place.format("c"), self._row(kept)))
             if rows:
                 self.emit(f"for c in range({span}):")
-                self.inside(lambda rows=rows: self._columns(rows))  # type: ignore[misc]
+                self.inside(lambda rows=rows: self._columns(rows))
         self._columns(slopes)
         for place, _, m in moved:
             if place in bare:

@@ -1,6 +1,6 @@
 """Derivatives of one expression, in what a stretch of a program began with; see `tangent`."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from sysid.model.compiler.activity import Activity, activity, looks_back, lowered, names, now
 from sysid.model.compiler.ir import (
@@ -11,7 +11,6 @@ from sysid.model.compiler.ir import (
     Param,
     Program,
     Return,
-    Stmt,
     Var,
     loops,
     statements,
@@ -43,10 +42,7 @@ class Derivatives:
         taken = names(self.program)
         self.begin = lowered(self.program.begin, self.found, taken)
         self.step = lowered(self.program.step, self.found, taken)
-        lower = Program(
-            *(getattr(self.program, k) for k in ("states", "params", "rows", "consts")), self.begin, self.step
-        )
-        self.found = activity(lower)
+        self.found = activity(replace(self.program, begin=self.begin, step=self.step))
         self.states = frozenset(v for v in self.found.active if v.state)
         self.back = looks_back(self.program)
         self.memoryless = not self.program.states and not self.back  # d/dx is a number then, `slope`
@@ -74,7 +70,7 @@ class Derivatives:
         self.emit(f"t{self.count} = {text}")
         return f"t{self.count}"
 
-    def inside(self, write) -> object:  # type: ignore[no-untyped-def]
+    def inside(self, write) -> object:
         """What `write` writes, one level in."""
         self.depth += 1
         before = len(self.lines)
@@ -121,7 +117,7 @@ class Derivatives:
                 values[id(e)] = show(e)
         return values[id(e)]
 
-    def _pull(self, e, factor, values, env, terms) -> None:  # type: ignore[no-untyped-def]
+    def _pull(self, e, factor, values, env, terms) -> None:
         """Spread d value / d e, which is `factor`, over what e depends on (reverse mode within one expression)."""
         if not self.found.of(e):
             return
@@ -135,7 +131,7 @@ class Derivatives:
             if self.found.of(arg):
                 self._pull(arg, self._times(factor, slope()), values, env, terms)
 
-    def _slopes(self, e: Op, a: list[str], own: str):  # type: ignore[no-untyped-def]
+    def _slopes(self, e: Op, a: list[str], own: str):
         """How the value changes with each argument, written down only where it is asked for."""
         t = self.temporary
         table = {
@@ -168,7 +164,8 @@ class Derivatives:
         if e in self.found.light:
             return {("p", k): self.temporary(f"l_{e.name}_{k}") for k in self._parameters(e)}
         if e in self.found.inputs:
-            source = next(s.value for b in (self.begin, self.step) for s in statements(b) if _sets(s, e))
+            lines = (s for b in (self.begin, self.step) for s in statements(b))
+            source = next(s.value for s in lines if isinstance(s, Assign) and s.target == e)
             return {("x",): 1.0} if now(source) else {("r", f"row_{e.name}"): 1.0}
         return {("v", variable(e)): 1.0}
 
@@ -208,10 +205,6 @@ class Derivatives:
                 elif isinstance(leaf, Var) and leaf not in seen and leaf != v:
                     found |= set(self._parameters(leaf, seen | {v}))
         return sorted(found)
-
-
-def _sets(s: Stmt, v: Var) -> bool:
-    return isinstance(s, Assign) and s.target == v
 
 
 def _float(text: str) -> Coefficient:

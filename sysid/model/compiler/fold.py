@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -293,8 +293,8 @@ def _pair(e: Op) -> Expr:
     if op == "/":
         return Num(0.0) if x == 0 else a if y == 1 else e
     if op in ("min", "max"):
-        other = math.inf if op == "min" else -math.inf
-        return b if x == other else a if y == other else e
+        beyond = math.inf if op == "min" else -math.inf
+        return b if x == beyond else a if y == beyond else e
     return e
 
 
@@ -307,7 +307,7 @@ def _against_infinity(e: Op, x: float | None, y: float | None) -> Expr:
 
 
 def _computed(op: str, *v: float) -> float:
-    table = {
+    table: dict[str, Callable[..., float]] = {
         "+": lambda a, b: a + b,
         "-": lambda a, b: a - b,
         "*": lambda a, b: a * b,

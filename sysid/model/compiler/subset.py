@@ -79,7 +79,8 @@ class _Reader(Phrases):
         if params & rows:
             raise InputError(f"{', '.join(sorted(params & rows))} stands with and without an index; name it apart")
         consts = {e.name for e in found if isinstance(e, Const)}
-        return Program(tuple(self.states), *(tuple(sorted(n)) for n in (params, rows, consts)), begin, step)
+        names = (tuple(sorted(n)) for n in (params, rows, consts))
+        return Program(tuple(self.states), next(names), next(names), next(names), begin, step)
 
     def _function(self, name: str) -> Body:
         node = self.functions[name]

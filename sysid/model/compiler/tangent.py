@@ -9,7 +9,7 @@ dependence, however long the stretch is, and what is known to be zero costs noth
 from sysid.model.compiler.activity import alive, head, now
 from sysid.model.compiler.columns import Columns
 from sysid.model.compiler.derive import Map
-from sysid.model.compiler.ir import Assign, Body, Break, Expr, For, If, Return, Stmt, Var, ends, loops, statements
+from sysid.model.compiler.ir import Ago, Assign, Body, Break, Expr, For, If, Return, Stmt, Var, ends, loops, statements
 from sysid.model.compiler.show import row, show, variable
 
 _SMALL = 6  # statements behind an if that are written into both of its branches
@@ -42,7 +42,7 @@ class Writer(Columns):
                 self.emit("else:")
                 self.inside(lambda: self.block(s.orelse, out, left))
 
-    def run(self, body: Body, env: dict[Var, Map], out: frozenset[Var], left: frozenset[Var], final: bool = True):  # type: ignore[no-untyped-def]
+    def run(self, body: Body, env: dict[Var, Map], out: frozenset[Var], left: frozenset[Var], final: bool = True):
         """Statements without a loop; env holds the derivatives of what they have set. Ends with the vectors of `out`
         up to date if `final`, else gives env; None where control never gets to the end.
         """
@@ -60,9 +60,9 @@ class Writer(Columns):
             elif isinstance(s, If):
                 if final and (ends(s.body) or ends(s.orelse) or sum(1 for _ in statements(rest)) <= _SMALL):
                     self.emit(f"if {show(s.test)}:")
-                    self.inside(lambda s=s, rest=rest, env=env: self._leaf(s.body, rest, env, out, left))  # type: ignore[misc]
+                    self.inside(lambda s=s, rest=rest, env=env: self._leaf(s.body, rest, env, out, left))
                     self.emit("else:")
-                    self.inside(lambda s=s, rest=rest, env=env: self._leaf(s.orelse, rest, env, out, left))  # type: ignore[misc]
+                    self.inside(lambda s=s, rest=rest, env=env: self._leaf(s.orelse, rest, env, out, left))
                     return None
                 merged = self.merge(s, env, alive(rest, out, left, self.states, self.found), left)
                 if merged is None:
@@ -110,7 +110,7 @@ class Writer(Columns):
     def assign(self, s: Assign, env: dict[Var, Map]) -> None:
         v, target = s.target, variable(s.target)
         if v in self.found.inputs:
-            if not now(s.value):
+            if isinstance(s.value, Ago) and not now(s.value):
                 self.places.append(f"row_{v.name}")
                 self.emit(f"row_{v.name} = {row(s.value)}")
             self.emit(f"{target} = {show(s.value)}")

@@ -95,13 +95,7 @@ class _C(Text):
                 first = f"{'const ' if count == 1 else ''}{self.kind(s.target)} "
             return [f"{first}{self.name(s.target)} = {self.show(s.value, 0, s.target in self.whole)};"]
         if isinstance(s, If):
-            lines = [f"if ({self.show(s.test)}) {{", *indented(self.body(s.body, inner & used(s.body)))]
-            while self._chained(s, inner):
-                s = s.orelse[0]  # type: ignore[assignment]
-                lines += [f"}} else if ({self.show(s.test)}) {{", *indented(self.body(s.body, inner & used(s.body)))]
-            if s.orelse:
-                lines += ["} else {", *indented(self.body(s.orelse, inner & used(s.orelse)))]
-            return [*lines, "}"]
+            return self._if(s, inner)
         if isinstance(s, For):
             i = self.name(Var(s.index))
             head = f"for (int {i} = 0; {i} < {self.show(s.count, 5, True)}; ++{i}) {{"
@@ -112,6 +106,17 @@ class _C(Text):
                 value, before = "out", [f"const double out = {value};"]
             return [*before, *self.end(), f"return {value};"]
         return ["break;"]
+
+    def _if(self, s: If, inner: set[Var]) -> list[str]:
+        lines = [f"if ({self.show(s.test)}) {{", *indented(self.body(s.body, inner & used(s.body)))]
+        if self._chained(s, inner):
+            (more,) = s.orelse
+            assert isinstance(more, If)
+            first, *others = self._if(more, inner)
+            return [*lines, f"}} else {first}", *others]
+        if s.orelse:
+            lines += ["} else {", *indented(self.body(s.orelse, inner & used(s.orelse)))]
+        return [*lines, "}"]
 
     def _chained(self, s: If, inner: set[Var]) -> bool:
         """Whether all that stands behind else is one more if, without a variable of its own to declare before it."""
