@@ -19,10 +19,10 @@ def begin(s, x, p):
 def step(s, x, p):
     half = 0.5 * p.width
     low, high = x - half, x + half
-    if s.place < low or s.place > high:  # a side takes it along
+    if s.begun == 1.0 and (s.place < low or s.place > high):  # a side takes it along
         s.place = low if s.place < low else high
         s.speed = x - s.before
-    s.before = x
+    s.before, s.begun = x, 1.0  # the first output is where the link begins, wherever a search tries that
     y = s.place
     fly(s, p)
     return y

@@ -28,7 +28,7 @@ def step(s, x, p, block):
     for part in range(2):  # a sample sees the end of one input and the beginning of the next
         w = ago(x, whole + 1 - part)
         length = late if part == 0 else 1.0 - late
-        if length > SHORTEST:
+        if length > SHORTEST or block.jams:  # a jam's derivative looks at both parts even where one has no length
             for _ in range(block.substeps):
                 stretch(s, w, length / block.substeps, p, block)
     return y

@@ -323,3 +323,26 @@ def test_importing_the_blocks_writes_and_compiles_nothing(tmp_path):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
     importlib.import_module("sysid.blocks")
+
+
+@pytest.mark.parametrize("rest", [-0.8, 0.3, 0.8])
+def test_a_coasting_link_begins_where_it_is_told_even_beyond_its_sides(rest):
+    """A search for the first state tries such places; it needs their output and their derivative to find back."""
+    J = np.zeros((5, 5))
+    y = CoastingPlay().propagate(np.array([0.4, rest, 0.1, 0.0, 0.0]), np.full(5, 2.0), J, 0)
+    assert y[0] == 2.0 + rest * 0.4
+    np.testing.assert_array_equal(J[0], [rest, 0.4, 0.0, 0.0, 0.0])
+    assert abs(y[1] - 2.0) <= 0.2 + 1e-12
+
+
+def test_a_motor_that_begins_beyond_a_stop_is_the_same_in_every_text(tmp_path):
+    """One that does not jam loses its speed at the stop and no time, in the compiled run as in the files."""
+    block, theta = BLOCKS["motor"]
+    theta = np.where([s.name == "x0" for s in block.slots()], -0.2, theta)
+    u = np.random.default_rng(0).uniform(1.0, 3.0, 60)
+    fit = made(Chain((block,)), theta)
+    expected = fit.model.simulate(theta, u)
+    start = {s.name: v for s, v in zip(block.slots(), theta, strict=True)}
+    space = np.where([s.name == "v0" for s in block.slots()], start["v0"], theta)
+    agrees(python_run(fit, u), fit.model.simulate(space, u))
+    agrees(c_run(fit, u, tmp_path), expected)
