@@ -71,6 +71,29 @@ def piecewise_linear(kx, ky, x, y, slope, J, q, own):
 
 
 @njit(cache=True, nogil=True)
+def sigmoid_network(theta, x, y, slope, J, q, own):
+    """y0 + L x + sum s_k f(b_k x + c_k), f(z) = 1/(1 + e^-z); theta = y0, L, s (n,), b (n,), c (n,)."""
+    n = (theta.shape[0] - 2) // 3
+    for t in range(x.shape[0]):
+        v, a = theta[0] + theta[1] * x[t], theta[1]
+        for k in range(n):
+            s, b = theta[2 + k], theta[2 + n + k]
+            z = 1.0 / (1.0 + np.exp(-(b * x[t] + theta[2 + 2 * n + k])))
+            dz = z * (1.0 - z)
+            v += s * z
+            a += s * b * dz
+            if own:
+                J[t, q + 2 + k] = z
+                J[t, q + 2 + n + k] = s * dz * x[t]
+                J[t, q + 2 + 2 * n + k] = s * dz
+        y[t] = v
+        slope[t] = a
+        if own:
+            J[t, q] = 1.0
+            J[t, q + 1] = x[t]
+
+
+@njit(cache=True, nogil=True)
 def scale_columns(J, q, slope):
     """Columns 0..q-1 of J (N, P) times slope (N,): the chain rule through a static map."""
     for t in range(slope.shape[0]):

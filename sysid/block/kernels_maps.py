@@ -1,7 +1,39 @@
-"""Compiled loops of splines. Compiled at first call, never at import, and cached on disk."""
+"""Compiled loops of the wavelet network and of splines. Compiled at first call, never at import, and cached on disk."""
 
 import numpy as np
 from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def wavelet_network(theta, wavelets, x, y, slope, J, q, own):
+    """y0 + L x + sum s_k g_k(b_k (x - c_k)), theta = y0, L, s (n,), b (n,), c (n,).
+
+    g is the wavelet (1 - z^2) e^(-z^2/2) for the first `wavelets` units and the scaling function e^(-z^2/2) for the
+    others.
+    """
+    n = (theta.shape[0] - 2) // 3
+    for t in range(x.shape[0]):
+        v, a = theta[0] + theta[1] * x[t], theta[1]
+        for k in range(n):
+            s, b = theta[2 + k], theta[2 + n + k]
+            d = x[t] - theta[2 + 2 * n + k]
+            z = b * d
+            e = np.exp(-0.5 * z * z)
+            if k < wavelets:
+                g, dg = (1.0 - z * z) * e, z * (z * z - 3.0) * e
+            else:
+                g, dg = e, -z * e
+            v += s * g
+            a += s * b * dg
+            if own:
+                J[t, q + 2 + k] = g
+                J[t, q + 2 + n + k] = s * dg * d
+                J[t, q + 2 + 2 * n + k] = -s * dg * b
+        y[t] = v
+        slope[t] = a
+        if own:
+            J[t, q] = 1.0
+            J[t, q + 1] = x[t]
 
 
 @njit(cache=True, nogil=True)

@@ -52,6 +52,14 @@ class WaveletNetwork(Map):
         n = range(1, self.units + 1)
         return (Slot("y0"), Slot("L"), *(Slot(f"{letter}{k}") for letter in "sbc" for k in n))
 
+    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
+        # By hand: the derived kernel takes 1.5 times as long over a unit's three columns.
+        from sysid.block.kernels_maps import wavelet_network
+
+        y, slope = np.empty_like(x), np.empty_like(x)
+        wavelet_network(theta, self.wavelets, x, y, slope, J, q, J.shape[1] > 0)
+        return y, slope
+
     def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
         n = self.units
         lines = [f"{w.y} = {w.sum([(theta[0], ''), (theta[1], w.x)])}"]

@@ -220,3 +220,8 @@ def now(e: Expr) -> bool:
 def looks_back(program: Program) -> bool:
     """Whether the program reads earlier samples of the input."""
     return any(isinstance(e, Ago) and not now(e) for e in expressions(program.step))
+
+
+def memoryless(program: Program) -> bool:
+    """Whether the output hangs on the present input alone."""
+    return not program.states and not looks_back(program)

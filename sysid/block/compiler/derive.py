@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass, field, replace
 
-from sysid.block.compiler.activity import Activity, activity, looks_back, lowered, names, now
+from sysid.block.compiler.activity import Activity, activity, looks_back, lowered, memoryless, names, now
 from sysid.block.compiler.ir import Ago, Assign, Expr, Op, Param, Program, Return, Var, loops, statements
 from sysid.block.compiler.show import row, show, variable
 
@@ -36,7 +36,7 @@ class Derivatives:
         self.found = activity(replace(self.program, begin=self.begin, step=self.step))
         self.states = frozenset(v for v in self.found.active if v.state)
         self.back = looks_back(self.program)
-        self.memoryless = not self.program.states and not self.back  # d/dx is a number then, `slope`
+        self.memoryless = memoryless(self.program)  # d/dx is a number then, `slope`
         self.known: dict[Var, Map] = {}  # derivatives of light variables that are the same numbers everywhere
         self.count = 0
         self.output = self._output()

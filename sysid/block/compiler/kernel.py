@@ -12,7 +12,7 @@ from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from types import ModuleType
 
-from sysid.block.compiler.activity import delays, hoisted
+from sysid.block.compiler.activity import delays, hoisted, memoryless
 from sysid.block.compiler.ir import Assign, Body, Break, For, If, Program, Return
 from sysid.block.compiler.show import show, variable
 
@@ -27,6 +27,7 @@ from numpy import floor, sign
 PARAMETERS = {params}
 ROWS = {rows}
 STRUCTURE = {consts}
+MEMORYLESS = {memoryless}  # the tangent then also gives the slope
 
 
 @njit(inline="always")
@@ -102,7 +103,9 @@ def _written(path: Path, text: Callable[[], str]) -> bool:
 def source(name: str, program: Program, absent: Mapping[str, float]) -> str:
     """Text of the module of a program."""
     program = hoisted(program)
-    head = _HEAD.format(name=name, params=program.params, rows=program.rows, consts=program.consts)
+    head = _HEAD.format(
+        name=name, params=program.params, rows=program.rows, consts=program.consts, memoryless=memoryless(program)
+    )
     return head + _value(program, absent) + "\n\n" + _tangent(program, absent)
 
 

@@ -103,7 +103,13 @@ class Recursion(Written):
         if not len(x):
             return y
         module, arguments = self._compiled
-        if J.shape[1]:
+        if J.shape[1] and module.MEMORYLESS:
+            from sysid.block.kernels import scale_columns
+
+            slope = np.empty_like(x)
+            module.tangent(theta, *arguments, x, y, slope, J, q)
+            scale_columns(J, q, slope)
+        elif J.shape[1]:
             module.tangent(theta, *arguments, x, y, J, q)
         else:
             module.value(theta, *arguments, x, y)
