@@ -3,7 +3,9 @@
 from . import (
     design as design,
     hardware as hardware,
+    imperfections as imperfections,
     parameter_file as parameter_file,
+    plant as plant,
     robot as robot,
     signatures as signatures,
     studies as studies,

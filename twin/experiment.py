@@ -1,7 +1,7 @@
 """An excitation experiment on the leg bench: one joint or all three, one excitation, one log."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from numbers import Integral, Real
@@ -141,7 +141,7 @@ class Experiment:
         if self.excitation not in excitations.TABLE:
             raise unknown("excitation", self.excitation, excitations.TABLE)
         kind = excitations.TABLE[self.excitation]
-        known = getattr(kind, "__dataclass_fields__", {})
+        known = [field.name for field in fields(kind)]  # type: ignore[arg-type]
         settings: dict[str, Any] = {"amplitude": self.p["supply_voltage"]}
         if self.mode == "servo":
             low, high = (angle * potentiometer(self.p).scale for angle in end_angles(self.p, joint))

@@ -121,12 +121,14 @@ def dynamic(
     of the next sample and returns the output. Derivatives, compiled code, C and Python are derived from its source.
 
     A step is made of numbers, + - * / **, comparisons, and, or, not, if, for _ in range(n), break, return, exp, log,
-    sqrt, tanh, sin, cos, floor, sign, abs, int, min, max, ago(x, n) for the input n samples ago, and small functions
-    of the same kind. States begin at zero, or where `begin(s, x, p)` puts them at the first sample. Where Python knows
-    no source (at a prompt), give the text of both functions as `step`. A derivative at a switch is that of the branch
-    taken: a parameter that does nothing but move a jump has the derivative zero, and no search finds it.
+    sqrt, tanh, logistic, sin, cos, floor, sign, abs, int, min, max, ago(x, n) for the input n samples ago, and small
+    functions of the same kind, no lambdas. States begin at zero, or where `begin(s, x, p)` puts them at the first
+    sample. Where Python does not know the source (at a prompt), give the text of both functions as `step`. A derivative
+    at a switch is that of the branch taken: a parameter that only moves a jump, or whose branch is never taken, has the
+    derivative zero, and no search finds it. docs/house.md has an example from the step to the fit and its C code.
 
-    `parameters` has a start value for each, several for a row p.name[i]; `bounds` by name. `initial` names those that
+    `parameters` has a start value for each, several for a row p.name[i]; `bounds` by name. In a chain a parameter is
+    called role.name, so give each block its `role`. `initial` names those that
     are initial states, and `holds` those of them that a block at rest keeps (a position, not a speed). `span` is the
     range of x over which the block is probed for gains and offsets that a neighbour could take over. Raises InputError
     for anything else, naming the line.

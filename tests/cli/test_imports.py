@@ -62,7 +62,17 @@ def test_a_name_is_itself_whatever_was_imported_before(first):
 
 def test_the_public_names_of_twin_are_the_stubs():
     names = ["Draws", "Ensemble", "Experiment", "IMPERFECTIONS", "JOINTS", "Log", "Parameters", "truth"]
-    names += ["design", "hardware", "parameter_file", "robot", "signatures", "studies", "view"]
+    names += [
+        "design",
+        "hardware",
+        "imperfections",
+        "parameter_file",
+        "plant",
+        "robot",
+        "signatures",
+        "studies",
+        "view",
+    ]
     assert sorted(dir(twin)) == sorted(twin.__all__) == sorted(names)
     for name in names:
         assert getattr(twin, name) is not None

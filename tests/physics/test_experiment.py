@@ -142,6 +142,7 @@ def test_a_log_comes_back_from_its_file(tmp_path: Path, suffix: str) -> None:
         ({"seed": -1}, "seed is -1"),
         ({"seed": 1.5}, "seed is 1.5"),
         ({"options": {"colour": 1.0}}, "unknown option of sweep 'colour'"),
+        ({"options": {"seeded": 0.0}}, "unknown option of sweep 'seeded'"),
         ({"options": {"half_period": -1.0}}, "half period"),
         ({"parameters": {"thigh.stroke": 0.07}}, "give a twin.Parameters"),
         ({"parameters": Parameters({"bench_height": 0.25})}, "mm inside the floor; raise bench_height"),

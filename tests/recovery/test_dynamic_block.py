@@ -151,3 +151,13 @@ def test_a_gain_that_a_neighbour_could_take_over_is_found():
     s = np.linalg.svd(J / np.linalg.norm(J, axis=0), compute_uv=False)
     assert G.shape[1] == 4 - np.sum(s > 1e-8 * s[0]) == 1
     assert np.abs(J @ G).max() < 1e-9 * np.abs(J).max()
+
+
+def test_it_starts_by_itself_and_comes_back_with_a_map_behind_it():
+    """Several starts around the values that `dynamic` was given: the same optimum as from the truth."""
+    chain = Chain((BLOCK, Polynomial(2, role="map")), fixed={"map.c1": 0.1, "map.c2": 1.0, "map.c3": 0.0})
+    data = record(600, noise=0.01)
+    y = chain.simulate(np.concatenate([TRUE, [0.1, 1.0, 0.0]]), data.u[:, 0])
+    data = sysid.IOData(data.u, y + 0.01 * np.random.default_rng(1).normal(size=(600,)), 0.1)
+    fit = sysid.fit(chain, data, starts=5)
+    np.testing.assert_allclose(fit.theta[:5], TRUE, atol=0.05)

@@ -7,6 +7,7 @@ from sysid.data.record import IOData
 from sysid.estimation.start import Start
 from sysid.estimation.starts.joint import Joint
 from sysid.estimation.starts.matrix import Matrix
+from sysid.estimation.starts.own_blocks import OwnBlocks
 from sysid.estimation.starts.profile import Profile
 from sysid.estimation.starts.single_linear import SingleLinear
 from sysid.estimation.starts.staged_joint import StagedJoint
@@ -14,6 +15,7 @@ from sysid.estimation.starts.two_filters import TwoFilters
 from sysid.model.chain import Chain
 
 TABLE: dict[str, Start] = {
+    "own_blocks": OwnBlocks(),
     "staged_joint": StagedJoint(),
     "joint": Joint(),
     "profile": Profile(),
