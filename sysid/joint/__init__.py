@@ -1,1 +1,1 @@
-"""Actuated joints: grown part by part, and told in physical units."""
+"""Actuated joints: growth part by part, and their values in physical units."""

@@ -1,1 +1,1 @@
-"""The page that shows a workflow's numbers: sections, figures, HTML."""
+"""The report of a workflow: sections, figures, HTML."""

@@ -1,1 +1,1 @@
-"""A record from its file to finished numbers."""
+"""From a recorded file to final results."""

@@ -1,1 +1,1 @@
-"""The plant as it is stepped: MuJoCo's leg with the motor board compiled into every step."""
+"""The simulated plant: MuJoCo's leg with the compiled motor board in every step."""
