@@ -21,7 +21,7 @@ LINKS = {"shoulder": (0.003, 0.0, 0.0, 30.0), "shank": (0.03, 0.0262, 0.1, 60.0)
 
 @style.styled
 def draw() -> Figure:
-    """Drive angle above; link minus drive below: the twin, a backlash with a coasting link and a backlash without inertia."""
+    """Drive angle above; link minus drive below: the twin, and backlash with and without link inertia."""
     figure, axes = style.sheet(2, len(LINKS), height=4.6)
     for column, (joint, (*link_values, seconds)) in zip(axes.T, LINKS.items(), strict=True):
         options = {"half_period": 2.5 if joint == "shoulder" else 10.0, "jitter": 0.5, "shrink": 0.6}

@@ -16,7 +16,8 @@ OfJoint = Callable[[Values, str], float]
 class Row:
     """A physical parameter. The twin accepts, and a calibration searches, values from `lower` to `upper`.
 
-    `compiled`: whether MuJoCo's compiled model depends on it; the motor board, the potentiometer or the logger reads the others.
+    `compiled`: whether MuJoCo's compiled model depends on it; the motor board, the potentiometer or the logger reads
+    the others.
     """
 
     name: str
@@ -32,11 +33,13 @@ class Row:
 class Imperfection:
     """An imperfection of the leg with its own switch. Subclasses fill in class attributes.
 
-    `group`: its place, one of `GROUPS`: dry and viscous friction, other mechanics, between the command and the motor, or between the angle and the log.
-    `rows`: parameters that only this imperfection has and that all joints share. Parameters of a single joint are in `twin.parameters`.
-    `ideal`: values by row of a leg without it; JOINT stands for each joint. They may lie outside the row's bounds.
-    `board` and `joint`: its numbers for the compiled motor board, by the name of their slot in `twin.plant.slots`; functions of the parameter values, in which switched-off imperfections are at `ideal`.
-    `title`, `about`, `model`, `parameters` and `remark` make its section in docs/imperfections.md, in Markdown.
+    `group`: its place, one of `GROUPS`: dry and viscous friction, other mechanics, between the command and the motor,
+    or between the angle and the log. `rows`: parameters that only this imperfection has and that all joints share.
+    Parameters of a single joint are in `twin.parameters`. `ideal`: values by row of a leg without it; JOINT stands for
+    each joint. They may lie outside the row's bounds. `board` and `joint`: its numbers for the compiled motor board,
+    by the name of their slot in `twin.plant.slots`; functions of the parameter values, in which switched-off
+    imperfections are at `ideal`. `title`, `about`, `model`, `parameters` and `remark` make its section in
+    docs/imperfections.md, in Markdown.
     """
 
     name: ClassVar[str]

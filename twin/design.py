@@ -29,7 +29,12 @@ STRETCHES = (1.5, 2.25, 3.4, 5.0)
 def fit_stroke(experiment: Experiment, where: str = "inside", margin: float = 0.05) -> Experiment:
     """`experiment` with options changed so that its joint stays inside its stroke or reaches both ends.
 
-    "inside": the joint stays away from both ends by `margin`, a share of the stroke. Amplitude, times or reach are reduced as little as possible and never increased; an offset compensates drift. "ends": the joint reaches both ends, also with an amplitude smaller by `margin`; the amplitude is raised up to the supply voltage, then the holds become longer. Settings that already suffice are kept. The design runs the twin with the experiment's parameters and seed and a perfect sensor; another seed needs a new design. Takes up to some tens of runs. Raises InputError, with the closest result, if no setting fits.
+    "inside": the joint stays away from both ends by `margin`, a share of the stroke. Amplitude, times or reach are
+    reduced as little as possible and never increased; an offset compensates drift. "ends": the joint reaches both
+    ends, also with an amplitude smaller by `margin`; the amplitude is raised up to the supply voltage, then the holds
+    become longer. Settings that already suffice are kept. The design runs the twin with the experiment's parameters
+    and seed and a perfect sensor; another seed needs a new design. Takes up to some tens of runs. Raises InputError,
+    with the closest result, if no setting fits.
     """
     if experiment.joint not in JOINTS:
         raise InputError(f"joint is {experiment.joint!r}; design one joint at a time, of {', '.join(JOINTS)}")
@@ -168,10 +173,10 @@ class _Bench:
         down, up = self.truth.breakaway_voltage
         amplitude = travel.options.get("amplitude", self.signal["amplitude"])
         if self.starts:
-            finding = f"it starts at {down:.3g} V and {up:.3g} V"
+            finding = f"its break-away voltages are {down:.3g} V and {up:.3g} V"
             advice = "give a larger amplitude"
         else:
-            finding = f"and {self.most:.3g} V is less than what starts it"
+            finding = f"and the supply's {self.most:.3g} V are below its break-away voltage"
             advice = "lower the friction or the load in the parameters, or raise the supply voltage"
         if travel.options:  # it was turned down to here
             finding += ", and a larger amplitude drives it out of the stroke"
@@ -225,7 +230,10 @@ class _Bench:
     # An offset for either.
 
     def _recentred(self, options: dict[str, Any], side: Callable[[Travel], int]) -> Travel | None:
-        """The first travel with side 0 over the offsets; None if none is found. A larger offset never moves a joint further down, so the offset is bracketed and then bisected."""
+        """The first travel with side 0 over the offsets; None if none is found.
+
+        A larger offset never moves a joint further down, so the offset is bracketed and then bisected.
+        """
         bracket = [-np.inf, np.inf]
         for offset in self._offsets(bracket):
             travel = self._shifted(options, offset)
@@ -242,7 +250,7 @@ class _Bench:
         return None
 
     def _offsets(self, bracket: list[float]) -> Iterator[float]:
-        """The last offset found, the offset that carries the load at mid stroke, then the points of the narrowing `bracket` [V]."""
+        """The last offset, the offset that carries the load at mid stroke, then points of `bracket` [V]."""
         yield from dict.fromkeys((self.offset, self.balance))
         step = 0.3 * self.full / (self.experiment.duration if self.voltage else 1.0)  # [V] for 30 % of the stroke
         for _ in range(12):

@@ -34,12 +34,21 @@ SHORTEST = 10  # samples; a shorter record identifies nothing
 
 @dataclass(frozen=True)
 class Experiment:
-    """Drive `joint` with `excitation` for `duration` [s], sampled every `Ts` [s]; the other two joints are held rigidly.
+    """Drive `joint` with `excitation` for `duration` [s], sampled every `Ts` [s]; the other joints are held rigidly.
 
-    `joint` "leg" drives all three at once, each with its own realisation of the excitation. `seed` draws the excitation, the noise and the lost samples independently: the same seed gives the same log bit for bit, and the voltage does not change if the noise is switched off. `without` names imperfections to leave out (`twin.IMPERFECTIONS`).
-    `options` overrides the excitation's own settings, for example {"amplitude": 6.0}. Every record starts at mid stroke: a sweep from an end would be periodic from its first sample, and an identified resonance would fit it better than a model of the joint. Without end stops the actuator can leave its stroke: give a small amplitude.
+    `joint` "leg" drives all three at once, each with its own realisation of the excitation. `seed` draws the
+    excitation, the noise and the lost samples independently: the same seed gives the same log bit for bit, and the
+    voltage does not change if the noise is switched off. `without` names imperfections to leave out
+    (`twin.IMPERFECTIONS`). `options` overrides the excitation's own settings, for example {"amplitude": 6.0}. Every
+    record starts at mid stroke: a sweep from an end would be periodic from its first sample, and an identified
+    resonance would fit it better than a model of the joint. Without end stops the actuator can leave its stroke: give
+    a small amplitude.
 
-    mode "voltage": the input is the commanded motor voltage, open loop, as in the paper. "servo": the input is the reference of the driver's position loop, in potentiometer volts with 0 V at angle 0; the default amplitude and offset then cover the middle 80 % of the travel. pot_side "link": the potentiometer reads the link, behind the backlash; "drive": it reads the drive. realisation "closed_loop" models the linear actuators as bodies, to check the tendon. Raises InputError for arguments that do not exist or do not fit.
+    mode "voltage": the input is the commanded motor voltage, open loop, as in the paper. "servo": the input is the
+    reference of the driver's position loop, in potentiometer volts with 0 V at angle 0; the default amplitude and
+    offset then cover the middle 80 % of the travel. pot_side "link": the potentiometer reads the link, behind the
+    backlash; "drive": it reads the drive. realisation "closed_loop" models the linear actuators as bodies, to check
+    the tendon. Raises InputError for arguments that do not exist or do not fit.
     """
 
     joint: str = "thigh"
@@ -221,7 +230,10 @@ _DRAWS = ("excitation", "noise", "sampling")
 
 
 def run_all(experiments: Sequence[Experiment], threads: int = 1) -> list[Log]:
-    """Logs of experiments with the same joint, duration, Ts and realisation, simulated in parallel. The logs equal those of `run` bit for bit."""
+    """Logs of experiments with the same joint, duration, Ts and realisation, simulated in parallel.
+
+    The logs equal those of `run` bit for bit.
+    """
     models: dict[tuple, mujoco.MjModel] = {}
     runs = []
     for each in experiments:

@@ -21,9 +21,10 @@ INPUTS = {"voltage": "voltage", "servo": "reference"}  # name of the input by mo
 class Log:
     """A record of one joint: input u (N,) [V], measured angle y (N,) [rad], sampled every Ts [s].
 
-    u is the commanded voltage or, in servo mode, the reference of the position loop. y[k] is read at
-    t[k] = k Ts, before u[k] is applied over [t[k], t[k+1]). y_true (N,) [rad] is the reading without noise, ADC and dropped samples (the potentiometer's nonlinearity is included), None if unknown. A record
-    of all three joints has joint "leg" and u, y, y_true (N, 3) in the order of `JOINTS`. `meta` can be written as JSON.
+    u is the commanded voltage or, in servo mode, the reference of the position loop. y[k] is read at t[k] = k Ts,
+    before u[k] is applied over [t[k], t[k+1]). y_true (N,) [rad] is the reading without noise, ADC and dropped samples
+    (the potentiometer's nonlinearity is included), None if unknown. A record of all three joints has joint "leg" and
+    u, y, y_true (N, 3) in the order of `JOINTS`. `meta` can be written as JSON.
     """
 
     u: np.ndarray
@@ -60,8 +61,8 @@ class Log:
     def save(self, path: str | Path) -> Path:
         """Write a file whose suffix is one of `sysid.formats.WRITTEN`; no half-written file appears.
 
-        Formats with a header also store joint and meta; text tables store only the columns. Raises InputError for another
-        suffix and for a place that cannot be written to.
+        Formats with a header also store joint and meta; text tables store only the columns. Raises InputError for
+        another suffix and for a place that cannot be written to.
         """
         return write_table(path, _columns(self), json.dumps({**self.meta, "joint": self.joint, "Ts": self.Ts}))
 

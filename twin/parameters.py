@@ -269,7 +269,7 @@ class Parameters:
         return self.values[name]
 
     def switched_off(self, without: Collection[str]) -> Mapping[str, float]:
-        """The values of a leg without the imperfections `without`; their values are ideal and may lie outside the bounds."""
+        """The values of a leg without the imperfections `without`; these are ideal and may be outside bounds."""
         ideal: dict[str, float] = {}
         for name in without:
             for row, value in IMPERFECTIONS[name].ideal.items():

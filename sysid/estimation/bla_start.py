@@ -9,7 +9,7 @@ from sysid.model.chain import Chain
 
 
 def bla_start(chain: Chain, model: Parametric, data: IOData) -> np.ndarray:
-    """theta (P,) for `sysid.fit(chain, data, start=...)`: the chain's filter equals `model`, its maps are near the identity.
+    """theta (P,) for `sysid.fit(chain, data, start=...)`: its filter equals `model`, its maps are near identity.
 
     Raises InputError if the orders of the chain and the model differ.
     """

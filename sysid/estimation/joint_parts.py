@@ -49,7 +49,8 @@ def without_play(chain: Chain) -> Chain:
 def sub(chain: Chain, blocks: tuple[Block, ...], hold: Mapping[str, float] | None = None) -> Chain:
     """A chain of other blocks, with those entries of `fixed`, `hold` and `bounds` that apply to it.
 
-    A constant load is fixed at zero if it cannot be distinguished from a difference between upward and downward friction.
+    A constant load is fixed at zero if it cannot be distinguished from a difference between upward and downward
+    friction.
     """
     names = Chain(blocks).names
     fixed = {name: value for name, value in {**chain.fixed, **(hold or {})}.items() if name in names}

@@ -31,7 +31,8 @@ def polished(linear: TransferFunction, raw: list[np.ndarray], w: np.ndarray, y: 
 def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iterations: int = 20) -> np.ndarray:
     """f (nf,) of y = B/F w by refined instrumental variables (Young 2011, Recursive Estimation, ch. 7).
 
-    Regressors are filtered by the last 1/F; the instruments are the noise-free output of the last model. Poles outside the unit circle are mirrored before each pass. The pass with the best free-run fit is returned.
+    Regressors are filtered by the last 1/F; the instruments are the noise-free output of the last model. Poles outside
+    the unit circle are mirrored before each pass. The pass with the best free-run fit is returned.
     """
     from sysid.block.kernels import all_pole
 
@@ -63,7 +64,8 @@ def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iteratio
 def denominators(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
     """Candidates for f (nf,) by refined IV, from the record and from decimated records.
 
-    If sampling is much faster than the dynamics, all poles are close to 1; poles of a decimated record are converted to the full rate.
+    If sampling is much faster than the dynamics, all poles are close to 1; poles of a decimated record are converted
+    to the full rate.
     """
     found = [refined_iv(linear.nb, linear.nf, linear.nk, w, y)]
     for thin in (4, 16, 64, 256):

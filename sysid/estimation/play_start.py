@@ -24,7 +24,8 @@ _HOLDS = (0.0, 0.1, 0.25, 0.45, 0.8)  # of half the range about there, within wh
 def play_starts(chain: Chain, middle: Chain, theta: np.ndarray, data: IOData) -> list[dict[str, float]]:
     """Parameters of the backlash by name, ordered by the expected reduction of the cost of `middle` at theta.
 
-    `middle` is the chain without the backlash. The output change of the backlash is compared with the residuals after projection on the model's sensitivities; the share of the change that fits best gives the width.
+    `middle` is the chain without the backlash. The output change of the backlash is compared with the residuals after
+    projection on the model's sensitivities; the share of the change that fits best gives the width.
     """
     play = next(b for b in chain.blocks if isinstance(b, Play | CoastingPlay))
     k = chain.blocks.index(play)

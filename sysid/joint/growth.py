@@ -22,12 +22,12 @@ from sysid.structures import actuated_joint
 # residuals of a model that is not quite the joint are coloured, and BIC takes them as white.
 MARGIN = 30.0
 PLAYS, COASTS = "plays", "coasts"
-# A self-locking screw both loses a share of its load and jams, and one of the two alone may explain nothing.
+# A self-locking screw has load-dependent friction and jams; one of the two alone may not lower BIC.
 PARTS: dict[str, tuple[str, ...]] = {name: (name,) for name in FRICTIONS}
 PARTS |= {"screw": ("loss", "jams"), PLAYS: (), COASTS: ()}
 WORDS = {
     "stribeck": "friction that falls with speed",
-    "loss": "a screw's share of its load",
+    "loss": "screw friction proportional to its load",
     "jams": "jamming at struck stops",
     "screw": "screw friction proportional to its load, and jamming at the end stops",
     PLAYS: "a play",
@@ -63,11 +63,11 @@ class Growth:
         return tuple(step.part for step in self.steps if step.kept)
 
     def sentence(self) -> str:
-        """What stayed, in words."""
+        """The parts kept, in words."""
         if not self.parts:
             return "No part other than dry friction and a position-dependent load improves BIC enough on this record."
         kept = [f"{WORDS[step.part]} ({step.bic:.0f})" for step in self.steps if step.kept]
-        return f"Beyond dry friction and a load over position (BIC {self.plain_bic:.0f}) stayed: {', '.join(kept)}."
+        return f"Kept beside dry friction and a position-dependent load (BIC {self.plain_bic:.0f}): {', '.join(kept)}."
 
     def as_dict(self) -> dict[str, Any]:
         """The steps, ready for JSON."""
@@ -85,7 +85,11 @@ def grow_joint(
 ) -> Growth:
     """Fit an actuated joint to `data` and repeatedly add the part that lowers BIC most, as long as one does.
 
-    Parts: "stribeck" (friction that falls with speed), "loss" (screw friction proportional to the load), "jams" (the motor jams at an end stop), "screw" (both), "plays" (backlash), "coasts" (backlash whose link has inertia and weight). Each part starts from the current fit and must lower BIC by `MARGIN`. `plain` is the initial joint, an `actuated_joint` with a motor and without those parts or backlash; search, starts, seed and progress are those of `sysid.fit`. Raises InputError for an unsuitable part or plain joint, and the errors of `sysid.fit`.
+    Parts: "stribeck" (friction that falls with speed), "loss" (screw friction proportional to the load), "jams" (the
+    motor jams at an end stop), "screw" (both), "plays" (backlash), "coasts" (backlash whose link has inertia and
+    weight). Each part starts from the current fit and must lower BIC by `MARGIN`. `plain` is the initial joint, an
+    `actuated_joint` with a motor and without those parts or backlash; search, starts, seed and progress are those of
+    `sysid.fit`. Raises InputError for an unsuitable part or plain joint, and the errors of `sysid.fit`.
     """
     parts = tuple(parts)
     for part in parts:
@@ -120,7 +124,8 @@ def grow_joint(
 def _shaken(fit: Fit, data: IOData, options: dict[str, Any], grown: tuple[str, ...] = ()) -> Fit:
     """The fit, or a better one from nearby starts: whether a stop is reached in time is discrete and blocks the search.
 
-    The first of several `grown` parts is started again from its initial values, because it was added to a simpler joint.
+    The first of several `grown` parts is started again from its initial values, because it was added to a simpler
+    joint.
     """
     chain, rng = fit.model, np.random.default_rng([options["seed"], len(fit.theta)])
     points = [np.clip(shaken(chain, fit.theta, rng), *chain.limits) for _ in range(_SHAKES)]

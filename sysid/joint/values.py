@@ -39,10 +39,18 @@ def joint_values(
 ) -> tuple[JointValue, ...]:
     """Physical values of an `actuated_joint`, at mid stroke if they depend on position.
 
-    speed_per_volt [y/s/V], time_constant [s], breakaway_up and breakaway_down [V] (break-away voltage with load, static friction and the driver's dead zone), coulomb_up and coulomb_down [V] (voltage for friction and load in motion), end_low and end_high [y], backlash [y], delay [s]; y in the record's unit. Intervals by the delta
-    method: from the covariance of the fit, which assumes white residuals, or, if the record `data` of the fit is given, from one that allows for coloured residuals (see `sysid.uncertainty.information`), for example if the model is incomplete. Intervals are symmetric and cut off at the limits of a value's range; a value at a limit (no backlash) or a fixed value has none. Without `stribeck` static and moving friction are equal.
+    speed_per_volt [y/s/V], time_constant [s], breakaway_up and breakaway_down [V] (break-away voltage with load,
+    static friction and the driver's dead zone), coulomb_up and coulomb_down [V] (voltage for friction and load in
+    motion), end_low and end_high [y], backlash [y], delay [s]; y in the record's unit. Intervals by the delta method:
+    from the covariance of the fit, which assumes white residuals, or, if the record `data` of the fit is given, from
+    one that allows for coloured residuals (see `sysid.uncertainty.information`), for example if the model is
+    incomplete. Intervals are symmetric and cut off at the limits of a value's range; a value at a limit (no backlash)
+    or a fixed value has none. Without `stribeck` static and moving friction are equal.
 
-    linearity [y]: largest deviation of the sensor from a straight line, from its data sheet. A record does not show the errors of its own sensor. They enter ends and speed as a deviation that oscillates between the two limits, with standard uncertainty linearity / sqrt(2) (arcsine distribution, as in JCGM 100:2008, annex H.1). Raises InputError for another structure, level or linearity.
+    linearity [y]: largest deviation of the sensor from a straight line, from its data sheet. A record does not show
+    the errors of its own sensor. They enter ends and speed as a deviation that oscillates between the two limits, with
+    standard uncertainty linearity / sqrt(2) (arcsine distribution, as in JCGM 100:2008, annex H.1). Raises InputError
+    for another structure, level or linearity.
     """
     chain = fit.model
     if not is_joint(chain):
@@ -50,7 +58,9 @@ def joint_values(
     if not 0.0 < level < 1.0:
         raise InputError(f"level is {level}; give a probability between 0 and 1, for example 0.95")
     if not 0.0 <= linearity < np.inf:
-        raise InputError(f"linearity is {linearity}; give the largest deviation of the sensor from a straight line, 0 or more")
+        raise InputError(
+            f"linearity is {linearity}; give the largest deviation of the sensor from a straight line, 0 or more"
+        )
     spread_of = _white(fit, level) if data is None else _coloured(fit, level, data)
     found = []
     for name, (unit, read, least) in _readings(chain, fit.Ts).items():

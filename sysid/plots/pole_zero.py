@@ -29,7 +29,9 @@ def pole_zero(
 ) -> Axes:
     """Poles (crosses) and zeros (rings) in the z-plane, with confidence regions if intervals are given.
 
-    If a region meets the unit circle, stability is not certain. If the regions of a pole and a zero overlap, they may cancel, and a lower order may suffice. `zoom`, the index of a pole from 0, shows only its neighbourhood; `references` are other poles for comparison, by name.
+    If a region meets the unit circle, stability is not certain. If the regions of a pole and a zero overlap, they may
+    cancel, and a lower order may suffice. `zoom`, the index of a pole from 0, shows only its neighbourhood;
+    `references` are other poles for comparison, by name.
     """
     (ax,) = style.panels(axes, height=5.0)
     _draw(ax, poles, zeros, references or {})

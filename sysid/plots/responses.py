@@ -23,7 +23,9 @@ def step(band: Band, axes: Axes | None = None, y_unit: str = "", u_unit: str = "
 @styled
 def impulse(band: Band, axes: Axes | None = None, y_unit: str = "", u_unit: str = "", y_name: str = "output") -> Axes:
     """Response of the tangent to one sample of 1; the samples before the delay are exactly 0."""
-    return _response(band, "pulse", "response of the tangent model to a pulse of one sample", axes, y_unit, u_unit, y_name)
+    return _response(
+        band, "pulse", "response of the tangent model to a pulse of one sample", axes, y_unit, u_unit, y_name
+    )
 
 
 def _response(band: Band, after: str, title: str, axes: Axes | None, y_unit: str, u_unit: str, y_name: str) -> Axes:

@@ -23,7 +23,8 @@ Words = tuple[str, str, str]  # title, signal before the map, signal after it
 def static_curve(curve: Curve, axes: Axes | None = None, words: Words | None = None) -> Axes:
     """One static map with its band; the band is wide where the record has few samples.
 
-    On the normalised scale the dashed diagonal is the linear map; on a map's own scale there is no diagonal. `words` replace the title and the axis labels.
+    On the normalised scale the dashed diagonal is the linear map; on a map's own scale there is no diagonal. `words`
+    replace the title and the axis labels.
     """
     (ax,) = style.panels(axes, height=4.0)
     _draw(ax, curve, words or _words(curve))

@@ -140,7 +140,8 @@ def _stability(e: Evaluation) -> str:
     runs = "Its free run stays close to the data." if e.stable else "Its free run DIVERGES from the data."
     if e.one_step is None:
         return runs
-    return f"{runs} Its one-step-ahead prediction, which uses all earlier outputs, has a fit of {percent(e.one_step.validation_fit)}."
+    one = percent(e.one_step.validation_fit)
+    return f"{runs} Its one-step-ahead prediction, which uses all earlier outputs, has a fit of {one}."
 
 
 def _data(record: Record, e: Evaluation) -> Section:

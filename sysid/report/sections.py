@@ -37,10 +37,7 @@ def higher_in_words(evaluation: Evaluation) -> str:
     if h.passed:
         coloured = evaluation.tests is not None and not evaluation.tests.white
         doubt = ", but this is not conclusive because the residuals are coloured" if coloured else ""
-        return (
-            "Correlations of higher order (e with u², e² with u², e with e u) show no nonlinearity that was missed"
-            f"{doubt}."
-        )
+        return f"Correlations of higher order (e with u², e² with u², e with e u) show no missing nonlinearity{doubt}."
     return " ".join(sentence(a).replace("^2", "²") for a in h.advice)
 
 
@@ -98,7 +95,9 @@ def intervals_in_words(evaluation: Evaluation) -> str:
     notes.pop("", None)
     coloured = evaluation.tests is not None and not evaluation.tests.white
     how = "allow for coloured residuals" if coloured else "assume white residuals"
-    words = f"The intervals apply to this structure on this record and {how}; they do not include errors of the structure."
+    words = (
+        f"The intervals apply to this structure on this record and {how}; they do not include errors of the structure."
+    )
     return " ".join([words, *(f"Of a pole: {note}." for note in notes)])
 
 

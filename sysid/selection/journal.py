@@ -15,7 +15,8 @@ from sysid.data.record import IOData
 class Journal:
     """Results by round and key in a file, or only in memory if no path is given.
 
-    The first line identifies the record and settings of the results. Each result is appended in one write and flushed; an incomplete last line is ignored.
+    The first line identifies the record and settings of the results. Each result is appended in one write and flushed;
+    an incomplete last line is ignored.
     """
 
     def __init__(self, path: str | Path | None, data: IOData, settings: Any) -> None:

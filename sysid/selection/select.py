@@ -1,6 +1,10 @@
 """Structure search: orders x delay x maps, cross-validated in free run, with early pruning, parallel, resumable.
 
-The search has four rounds. Round 1: linear models of all orders and delays, which cost little, and an actuated joint. Round 2: every pair of maps around the few best orders, one start each. Round 3: the best third of these with many starts, and the joint if it beat every linear model, as on an integrating record with end stops. Round 4: lower orders around the winner, as long as the fit does not get worse. Each candidate is fitted to one half of the record and validated on the other, and vice versa (two folds), so the winner is chosen on unseen data.
+The search has four rounds. Round 1: linear models of all orders and delays, which cost little, and an actuated joint.
+Round 2: every pair of maps around the few best orders, one start each. Round 3: the best third of these with many
+starts, and the joint if it beat every linear model, as on an integrating record with end stops. Round 4: lower orders
+around the winner, as long as the fit does not get worse. Each candidate is fitted to one half of the record and
+validated on the other, and vice versa (two folds), so the winner is chosen on unseen data.
 """
 
 import itertools
@@ -56,7 +60,8 @@ class Space:
 class Row:
     """One candidate of the ranked table; `errors` (BLOCKS,) are mean squared free-run errors on unseen segments.
 
-    `equal`: its errors do not differ significantly from the best candidate's (paired t-test on their logarithms at 95 %; `_ranked` has the tolerances).
+    `equal`: its errors do not differ significantly from the best candidate's (paired t-test on their logarithms at 95
+    %; `_ranked` has the tolerances).
     """
 
     candidate: Recipe
@@ -114,7 +119,10 @@ def select(
 ) -> Selection:
     """Search the space on a record of one input and output and fit the chosen structure to all of it.
 
-    jobs: processes (all cores if None); journal: a file of finished candidates from which a stopped search continues; progress(done, total, name) is called after each candidate. The results do not depend on jobs. A structure with absolute signals is fitted to the record with its means restored, see `Recipe.scale`. Raises InputError for a journal of another record, space or seed.
+    jobs: processes (all cores if None); journal: a file of finished candidates from which a stopped search continues;
+    progress(done, total, name) is called after each candidate. The results do not depend on jobs. A structure with
+    absolute signals is fitted to the record with its means restored, see `Recipe.scale`. Raises InputError for a
+    journal of another record, space or seed.
     """
     space = space or Space()
     folds = _folds(data)
@@ -139,7 +147,9 @@ def select(
         if chosen.candidate == before.candidate:
             break
     if not np.isfinite(rows[0].fit_percent):
-        raise InputError("no structure of the space has a valid free run on this record; inspect the data or widen the space")
+        raise InputError(
+            "no structure of the space has a valid free run on this record; inspect the data or widen the space"
+        )
     winner = chosen.candidate
     best = fit_chain(winner.model(), winner.scale(data), search=search, starts=space.starts, seed=seed)
     return Selection(tuple(rows), chosen, best)
@@ -258,7 +268,10 @@ def _row(c: Recipe) -> dict[str, Any]:
 def _ranked(judged: dict[Recipe, Row]) -> tuple[list[Row], Row]:
     """Rows sorted best first, with those equal to the best marked, and the smallest of these.
 
-    Errors are compared by their logarithms; otherwise one bad segment, on which every model fails, would hide all differences. A loss up to `_SAME` times the best counts as equal even if the difference is significant. A loss above `_NEAR` times the best is not equal even if it is not significant: a test on twenty segments that differ strongly has little power.
+    Errors are compared by their logarithms; otherwise one bad segment, on which every model fails, would hide all
+    differences. A loss up to `_SAME` times the best counts as equal even if the difference is significant. A loss
+    above `_NEAR` times the best is not equal even if it is not significant: a test on twenty segments that differ
+    strongly has little power.
     """
     rows = sorted(judged.values(), key=_score)
     limit = float(stdtrit(BLOCKS - 1, 0.975))

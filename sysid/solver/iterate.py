@@ -152,7 +152,8 @@ Attempt = Callable[[np.ndarray], tuple[float, np.ndarray]]
 class Search(Protocol):
     """A method to compute a step; `memory` stores its state between iterations.
 
-    `second_order`: whether steps use the curvature J'J in every direction, so that ill-conditioned problems converge within the usual number of iterations. Every class declares it.
+    `second_order`: whether steps use the curvature J'J in every direction, so that ill-conditioned problems converge
+    within the usual number of iterations. Every class declares it.
     """
 
     name: str
@@ -188,7 +189,8 @@ def within_radius(
 ) -> Step | None:
     """The first step `shortest(lin, radius)` (P,) that lowers the cost, within an adaptive radius.
 
-    Radii are in columns of unit norm. A step with less than a quarter of the predicted decrease reduces the radius to a quarter; a step with more than three quarters increases it (Nocedal and Wright, Numerical Optimization, ch. 4).
+    Radii are in columns of unit norm. A step with less than a quarter of the predicted decrease reduces the radius to
+    a quarter; a step with more than three quarters increases it (Nocedal and Wright, Numerical Optimization, ch. 4).
     """
     radius = memory.get("radius") or float(np.linalg.norm(lin.scaled(lin.damped(1e-3))))
     for _ in range(2 * options.max_halvings):

@@ -26,9 +26,13 @@ def actuated_joint(
 
     u [V] -> driver levels at intervals of `driver_step` [V] (None: none) -> driver (a static map, for example
     "dead_zone_saturation"; None: none) -> `Motor` (lag, dry friction with stick, load over position, delay, end stops)
-    -> smooth `TravelMap` of `knots` (None: none) -> `Play`, or the given `play` (False: none) -> sensor (a static map, for example a `Custom` absolute value for a sensor without sign; None: none) -> y. With a travel map the motor's position is in strokes, its stops are fixed at 0 and 1, and `map.low` and `map.high` are the angles of the ends. Without a travel map the position is in the unit of y and has no stops unless `motor` has them.
+    -> smooth `TravelMap` of `knots` (None: none) -> `Play`, or the given `play` (False: none) -> sensor (a static map,
+    for example a `Custom` absolute value for a sensor without sign; None: none) -> y. With a travel map the motor's
+    position is in strokes, its stops are fixed at 0 and 1, and `map.low` and `map.high` are the angles of the ends.
+    Without a travel map the position is in the unit of y and has no stops unless `motor` has them.
 
-    `fixed` and `bounds` of the chain are by parameter, for example fixed={"play": [0.0]}. Dry friction and the driver's dead zone have the same effect unless the motor coasts: leave one of them out.
+    `fixed` and `bounds` of the chain are by parameter, for example fixed={"play": [0.0]}. Dry friction and the driver's
+    dead zone have the same effect unless the motor coasts: leave one of them out.
     """
     own = motor if motor is not None else Motor(load=3, stops=knots is not None)
     blocks: list[Block] = [Quantiser(driver_step, role="levels")] if driver_step is not None else []
@@ -56,7 +60,8 @@ def actuated_joint(
 class ActuatedJoint(Recipe):
     """Settings of a joint that grows from the plain `actuated_joint`; data sheets give both numbers.
 
-    driver_step [V]: interval between the driver's levels. sensor_linearity [unit of the output]: largest deviation of the sensor from a straight line.
+    driver_step [V]: interval between the driver's levels. sensor_linearity [unit of the output]: largest deviation of
+    the sensor from a straight line.
     """
 
     name: ClassVar[str] = "actuated_joint"
@@ -76,7 +81,7 @@ class ActuatedJoint(Recipe):
     def __post_init__(self) -> None:
         if not 0.0 <= self.sensor_linearity < math.inf:
             raise InputError(
-                f"the sensor's linearity is {self.sensor_linearity}; give its largest deviation from a straight line, 0 or more"
+                f"the sensor's linearity is {self.sensor_linearity}; give its largest deviation from a line, 0 or more"
             )
         super().__post_init__()
 

@@ -18,7 +18,10 @@ def hammerstein_wiener(
     ny: int = 1,
     **limits: Any,
 ) -> Chain:
-    """y = h(B/F f(u)), equations (3) to (5) of Guni and Irawan 2016, with the toolbox's defaults. It cannot model an end stop of an integrating plant, because its state is linear. `limits` are the `fixed` and `bounds` of the chain, by parameter.
+    """y = h(B/F f(u)), equations (3) to (5) of Guni and Irawan 2016, with the toolbox's defaults.
+
+    It cannot model an end stop of an integrating plant, because its state is linear. `limits` are the `fixed` and
+    `bounds` of the chain, by parameter.
     """
     blocks = (maps(input, "input", nu), filters(nb, nf, nk, nu, ny), maps(output, "output", ny))
     return Chain(blocks, structure="hammerstein_wiener", **limits)

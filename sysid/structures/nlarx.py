@@ -18,7 +18,9 @@ def nlarx(
     """y(t) = L phi + wavelet network(phi), phi = y(t-1)..y(t-na), u(t-nk)..u(t-nk-nb+1).
 
     units: number of wavelets and scaling functions, 0 for a linear ARX; 'auto' uses generalised cross-validation.
-    focus: 'prediction' fits the one-step-ahead prediction (fast, but the free run may drift or diverge), 'simulation' fits the free run. nonlinear: the regressors of the network ('y1' is y(t-1)), all if None, none if (); the linear part has all.
+    focus: 'prediction' fits the one-step-ahead prediction (fast, but the free run may drift or diverge), 'simulation'
+    fits the free run. nonlinear: the regressors of the network ('y1' is y(t-1)), all if None, none if (); the linear
+    part has all.
     """
     return Nlarx(na, nb, nk, units, focus, nonlinear)
 

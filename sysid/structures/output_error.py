@@ -8,7 +8,9 @@ from sysid.model.recipes import LinearOrders, Order, filters
 
 
 def output_error(nb: Order = 2, nf: Order = 3, nk: Order = 1, nu: int = 1, ny: int = 1, **limits: Any) -> Chain:
-    """y = B/F u with white noise at the output. It has no offset: remove the means first. `limits` are the `fixed` and `bounds` of the chain, by parameter.
+    """y = B/F u with white noise at the output. It has no offset: remove the means first.
+
+    `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
     return Chain((filters(nb, nf, nk, nu, ny),), structure="output_error", **limits)
 

@@ -47,7 +47,7 @@ class Setting:
             raise unknown("search", self.search, SEARCHES)
 
     def as_dict(self) -> dict[str, Any]:
-        """The setting by option name; both maps are included, None for the structure's default or if it has no such map."""
+        """The setting by option name; both maps are included, None for the default or if there is no such map."""
         return {
             "orders": self.recipe.orders,
             "structure": self.recipe.name,
@@ -71,7 +71,8 @@ class Curve:
 class OneStep:
     """One-step-ahead prediction of a nonlinear ARX model from the measured outputs.
 
-    Outputs (N,) on the scale of their data, fits in %. The fit is near 100 % for any smooth, finely sampled signal: do not compare it with the fit of a free run.
+    Outputs (N,) on the scale of their data, fits in %. The fit is near 100 % for any smooth, finely sampled signal: do
+    not compare it with the fit of a free run.
     """
 
     estimation_output: np.ndarray
@@ -88,7 +89,11 @@ class OneStep:
 class Evaluation:
     """A fit with its free-run simulations of both parts of the record and the tests of its validation residuals.
 
-    `estimation_output` and `validation_output` (N,) are on the scale of their data; `step` is the step response of the tangent linear model (None if there is no such model). `maps` holds the static curves in the order of the signal. `tests` and `higher` are None if the validation part is too short; `notes` gives the reason. `roots` are the poles with their intervals, None if the record gives none. A nonlinear ARX model has `one_step` and neither poles nor maps. An actuated joint has `values` and `growth`, and no poles.
+    `estimation_output` and `validation_output` (N,) are on the scale of their data; `step` is the step response of the
+    tangent linear model (None if there is no such model). `maps` holds the static curves in the order of the signal.
+    `tests` and `higher` are None if the validation part is too short; `notes` gives the reason. `roots` are the poles
+    with their intervals, None if the record gives none. A nonlinear ARX model has `one_step` and neither poles nor
+    maps. An actuated joint has `values` and `growth`, and no poles.
     """
 
     setting: Setting

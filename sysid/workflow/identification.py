@@ -45,7 +45,9 @@ def identify_file(
 ) -> Identification:
     """Reads the file, prepares both parts and fits `setting` to the first part; `fitting` is called before the fit.
 
-    A structure search uses only the first part, as every fit does; `candidate(done, total, name)` receives its progress. `detrend` None means "mean", or "none" for a structure with absolute signals (`Recipe.zero`). Every InputError names the file.
+    A structure search uses only the first part, as every fit does; `candidate(done, total, name)` receives its
+    progress. `detrend` None means "mean", or "none" for a structure with absolute signals (`Recipe.zero`). Every
+    InputError names the file.
     """
     detrend = setting.recipe.detrend(detrend) if isinstance(setting, Setting) else detrend or "mean"
     record = read_record(path, input, output, Ts, time)

@@ -26,7 +26,8 @@ class NextStep:
 class Identification:
     """The record with its diagnosis and preprocessing, and the model with its tests.
 
-    `selection` is the structure search that gave the model, None if the structure was given. `next` is the next step, None if the fit is good.
+    `selection` is the structure search that gave the model, None if the structure was given. `next` is the next step,
+    None if the fit is good.
     """
 
     record: Record

@@ -26,7 +26,9 @@ SPLITS = (0.6, 0.7, 0.8)
 def next_step(result: Identification) -> NextStep | None:
     """The next step; None if the fit is good or the residuals are noise.
 
-    A fit is poor below POOR in validation, unless its residuals are white and independent of the input: then noise limits the fit. A better fit has a next step if its search did not converge or its residuals are coloured, except for an actuated joint: its residuals are rarely white, and no other structure fits better.
+    A fit is poor below POOR in validation, unless its residuals are white and independent of the input: then noise
+    limits the fit. A better fit has a next step if its search did not converge or its residuals are coloured, except
+    for an actuated joint: its residuals are rarely white, and no other structure fits better.
     """
     e = result.evaluation
     noise_alone = e.tests is not None and e.tests.white and e.tests.independent
@@ -76,7 +78,10 @@ def _focus(result: Identification) -> NextStep | None:
     recipe = result.evaluation.setting.recipe
     if not isinstance(recipe, NonlinearArx) or recipe.focus != "prediction":
         return None
-    return NextStep("the model was fitted for one-step-ahead prediction and its free-run fit is poor", command(result, focus="simulation"))
+    return NextStep(
+        "the model was fitted for one-step-ahead prediction and its free-run fit is poor",
+        command(result, focus="simulation"),
+    )
 
 
 def _unseen(result: Identification) -> NextStep | None:
@@ -92,7 +97,9 @@ def _coverage(result: Identification) -> NextStep | None:
     most = _outside(e.estimation, e.validation) / 4
     for split in SPLITS:
         if split > result.split and _outside_after(result, split) <= most:
-            why = "the validation data leave the range of the estimation data; a longer estimation part covers more of it"
+            why = (
+                "the validation data leave the range of the estimation data; a longer estimation part covers more of it"
+            )
             return NextStep(why, command(result, split=split))
     return None
 

@@ -51,7 +51,10 @@ def read_record(
 ) -> Record:
     """The record in the file at `path`, from the named columns.
 
-    Ts [s] comes from `Ts` or from the `time` column [s]. A log of `qpal simulate` needs no column names; a file of two columns is read as input, output. `notes` lists the assumptions. Raises InputError with file and place for missing columns, columns of different lengths, cells that are not finite numbers, a constant signal, or a time column that does not increase or is not uniform.
+    Ts [s] comes from `Ts` or from the `time` column [s]. A log of `qpal simulate` needs no column names; a file of two
+    columns is read as input, output. `notes` lists the assumptions. Raises InputError with file and place for missing
+    columns, columns of different lengths, cells that are not finite numbers, a constant signal, or a time column that
+    does not increase or is not uniform.
     """
     table = read_table(path)
     input, output, notes = _columns(table, input, output)
@@ -120,9 +123,7 @@ def _uniform_step(table: Table, name: str, N: int) -> float:
     back = np.flatnonzero(steps <= 0)
     if len(back):
         k = int(back[0]) + 1
-        raise table.error(
-            j, k, f"found {t[k]:g} s after {t[k - 1]:g} s; time must increase; sort or remove the rows"
-        )
+        raise table.error(j, k, f"found {t[k]:g} s after {t[k - 1]:g} s; time must increase; sort or remove the rows")
     middle = float(np.median(steps))
     off = np.flatnonzero(np.abs(steps - middle) > STEP_TOLERANCE * middle)
     if len(off):

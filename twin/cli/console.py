@@ -30,7 +30,7 @@ class Steps:
 
 
 class Rounds:
-    """Receives the progress of `rounds` rounds of candidates, counted from 1, and advances one step's part of the bar."""
+    """Receives the progress of `rounds` rounds of candidates, counted from 1, and advances the bar."""
 
     def __init__(self, steps: Steps, rounds: int) -> None:
         self._steps, self._rounds, self._round, self._last = steps, rounds, 0, 0

@@ -17,7 +17,8 @@ RUNS = Path("runs")
 def run_folder(out: str | None, verb: str) -> Iterator[tuple[Path, Path]]:
     """Where a run writes, and the scratch folder that becomes it: `out`, or a new runs/<stamp>-<verb>.
 
-    The new folder is made at once, so that no other run uses it. A run that starts in the same second gets a name with a number. A run that fails removes its folder.
+    The new folder is made at once, so that no other run uses it. A run that starts in the same second gets a name with
+    a number. A run that fails removes its folder.
     """
     if out is not None:
         with output_folder(Path(out)) as scratch:
@@ -54,7 +55,9 @@ def _claim(verb: str) -> Path:
 def output_folder(folder: Path, claimed: bool = False) -> Iterator[Path]:
     """A scratch folder beside `folder`; its content moves to `folder` when the block succeeds.
 
-    A block that fails or is interrupted leaves nothing, not even a parent folder made for it. An existing folder keeps its other files; files of the same name are replaced, each in one step. A `claimed` folder was made only for this block and is replaced as a whole. Raises InputError before the work if the place cannot be written to.
+    A block that fails or is interrupted leaves nothing, not even a parent folder made for it. An existing folder keeps
+    its other files; files of the same name are replaced, each in one step. A `claimed` folder was made only for this
+    block and is replaced as a whole. Raises InputError before the work if the place cannot be written to.
     """
     made: list[Path] = []
     if folder.name in ("", ".."):  # . and .. have no name of their own

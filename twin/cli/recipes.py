@@ -32,7 +32,10 @@ def takes_recipes(verb: Callable[..., None]) -> Callable[..., None]:
 
 
 def recipe(structure: str, given: Mapping[str, Any]) -> Recipe:
-    """The recipe `structure` with the given settings (None: not given). Raises InputError for a setting that the recipe does not have."""
+    """The recipe `structure` with the given settings (None: not given).
+
+    Raises InputError for a setting that the recipe does not have.
+    """
     if structure not in TABLE:
         raise unknown("structure", structure, TABLE)
     kind = TABLE[structure]

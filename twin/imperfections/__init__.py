@@ -1,6 +1,9 @@
-"""Imperfections of the leg: one file, one class and one line in `TABLE` each. `TABLE` has the order of the documentation.
+"""Imperfections of the leg: one file, one class and one line in `TABLE` each.
 
-A class declares its parameter rows, their ideal values when it is switched off, its numbers for the motor board's kernel, and its text. `twin.signatures` has the experiments that show it.
+`TABLE` has the order of the documentation.
+
+A class declares its parameter rows, their ideal values when it is switched off, its numbers for the motor board's
+kernel, and its text. `twin.signatures` has the experiments that show it.
 """
 
 from twin.declared import Imperfection

@@ -11,7 +11,7 @@ class Backlash(Imperfection):
 
     name, group = "backlash", "mechanics"
     title = "Backlash"
-    about = "Pins and gear teeth have clearance: after each reversal the drive moves through the clearance before the link follows."
+    about = "Pins and gear teeth have clearance: after each reversal the drive crosses it before the link follows."
     model = (
         "a second hinge in series, free within the backlash and with stiff stops at its ends. The potentiometer sits "
         'behind it (`pot_side="link"`) or before it (`"drive"`). Without gravity\'s help bearing friction holds the '

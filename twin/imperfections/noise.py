@@ -14,7 +14,7 @@ class Noise(Imperfection):
     name, group = "noise", "sensor"
     title = "Measurement noise"
     about = "The wiper and the wires of the potentiometer add noise."
-    model = "white Gaussian noise on every reading; in servo mode the noise of the position loop is independent of the log's."
+    model = "white Gaussian noise on every reading; in servo mode the position loop has independent noise."
     parameters = "`pot_noise`."
     rows = (
         Row(

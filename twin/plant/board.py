@@ -72,7 +72,8 @@ def user_data(
 ) -> np.ndarray:
     """User data (nuserdata,) of the board of `model` with `circuits`, one for each actuator; they share one supply.
 
-    `seed` draws the measurement noise of the position loop in servo mode. With `pot_on_link` the potentiometers read the links, behind the backlash, else the drives.
+    `seed` draws the measurement noise of the position loop in servo mode. With `pot_on_link` the potentiometers read
+    the links, behind the backlash, else the drives.
     """
     assert len(circuits) == model.nu
     h, common = model.opt.timestep, circuits[0].drive
@@ -124,7 +125,7 @@ def _electrics(c: Circuit, servo: bool) -> dict[int, float]:
 
 
 def _places(model: mujoco.MjModel, k: int, pot_on_link: bool) -> dict[int, float]:
-    """Addresses of the joint, backlash and friction of actuator k in the model, found by name: thigh_00, thigh_play_00."""
+    """Addresses of the joint, backlash and friction of actuator k in the model, by name: thigh_00, thigh_play_00."""
     name = model.actuator(k).name
     joint, suffix = name.rsplit("_", 1)
     target = int(model.actuator_trnid[k, 0])

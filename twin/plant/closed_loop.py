@@ -17,7 +17,8 @@ LIGHT = {"mass": 0.002, "inertia": [2e-6] * 3, "explicitinertial": True, "gravco
 def close_loop(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str) -> None:
     """Replace the tendon of `joint` (thigh or shank) by a cylinder on the base pin and a rod that slides in it.
 
-    Hinge {joint}_cylinder and slide {joint}_rod join them; `connect` ties the rod to its pin. Motor, friction and ends of stroke move from the tendon to the slide, whose zero is the pins' distance at joint angle 0.
+    Hinge {joint}_cylinder and slide {joint}_rod join them; `connect` ties the rod to its pin. Motor, friction and ends
+    of stroke move from the tendon to the slide, whose zero is the pins' distance at joint angle 0.
     """
     base, pin = spec.site(f"{joint}_base{suffix}"), spec.site(f"{joint}_rod{suffix}")
     tendon, constants = spec.tendon(joint + suffix), motor(p, joint)

@@ -1,6 +1,7 @@
 """The compiled motor board, which MuJoCo calls in every step.
 
-The order in mj_forward is positions and constraints, velocities, `control`, forces, solver, `sense`. Both callbacks allocate no memory and do not hold the GIL. Their state is in user data, so simulations in a batch are independent.
+The order in mj_forward is positions and constraints, velocities, `control`, forces, solver, `sense`. Both callbacks
+allocate no memory and do not hold the GIL. Their state is in user data, so simulations in a batch are independent.
 """
 
 from typing import Any
@@ -158,7 +159,8 @@ def _bounds(j, speed):
 def _rub(j, data, k, speed):
     """Set the bounds of dry friction for this step.
 
-    MuJoCo's constraint has one bound for both directions; half the difference of the two is applied as a separate force.
+    MuJoCo's constraint has one bound for both directions; half the difference of the two is applied as a separate
+    force.
     """
     row = _row(j, data)
     if row < 0:
@@ -175,7 +177,11 @@ def _rub(j, data, k, speed):
 
 @njit
 def _weigh(board, j, speed):
-    """Force of the drive on the link in the last step, and its average, which sets the dry friction. It is the force of motor and friction minus the force that accelerates the rotor; MuJoCo's implicit step takes viscous friction and back-EMF at the new speed."""
+    """Force of the drive on the link in the last step, and its average, which sets the dry friction.
+
+    It is the force of motor and friction minus the force that accelerates the rotor; MuJoCo's implicit step takes
+    viscous friction and back-EMF at the new speed.
+    """
     if np.isnan(j[s.GIVEN]):
         return
     change = speed - j[s.SPEED]

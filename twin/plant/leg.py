@@ -70,8 +70,9 @@ def bench(
 ) -> mujoco.MjModel:
     """The leg bench: torso held, the front left leg off the floor, `joint` free and the other two held rigidly.
 
-    The held joints are fixed at mid stroke, without backlash or compliance. `joint` "leg" leaves all three
-    free. Element names keep the leg's suffix `BENCH_LEG`: thigh_00, thigh_play_00, thigh_angle_00. `realisation`: the linear actuators are spatial tendons, or cylinder and rod in a closed kinematic loop.
+    The held joints are fixed at mid stroke, without backlash or compliance. `joint` "leg" leaves all three free.
+    Element names keep the leg's suffix `BENCH_LEG`: thigh_00, thigh_play_00, thigh_angle_00. `realisation`: the linear
+    actuators are spatial tendons, or cylinder and rod in a closed kinematic loop.
     """
     return bench_spec(joint, parameters, without, realisation).compile()
 

@@ -39,7 +39,9 @@ def boards() -> Iterator[None]:
 @dataclass(frozen=True)
 class Run:
     """One simulation: its model with user data (nuserdata,) and starting qpos (nq,); commands (N, joints), each held
-    for Ts, `delay` [s] late; `hold` (joints,) is the command during the preceding `settle` [s]. `late` (N,) [s] is the timing error of each sample, less than Ts in absolute value."""
+    for Ts, `delay` [s] late; `hold` (joints,) is the command during the preceding `settle` [s].
+    `late` (N,) [s] is the timing error of each sample, less than Ts in absolute value.
+    """
 
     model: mujoco.MjModel
     user_data: np.ndarray
@@ -53,7 +55,8 @@ class Run:
 def step(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> np.ndarray:
     """The board outputs (runs, N, joints, COLUMNS) at each sample, before its command is applied.
 
-    All runs need the same number of samples, model layout and time step. The result is the same, bit for bit, for any number of runs and threads. Raises mujoco.batch.SimulationError if a simulation fails.
+    All runs need the same number of samples, model layout and time step. The result is the same, bit for bit, for any
+    number of runs and threads. Raises mujoco.batch.SimulationError if a simulation fails.
     """
     shown, trouble = attempt(runs, Ts, settle, threads)
     if any(trouble):
@@ -63,7 +66,11 @@ def step(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> np.
 
 
 def attempt(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> tuple[np.ndarray, list[str]]:
-    """The result of `step`, NaN for failed runs, and the reason as one sentence per run, empty if it did not fail. Other runs are not affected. A MuJoCo warning counts as a failure: MuJoCo stops there, and the constant record would look like a joint at rest."""
+    """The result of `step`, NaN for failed runs, and the reason as one sentence per run, empty if it did not fail.
+
+    Other runs are not affected. A MuJoCo warning counts as a failure: MuJoCo stops there, and the constant record would
+    look like a joint at rest.
+    """
     first = runs[0]
     N, joints = first.commands.shape
     h = first.model.opt.timestep

@@ -87,7 +87,7 @@ def asymmetry(p: Parameters) -> Signature:
         Axis("time", "s"),
         Axis("angle", "rad"),
         (Line(off.t, off.angle, on=False), Line(on.t, on.angle)),
-        (Mark((end, on.angle[top[1]]), (end, on.angle[top[0]]), true, "N m", "drift, for\n{} more up", "above"),),
+        (Mark((end, on.angle[top[1]]), (end, on.angle[top[0]]), true, "N m", "drift for\n{} more up", "above"),),
         (
             Size(
                 "friction up minus friction down",

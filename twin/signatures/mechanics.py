@@ -20,7 +20,8 @@ FEET = (0.05, 0.3, 0.6)  # [kg] masses of the foot that load the thigh
 def load_friction(p: Parameters) -> Signature:
     """Break-away voltage of the thigh up and down on a slow ramp, for increasing mass at the foot.
 
-    With friction that grows with the load W, half the difference of the two forces is Coulomb + load_friction |W|. Coulomb friction is raised so that it holds the heaviest load with load_friction switched off.
+    With friction that grows with the load W, half the difference of the two forces is Coulomb + load_friction |W|.
+    Coulomb friction is raised so that it holds the heaviest load with load_friction switched off.
     """
     joint, Ts, rate = "thigh", 0.01, 0.5
     constants = motor(p, joint)

@@ -37,7 +37,8 @@ class Line:
 class Mark:
     """A dimension arrow from `start` to `end` (x, y) in data units; `text` shows the parameter's `value` [unit].
 
-    `place` is the position of the text relative to the arrow: right, left, above, below, upper right (corner), upper left (top left), or right of it beyond the data (outside).
+    `place` is the position of the text relative to the arrow: right, left, above, below, upper right (corner), upper
+    left (top left), or right of it beyond the data (outside).
     """
 
     start: tuple[float, float]
@@ -108,7 +109,11 @@ class Signature:
 
 @dataclass(frozen=True)
 class Trial:
-    """An experiment's record: times t (N,) [s], command u (N,) [V], angle between the links and reading (N,) [rad], motor voltage (N,) [V], and logged angle (N,) [rad]. A sample is taken before its command reaches the board: volts[k + 1] belongs to u[k]."""
+    """An experiment's record, all (N,): times t [s], command u [V], angles [rad], motor voltage [V].
+
+    The angles are the angle between the links, the reading and the logged angle. A sample is taken before its command
+    reaches the board: volts[k + 1] belongs to u[k].
+    """
 
     t: np.ndarray
     u: np.ndarray

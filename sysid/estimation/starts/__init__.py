@@ -1,4 +1,4 @@
-"""Starting points of a search: one file and one line in `TABLE` for each kind of chain; the first that applies is used."""
+"""Starting points of a search: one file and one line in `TABLE` per kind of chain; the first that applies is used."""
 
 import numpy as np
 

@@ -31,7 +31,8 @@ class _Record:
 class Joint(Start):
     """A chain with a motor: the best of many random candidates in free run, then candidates that differ from it.
 
-    A candidate is friction, asymmetry, load and lag; the speed per volt follows from the measured speeds. A free run takes a fraction of a millisecond, and the cost of a motor has too many local minima for one good guess.
+    A candidate is friction, asymmetry, load and lag; the speed per volt follows from the measured speeds. A free run
+    takes a fraction of a millisecond, and the cost of a motor has too many local minima for one good guess.
     """
 
     def applies(self, chain: Chain) -> bool:

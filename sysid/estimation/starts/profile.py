@@ -27,7 +27,8 @@ class Profile(Start):
 def _from_balance(chain: Chain, data: IOData) -> np.ndarray:
     """theta (P,) of a chain of one `ProfiledMotor`, for the first experiment of the record.
 
-    The voltage balance over a window of W samples is inertia (v_end - v_begin) / W + drag mean v + sign(v) mean friction = mean u, linear in all parameters. Several W are tried; the best free run over all experiments is used.
+    The voltage balance over a window of W samples is inertia (v_end - v_begin) / W + drag mean v + sign(v) mean
+    friction = mean u, linear in all parameters. Several W are tried; the best free run over all experiments is used.
     """
     block = chain.blocks[0]
     assert isinstance(block, ProfiledMotor)

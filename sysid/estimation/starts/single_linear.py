@@ -56,7 +56,8 @@ def _few_steps(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) ->
 def linear_starts(chain: Chain, u: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
     """theta (P,) of linear models of u (N,) to y (N,), the best first, with every map as near the identity as possible.
 
-    The best output-error model comes first. Its poles may describe a static nonlinearity instead of the dynamics. The refined-IV models that it started from follow: they estimate the best linear approximation.
+    The best output-error model comes first. Its poles may describe a static nonlinearity instead of the dynamics. The
+    refined-IV models that it started from follow: they estimate the best linear approximation.
     """
     linear = chain.linear
     theta = np.zeros(len(chain.names))
@@ -103,7 +104,7 @@ def _finish(chain: Chain, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> No
 
 
 def _variation(chain: Chain, first: np.ndarray, u: np.ndarray, y: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Vary the maps before the linear block and its poles, fit B by least squares, and start the other parameters again."""
+    """Vary the maps before the linear block and its poles, fit B by least squares, and start the rest again."""
     linear = chain.linear
     k = chain.blocks.index(linear)
     theta, w = first.copy(), u

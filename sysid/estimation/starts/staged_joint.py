@@ -1,6 +1,7 @@
 """Starts of a joint with more physics: a simpler joint is fitted first; the added parts start from its optimum.
 
-The cost over friction curves and backlash has many local minima. The right one is visible only when everything else already fits.
+The cost over friction curves and backlash has many local minima. The right one is visible only when everything else
+already fits.
 """
 
 import numpy as np

@@ -15,7 +15,8 @@ from sysid.model.chain import Chain
 class TwoFilters(Start):
     """Wiener-Hammerstein: one linear model of the total order, its poles divided between both filters in every way.
 
-    The starts differ in the division of the poles (Sjoberg and Schoukens 2012, Automatica 48); then the map between the filters is varied.
+    The starts differ in the division of the poles (Sjoberg and Schoukens 2012, Automatica 48); then the map between
+    the filters is varied.
     """
 
     def applies(self, chain: Chain) -> bool:

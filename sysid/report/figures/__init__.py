@@ -1,6 +1,7 @@
 """The figures of the report of `qpal identify`: one file and one line in `TABLE` each, shown in that order.
 
-The name of a figure is its file name in figures/. `sysid.plots` draws figures that others also use. Nothing here computes; the numbers come from an evaluation.
+The name of a figure is its file name in figures/. `sysid.plots` draws figures that others also use. Nothing here
+computes; the numbers come from an evaluation.
 """
 
 from sysid.report.figures import (

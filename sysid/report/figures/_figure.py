@@ -26,7 +26,8 @@ def _always(evaluation: Evaluation) -> bool:
 class ReportFigure:
     """One figure of the report of `qpal identify`, made from an evaluation; other reports may use it.
 
-    `draw` returns its axes and may take options from another report. The axes of a figure name their units, unless it shows only `pure` numbers.
+    `draw` returns its axes and may take options from another report. The axes of a figure name their units, unless it
+    shows only `pure` numbers.
     """
 
     section: SectionTitle

@@ -39,7 +39,9 @@ def _curve(e: Evaluation, role: str) -> Curve:
 
 def caption(e: Evaluation) -> str:
     """The names and the scale of the maps."""
-    only = "Only the shape has a meaning: a gain can move between a map and the linear block without changing the model."
+    only = (
+        "Only the shape has a meaning: a gain can move between a map and the linear block without changing the model."
+    )
     if not e.linear:
         only = "The linkage's map runs from 0 at one end of the actuator's stroke to 1 at the other."
     names = " and ".join(role.replace("map", "linkage") for role in e.maps)
