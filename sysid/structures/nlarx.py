@@ -42,3 +42,6 @@ class NonlinearArx(Recipe):
         orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
         size = f" of {fit.network.units} units" if fit is not None else ""
         return f"NLARX ({orders}) with a wavelet network{size}"
+
+    def as_subject(self, fit: Any = None) -> str:
+        return f"An {self.in_words(fit)}"

@@ -24,3 +24,6 @@ class OutputError(LinearOrders):
 
     def model(self) -> Chain:
         return output_error(self.nb, self.nf, self.nk)
+
+    def as_subject(self, fit: Any = None) -> str:
+        return f"An {self.in_words(fit).replace('Output-Error', 'output-error')} model"

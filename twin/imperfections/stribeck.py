@@ -20,9 +20,9 @@ class Stribeck(Imperfection):
     remark = (
         "With nominal parameters friction falls less steeply with speed than the back-EMF braking rises (thigh and "
         "shank), or hardly more (shoulder). A joint driven by a voltage therefore starts almost without a jump. A "
-        "position loop with an integral gain and more static friction does not come to rest (here `JOINT.servo_ki` 150, "
-        "`JOINT.servo_kp` 30, `JOINT.stribeck` 1; why: Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30, 1994, section 4)."
-        " Each slip begins where the motor's torque reaches the static friction."
+        "position loop with an integral gain and more static friction does not come to rest (here `JOINT.servo_ki` "
+        "150, `JOINT.servo_kp` 30, `JOINT.stribeck` 1; why: Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30, "
+        "1994, section 4). Each slip begins where the motor's torque reaches the static friction."
     )
     ideal: ClassVar[Mapping[str, float]] = {"JOINT.stribeck": 0.0}
     joint: ClassVar[Mapping[str, OfJoint]] = {
