@@ -1,4 +1,4 @@
-"""The figure of docs/joint.md: where the twin's links lie in their play, and what two kinds of play make of the drive.
+"""The figure of docs/joint.md: position of the twin's links in their backlash, and two backlash models.
 
 python scripts/joint_play.py
 """
@@ -21,7 +21,7 @@ LINKS = {"shoulder": (0.003, 0.0, 0.0, 30.0), "shank": (0.03, 0.0262, 0.1, 60.0)
 
 @style.styled
 def draw() -> Figure:
-    """Drive angle above, link less drive below: the twin, a play that coasts and a play that does not."""
+    """Drive angle above; link minus drive below: the twin, and backlash with and without link inertia."""
     figure, axes = style.sheet(2, len(LINKS), height=4.6)
     for column, (joint, (*link_values, seconds)) in zip(axes.T, LINKS.items(), strict=True):
         options = {"half_period": 2.5 if joint == "shoulder" else 10.0, "jitter": 0.5, "shrink": 0.6}

@@ -1,4 +1,4 @@
-"""Renew docs/imperfections.md: its pictures, its table of sizes, its sections. Run it after a change that moves any.
+"""Update the pictures, the table of sizes and the sections of docs/imperfections.md. Run it after changes to them.
 
 .venv/bin/python scripts/signatures.py
 """
@@ -18,7 +18,7 @@ COLOURS = 64  # a palette keeps the pictures small enough to live in the reposit
 
 
 def picture(signature: Signature) -> Image.Image:
-    """A signature with few colours."""
+    """A signature picture with few colours."""
     buffer = io.BytesIO()
     figure = draw(signature)
     FigureCanvasAgg(figure)
@@ -27,7 +27,7 @@ def picture(signature: Signature) -> Image.Image:
 
 
 def main() -> None:
-    """The pictures, and all of the page below its introduction."""
+    """Update the pictures and the page below its introduction."""
     found = signatures()
     for signature in found:
         picture(signature).save(DOCS / f"imperfections-{signature.key}.png", optimize=True)

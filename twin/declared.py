@@ -1,4 +1,4 @@
-"""What is declared once and read by the whole twin: the row of a physical parameter, and an imperfection."""
+"""Declarations that the whole twin reads: the row of a physical parameter, and an imperfection."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ OfJoint = Callable[[Values, str], float]
 
 @dataclass(frozen=True)
 class Row:
-    """A physical parameter. `lower` and `upper` bound what the twin accepts and what a calibration may search.
+    """A physical parameter. The twin accepts, and a calibration searches, values from `lower` to `upper`.
 
-    `compiled` says whether the model that MuJoCo compiles depends on it; the motor board, the potentiometer or the
-    logger reads the others.
+    `compiled`: whether MuJoCo's compiled model depends on it; the motor board, the potentiometer or the logger reads
+    the others.
     """
 
     name: str
@@ -31,16 +31,15 @@ class Row:
 
 
 class Imperfection:
-    """What is not ideal about the leg, behind a switch of its own. Subclasses fill in class attributes.
+    """An imperfection of the leg with its own switch. Subclasses fill in class attributes.
 
-    `group`: where it sits, one of `GROUPS`: in dry and viscous friction, elsewhere in the mechanics, between a command
-    and the motor, or between the angle and the log.
-    `rows`: parameters that it alone has and that all joints share. Those of a single joint are in `twin.parameters`.
-    `ideal`: values, by row, of a leg without it; JOINT stands for each joint. They need not lie within the
-    row's bounds.
-    `board` and `joint`: numbers that the compiled motor board needs of it, by the name of their slot in
-    `twin.plant.slots`, which numbers them; functions of the parameters' values, with those of what is off at `ideal`.
-    `title`, `about`, `model`, `parameters` and `remark` are its section in docs/imperfections.md, in Markdown.
+    `group`: its place, one of `GROUPS`: dry and viscous friction, other mechanics, between the command and the motor,
+    or between the angle and the log. `rows`: parameters that only this imperfection has and that all joints share.
+    Parameters of a single joint are in `twin.parameters`. `ideal`: values by row of a leg without it; JOINT stands for
+    each joint. They may lie outside the row's bounds. `board` and `joint`: its numbers for the compiled motor board,
+    by the name of their slot in `twin.plant.slots`; functions of the parameter values, in which switched-off
+    imperfections are at `ideal`. `title`, `about`, `model`, `parameters` and `remark` make its section in
+    docs/imperfections.md, in Markdown.
     """
 
     name: ClassVar[str]

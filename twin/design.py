@@ -1,6 +1,6 @@
-"""An experiment that stays inside the stroke, or surely meets both ends: settings found on the nominal, quiet twin.
+"""Settings for an experiment that stays inside the stroke or reaches both ends, found on the noise-free twin.
 
-Under voltage a joint integrates: load, asymmetric friction or an uneven draw make it drift into an end.
+A voltage-driven joint integrates: load, asymmetric friction or an uneven signal make it drift into an end.
 """
 
 from collections.abc import Callable, Iterator
@@ -27,14 +27,14 @@ STRETCHES = (1.5, 2.25, 3.4, 5.0)
 
 
 def fit_stroke(experiment: Experiment, where: str = "inside", margin: float = 0.05) -> Experiment:
-    """`experiment` with options changed such that its joint stays inside its stroke, or meets both ends.
+    """`experiment` with options changed so that its joint stays inside its stroke or reaches both ends.
 
-    "inside": away from both ends by `margin`, a share of the stroke, with as much of amplitude, times or reach as fits
-    (none is turned up), offset so that drift stays out. "ends": touches both ends, and would do so with an amplitude
-    smaller by `margin`; amplitude up to the supply voltage, then longer holds. What is given is kept where it serves
-    already. Judged on runs of the twin with the experiment's own parameters and seed but a perfect sensor: another
-    seed is another draw, design it anew. Takes up to some tens of runs. Raises InputError where nothing fits, with what
-    the joint did instead.
+    "inside": the joint stays away from both ends by `margin`, a share of the stroke. Amplitude, times or reach are
+    reduced as little as possible and never increased; an offset compensates drift. "ends": the joint reaches both
+    ends, also with an amplitude smaller by `margin`; the amplitude is raised up to the supply voltage, then the holds
+    become longer. Settings that already suffice are kept. The design runs the twin with the experiment's parameters
+    and seed and a perfect sensor; another seed needs a new design. Takes up to some tens of runs. Raises InputError,
+    with the closest result, if no setting fits.
     """
     if experiment.joint not in JOINTS:
         raise InputError(f"joint is {experiment.joint!r}; design one joint at a time, of {', '.join(JOINTS)}")
@@ -48,7 +48,7 @@ def fit_stroke(experiment: Experiment, where: str = "inside", margin: float = 0.
 
 @dataclass(frozen=True)
 class Travel:
-    """Least and greatest angle of a run, as shares of the stroke, and the options that led there."""
+    """Smallest and largest angle of a run as shares of the stroke, and its options."""
 
     low: float
     high: float
@@ -92,7 +92,7 @@ class _Bench:
         return f"{self.experiment.excitation} on the {self.experiment.joint}"
 
     def travel(self, options: dict[str, Any]) -> Travel:
-        """What a run with `options` does; remembered, as a search may come back to them."""
+        """The travel of a run with `options`; cached, because a search may use them again."""
         key = repr(sorted(options.items()))
         if key not in self.tried:
             e = self.experiment
@@ -119,7 +119,7 @@ class _Bench:
                 break
         if best is None:
             raise InputError(
-                f"{self.name} drifts out of the stroke even at {100 * SMALLEST:g} % of its "
+                f"{self.name} leaves the stroke even at {100 * SMALLEST:g} % of its "
                 f"{' or '.join(self._settings())}; give a shorter record, or other frequencies or levels"
             )
         self._check_moves(best)
@@ -131,7 +131,7 @@ class _Bench:
         return self.kind.travel_less
 
     def _largest(self, setting: str) -> Travel | None:
-        """The travel inside with the largest share of `setting` that an offset can keep there."""
+        """The travel inside the stroke with the largest share of `setting` for which an offset exists."""
         best, ok, bad = None, SMALLEST, 1.0
         guess = 1.0
         while bad / ok > 1.08 or best is None:
@@ -162,7 +162,7 @@ class _Bench:
         return options | {setting: max(_tidy(share * value), least)}
 
     def _side(self, travel: Travel) -> int:
-        """0: inside. 1, -1: out at the upper or lower end. 2: out at both, no offset helps."""
+        """0: inside. 1, -1: beyond the upper or lower end. 2: beyond both ends, so that no offset helps."""
         out = travel.high > 1 - self.margin, travel.low < self.margin
         return 2 if all(out) else out[0] - out[1]
 
@@ -173,15 +173,15 @@ class _Bench:
         down, up = self.truth.breakaway_voltage
         amplitude = travel.options.get("amplitude", self.signal["amplitude"])
         if self.starts:
-            finding = f"it starts at {down:.3g} V and {up:.3g} V"
+            finding = f"its break-away voltages are {down:.3g} V and {up:.3g} V"
             advice = "give a larger amplitude"
         else:
-            finding = f"and {self.most:.3g} V is less than what starts it"
+            finding = f"and the supply's {self.most:.3g} V are below its break-away voltage"
             advice = "lower the friction or the load in the parameters, or raise the supply voltage"
         if travel.options:  # it was turned down to here
-            finding += ", and with more it drifts out of the stroke"
+            finding += ", and a larger amplitude drives it out of the stroke"
             advice = "give shorter holds, higher frequencies or a shorter record"
-        raise InputError(f"{self.name} moves nothing with an amplitude of {amplitude:.3g} V, {finding}; {advice}")
+        raise InputError(f"{self.name} does not move with an amplitude of {amplitude:.3g} V, {finding}; {advice}")
 
     # To both ends.
 
@@ -196,7 +196,7 @@ class _Bench:
             if found:
                 return replace(self.experiment, options={**self.experiment.options, **found.options})
         raise InputError(
-            f"{self.name} does not surely meet both ends within {self.experiment.duration:g} s (with "
+            f"{self.name} does not reach both ends within {self.experiment.duration:g} s (with "
             f"{100 * self.margin:g} % less amplitude too), at best it moves from {nearest}; "
             f"give longer holds, lower frequencies or a longer record"
         )
@@ -218,7 +218,7 @@ class _Bench:
             yield options | {name: _tidy(stretch * self.signal[name]) for name in times}
 
     def _missing(self, travel: Travel) -> int:
-        """0: both ends are met, with less amplitude too. 1, -1: only the upper or the lower one. 2: neither."""
+        """0: both ends are reached, also with the smaller amplitude. 1, -1: only the upper or lower one. 2: neither."""
         amplitude = travel.options.get("amplitude", self.signal["amplitude"])
         weaker = self.travel(travel.options | {"amplitude": amplitude * (1 - self.margin)})
         meets = [
@@ -230,9 +230,9 @@ class _Bench:
     # An offset for either.
 
     def _recentred(self, options: dict[str, Any], side: Callable[[Travel], int]) -> Travel | None:
-        """The first travel with side 0, over offsets; None where none is found.
+        """The first travel with side 0 over the offsets; None if none is found.
 
-        More offset never takes a joint further down, so the offset is bracketed and then bisected.
+        A larger offset never moves a joint further down, so the offset is bracketed and then bisected.
         """
         bracket = [-np.inf, np.inf]
         for offset in self._offsets(bracket):
@@ -250,7 +250,7 @@ class _Bench:
         return None
 
     def _offsets(self, bracket: list[float]) -> Iterator[float]:
-        """As last found, what carries the load at mid stroke, and then what `bracket` [V] asks for as it narrows."""
+        """The last offset, the offset that carries the load at mid stroke, then points of `bracket` [V]."""
         yield from dict.fromkeys((self.offset, self.balance))
         step = 0.3 * self.full / (self.experiment.duration if self.voltage else 1.0)  # [V] for 30 % of the stroke
         for _ in range(12):
@@ -276,5 +276,5 @@ class _Bench:
 
 
 def _tidy(value: float) -> float:
-    """Four figures, so that what is tried is what a person reads."""
+    """Rounded to four digits, so that the settings shown are exactly those that were tried."""
     return float(f"{value:.4g}")

@@ -34,22 +34,21 @@ SHORTEST = 10  # samples; a shorter record identifies nothing
 
 @dataclass(frozen=True)
 class Experiment:
-    """Drive `joint` with `excitation` for `duration` [s], sampled every `Ts` [s], the other two joints held rigidly.
+    """Drive `joint` with `excitation` for `duration` [s], sampled every `Ts` [s]; the other joints are held rigidly.
 
-    `joint` "leg" drives all three at once, each with a draw of the excitation of its own. `seed` draws the excitation,
-    the noise and the losses of the log, separately: the same seed gives the same log bit for bit, and switching the
-    noise off leaves the voltage as it was. `without` names imperfections to leave out (`twin.IMPERFECTIONS`).
-    `options` overrides the excitation's own settings, for example {"amplitude": 6.0}. Every record starts at mid
-    stroke: a sweep that started at an end would be periodic from its first sample, and an identified resonance would
-    fit that better than the joint does. Without end stops nothing keeps the actuator inside its stroke: give a small
-    amplitude.
+    `joint` "leg" drives all three at once, each with its own realisation of the excitation. `seed` draws the
+    excitation, the noise and the lost samples independently: the same seed gives the same log bit for bit, and the
+    voltage does not change if the noise is switched off. `without` names imperfections to leave out
+    (`twin.IMPERFECTIONS`). `options` overrides the excitation's own settings, for example {"amplitude": 6.0}. Every
+    record starts at mid stroke: a sweep from an end would be periodic from its first sample, and an identified
+    resonance would fit it better than a model of the joint. Without end stops the actuator can leave its stroke: give
+    a small amplitude.
 
-    mode "voltage": the input is the motor voltage that is asked for, open loop, as in the paper. "servo": it is the
-    reference of the driver's position loop, in volts of the potentiometer, 0 V at angle 0; amplitude and offset then
-    default to the middle 80 % of the travel. pot_side "link": the potentiometer sees the play (it reads the link),
-    "drive": it does not. realisation "closed_loop" builds the linear actuators of bodies, a cross-check of the tendon.
-
-    Raises InputError for arguments that do not exist or do not fit.
+    mode "voltage": the input is the commanded motor voltage, open loop, as in the paper. "servo": the input is the
+    reference of the driver's position loop, in potentiometer volts with 0 V at angle 0; the default amplitude and
+    offset then cover the middle 80 % of the travel. pot_side "link": the potentiometer reads the link, behind the
+    backlash; "drive": it reads the drive. realisation "closed_loop" models the linear actuators as bodies, to check
+    the tendon. Raises InputError for arguments that do not exist or do not fit.
     """
 
     joint: str = "thigh"
@@ -72,7 +71,7 @@ class Experiment:
         elif not isinstance(self.parameters, Parameters):
             raise InputError(f"parameters is a {type(self.parameters).__name__}; give a twin.Parameters")
         if isinstance(self.seed, bool) or not isinstance(self.seed, Integral) or self.seed < 0:
-            raise InputError(f"seed is {self.seed!r}; give a whole number from 0 up")
+            raise InputError(f"seed is {self.seed!r}; give a whole number of at least 0")
         for name, allowed in (("mode", MODES), ("pot_side", SIDES), ("realisation", REALISATIONS)):
             if getattr(self, name) not in allowed:
                 raise unknown(name.replace("_", " "), getattr(self, name), allowed)
@@ -103,7 +102,7 @@ class Experiment:
             )
 
     def _check_level(self, joint: str, signal: excitations.Excitation) -> None:
-        """InputError where the signal asks for more than the supply, or than the potentiometer can show."""
+        """Raises InputError if the signal exceeds the supply voltage or the potentiometer's range."""
         largest = abs(signal.amplitude) + abs(getattr(signal, "offset", 0.0))
         servo = self.mode == "servo"
         limit, what = (self.p["pot_supply"] / 2, "potentiometer") if servo else (self.p["supply_voltage"], "supply")
@@ -115,7 +114,7 @@ class Experiment:
 
     @property
     def p(self) -> Parameters:
-        """The parameters, nominal where none were given."""
+        """The parameters; nominal if none were given."""
         assert self.parameters is not None
         return self.parameters
 
@@ -130,7 +129,7 @@ class Experiment:
         return round(self.duration / self.Ts)
 
     def signals(self) -> tuple[excitations.Excitation, ...]:
-        """The excitation of each driven joint, with the joint's defaults and `options` in it."""
+        """The excitation of each driven joint, with the joint's defaults and `options`."""
         return tuple(self._signal(joint) for joint in self.joints)
 
     def signal(self) -> excitations.Excitation:
@@ -166,7 +165,7 @@ class Experiment:
         return np.column_stack([signal.generate(self.N, self.Ts, rng) for signal, rng in pairs])
 
     def _generators(self, what: str) -> list[np.random.Generator]:
-        """A generator a driven joint. A joint's own does not depend on which others are driven."""
+        """One generator for each driven joint; it does not depend on which other joints are driven."""
         roots = np.random.SeedSequence(self.seed).spawn(len(_DRAWS))[_DRAWS.index(what)]
         if self.joint in JOINTS:
             return [np.random.default_rng(roots)]
@@ -178,9 +177,9 @@ class Experiment:
         u: np.ndarray | None = None,
         start: Mapping[str, float] | None = None,
     ) -> Run:
-        """The simulation behind the experiment; `model` where the caller has compiled it already.
+        """The simulation of the experiment; `model` if the caller has compiled it already.
 
-        `u` (n, joints) [V] takes the excitation's place, and `start` [rad] mid stroke's for the joints that it names.
+        `u` (n, joints) [V] replaces the excitation, and `start` [rad] replaces mid stroke for the joints that it names.
         """
         p = self.p
         if model is None:
@@ -201,7 +200,7 @@ class Experiment:
         )
 
     def record(self, run: Run, shown: np.ndarray) -> Log:
-        """The log of a finished run, whose boards showed (N, joints, COLUMNS)."""
+        """The log of a finished run from the board outputs (N, joints, COLUMNS)."""
         pot, clean = potentiometer(self.p, self.without), shown[:, :, slots.READING]
         read = [pot.read(column, rng) for column, rng in zip(clean.T, self._generators("noise"), strict=True)]
         u, y, y_true = run.commands, np.column_stack(read), clean
@@ -231,9 +230,9 @@ _DRAWS = ("excitation", "noise", "sampling")
 
 
 def run_all(experiments: Sequence[Experiment], threads: int = 1) -> list[Log]:
-    """Logs of experiments that are alike in joint, duration, Ts and realisation, simulated side by side.
+    """Logs of experiments with the same joint, duration, Ts and realisation, simulated in parallel.
 
-    Bit for bit what `run` gives for each alone.
+    The logs equal those of `run` bit for bit.
     """
     models: dict[tuple, mujoco.MjModel] = {}
     runs = []
@@ -247,15 +246,15 @@ def run_all(experiments: Sequence[Experiment], threads: int = 1) -> list[Log]:
 
 
 def respond(experiment: Experiment, u: np.ndarray, start: Mapping[str, float] | None = None) -> np.ndarray:
-    """What the board shows (N, joints, COLUMNS) under `u` (N, joints) [V] in place of the experiment's excitation.
+    """The board outputs (N, joints, COLUMNS) for `u` (N, joints) [V] in place of the experiment's excitation.
 
-    See `twin.plant.slots` for the columns. `start` [rad] names drive sides that do not start at mid stroke.
+    See `twin.plant.slots` for the columns. `start` [rad] has the drive sides that do not start at mid stroke.
     """
     return step([experiment.prepare(u=u, start=start)], experiment.Ts, SETTLE)[0]
 
 
 def _start(model: mujoco.MjModel, p: Parameters, angles: Mapping[str, float]) -> np.ndarray:
-    """qpos (nq,) of a bench with its drive sides at `angles` [rad], play centred and closed loops closed."""
+    """qpos (nq,) of a bench with its drive sides at `angles` [rad], backlash centred and closed loops closed."""
     qpos = np.zeros(model.nq)
     names = {model.joint(i).name for i in range(model.njnt)}
     for joint, angle in angles.items():

@@ -21,10 +21,10 @@ INPUTS = {"voltage": "voltage", "servo": "reference"}  # name of the input by mo
 class Log:
     """A record of one joint: input u (N,) [V], measured angle y (N,) [rad], sampled every Ts [s].
 
-    u is the voltage that was asked for or, in servo mode, the reference of the position loop. y[k] is read at
-    t[k] = k Ts, before u[k] is applied over [t[k], t[k+1]). y_true (N,) [rad] is what the potentiometer would have
-    shown then without noise, ADC and dropped samples (its nonlinearity is in it), None where nobody knows it. A record
-    of all three joints has joint "leg" and u, y, y_true (N, 3) in the order of `JOINTS`. `meta` can be written as JSON.
+    u is the commanded voltage or, in servo mode, the reference of the position loop. y[k] is read at t[k] = k Ts,
+    before u[k] is applied over [t[k], t[k+1]). y_true (N,) [rad] is the reading without noise, ADC and dropped samples
+    (the potentiometer's nonlinearity is included), None if unknown. A record of all three joints has joint "leg" and
+    u, y, y_true (N, 3) in the order of `JOINTS`. `meta` can be written as JSON.
     """
 
     u: np.ndarray
@@ -46,11 +46,11 @@ class Log:
 
     @property
     def mode(self) -> str:
-        """How the joint was driven: "voltage" or "servo"."""
+        """The drive mode: "voltage" or "servo"."""
         return str(self.meta.get("mode", "voltage"))
 
     def io(self, joint: str | None = None) -> IOData:
-        """Input and measured angle, ready to identify; of `joint` alone where the log has all three."""
+        """Input and measured angle, ready to identify; only those of `joint` if the log has all three joints."""
         u, y = self.u, self.y
         if joint is not None and joint != self.joint:
             if self.joint != LEG or joint not in JOINTS:
@@ -61,8 +61,8 @@ class Log:
     def save(self, path: str | Path) -> Path:
         """Write a file whose suffix is one of `sysid.formats.WRITTEN`; no half-written file appears.
 
-        Formats that keep a header hold joint and meta too, text tables the columns alone. Raises InputError for another
-        suffix and for a place that cannot be written to.
+        Formats with a header also store joint and meta; text tables store only the columns. Raises InputError for
+        another suffix and for a place that cannot be written to.
         """
         return write_table(path, _columns(self), json.dumps({**self.meta, "joint": self.joint, "Ts": self.Ts}))
 
@@ -120,7 +120,7 @@ def _kind(names: Sequence[str], meta: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _meta(header: str) -> dict[str, Any]:
-    """What `save` put into the header; empty where another program wrote the file."""
+    """The header that `save` wrote; empty if another program wrote the file."""
     try:
         found = json.loads(header)
     except ValueError:

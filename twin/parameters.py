@@ -25,21 +25,28 @@ _FRICTION = (
         -0.9,
         0.9,
         "1",
-        "friction row: Coulomb friction is (1 + this) up and (1 - this) down of its mean",
+        "friction row: Coulomb friction is its mean times (1 + this) up and (1 - this) down",
         False,
     ),
     ("stribeck", 0, 2, "1", "friction row: at rest it is (1 + this) times Coulomb friction", False),
-    ("load_friction", 0, 3, "1", "friction row: dry friction per axial load; from 1 on the screw locks itself", False),
+    (
+        "load_friction",
+        0,
+        3,
+        "1",
+        "friction row: dry friction per axial load; the screw is self-locking from 1 on",
+        False,
+    ),
 )
 _SERVO = (
-    ("servo_kp", 0, 2000, "V/V", "servo mode: motor volts per volt of the potentiometer's error", False),
-    ("servo_ki", 0, 2000, "V/(V s)", "servo mode: the same for the error's integral", False),
-    ("servo_kd", 0, 100, "V s/V", "servo mode: the same for the reading's rate, against it", False),
+    ("servo_kp", 0, 2000, "V/V", "servo mode: proportional gain, motor voltage per potentiometer voltage error", False),
+    ("servo_ki", 0, 2000, "V/(V s)", "servo mode: integral gain of the same error", False),
+    ("servo_kd", 0, 100, "V s/V", "servo mode: derivative gain, acts against the rate of the reading", False),
 )
 
 
 def _rod_joint(joint: str, **nominal: float) -> list[Row]:
-    """Rows of a joint that a linear actuator moves; forces and speeds at the rod, angles in the leg's plane."""
+    """Rows of a joint with a linear actuator; forces and speeds at the rod, angles in the leg's plane."""
     rows = (
         ("rated_voltage", 3, 48, "V", "dcmotor nominal: voltage of the next two numbers"),
         ("no_load_speed", 0.002, 0.1, "m/s", "dcmotor nominal: rod speed at rated voltage without any friction"),
@@ -55,10 +62,10 @@ def _rod_joint(joint: str, **nominal: float) -> list[Row]:
             -np.pi,
             np.pi,
             "rad",
-            "site: direction of that pin from the leg's outward direction, up positive",
+            "site: angle of that pin from the leg's outward direction, up positive",
         ),
         ("rod_radius", 0.02, 0.4, "m", "site: joint axis to the pin of the rod"),
-        ("rod_angle", -np.pi, np.pi, "rad", "site: direction of that pin at joint angle 0, up positive"),
+        ("rod_angle", -np.pi, np.pi, "rad", "site: angle of that pin at joint angle 0, up positive"),
         ("coulomb", 0, 500, "N", "friction row: dry friction of screw and gear without load, at the rod"),
         *_FRICTION,
         ("stribeck_speed", 1e-5, 0.05, "m/s", "friction row: rod speed over which static friction fades", False),
@@ -73,7 +80,7 @@ def _rod_joint(joint: str, **nominal: float) -> list[Row]:
 
 
 def _geared_joint(joint: str, **nominal: float) -> list[Row]:
-    """Rows of a joint that a geared motor turns directly. Torques and speeds at the joint."""
+    """Rows of a joint with a geared motor; torques and speeds at the joint."""
     rows = (
         ("rated_voltage", 3, 48, "V", "dcmotor nominal: voltage of the next two numbers"),
         ("no_load_speed", 0.05, 20, "rad/s", "dcmotor nominal: joint speed at rated voltage without any friction"),
@@ -109,13 +116,13 @@ def _row(
 
 
 def _of(*names: str) -> list[Row]:
-    """The rows that imperfections have alone."""
+    """The rows that belong to single imperfections."""
     return [row for name in names for row in IMPERFECTIONS[name].rows]
 
 
 # A row's place decides which of an ensemble's numbers draws it: rows of new imperfections come last.
 _ROWS_IN_ORDER = (
-    Row("supply_voltage", 12.0, 3, 48, "V", GUESS, "drive: motor voltage is cut off at plus and minus this", False),
+    Row("supply_voltage", 12.0, 3, 48, "V", GUESS, "drive: motor voltage is limited to plus and minus this", False),
     *_of("sag", "pwm", "dead_band"),
     Row(
         "switch_period",
@@ -124,7 +131,7 @@ _ROWS_IN_ORDER = (
         0.1,
         "s",
         GUESS,
-        "drive: the board looks at commands, switches and pots this often",
+        "drive: interval at which the board reads commands, switches and potentiometers",
         False,
     ),
     *_of("delay", "noise"),
@@ -135,14 +142,16 @@ _ROWS_IN_ORDER = (
         6.3,
         "rad",
         GUESS,
-        "pot: electrical angle that the ADC's codes divide",
+        "pot: electrical angle of the ADC's full range",
         False,
     ),
     *_of("adc"),
-    Row("pot_supply", 5.0, 1, 24, "V", GUESS, "pot: volts over pot_range; scale of servo mode's reference", False),
+    Row(
+        "pot_supply", 5.0, 1, 24, "V", GUESS, "pot: voltage over pot_range; scale of the reference in servo mode", False
+    ),
     *_of("nonlinearity", "jitter", "dropouts", "gravity"),
     Row("bench_height", 0.6, 0.2, 1, "m", GUESS, "torso of the bench above the floor; at 0.6 the foot hangs free"),
-    Row("torso_mass", 4.0, 0.5, 50, "kg", GUESS, "geom mass; the torso's size is the paper's, in the MJCF"),
+    Row("torso_mass", 4.0, 0.5, 50, "kg", GUESS, "geom mass; the torso's size in the MJCF is from the paper"),
     Row("shoulder_mass", 0.30, 0.01, 10, "kg", GUESS, "geom mass of the bracket"),
     Row("thigh_mass", 0.35, 0.01, 10, "kg", GUESS, "geom mass of the thigh's tube"),
     Row("shank_mass", 0.25, 0.01, 10, "kg", GUESS, "geom mass of the shank's tube"),
@@ -260,7 +269,7 @@ class Parameters:
         return self.values[name]
 
     def switched_off(self, without: Collection[str]) -> Mapping[str, float]:
-        """The values of a leg without the imperfections `without`: theirs are ideal, and may lie outside of bounds."""
+        """The values of a leg without the imperfections `without`; these are ideal and may be outside bounds."""
         ideal: dict[str, float] = {}
         for name in without:
             for row, value in IMPERFECTIONS[name].ideal.items():

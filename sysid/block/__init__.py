@@ -1,4 +1,4 @@
-"""What a block is: slots, tangent, symmetries; and the compiled loops under it."""
+"""The interface of a block (slots, tangent, symmetries) and its compiled loops."""
 
 from sysid.base.room import modules_of
 from sysid.block.block import Block, Slot, StaticBlock, Symmetry

@@ -1,4 +1,4 @@
-"""What a block of a chain is: an output, an exact tangent, and the symmetries that make parameters redundant."""
+"""A block of a chain: output, exact tangent, and the symmetries that make parameters redundant."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
@@ -11,8 +11,10 @@ from sysid.block.writing import Code, Writer
 
 @dataclass(frozen=True)
 class Slot:
-    """One parameter of a block: name, unit, bounds. `initial` marks what belongs to a record and not to the model,
-    `knot` a place on the input axis of a map.
+    """One parameter of a block: name, unit, bounds.
+
+    `initial`: an initial state, which belongs to a record and not to the model; `knot`: a position on a map's input
+    axis.
     """
 
     name: str
@@ -26,7 +28,7 @@ class Slot:
 
 @dataclass(frozen=True)
 class Symmetry:
-    """A change of the block's parameters that undoes, or causes, an affine change of its signals.
+    """A change of the block's parameters that compensates or causes an affine change of its signals.
 
     If the input moves by (in_scale * x + in_shift) * eps and theta by d_theta * eps, then the output moves by
     (out_scale * y + out_shift) * eps, to first order.
@@ -41,7 +43,7 @@ class Symmetry:
 
 @dataclass(frozen=True)
 class Block(ABC):
-    """One link of a chain. Blocks hold structure only; parameter values theta (p,) are handed in."""
+    """One element of a chain. A block has only structure; parameter values theta (p,) are arguments."""
 
     role: str = field(default="block", kw_only=True)
 
@@ -54,22 +56,22 @@ class Block(ABC):
         """Output y (N,) for input x (N,).
 
         J (N, P) holds the tangent of x in its first q columns and is overwritten by the tangent of y; the columns
-        q..q+p-1 are filled with dy/dtheta. With P = 0 only the output is wanted.
+        q..q+p-1 are filled with dy/dtheta. With P = 0 only the output is computed.
         """
 
     def output(self, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Output (N,) alone, for input x (N,) of a block of one channel."""
+        """Output (N,) of a single-channel block for input x (N,)."""
         x = np.ascontiguousarray(x, dtype=float)
         return self.propagate(theta, x, np.empty((len(x), 0)), 0)
 
     def propagate_all(
         self, theta: np.ndarray, xs: list[np.ndarray], Js: list[np.ndarray], q: int
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """The same for a list of channels, each with a J of its own; blocks of one channel need not know of it."""
+        """The same for a list of channels, each with its own J; single-channel blocks need not override it."""
         return [self.propagate(theta, xs[0], Js[0], q)], Js
 
     def parts(self) -> list[tuple[slice, "Block"]]:
-        """The blocks of one channel that this block is made of, and where their parameters stand in theta."""
+        """The single-channel blocks of this block, and the positions of their parameters in theta."""
         return [(slice(0, self.n_parameters), self)]
 
     @property
@@ -79,40 +81,41 @@ class Block(ABC):
 
     @abstractmethod
     def start(self, x: np.ndarray) -> np.ndarray:
-        """theta (p,) that makes this block the identity on the range of x (N,), or as near as it can be."""
+        """theta (p,) that makes this block the identity on the range of x (N,), or as near as possible."""
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         """The block's symmetries at theta."""
         return []
 
     def admissible(self, theta: np.ndarray) -> bool:
-        """False where theta makes no usable block (an unstable filter, knots out of order)."""
+        """False if theta gives no valid block (an unstable filter, knots out of order)."""
         return True
 
     def repair(self, theta: np.ndarray) -> np.ndarray:
-        """The admissible theta that a search tries instead of an inadmissible one; theta where it knows none."""
+        """The admissible theta used in place of an inadmissible one; theta itself if there is none."""
         return theta
 
     def at_low(self, theta: np.ndarray) -> np.ndarray:
-        """True (p,) for directions of `basis` that stand at a lower limit which the block's own nature sets."""
+        """True (p,) for directions of `basis` at a lower limit set by the block itself."""
         return np.zeros(self.n_parameters, dtype=bool)
 
     def basis(self) -> np.ndarray:
-        """Columns (p, p): the directions in which a search sees this block's parameters."""
+        """Columns (p, p): the search directions of this block's parameters."""
         return np.eye(self.n_parameters)
 
     def coarser(self) -> "Block | None":
-        """A smaller block that is easier to find a way with, or None; `refine` leads back."""
+        """A smaller block that is easier to fit, or None; `refine` converts its parameters back."""
         return None
 
     def refine(self, theta: np.ndarray) -> np.ndarray:
-        """theta (p,) of this block that draws the very curve of its coarser block at theta."""
+        """theta (p,) of this block that gives exactly the curve of its coarser block at theta."""
         return theta
 
     def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Change of slope at each inner knot (k,), divided by the map's mean slope, and the derivative (k, p).
 
-        No gauge may change it. Each kink enters the cost of a fit as one sample, see `Objective.curvature_weight`.
+        It must not depend on the gauge. Each kink counts as one sample in the cost of a fit, see
+        `Objective.curvature_weight`.
         """
         return np.empty(0), np.empty((0, len(theta)))
 
@@ -121,7 +124,7 @@ class Block(ABC):
         return theta
 
     def c(self, theta: np.ndarray) -> Code:
-        """C99 of this block's run with these numbers, for `export_c`; a block without has no text."""
+        """C99 code of this block with these numbers, for `export_c`; raises InputError if the block has none."""
         raise NotImplementedError
 
     def python(self, theta: np.ndarray) -> Code:
@@ -134,7 +137,7 @@ class Block(ABC):
 
     @cached_property
     def has_basis(self) -> bool:
-        """True where `basis` is not the identity."""
+        """True if `basis` is not the identity."""
         return not np.array_equal(self.basis(), np.eye(self.n_parameters))
 
     @cached_property
@@ -144,7 +147,7 @@ class Block(ABC):
 
 
 class StaticBlock(Block):
-    """A memoryless map: subclasses give value, slope and own Jacobian, the chain rule is here."""
+    """A memoryless map: subclasses give value, slope and own Jacobian; this class applies the chain rule."""
 
     @abstractmethod
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:

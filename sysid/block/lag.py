@@ -1,12 +1,12 @@
-"""The stretch that motors share: a first-order lag towards a speed, taken exactly."""
+"""The exact solution of a first-order lag towards a speed, shared by the motors."""
 
 from math import exp, log
 
 
 def lagged(s, target, lag, way, h):
-    """Move position and speed on over a time h, or up to the turn where the speed passes zero on the way `way`.
+    """Advance position and speed by a time h, or until the speed in direction `way` passes zero.
 
-    Returns the time that has passed, and whether it ended at a turn.
+    Returns the elapsed time, and whether it ended at a reversal.
     """
     decay = exp(-h / lag)
     off = s.speed - target

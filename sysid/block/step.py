@@ -1,4 +1,4 @@
-"""The functions that a step may call, as plain Python: a step runs as it stands, only slowly."""
+"""The functions that a step may call, as plain Python, so that a step also runs uncompiled, but slowly."""
 
 import math
 from math import cos, exp, log, sin, sqrt, tanh
@@ -7,7 +7,7 @@ __all__ = ["Input", "ago", "cos", "exp", "floor", "log", "logistic", "sign", "si
 
 
 class Input(float):
-    """One sample of an input that knows the samples before it."""
+    """One sample of an input, with access to the previous samples."""
 
     past: tuple[float, ...] = ()  # the sample before first
 
@@ -28,7 +28,7 @@ def ago(x: float, n: int) -> float:
 
 
 def floor(x: float) -> float:
-    """The largest whole number that is not above x, as a float."""
+    """The largest whole number not above x, as a float."""
     return float(math.floor(x))
 
 

@@ -1,4 +1,4 @@
-"""What a block gives to those that write it out: code of an exported function, and names and numbers of an equation."""
+"""Output of a block for exports: code of an exported function, and names and numbers of an equation."""
 
 from dataclasses import dataclass, field
 
@@ -7,9 +7,9 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Code:
-    """Body of an exported function of `x`: may read tables by name and keep `state` numbers in `s`.
+    """Body of an exported function of `x`; it may read tables by name and store `state` numbers in `s`.
 
-    `start` holds what the first of these numbers are called and begin with; all others begin with zero.
+    `start` holds the names and initial values of the first of these numbers; all others start at zero.
     """
 
     body: str
@@ -20,7 +20,7 @@ class Code:
 
 @dataclass(frozen=True)
 class Writer:
-    """Names of a unit's input x and output y, and how its numbers are written (None: exactly)."""
+    """Names of a unit's input x and output y, and the number of digits (None: exact)."""
 
     x: str
     y: str
@@ -32,7 +32,7 @@ class Writer:
         return f"({plain})" if plain.startswith("-") else plain
 
     def sum(self, terms: list[tuple[float, str]]) -> str:
-        """c1*a + c2*b - ... without the terms of weight zero; an empty name stands for the number alone."""
+        """c1*a + c2*b - ... without terms of weight zero; an empty name means only the number."""
         parts: list[str] = []
         for c, name in terms:
             if c == 0.0:
@@ -48,7 +48,7 @@ class Writer:
         return self.x if value == 0.0 else f"({self.sum([(1.0, self.x), (-value, '')])})"
 
     def pieces(self, edges: np.ndarray, curves: list[str]) -> list[str]:
-        """A formula for each piece between the edges, the first and the last without end."""
+        """One formula for each piece between the edges; the first and the last are unbounded."""
         lines = []
         for i, curve in enumerate(curves):
             above = f"{self.num(edges[i - 1])} < " if i > 0 else ""
@@ -58,7 +58,7 @@ class Writer:
         return lines
 
     def straight(self, x: np.ndarray, y: np.ndarray) -> list[str]:
-        """Straight lines through the points (x, y), the outer ones without end."""
+        """Straight lines through the points (x, y); the outer lines are unbounded."""
         slopes = np.diff(y) / np.diff(x)
         curves = [self.sum([(y[i], ""), (slopes[i], self.minus(x[i]))]) for i in range(len(slopes))]
         return self.pieces(x[1:-1], curves)
@@ -69,12 +69,12 @@ class Writer:
 
 
 def solved(frozen: str, substeps: int, held: str = "held input") -> str:
-    """A line that says how motion between switches is solved, and what is taken for constant meanwhile."""
+    """A line on the solution of the motion between switches and the values held constant in it."""
     text = "  between these switches the motion is solved exactly"
     stretch = f"each {held}" if substeps == 1 else f"each of {substeps} equal parts of a {held}"
     return f"{text}, {frozen} from the start of {stretch}" if frozen else text
 
 
 def number(value: float) -> str:
-    """The shortest text that reads back as exactly this float, in C and in Python."""
+    """The shortest text that C and Python read back as exactly this float."""
     return repr(float(value))

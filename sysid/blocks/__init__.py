@@ -1,4 +1,4 @@
-"""The blocks of a chain: one file, one class, one line in `TABLE`; `STATIC` are the maps a user picks by name."""
+"""The blocks of a chain: one file, one class, one line in `TABLE`; `STATIC` are the maps that users choose by name."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -60,7 +60,7 @@ TABLE: dict[str, Callable[..., Block]] = {
 
 
 def static(kind: "str | StaticBlock", role: str) -> StaticBlock:
-    """The static map called `kind`, or the map itself where one was made by hand, in its role in the chain."""
+    """The static map called `kind`, or the given map, in its role in the chain."""
     if isinstance(kind, StaticBlock):
         return replace(kind, role=role)
     if kind not in STATIC:

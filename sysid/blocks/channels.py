@@ -10,7 +10,7 @@ from sysid.block.block import Block, Slot, StaticBlock, Symmetry
 
 @dataclass(frozen=True)
 class Channels(Block):
-    """Channel i goes through maps[i]; parameters are named '1.x1', '2.x1', ..."""
+    """maps[i] applies to channel i; parameters are named '1.x1', '2.x1', ..."""
 
     maps: tuple[StaticBlock, ...] = ()
 

@@ -1,4 +1,4 @@
-"""Play of a link with inertia: it coasts where the drive slows down, and lies where its weight pulls."""
+"""Backlash of a link with inertia: it coasts when the drive slows down, and rests on the side of its weight."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -29,7 +29,7 @@ def step(s, x, p):
 
 
 def fly(s, p):
-    """One sample of free flight under a constant pull: it may come to rest and fall the other way."""
+    """One sample of free motion under a constant pull: the link may stop and fall in the other direction."""
     pull, left = p.pull0 + p.pull1 * s.place, 1.0
     for _ in range(2):
         way = sign(s.speed)
@@ -51,13 +51,13 @@ def fly(s, p):
 
 @dataclass(frozen=True)
 class CoastingPlay(Recursion):
-    """y lies within x - width / 2 and x + width / 2; between the two it flies: v' = -(pull0 + pull1 y) - drag sign v.
+    """y is from x - width / 2 to x + width / 2; between these limits v' = -(pull0 + pull1 y) - drag sign v.
 
-    x moves evenly from sample to sample, and a link that meets a side goes on with it (no rebound). drag [y/sample^2]
-    is the friction of the link's own bearing over its inertia, pull0 [y/sample^2] and pull1 [1/sample^2] its weight.
-    With much drag and no pull this is `Play`. With little, a drive that stops finds the link ahead and not behind; with
-    a pull that nothing overcomes the link lies on one side, and the width is not in the data. `rest` says where in the
-    play it starts, at rest, from -1/2 to 1/2. Derivatives at a switch are those of the branch taken.
+    x is linear between samples, and a link that meets a side moves with it (no rebound). drag [y/sample^2] is the
+    friction of the link's bearing over its inertia; pull0 [y/sample^2] and pull1 [1/sample^2] are its weight. With
+    large drag and no pull this is `Play`. With small drag the link coasts ahead when the drive stops. With a dominant
+    pull the link stays on one side, and the data do not determine the width. `rest` is the initial position within the
+    backlash, from -1/2 to 1/2, at rest. Derivatives at a switch are those of the branch taken.
     """
 
     functions: ClassVar = {"step": step, "begin": begin}
@@ -72,7 +72,7 @@ class CoastingPlay(Recursion):
         )
 
     def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
-        """The equation of motion in v', not of the exact solution that the step takes."""
+        """The equation of motion in v', not the exact solution used in the step."""
         width, _, drag, pull, slope = theta.tolist()
         low, high = f"{w.x}(t) - {w.num(0.5 * width)}", f"{w.x}(t) + {w.num(0.5 * width)}"
         return [

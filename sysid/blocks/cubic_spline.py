@@ -1,4 +1,4 @@
-"""Cubic spline on equally spaced knots, natural or monotone, that goes on as a straight line."""
+"""Cubic spline on equally spaced knots, natural or monotone, with linear extrapolation."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +13,7 @@ from sysid.block.writing import Writer
 
 
 def curve(x, p, block):
-    """The curve with coefficients p.c, four an interval, between p.lo and p.hi; straight lines beyond."""
+    """The curve with coefficients p.c, four per interval, between p.lo and p.hi; straight lines beyond."""
     m = block.knots - 1
     r = (x - p.lo) / (p.hi - p.lo)
     inside = min(max(r, 0.0), 1.0)
@@ -28,7 +28,7 @@ def value(x, p, block):
 
 
 def cubics(lo: float, hi: float, c: np.ndarray, w: Writer) -> list[str]:
-    """A formula for each of the cubics c (m, 4) between lo and hi, and straight lines beyond."""
+    """One formula for each cubic c (m, 4) between lo and hi, and straight lines beyond."""
     edges = np.linspace(lo, hi, len(c) + 1)
     width = (hi - lo) / len(c)
     last = c[-1]
@@ -46,10 +46,10 @@ def cubics(lo: float, hi: float, c: np.ndarray, w: Writer) -> list[str]:
 class CubicSpline(Written, StaticBlock):
     """Twice differentiable curve over [lo, hi] with `knots` equally spaced knots, continued by its end tangents.
 
-    Natural: through the values y_i at the knots. Monotone: y0 + sum s_i I_i with s_i >= 0, where the I_i are
-    I-splines (Ramsay 1988, Statistical Science 3): integrals of quadratic B-splines, so that the slope over [lo, hi]
-    is a sum of bumps that cannot be negative; y increases, and a falling map is the next block's gain. lo and hi are
-    parameters, or kept where `span` gives them.
+    Natural: through the values y_i at the knots. Monotone: y0 + sum s_i I_i with s_i >= 0, where the I_i are I-splines
+    (Ramsay 1988, Statistical Science 3): integrals of quadratic B-splines, so that the slope over [lo, hi] is never
+    negative. y increases; the next block's gain makes a falling map. lo and hi are parameters, or fixed if `span`
+    gives them.
     """
 
     functions: ClassVar = {"value": value}
@@ -144,7 +144,7 @@ class CubicSpline(Written, StaticBlock):
         return fixed
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """The curve bent at random; a monotone one stays monotone."""
+        """The curve changed at random; a monotone one stays monotone."""
         fresh, n = theta.copy(), self.knots + 1
         if self.monotone:
             fresh[-n:] *= np.exp(rng.uniform(-1.0, 1.0, n))

@@ -1,4 +1,4 @@
-"""A static map that the user brings along as a function."""
+"""A static map given by the user as a function."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ _STEP = float(np.finfo(float).eps) ** (1.0 / 3.0)  # of central differences, rel
 
 @dataclass(frozen=True)
 class Custom(StaticBlock):
-    """y = f(x, theta) for x (N,) and theta (p,) with `names` and start values `initial`; made by hand.
+    """y = f(x, theta) for x (N,) and theta (p,) with `names` and start values `initial`.
 
-    slope(x, theta) -> df/dx (N,) and jacobian(x, theta) -> df/dtheta (N, p) are central differences where not given:
-    good to about 1e-9 relative, at two calls a variable. `lower`, `upper` (p,) are bounds. `span` is the range of x
-    over which the map is probed for gains and offsets that a neighbour could take over (see `symmetries`).
+    slope(x, theta) -> df/dx (N,) and jacobian(x, theta) -> df/dtheta (N, p) are central differences if not given:
+    relative accuracy about 1e-9, two calls per variable. `lower`, `upper` (p,) are bounds. `span` is the range of x
+    over which `symmetries` searches gains and offsets that a neighbouring block could represent.
     """
 
     f: Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -37,7 +37,7 @@ class Custom(StaticBlock):
                 "every parameter and each name once"
             )
         if any(len(bound) != n for bound in (self.lower, self.upper) if bound is not None):
-            raise InputError(f"a custom map of {n} parameter(s) has bounds of another length; give {n} of them")
+            raise InputError(f"a custom map of {n} parameter(s) has a different number of bounds; give {n} bounds")
         x = np.linspace(*self.span, 5)
         with np.errstate(all="ignore"):
             y = np.asarray(self.f(x, np.array(self.initial, dtype=float)))
@@ -63,7 +63,7 @@ class Custom(StaticBlock):
         return np.array(self.initial, dtype=float)
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
-        """Found, not declared: all directions in which J dtheta + f' (a x + b) = c y + d over `span`.
+        """All directions with J dtheta + f' (a x + b) = c y + d over `span`, found numerically.
 
         The null space of [J, f' x, f', -y, -1] on a grid, in columns of unit norm; a singular value below 1e-8 of the
         largest counts as zero, which central differences can still tell.

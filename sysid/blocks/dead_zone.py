@@ -1,4 +1,4 @@
-"""Dead zone with unit slope outside: zero between lower and upper."""
+"""Dead zone: zero between lower and upper, unit slope outside."""
 
 from dataclasses import dataclass
 from typing import ClassVar

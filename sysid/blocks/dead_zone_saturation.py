@@ -1,4 +1,4 @@
-"""Dead zone and saturation in one, with a slope of its own on either side."""
+"""Dead zone and saturation in one map, with a separate slope on each side."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -20,12 +20,12 @@ def value(x, p):
 
 @dataclass(frozen=True)
 class DeadZoneSaturation(Map):
-    """Zero from `dead_lower` to `dead_upper`, slopes `gain_lower`, `gain_upper` outside, level beyond the saturation.
+    """Zero from `dead_lower` to `dead_upper`, slopes `gain_lower`, `gain_upper` outside, constant beyond saturation.
 
     y = gain_lower (max(x, saturation_lower) - dead_lower) below the dead zone, gain_upper (min(x, saturation_upper) -
-    dead_upper) above it: an amplifier that starts late, runs out of supply, and differs by direction. Six parameters;
-    all four break points are values of x. The derivative at a break point is one-sided; where no sample passes a break
-    point its column is zero and the data say nothing about it.
+    dead_upper) above it: an amplifier with dead zone, limited supply and direction-dependent gain. Six parameters; all
+    four break points are values of x. The derivative at a break point is one-sided. If no sample passes a break point,
+    its column is zero and the data do not determine it.
     """
 
     functions: ClassVar = {"value": value}
@@ -46,7 +46,7 @@ class DeadZoneSaturation(Map):
         return w.pieces(theta[:4], curves)
 
     def start(self, x: np.ndarray) -> np.ndarray:
-        """Unit slopes, every break point a little inside the range of x, so that none starts without effect."""
+        """Unit slopes and every break point slightly inside the range of x, so that each has an effect at the start."""
         lo, hi = float(x.min()), float(x.max())
         span = hi - lo if hi > lo else 1.0
         middle = 0.0 if lo + 0.1 * span < 0.0 < hi - 0.1 * span else 0.5 * (lo + hi)
@@ -65,7 +65,7 @@ class DeadZoneSaturation(Map):
         return bool(theta[0] < theta[1] <= theta[2] < theta[3])
 
     def repair(self, theta: np.ndarray) -> np.ndarray:
-        """A dead zone that would turn inside out closes instead: no dead zone at all is a model too."""
+        """A dead zone of negative width gets width zero: a map without a dead zone is also valid."""
         if theta[1] <= theta[2]:
             return theta
         closed = theta.copy()

@@ -20,10 +20,10 @@ def step(s, x, p):
 
 @dataclass(frozen=True)
 class Delay(Recursion):
-    """y at time t - delay [samples], straight between samples; before the record the first sample holds.
+    """y at time t - delay [samples], by linear interpolation; before the record the first sample holds.
 
-    For slow signals. An input that is held over the sample jumps, and a jump between samples is no straight line: use a
-    `Motor`'s own delay there. The derivative at a whole number of samples is that of a longer delay.
+    For slow signals only: a zero-order-hold input jumps and is not linear between samples; use the delay of `Motor`
+    for it. The derivative at a whole number of samples is that of a longer delay.
     """
 
     functions: ClassVar = {"step": step}

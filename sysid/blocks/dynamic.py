@@ -1,4 +1,4 @@
-"""A block with a memory that the user brings along as one step, with exact gradients and its own C and Python."""
+"""A dynamic block from a user's step function, with exact gradients and C and Python export."""
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
@@ -21,10 +21,10 @@ _PROBE = 400  # samples
 
 @dataclass(frozen=True)
 class Dynamic(Recursion):
-    """A step of your own; made with `dynamic`, which says what it may hold. All of it is text and numbers.
+    """A user's step, made with `dynamic`, which describes the allowed language. It consists of text and numbers.
 
-    `names` and `first` (p,) are the parameters and where a search starts, `lower` and `upper` (p,) their bounds,
-    `records` the names of those that are initial states and `holding` of those that the block keeps at rest.
+    `names` and `first` (p,) are the parameters and their start values, `lower` and `upper` (p,) their bounds. `records`
+    names the initial states, and `holding` those that the block keeps at rest.
     """
 
     text: str
@@ -39,7 +39,7 @@ class Dynamic(Recursion):
     def __post_init__(self) -> None:
         program = self.program()
         if program.consts:
-            raise InputError(f"a step of your own has no block to read {program.consts[0]} from; write the number")
+            raise InputError(f"a user's step has no block to read {program.consts[0]} from; write the number")
         if not len(self.names) == len(set(self.names)) == len(self.first) == len(self.lower) == len(self.upper):
             raise InputError("a step's parameters need one start value, lower and upper bound each, and each name once")
         for name in (*self.records, *self.holding):
@@ -50,10 +50,10 @@ class Dynamic(Recursion):
         missing = [n for n in (*program.params, *program.rows) if n not in given]
         idle = set(self.names) - set(program.params) - {n for names in rows.values() for n in names}
         if missing or idle:
-            wrong = f"reads {missing[0]}, which is no parameter" if missing else f"never reads {min(idle)}"
+            wrong = f"reads {missing[0]}, which is not a parameter" if missing else f"never reads {min(idle)}"
             raise InputError(f"the step {wrong}; its parameters are {', '.join(self.names) or 'none'}")
         if not self.admissible(np.array(self.first)):
-            raise InputError(f"the start values {self.first} leave the bounds; put them within")
+            raise InputError(f"the start values {self.first} are outside the bounds; give values within them")
 
     def slots(self) -> tuple[Slot, ...]:
         bounds = zip(self.names, self.lower, self.upper, strict=True)
@@ -79,13 +79,13 @@ class Dynamic(Recursion):
         return bool(np.all(theta >= self.lower) and np.all(theta <= self.upper))
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Every parameter within a factor of two or so, within the bounds."""
+        """Every parameter changed by a factor of up to about two, within the bounds."""
         return np.clip(theta * np.exp(0.4 * rng.normal(size=len(theta))), self.lower, self.upper)
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
-        """Found, not declared: what a neighbour could take over, on a record of noise and holds over `span`.
+        """Symmetries with neighbouring blocks, found numerically on a record of noise and holds over `span`.
 
-        A parameter that this record does not move says nothing and is left out.
+        A parameter without effect on this record is left out.
         """
         rng = np.random.default_rng(0)
         x = np.repeat(rng.uniform(*self.span, _PROBE // 8), 8) + 0.1 * (self.span[1] - self.span[0]) * rng.normal(
@@ -117,25 +117,27 @@ def dynamic(
     span: tuple[float, float] = (-1.0, 1.0),
     role: str = "block",
 ) -> Dynamic:
-    """A block from `step(s, x, p)`: it reads the states s.name, the input x and the parameters p.name, sets the states
-    of the next sample and returns the output. Derivatives, compiled code, C and Python are derived from its source.
+    """A block from `step(s, x, p)`: reads states, input and parameters, sets the next states, returns y.
 
-    A step is made of numbers, + - * / **, comparisons, and, or, not, if, for _ in range(n), break, return, exp, log,
+    It reads s.name, x and p.name. Derivatives, compiled code, C and Python are derived from its source.
+
+    A step may use numbers, + - * / **, comparisons, and, or, not, if, for _ in range(n), break, return, exp, log,
     sqrt, tanh, logistic, sin, cos, floor, sign, abs, int, min, max, ago(x, n) for the input n samples ago, and small
-    functions of the same kind, no lambdas. States begin at zero, or where `begin(s, x, p)` puts them at the first
-    sample. Where Python does not know the source (at a prompt), give the text of both functions as `step`. A derivative
-    at a switch is that of the branch taken: a parameter that only moves a jump, or whose branch is never taken, has the
-    derivative zero, and no search finds it. docs/house.md has an example from the step to the fit and its C code.
+    functions of the same kind, no lambdas. States start at zero, or at the values set by `begin(s, x, p)` at the first
+    sample. If Python cannot find the source (at a prompt), give the text of both functions as `step`. The derivative
+    at a switch is that of the branch taken: a parameter that only shifts a jump, or whose branch is never taken, has
+    derivative zero, and no search can estimate it. docs/house.md has an example from the step to the fit and its C
+    code.
 
-    `parameters` has a start value for each, several for a row p.name[i]; `bounds` by name. In a chain a parameter is
-    called role.name, so give each block its `role`. `initial` names those that
-    are initial states, and `holds` those of them that a block at rest keeps (a position, not a speed). `span` is the
-    range of x over which the block is probed for gains and offsets that a neighbour could take over. Raises InputError
-    for anything else, naming the line.
+    `parameters` has a start value for each name, several for a row p.name[i]; `bounds` is by name. In a chain
+    a parameter is called role.name, so give each block its `role`. `initial` names the
+    initial states, and `holds` those that a block at rest keeps (a position, not a speed). `span` is the range of x
+    over which gains and offsets that a neighbouring block could represent are searched. Raises InputError, with the
+    line, for anything else.
     """
     if isinstance(step, str):
         if begin is not None:
-            raise InputError("the step is given as text and begin is not; put def begin(s, x, p) into the same text")
+            raise InputError("step is text and begin is not; put def begin(s, x, p) into the same text")
         text = step
     else:
         text = source.text({"step": step} if begin is None else {"step": step, "begin": begin})

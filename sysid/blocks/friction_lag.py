@@ -1,4 +1,4 @@
-"""Speed of a drive that smooth dry friction slows: voltage in, speed out."""
+"""Speed of a drive with smooth dry friction: voltage in, speed out."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -32,9 +32,9 @@ def step(s, x, p, block):
 class FrictionLag(Recursion):
     """v' = gain u - drag v - friction tanh(v / onset), time in samples.
 
-    A first-order lag that is fast and weak while it turns slowly and slow and strong beyond `onset`: what dry friction
-    makes of a motor that keeps turning through zero, seen at its speed. It never sticks; a motor that stands still
-    under voltage needs `Motor`. Each sample is integrated by the midpoint rule in `substeps` parts.
+    A first-order lag with a short time constant and low gain at low speed, and a long time constant and high gain
+    beyond `onset`: the speed of a motor with dry friction that often reverses. It never sticks; use `Motor` for a
+    motor that stands still under voltage. Each sample is integrated by the midpoint rule in `substeps` parts.
     """
 
     functions: ClassVar = {"step": step, "begin": begin}
@@ -55,7 +55,7 @@ class FrictionLag(Recursion):
         )
 
     def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
-        """The equation of motion in v', whose solution by the midpoint rule the step is."""
+        """The equation of motion in v', which the step solves by the midpoint rule."""
         gain, drag, friction, onset, _ = theta.tolist()
         rate = w.sum([(gain, w.x), (-drag, w.y), (-friction, f"tanh({w.y}/{w.num(onset)})")])
         return [
@@ -69,7 +69,7 @@ class FrictionLag(Recursion):
         return np.array([0.1, 0.07, 0.03 * size, 0.3 * size, 0.0])
 
     def admissible(self, theta: np.ndarray) -> bool:
-        """False where friction drives, or where a part of a sample is too long for the lag at rest."""
+        """False if friction accelerates the drive, or if a substep is too long for the lag at rest."""
         _, drag, friction, onset, _ = theta
         return bool(drag >= 0.0 and friction >= 0.0 and onset > 0.0 and drag + friction / onset < self.substeps)
 
@@ -81,6 +81,6 @@ class FrictionLag(Recursion):
         ]
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Gain, drag, friction and onset within a factor of two or so, within what the integration follows."""
+        """Gain, drag, friction and onset changed by up to about a factor of two, within the stability limit."""
         varied = theta * np.concatenate([np.exp(0.5 * rng.normal(size=4)), [1.0]])
         return varied if self.admissible(varied) else theta

@@ -23,7 +23,7 @@ def step(s, x, p):
 class LimitedIntegrator(Recursion):
     """x_{t+1} = x_t + gain w_t, held between `lower` and `upper`; x_0 is estimated.
 
-    For a plant whose speed does not remember: where inertia matters a stop also takes the speed away, see `Motor`. The
+    For a plant without inertia; with inertia a stop also sets the speed to zero, see `Motor`. The
     derivative at a stop is that of the stop.
     """
 

@@ -35,7 +35,7 @@ def step(s, x, p, block):
 
 
 def stretch(s, w, h, p, block):
-    """A time h of constant input; load and Stribeck's curve are those of its start."""
+    """A time h of constant input; load and Stribeck curve are taken from its start."""
     if block.jams and s.jammed > 0.0:
         kept = min(s.jammed, h)
         s.jammed -= kept
@@ -67,7 +67,7 @@ def stretch(s, w, h, p, block):
 
 
 def stop(s, p, block):
-    """The end stops take the speed away, and may jam the motor; one that it is leaving lets it go."""
+    """The end stops set the speed to zero and may jam the motor; motion away from a stop is free."""
     beyond = s.position > p.upper or s.position < p.lower
     meets = s.position >= p.upper or s.position <= p.lower
     if beyond or (meets and s.speed * (s.position - 0.5 * (p.upper + p.lower)) > 0.0):
@@ -82,17 +82,15 @@ def stop(s, p, block):
 class Motor(Recursion):
     """lag v' + v = gain (u - L(x) - F sign v), x' = v between two stops; time in samples, x in strokes.
 
-    gain is the speed per volt, lag the motor's time constant. F is dry friction in volts: `rise` against motion up and
-    `fall` against motion down, plus loss |L|, what a screw takes of its load; with `stribeck` it grows by `stick`
-    as speed falls below stick_speed. At rest the motor stands until the input exceeds friction, load included:
-    stick is a state, not a steep slope. L(x) = load0 + load1 (x - at) + load2 (x - at)^2, as many as `load` asks for.
-    With `stops` it ends at `lower` and `upper`, where its speed is lost; put x in strokes and hold them at 0 and 1, or
-    leave them free and the map behind fixed. One that `jams` stays at a stop that it strikes at speed v for a time
-    jam |v|, as a screw does until the blow has left it. Each input is held for one sample and arrives `delay` late.
-
-    Between switches the lag is taken exactly, so a sample may be longer than the lag; `substeps` parts of a sample
-    follow a load or a Stribeck curve that changes within it. Derivatives are exact but for the switches themselves,
-    where they are those of the branch that is taken.
+    gain is the speed per volt, lag the motor's time constant. F is dry friction in volts: `rise` against upward and
+    `fall` against downward motion, plus loss |L|, the screw friction of the load. With `stribeck` it grows by `stick`
+    as the speed falls below stick_speed. At rest the motor stands until the input exceeds friction and load: stick is
+    a state, not a steep slope. L(x) = load0 + load1 (x - at) + load2 (x - at)^2, with `load` coefficients. With
+    `stops` the motion ends at `lower` and `upper`, where the speed becomes zero; fix them at 0 and 1 with x in
+    strokes, or leave them free and fix the next map. With `jams` a motor that hits a stop at speed v stays there for a
+    time jam |v|, like a screw that jams. Each input is held for one sample and is delayed by `delay`. Between switches
+    the lag is solved exactly, so a sample may be longer than the lag; `substeps` parts of a sample follow a changing
+    load or Stribeck curve. Derivatives are exact; at a switch they are those of the branch taken.
     """
 
     functions: ClassVar = {"step": step, "begin": begin}
@@ -112,11 +110,11 @@ class Motor(Recursion):
 
     def __post_init__(self) -> None:
         if not 0 <= self.load <= 3:
-            raise InputError(f"load is {self.load}; give 0 to 3 coefficients of the load over position")
+            raise InputError(f"load is {self.load}; give 0 to 3 coefficients of the position-dependent load")
         if self.loss and not self.load:
-            raise InputError("a loss needs a load; give load from 1 to 3 or loss=False")
+            raise InputError("loss=True needs a load; give load from 1 to 3 or loss=False")
         if self.jams and not self.stops:
-            raise InputError("a motor jams at its stops; give stops=True or jams=False")
+            raise InputError("jams=True needs end stops; give stops=True or jams=False")
         if self.substeps < 1:
             raise InputError(f"substeps is {self.substeps}; give at least 1")
 
@@ -141,12 +139,12 @@ class Motor(Recursion):
         return (*found, Slot("x0", initial=True, holds=True), Slot("v0", "1/sample", initial=True))
 
     def value(self, theta: np.ndarray, name: str) -> float:
-        """The parameter called `name`, 0 where this motor has none."""
+        """The parameter `name`; 0 if this motor does not have it."""
         names = [slot.name for slot in self.slots()]
         return float(theta[names.index(name)]) if name in names else 0.0
 
     def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
-        """The equation of motion in v', not of the exact solution that the step takes."""
+        """The equation of motion in v', not the exact solution used in the step."""
         m = self.by_name(theta)
         away = f"({w.sum([(1.0, w.y), (-self.at, '')])})"
         net = f"{w.x} - L" if self.load else w.x
@@ -158,7 +156,7 @@ class Motor(Recursion):
         ends = (
             f"  {w.y} ends at {w.num(m['lower'])} and at {w.num(m['upper'])}, where v becomes 0" if self.stops else ""
         )
-        ends += f" and stays 0 for a time {w.num(m['jam'])}*|v| after a blow at speed v" if self.jams else ""
+        ends += f" and stays 0 for a time {w.num(m['jam'])}*|v| after an impact at speed v" if self.jams else ""
         loss_varies = self.loss and self.load > 1
         varies = [name for name, does in (("L", self.load > 1), ("R", self.stribeck or loss_varies)) if does]
         late = f" and acts {w.num(m['delay'])} samples late" if m.get("delay") else ""
@@ -175,7 +173,7 @@ class Motor(Recursion):
         return [line for line in lines if line]
 
     def start(self, x: np.ndarray) -> np.ndarray:
-        """A motor that crosses the stroke in a tenth of the record at the largest input."""
+        """A motor that moves through the stroke in a tenth of the record at the largest input."""
         largest = max(float(np.abs(x).max()), 1e-9)
         first = {"gain": 10.0 / (len(x) * largest), "lag": 0.5, "stick_speed": 0.01, "upper": 1.0, "x0": 0.5}
         return np.array([first.get(slot.name, 0.0) for slot in self.slots()])
@@ -206,7 +204,7 @@ class Motor(Recursion):
         return found
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Speed, lag and friction within a factor of two or so."""
+        """Speed, lag and friction changed by a factor of up to about two."""
         factor = {"gain": 0.3, "lag": 0.7, "rise": 0.5, "fall": 0.5}
         names = [slot.name for slot in self.slots()]
         spread = np.array([factor.get(name, 0.0) for name in names])

@@ -1,4 +1,4 @@
-"""Piecewise linear map through free break points, end slopes extended."""
+"""Piecewise linear map through free break points, with linear extrapolation."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -14,7 +14,7 @@ _GAP = 0.01  # of the knots' span: nearer knots make a jump, and its slope says 
 
 
 def line(x, p, block):
-    """Straight lines through the points (p.kx, p.ky), the outer ones without end."""
+    """Straight lines through the points (p.kx, p.ky); the outer lines are unbounded."""
     i = 0
     for k in range(block.knots - 2):
         if x <= p.kx[k + 1]:
@@ -32,9 +32,9 @@ def value(x, p, block):
 class PiecewiseLinear(Written, StaticBlock):
     """Straight lines between `knots` break points (x_i, y_i), both free; 10 by default, as in the toolbox.
 
-    Outside the outer knots the end slopes go on. The derivative at a knot is one-sided (that of the segment below).
-    `at` gives the break points x_i where the search starts, else they are spread over the range of the data; with
-    free_knots=False they stay there and only the y_i are parameters (see `PiecewiseLinear.evenly_spaced`).
+    Outside the outer knots the end slopes continue. The derivative at a knot is one-sided (that of the segment below).
+    `at` gives the initial break points x_i; otherwise they are spread over the range of the data. With free_knots=False
+    they are fixed and only the y_i are parameters (see `PiecewiseLinear.evenly_spaced`).
     """
 
     functions: ClassVar = {"value": value}
@@ -45,13 +45,15 @@ class PiecewiseLinear(Written, StaticBlock):
 
     def __post_init__(self) -> None:
         if self.knots < 2:
-            raise InputError(f"a piecewise linear map of {self.knots} break point(s) is no map; give at least 2")
+            raise InputError(f"a piecewise linear map has {self.knots} break point(s); give at least 2")
         if not self.free_knots and not self.at:
             raise InputError(
                 "fixed break points need values; give at=(x1, x2, ...) or use PiecewiseLinear.evenly_spaced(x)"
             )
         if self.at and (len(self.at) != self.knots or not np.all(np.diff(self.at) > 0)):
-            raise InputError(f"at holds {len(self.at)} values for {self.knots} knots; give as many, in rising order")
+            raise InputError(
+                f"at holds {len(self.at)} values for {self.knots} knots; give one for each knot, in rising order"
+            )
 
     @classmethod
     def evenly_spaced(cls, x: np.ndarray, knots: int = 10, role: str = "block") -> "PiecewiseLinear":
@@ -112,11 +114,11 @@ class PiecewiseLinear(Written, StaticBlock):
         return kink, d if self.free_knots else d[:, n:]
 
     def coarser(self) -> "PiecewiseLinear | None":
-        """Half the knots: fewer places for a search to lose its way."""
+        """Half the knots, which makes the search easier."""
         return replace(self, knots=self.knots // 2) if self.free_knots and not self.at and self.knots >= 8 else None
 
     def refine(self, theta: np.ndarray) -> np.ndarray:
-        """New knots on the coarse curve, each in the middle of the widest gap that is left."""
+        """New knots on the coarse curve, each in the middle of the widest remaining gap."""
         x, y = theta[: len(theta) // 2], theta[len(theta) // 2 :]
         fine = x
         while len(fine) < self.knots:
@@ -138,7 +140,7 @@ class PiecewiseLinear(Written, StaticBlock):
         ]
 
     def _slide(self, theta: np.ndarray, end: int) -> np.ndarray:
-        """An outer knot may slide along its line: only the line counts, since it goes on beyond the knot."""
+        """An outer knot may move along its line without effect, because the line continues beyond the knot."""
         x, y = theta[: self.knots], theta[self.knots :]
         i = end % self.knots
         a, b = (0, 1) if end == 0 else (self.knots - 2, self.knots - 1)
@@ -151,7 +153,7 @@ class PiecewiseLinear(Written, StaticBlock):
         return not self.free_knots or bool(np.all(np.diff(x) > 0.5 * _GAP * (x[-1] - x[0])))
 
     def repair(self, theta: np.ndarray) -> np.ndarray:
-        """Knots that came nearer than `_GAP` of their span, or passed each other, are set that far apart."""
+        """Knots closer than `_GAP` of their span, or in the wrong order, are set that far apart."""
         x, _ = self._points(theta)
         span = x[-1] - x[0]
         if not self.free_knots or not span > 0 or np.all(np.diff(x) >= _GAP * span):
@@ -162,7 +164,7 @@ class PiecewiseLinear(Written, StaticBlock):
         return repaired
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Knots drawn anew over the same range, on the curve as it is; fixed ones keep their place, the curve bends."""
+        """New random knots over the same range on the present curve; with fixed knots the values change at random."""
         x, y = self._points(theta)
         if not self.free_knots:
             return y + 0.1 * np.ptp(y) * rng.normal(size=self.knots)

@@ -1,4 +1,4 @@
-"""Play (backlash): the output follows once the input has crossed the width."""
+"""Play (backlash): the output follows after the input has crossed the width."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -21,10 +21,10 @@ def step(s, x, p):
 
 @dataclass(frozen=True)
 class Play(Recursion):
-    """y stays while x - width / 2 <= y <= x + width / 2 and is carried along at either side.
+    """y is constant while x - width / 2 <= y <= x + width / 2 and moves with x at either side.
 
-    `rest` says where in the play the output starts, from -1/2 to 1/2. The derivative at a reversal is that of the
-    branch taken. What is behind has no inertia here; where it has, see `CoastingPlay`.
+    `rest` is the initial position of the output within the backlash, from -1/2 to 1/2. The derivative at a reversal is
+    that of the branch taken. The link has no inertia; see `CoastingPlay` for a link with inertia.
     """
 
     functions: ClassVar = {"step": step, "begin": begin}

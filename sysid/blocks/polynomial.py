@@ -20,7 +20,10 @@ def value(x, p, block):
 
 @dataclass(frozen=True)
 class Polynomial(Map):
-    """y = c1 x^n + ... + cn x + c(n+1). Grows fast outside the data: prefer knots where a model must extrapolate."""
+    """y = c1 x^n + ... + cn x + c(n+1).
+
+    It grows fast outside the data; use a map with knots if the model must extrapolate.
+    """
 
     functions: ClassVar = {"value": value}
 
@@ -28,7 +31,7 @@ class Polynomial(Map):
 
     def __post_init__(self) -> None:
         if self.degree < 1:
-            raise InputError(f"a polynomial of degree {self.degree} is no map; give a degree of at least 1")
+            raise InputError(f"the degree of a polynomial is {self.degree}; give a degree of at least 1")
 
     def slots(self) -> tuple[Slot, ...]:
         return tuple(Slot(f"c{i + 1}") for i in range(self.degree + 1))

@@ -1,4 +1,4 @@
-"""Motor on a guide whose dry friction and load change along the way: voltage in, position out, no stops."""
+"""Motor with position-dependent dry friction and load, without stops: voltage in, position out."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -62,15 +62,14 @@ def step(s, x, p, block):
 class ProfiledMotor(Recursion):
     """inertia x'' = u - drag x' - friction: time in samples, x in the unit of the output, all forces in volts.
 
-    Against motion up stands rise(x), against motion down fall(x): straight lines between `knots` equal steps from `low`
-    to `high`, constant beyond. Half their difference is a load over position (a pendulum, a spring), half their sum dry
-    friction. Viscous drag has a value of its own each way, drag_up and drag_down, since the drag of a gear or a screw
-    has. At rest the motor stands until the input leaves the band between -fall(x) and rise(x).
-
-    `Motor` holds its load and friction to a few physical numbers and has end stops; this one is for records that go the
-    same way often enough to show where the guide is tight. Over each of `substeps` parts of a sample the profile is
-    that of the part's start and the lag inertia / drag is taken exactly; derivatives at a turn or a knot are those of
-    the branch that is taken.
+    rise(x) acts against upward and fall(x) against downward motion; both are piecewise linear on `knots` equal steps
+    from `low` to `high`, and constant beyond. Half their difference is a position-dependent load (a pendulum, a
+    spring), half their sum is dry friction. Viscous drag of gears and screws depends on the direction: drag_up and
+    drag_down. At rest the motor stands until the input leaves the band from -fall(x) to rise(x). `Motor` describes
+    load and friction by a few physical numbers and has end stops; use this block for records that repeat the same path
+    often enough to determine the profile. Over each of `substeps` parts of a sample the profile is taken from its
+    start and the lag inertia / drag is solved exactly; derivatives at a reversal or a knot are those of the branch
+    taken.
     """
 
     functions: ClassVar = {"step": step, "begin": begin}
@@ -99,7 +98,7 @@ class ProfiledMotor(Recursion):
         return theta[3 : 3 + self.knots], theta[3 + self.knots : 3 + 2 * self.knots]
 
     def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
-        """The equation of motion in v', not of the exact solution that the step takes."""
+        """The equation of motion in v', not the exact solution used in the step."""
         m, (rise, fall) = (
             self.by_name(theta),
             self.profiles(theta),
@@ -118,7 +117,7 @@ class ProfiledMotor(Recursion):
         ]
 
     def start(self, x: np.ndarray) -> np.ndarray:
-        """A motor that crosses the profile in a tenth of the record at the largest input."""
+        """A motor that moves through the profile in a tenth of the record at the largest input."""
         largest = max(float(np.abs(x).max()), 1e-9)
         theta = np.zeros(self.n_parameters)
         theta[1:3] = largest * len(x) / (10.0 * (self.high - self.low))
@@ -127,12 +126,12 @@ class ProfiledMotor(Recursion):
         return theta
 
     def admissible(self, theta: np.ndarray) -> bool:
-        """False without inertia or drag, and where the band that holds a motor at rest is empty: it would drive."""
+        """False without inertia or drag, or if the band of standstill is empty (friction would drive the motor)."""
         rise, fall = self.profiles(theta)
         return bool(np.all(theta[:3] > 0.0) and np.all(rise + fall >= -1e-9))
 
     def repair(self, theta: np.ndarray) -> np.ndarray:
-        """Where friction would drive, both sides give way alike."""
+        """Where friction would drive the motor, both profiles are changed equally."""
         rise, fall = self.profiles(theta)
         less = 0.5 * np.minimum(rise + fall, 0.0)
         if not less.any():
@@ -153,7 +152,7 @@ class ProfiledMotor(Recursion):
         return bend / level, D / level - np.outer(bend, mean) / level**2
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
-        """Volts are a scale of their own: inertia, drag and friction grow with the input. Positions are held by low."""
+        """Inertia, drag and friction scale with the input voltage. `low` fixes the positions."""
         volts = theta.copy()
         volts[-2:] = 0.0
         load = np.zeros(len(theta))
@@ -161,6 +160,6 @@ class ProfiledMotor(Recursion):
         return [Symmetry(volts, in_scale=1.0), Symmetry(load, in_shift=1.0)]
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Inertia, drag and friction within a factor of two or so."""
+        """Inertia, drag and friction changed by a factor of up to about two."""
         factors = np.repeat(np.exp([0.5, 0.3, 0.3] * rng.normal(size=3)), [1, 2, 2 * self.knots])
         return np.concatenate([theta[:-2] * factors, theta[-2:]])

@@ -1,4 +1,4 @@
-"""Steps of a driver: what a pulse-width modulator makes of a command, or a converter of a signal."""
+"""Quantiser, for example of a pulse-width modulator or an analogue-to-digital converter."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -17,10 +17,10 @@ def value(x, p, block):
 
 @dataclass(frozen=True)
 class Quantiser(Map):
-    """y = the multiple of `step` that is nearest to x, the upper one of two. Has no parameters: steps are known.
+    """y = the multiple of `step` that is nearest to x, the upper one of two.
 
-    A joint integrates what its driver leaves out, for as long as a command stands. Its derivative is zero, so it
-    belongs before whatever is fitted.
+    It has no parameters, because the step is known. A joint integrates the rounding error of its driver while a command
+    is constant. The derivative is zero, so place it before all fitted blocks.
     """
 
     functions: ClassVar = {"value": value}

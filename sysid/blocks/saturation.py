@@ -17,8 +17,8 @@ def value(x, p):
 class Saturation(Map):
     """y = min(max(x, lower), upper); two parameters, slope one between them.
 
-    The derivative at a break point is one-sided (that of the linear part). Where no sample passes a limit, the data say
-    nothing about it and its column of the Jacobian is zero.
+    The derivative at a break point is one-sided (that of the linear part). If no sample passes a limit, the data do
+    not determine it and its column of the Jacobian is zero.
     """
 
     functions: ClassVar = {"value": value}

@@ -23,7 +23,7 @@ def value(x, p, block):
 class SigmoidNetwork(Map):
     """y = y0 + L x + sum_k s_k f(b_k x + c_k), f(z) = 1/(1 + e^-z), k = 1..units (10 by default).
 
-    The toolbox's offset r of x is left at 0: y0 and c_k hold it already.
+    The toolbox's offset r of x is 0 here, because y0 and c_k include it.
     """
 
     functions: ClassVar = {"value": value}
@@ -32,7 +32,7 @@ class SigmoidNetwork(Map):
 
     def __post_init__(self) -> None:
         if self.units < 1:
-            raise InputError(f"a sigmoid network of {self.units} units is no network; give at least 1")
+            raise InputError(f"a sigmoid network has {self.units} units; give at least 1")
 
     def slots(self) -> tuple[Slot, ...]:
         n = range(1, self.units + 1)

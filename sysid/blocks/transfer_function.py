@@ -16,9 +16,9 @@ STABILITY = ("stable", "free")
 class TransferFunction(Block):
     """x_t + f1 x_{t-1} + ... + f_nf x_{t-nf} = b0 w_{t-nk} + ... + b_{nb-1} w_{t-nk-nb+1} + x0_t.
 
-    nb coefficients of B, nf of F, a delay of nk samples. The last term lasts for the first n = max(nf, nk + nb - 1)
-    samples and carries all that the record's past adds, so x0 (n,) is a full initial state. With stability 'stable'
-    no pole leaves the unit circle (an integrator on it is allowed), with 'free' it may.
+    nb coefficients of B, nf of F, a delay of nk samples. The last term acts in the first n = max(nf, nk + nb - 1)
+    samples and includes the full effect of the past, so x0 (n,) is a full initial state. With stability 'stable' no
+    pole leaves the unit circle (an integrator is allowed); with 'free' poles may leave it.
     """
 
     nb: int = 2
@@ -84,8 +84,9 @@ class TransferFunction(Block):
     def basis(self) -> np.ndarray:
         """Coefficients in powers of (z - 1) in place of z (the delta operator, Middleton and Goodwin 1990).
 
-        Sampled fast, poles crowd at z = 1, and there the coefficients of F(z) all but cancel; in this basis the gain
-        at rest, F(1), is a coefficient of its own, and Levenberg-Marquardt's damping can tell slow from fast.
+        With fast sampling the poles are close to z = 1, where the coefficients of F(z) nearly cancel. In this basis
+        F(1), which sets the static gain, is a separate coefficient, and the damping of Levenberg-Marquardt
+        distinguishes slow from fast dynamics.
         """
         M = np.eye(self.n_parameters)
         for start, n in ((0, self.nb), (self.nb, self.nf)):
@@ -102,7 +103,7 @@ class TransferFunction(Block):
         return low
 
     def repair(self, theta: np.ndarray) -> np.ndarray:
-        """A real pole beyond 1 is taken back to 1: F(1) < 0 becomes 0, the other coefficients in (z - 1) stay."""
+        """A real pole beyond 1 is moved to 1: F(1) < 0 becomes 0; the other coefficients in (z - 1) do not change."""
         excess = 1.0 + self.split(theta)[1].sum()
         if self.stability != "stable" or not self.nf or excess >= 0.0:
             return theta
@@ -187,9 +188,9 @@ return y"""
         return found
 
     def _shift(self, theta: np.ndarray) -> Symmetry:
-        """A constant on the input shows as its gain on the output, once the initial state knows of it.
+        """A constant at the input adds its static gain at the output, if the initial state is adapted.
 
-        Both are scaled by F(1), so that a pole at 1 (infinite gain) needs no case of its own.
+        Both are scaled by F(1), so that a pole at 1 (infinite gain) needs no special case.
         """
         B, F = self.padded(theta)
         F1, B1 = F.sum(), B.sum()
@@ -199,7 +200,7 @@ return y"""
         return Symmetry(d_theta, in_shift=F1, out_shift=B1)
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Two times in three the same poles with other time constants, else poles drawn anew.
+        """The same poles with other time constants (probability 2/3), or new random poles.
 
         Time constants change by a factor of about 1.6; new ones are log-uniform from one to a thousand samples, some
         in complex pairs, some real and negative.

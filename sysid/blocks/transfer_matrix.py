@@ -1,4 +1,4 @@
-"""Linear block of several inputs and outputs: a matrix of B/F, each with orders, delay and initial state of its own."""
+"""Linear block of several inputs and outputs: a matrix of B/F with separate orders, delays and initial states."""
 
 from dataclasses import dataclass, replace
 
@@ -13,8 +13,8 @@ from sysid.blocks.transfer_function import TransferFunction
 class TransferMatrix(Block):
     """x_j = sum_i B_ji/F_ji w_i; entries[j][i] leads from input i to output j. Parameters are named '1,2.b0', ...
 
-    Entries of one output with equal poles share what their initial states do; such a direction is left to the
-    pseudo-inverse of the covariance.
+    Entries of one output with equal poles have redundant initial states; the pseudo-inverse of the covariance handles
+    these directions.
     """
 
     entries: tuple[tuple[TransferFunction, ...], ...] = ()
@@ -78,7 +78,7 @@ class TransferMatrix(Block):
         return M
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
-        """Gains and offsets of each input and of each output, over all entries that see it."""
+        """Gains and offsets of each input and output, over all entries connected to it."""
         n_in, n_out = self.channels
         tables = [[entry.symmetries(theta[part]) for part, entry in self._row(j)] for j in range(n_out)]
         found = []

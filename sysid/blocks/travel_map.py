@@ -1,4 +1,4 @@
-"""Monotone map over a stroke: from 0 at one end stop to 1 at the other, the angles of the ends as parameters."""
+"""Monotone map over a stroke from 0 at one end stop to 1 at the other; the angles of the ends are parameters."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,11 +24,11 @@ def value(x, p, block):
 
 @dataclass(frozen=True)
 class TravelMap(Written, StaticBlock):
-    """y = low + (high - low) s(x) with s(0) = 0, s(1) = 1 and s rising in straight lines between `knots` equal steps.
+    """y = low + (high - low) s(x) with s(0) = 0, s(1) = 1 and s increasing, piecewise linear on `knots` equal steps.
 
-    What a linkage makes of its actuator's travel. `low` and `high` are the outputs at the two ends; s_1, s_2, ... are
-    the shares of the way at the knots between. With `smooth` s is the natural cubic spline through them, straight
-    beyond the ends. Where the data never go, the curvature weight of a fit keeps s straight.
+    It describes the linkage of an actuator. `low` and `high` are the outputs at the two ends; s_1, s_2, ... are the
+    shares of the travel at the inner knots. With `smooth` s is the natural cubic spline through them, with linear
+    extrapolation. Where there are no data, the curvature weight of a fit keeps s straight.
     """
 
     functions: ClassVar = {"value": value}
@@ -38,7 +38,7 @@ class TravelMap(Written, StaticBlock):
 
     def __post_init__(self) -> None:
         if self.knots < 2:
-            raise InputError(f"a travel map of {self.knots} knot(s) is no map; give at least 2")
+            raise InputError(f"a travel map has {self.knots} knot(s); give at least 2")
 
     def slots(self) -> tuple[Slot, ...]:
         inner = (Slot(f"s{i}", lower=0.0, upper=1.0) for i in range(1, self.knots - 1))
@@ -49,7 +49,7 @@ class TravelMap(Written, StaticBlock):
 
     @cached_property
     def _pieces(self) -> np.ndarray:
-        """Coefficients (knots - 1, 4, knots) of the curves of which s is made, one a share."""
+        """Coefficients (knots - 1, 4, knots) of the basis curves of s, one for each share."""
         return CubicSpline(self.knots, span=(0.0, 1.0)).pieces
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
@@ -70,7 +70,7 @@ class TravelMap(Written, StaticBlock):
 
     @property
     def curved(self) -> bool:
-        """Whether s bends between its knots; of two knots there is only a line."""
+        """Whether s is curved between its knots; two knots give only a line."""
         return self.smooth and self.knots > 2
 
     def numbers(self, theta: np.ndarray) -> tuple[dict[str, float], dict[str, np.ndarray]]:
@@ -92,7 +92,7 @@ class TravelMap(Written, StaticBlock):
         return bool(self._flattest(self._shares(theta)) >= 0.5 * _LEAST)
 
     def _flattest(self, shares: np.ndarray) -> float:
-        """The least slope of s: over a segment, or of a curve at a segment's ends or where its slope is least."""
+        """The smallest slope of s: over a segment, or for a curve at its ends or at its least slope."""
         m = self.knots - 1
         least = float(np.min(np.diff(shares))) * m
         if self.curved:
@@ -103,7 +103,7 @@ class TravelMap(Written, StaticBlock):
         return least
 
     def repair(self, theta: np.ndarray) -> np.ndarray:
-        """Where s falls, or is all but flat, it is drawn towards the straight line."""
+        """If s falls or is almost flat, it is moved towards the straight line."""
         shares, line = self._shares(theta), np.linspace(0.0, 1.0, self.knots)
         if not np.all(np.isfinite(theta)) or self._flattest(shares) >= _LEAST:
             return theta
@@ -116,7 +116,7 @@ class TravelMap(Written, StaticBlock):
         return np.concatenate([theta[:2], drawn[1:-1]])
 
     def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Change of slope at each inner knot, in the mean slope."""
+        """Change of slope at each inner knot, divided by the mean slope."""
         n = self.knots - 2
         d = np.zeros((n, len(theta)))
         for i in range(n):

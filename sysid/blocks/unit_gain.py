@@ -1,4 +1,4 @@
-"""No map at all: y = x."""
+"""Unit gain: y = x."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -15,7 +15,7 @@ def value(x, p):
 
 @dataclass(frozen=True)
 class UnitGain(Map):
-    """y = x. Drops the map from a Hammerstein-Wiener chain."""
+    """y = x; removes the map from a Hammerstein-Wiener chain."""
 
     functions: ClassVar = {"value": value}
 

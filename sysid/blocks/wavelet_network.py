@@ -28,7 +28,7 @@ class WaveletNetwork(Map):
     """y = y0 + L x + sum_k s_k g_k(b_k (x - c_k)): wavelets g = (1 - z^2) e^(-z^2/2), scaling functions g = e^(-z^2/2).
 
     The first `wavelets` units are wavelets, the `scaling` ones after them scaling functions (Zhang and Benveniste
-    1992, in the toolbox's form). Far from all centres only the line is left.
+    1992, in the toolbox's form). Far from all centres only the line remains.
     """
 
     functions: ClassVar = {"value": value}
@@ -39,7 +39,7 @@ class WaveletNetwork(Map):
     def __post_init__(self) -> None:
         if min(self.wavelets, self.scaling) < 0 or self.units < 1:
             raise InputError(
-                f"a wavelet network of {self.wavelets} wavelets and {self.scaling} scaling functions is no network; "
+                f"a wavelet network of {self.wavelets} wavelets and {self.scaling} scaling functions has no units; "
                 "give at least 1 unit"
             )
 

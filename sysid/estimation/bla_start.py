@@ -9,9 +9,9 @@ from sysid.model.chain import Chain
 
 
 def bla_start(chain: Chain, model: Parametric, data: IOData) -> np.ndarray:
-    """theta (P,) for `sysid.fit(chain, data, start=...)`: the chain's one filter as `model`, its maps as good as none.
+    """theta (P,) for `sysid.fit(chain, data, start=...)`: its filter equals `model`, its maps are near identity.
 
-    Raises InputError where the chain's orders are others than the model's.
+    Raises InputError if the orders of the chain and the model differ.
     """
     linear = chain.linear
     if (linear.nb, linear.nf, linear.nk) != (len(model.b), len(model.f), model.nk):

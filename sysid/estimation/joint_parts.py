@@ -1,4 +1,4 @@
-"""Parts of a joint that a motor drives: joints with more or fewer of them, and first values for what is added."""
+"""Parts of a motor-driven joint: chains with more or fewer parts, and initial values of added parts."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -33,7 +33,7 @@ def motor_of(chain: Chain) -> Motor:
 
 
 def plainer(chain: Chain) -> Chain | None:
-    """The chain with a motor that knows dry friction only, and without a play that coasts; None if it is so."""
+    """The chain with dry friction only and without a coasting play; None if it already has this form."""
     motor = motor_of(chain)
     plain = replace(motor, stribeck=False, loss=False, jams=False, substeps=min(motor.substeps, 2))
     blocks = tuple(plain if b is motor else b for b in without_play(chain).blocks)
@@ -41,15 +41,16 @@ def plainer(chain: Chain) -> Chain | None:
 
 
 def without_play(chain: Chain) -> Chain:
-    """The chain without a play that coasts."""
+    """The chain without a coasting play."""
     blocks = tuple(b for b in chain.blocks if not isinstance(b, CoastingPlay))
     return chain if len(blocks) == len(chain.blocks) else sub(chain, blocks)
 
 
 def sub(chain: Chain, blocks: tuple[Block, ...], hold: Mapping[str, float] | None = None) -> Chain:
-    """A chain of other blocks, with what of `fixed`, `hold` and `bounds` it still has.
+    """A chain of other blocks, with those entries of `fixed`, `hold` and `bounds` that apply to it.
 
-    A constant load is held at zero where it can't be told from a difference between the frictions up and down.
+    A constant load is fixed at zero if it cannot be distinguished from a difference between upward and downward
+    friction.
     """
     names = Chain(blocks).names
     fixed = {name: value for name, value in {**chain.fixed, **(hold or {})}.items() if name in names}
@@ -61,13 +62,13 @@ def sub(chain: Chain, blocks: tuple[Block, ...], hold: Mapping[str, float] | Non
 
 
 def lifted(chain: Chain, theta: np.ndarray, richer: Chain, more: Part) -> np.ndarray:
-    """theta of a richer chain: what both have, what the richer one holds, and `more`."""
+    """theta of a chain with more parts: the common parameters, the fixed ones of the larger chain, and `more`."""
     known = dict(zip(chain.names, theta, strict=True)) | more | dict(richer.fixed)
     return np.clip([known.get(name, 0.0) for name in richer.names], *richer.limits)
 
 
 def shaken(chain: Chain, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """theta (P,) with what moves the joint, and where it ends, a little different."""
+    """theta (P,) with small random changes of the motor parameters and the end positions."""
     known = dict(zip(chain.names, theta, strict=True))
     role, _, rise, fall = _read(chain, theta)
     own = {
@@ -85,7 +86,7 @@ def shaken(chain: Chain, theta: np.ndarray, rng: np.random.Generator) -> np.ndar
 
 
 def friction_starts(names: tuple[str, ...], chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
-    """First values of the frictions `names`, in every combination, beside the optimum theta of `chain`."""
+    """Initial values of the frictions `names` in every combination, added to the optimum theta of `chain`."""
     parts = product(*(FRICTIONS[name](chain, theta, data) for name in names))
     return [{name: value for part in combination for name, value in part.items()} for combination in parts]
 
@@ -106,7 +107,7 @@ def _stribeck(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
 
 
 def _loss(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
-    """Frictions that differ up and down may be a load, and a screw's loss that goes with it: the same at mid stroke."""
+    """Direction-dependent friction replaced by a load and its screw loss, equal at mid stroke."""
     role, _, rise, fall = _read(chain, theta)
     found = []
     for loss, share in ((0.1, 0.0), (0.7, 0.0), (0.3, 1.0), (1.0, 1.0)):
@@ -118,7 +119,7 @@ def _loss(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
 
 
 def _jam(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
-    """A stop that is struck at full speed keeps the motor for a sample and a half, for four or for ten."""
+    """A motor that hits a stop at full speed jams for 1.5, 4 or 10 samples."""
     role, gain, rise, fall = _read(chain, theta)
     dry = 0.5 * (rise + fall)
     fastest = max(gain * max(float(np.abs(data.u).max()) - dry, 0.1 * dry), 1e-12)

@@ -29,10 +29,10 @@ def polished(linear: TransferFunction, raw: list[np.ndarray], w: np.ndarray, y: 
 
 
 def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iterations: int = 20) -> np.ndarray:
-    """f (nf,) of y = B/F w by refined instrumental variables (Young 2011, Recursive Estimation, chapter 7).
+    """f (nf,) of y = B/F w by refined instrumental variables (Young 2011, Recursive Estimation, ch. 7).
 
-    Regressors are filtered by the last 1/F, instruments are the last model's own noise-free output; poles outside the
-    unit circle are mirrored inside before each pass. The pass that fits best in free run is returned.
+    Regressors are filtered by the last 1/F; the instruments are the noise-free output of the last model. Poles outside
+    the unit circle are mirrored before each pass. The pass with the best free-run fit is returned.
     """
     from sysid.block.kernels import all_pole
 
@@ -62,10 +62,10 @@ def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iteratio
 
 
 def denominators(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
-    """Candidates for f (nf,) by refined IV, from the record and from thinned ones.
+    """Candidates for f (nf,) by refined IV, from the record and from decimated records.
 
-    A record sampled much faster than its dynamics hides them (all poles crowd at 1); poles of a thinned record are
-    brought back to the full rate.
+    If sampling is much faster than the dynamics, all poles are close to 1; poles of a decimated record are converted
+    to the full rate.
     """
     found = [refined_iv(linear.nb, linear.nf, linear.nk, w, y)]
     for thin in (4, 16, 64, 256):
@@ -82,13 +82,13 @@ def denominators(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> list
 
 
 def same_poles(linear: TransferFunction, a: np.ndarray, b: np.ndarray) -> bool:
-    """True where two linear blocks' poles differ by less than a tenth of their distance from the unit circle."""
+    """True if the poles of two linear blocks differ by less than a tenth of their distance from the unit circle."""
     p, q = np.sort_complex(linear.poles(a)), np.sort_complex(linear.poles(b))
     return bool(np.all(np.abs(p - q) < 0.1 * np.maximum(1.0 - np.abs(p), 1e-6)))
 
 
 def solve_linear(linear: TransferFunction, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> None:
-    """Fill B and the initial state in theta (p,) by least squares for the F that stands there."""
+    """Set B and the initial state in theta (p,) by least squares for the given F."""
     J = np.empty((len(w), linear.n_parameters))
     linear.propagate(theta, w, J, 0)
     enters = np.r_[0 : linear.nb, linear.nb + linear.nf : linear.n_parameters]  # these enter linearly

@@ -1,4 +1,4 @@
-"""Starts of static maps over the data, as near the identity as they can be."""
+"""Starts of static maps over the data, as near the identity as possible."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from sysid.model.chain import Chain
 
 
 def start_maps(chain: Chain, theta: np.ndarray, blocks: tuple, x: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Start static maps from x towards target, write them into theta and return their output."""
+    """Start static maps from x to target, write them into theta and return their output."""
     for b in blocks:
         if not isinstance(b, StaticBlock):
             raise InputError(f"block {b.role!r} has no automatic start in this place; give fit() a start")
@@ -19,7 +19,7 @@ def start_maps(chain: Chain, theta: np.ndarray, blocks: tuple, x: np.ndarray, ta
 
 
 def _shifted(block: StaticBlock, theta: np.ndarray, x: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """theta moved along the block's own output shift, if it has one, so that its mean meets the target's."""
+    """theta changed along the block's output shift, if it has one, so that the mean output equals the target's mean."""
     for s in block.symmetries(theta):
         if s.out_shift == 1.0 and s.in_shift == 0.0:
             y = block.output(theta, x)

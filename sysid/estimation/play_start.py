@@ -1,4 +1,4 @@
-"""First values of a play: which link, of many that are tried, explains most of what a fit leaves."""
+"""Initial values of a backlash: of many links tried, the one that explains most of the residuals of a fit."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -22,10 +22,10 @@ _HOLDS = (0.0, 0.1, 0.25, 0.45, 0.8)  # of half the range about there, within wh
 
 
 def play_starts(chain: Chain, middle: Chain, theta: np.ndarray, data: IOData) -> list[dict[str, float]]:
-    """Parameters of the play by name, those first that promise to take most off the cost of `middle` at theta.
+    """Parameters of the backlash by name, ordered by the expected reduction of the cost of `middle` at theta.
 
-    `middle` is the chain without the play. What a play would add to the output is judged beside the model's own
-    sensitivities, which would follow it, and its width by the share of it that the residuals ask for.
+    `middle` is the chain without the backlash. The output change of the backlash is compared with the residuals after
+    projection on the model's sensitivities; the share of the change that fits best gives the width.
     """
     play = next(b for b in chain.blocks if isinstance(b, Play | CoastingPlay))
     k = chain.blocks.index(play)
@@ -53,7 +53,7 @@ def play_starts(chain: Chain, middle: Chain, theta: np.ndarray, data: IOData) ->
 
 
 def _judged(change: np.ndarray, left: np.ndarray, Q: np.ndarray) -> tuple[float, float]:
-    """Cost that would be left of the residuals with the best share of `change`, and that share."""
+    """Cost of the residuals after subtraction of the best share of `change`, and that share."""
     change = change - Q @ (Q.T @ change)
     size = float(change @ change)
     share = float(np.clip(change @ left / size, 0.2, 5.0)) if size > 0.0 else 1.0
@@ -67,7 +67,7 @@ def _widths(reach: float) -> Iterator[tuple[float, ...]]:
 
 
 def _links(low: float, high: float) -> Iterator[tuple[float, ...]]:
-    """width, rest, drag, pull0, pull1 of plays: links that nothing pulls, and links that hang or stand somewhere."""
+    """width, rest, drag, pull0, pull1 of candidates: links without weight, and links that hang or stand."""
     width, half = _WIDTH * (high - low), 0.5 * (high - low)
     for drag in _DRAGS:
         yield width, 0.0, drag * width, 0.0, 0.0

@@ -1,4 +1,4 @@
-"""What an automatic start is: a kind of chain that it applies to, and starting points for a search over it."""
+"""An automatic start: the kind of chain that it applies to, and its starting points for a search."""
 
 from abc import ABC, abstractmethod
 
@@ -13,11 +13,11 @@ class Start(ABC):
 
     @abstractmethod
     def applies(self, chain: Chain) -> bool:
-        """Whether this start knows chains of this kind."""
+        """Whether this start applies to the chain."""
 
     @abstractmethod
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
-        """Up to `count` starting points theta (P,), the best guess first; what is held or bounded comes later."""
+        """Up to `count` starting points theta (P,), the best guess first; fixed values and bounds are applied later."""
 
 
 def longest(data: IOData) -> IOData:
@@ -26,5 +26,5 @@ def longest(data: IOData) -> IOData:
 
 
 def generators(count: int, seed: int) -> list[np.random.Generator]:
-    """One generator for each start behind the first, so that start k is the same however many are asked for."""
+    """One generator for each start after the first, so that start k does not depend on the number of starts."""
     return [np.random.default_rng([seed, k]) for k in range(1, count)]

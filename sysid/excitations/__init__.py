@@ -1,8 +1,8 @@
 """Excitation signals: one file, one class, one line in `TABLE`.
 
-Each is a frozen dataclass of plain numbers and names, with an `amplitude`, an `offset`, the `band` that holds its power
-and a `generate(N, Ts, rng)` that returns zero-order-hold levels u (N,) within `amplitude` of `offset`. What a twin or a
-rig needs to shape an experiment by it stands in the class too: see `Excitation`.
+Each is a frozen dataclass of plain numbers and names, with an `amplitude`, an `offset`, the `band` that holds its
+power and a `generate(N, Ts, rng)` that returns zero-order-hold levels u (N,) within `amplitude` of `offset`. The class
+also declares how to adapt it to an experiment: see `Excitation`.
 """
 
 from collections.abc import Mapping
@@ -22,13 +22,13 @@ from sysid.excitations.sweep import Sweep
 
 
 class Excitation(Protocol):
-    """What every excitation offers. Every class declares all of it itself: nothing is assumed where it says nothing.
+    """The interface of every excitation. Every class declares all of it; there are no defaults.
 
-    `seeded`: whether another seed draws another signal, all settings but amplitude and times as they are by default.
-    `paces`: settings for plants of each of `PACES`, in seconds and Hz; what they leave out stays as it is by default.
-    `travel_more`: times whose stretching lets an integrating plant travel further; empty where none does.
-    `least_samples`: of the times in `travel_less`, how many samples the shortest that can be generated has.
-    `centred`: settings that centre the travel of an integrating plant on where it starts, if any are needed.
+    `seeded`: whether another seed gives another signal with default settings except amplitude and times. `paces`:
+    settings for plants of each of `PACES`, in seconds and Hz; other settings keep their defaults. `travel_more`: times
+    that increase the travel of an integrating plant if they grow; empty if there are none. `least_samples`: smallest
+    number of samples that the times in `travel_less` can have. `centred`: settings that centre the travel of an
+    integrating plant on where it starts, if any are needed.
     """
 
     seeded: ClassVar[bool]
@@ -44,27 +44,27 @@ class Excitation(Protocol):
 
     @property
     def offset(self) -> float:
-        """Level about which the signal swings, in the unit of `amplitude`."""
+        """Mean level of the signal, in the unit of `amplitude`."""
         ...
 
     @property
     def travel_less(self) -> tuple[str, ...]:
-        """Settings whose reduction lets an integrating plant travel less, in the order in which to try them.
+        """Settings that decrease the travel of an integrating plant if they are reduced, in the order to try.
 
-        A reach reorders levels and keeps amplitude and holds, so it comes first where there is one; where it stands the
-        excitation has a `dead` too. Times come last: they are shortened where a small amplitude would stick.
+        A reach comes first, because it keeps amplitude and holds; an excitation with a reach also has `dead`. Times
+        come last: they are shortened if the joint would stick at a small amplitude.
         """
         ...
 
     @property
     def band(self) -> tuple[float, float]:
-        """Frequencies [Hz] between which at least 90 % of the power of u - offset lies."""
+        """Frequency band [Hz] with at least 90 % of the power of u - offset."""
         ...
 
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Levels u (N,) in the unit of `amplitude`, each held for Ts [s]; |u - offset| <= amplitude.
 
-        Raises InputError where a record of N samples of Ts cannot carry the signal.
+        Raises InputError if a record of N samples of Ts cannot hold the signal.
         """
         ...
 

@@ -14,12 +14,12 @@ from sysid.base.levels import Paces, check, check_from_zero, within_reach
 class Aprbs:
     """Levels uniform in [-amplitude, amplitude], each held for a time uniform in [hold_min, hold_max] [s].
 
-    Random levels show a static input map all along its range, random holds the dynamics (Nelles, Nonlinear System
-    Identification, 2nd ed. 2020, section 17.7). An integrating plant drifts under it: expect time at the ends, or give
-    a `reach` [unit of amplitude times s]. A level that would take the running integral of u - offset further than that
-    from 0 changes its sign, and is cut short where that does not suffice; how large levels are stays as drawn. Parts
-    of levels up to `dead` [unit of amplitude] move nothing, for a plant with dry friction, and are left out of that
-    integral. A reach of 0 sets no bound.
+    Random levels excite a static input map over its whole range; random holds excite the dynamics (Nelles, Nonlinear
+    System Identification, 2nd ed. 2020, section 17.7). An integrating plant drifts and may rest at its ends; a `reach`
+    [unit of amplitude times s] limits this. A level that would take the running integral of u - offset beyond the reach
+    changes its sign, and is shortened if that does not suffice; the size of the levels does not change. The part of a
+    level up to `dead` [unit of amplitude] does not move a plant with dry friction and is not integrated. A reach of 0
+    sets no limit.
     """
 
     amplitude: float = 12.0
@@ -45,15 +45,15 @@ class Aprbs:
         check_from_zero("an aprbs", {"reach": self.reach, "dead": self.dead})
         if self.hold_min > self.hold_max:
             raise InputError(
-                f"an aprbs needs 0 < hold_min <= hold_max, got hold_min {self.hold_min} s, hold_max {self.hold_max} s; "
-                f"give holds in that order"
+                f"an aprbs needs 0 < hold_min <= hold_max; found hold_min {self.hold_min} s, hold_max {self.hold_max} s"
+                "; give holds in that order"
             )
 
     @property
     def band(self) -> tuple[float, float]:
-        """Frequencies [Hz] that hold 90 % of the power: to twice the mean rate of levels.
+        """Frequency band [Hz] with 90 % of the power: up to twice the mean rate of levels.
 
-        On average 1 - 1 / (pi^2 f E[T]) of the power of independent levels with holds T lies below f, 95 % here.
+        The mean share of power below f of independent levels with holds T is 1 - 1 / (pi^2 f E[T]), here 95 %.
         """
         return 0.0, 4.0 / (self.hold_min + self.hold_max)
 

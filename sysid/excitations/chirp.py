@@ -1,4 +1,4 @@
-"""Chirp: a sine whose frequency runs from f_min to f_max."""
+"""Chirp: a sine with a frequency from f_min to f_max."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ from sysid.base.levels import Paces, check, check_band, check_from_zero, check_n
 class Chirp:
     """Sine of `amplitude` from f_min to f_max [Hz] within `period` [s]; a period of 0 is the whole record.
 
-    `spacing` "linear": the frequency grows by the same Hz every second, power is spread evenly over the band. "log": by
-    the same factor, so that every octave takes the same time. `repeat` "restart" starts anew at f_min after each
-    period, "back" returns to f_min within the period, along the same frequencies. It starts at its crest, and its mean
-    over a period is taken off, so that an integrating plant stays about its start. One amplitude at a time and one
-    frequency at a time: bends of the static map and dynamics are hard to tell apart, prefer `Multisine` or `Aprbs` for
-    that. `rng` is not used: the signal is the same for every seed.
+    `spacing` "linear": the frequency grows linearly in time, with constant power density over the band. "log": it grows
+    exponentially, with equal time for every octave. `repeat` "restart" starts again at f_min after each period; "back"
+    returns to f_min within the period along the same frequencies. The signal starts at its peak and its mean over a
+    period is removed, so that an integrating plant stays near its start. It has one amplitude and one frequency at a
+    time, so static nonlinearity and dynamics are hard to separate; use `Multisine` or `Aprbs` for that. `rng` is not
+    used; the signal is the same for every seed.
     """
 
     amplitude: float = 12.0
@@ -51,11 +51,11 @@ class Chirp:
 
     @property
     def band(self) -> tuple[float, float]:
-        """Frequencies [Hz] that hold 90 % of the power."""
+        """Frequency band [Hz] with 90 % of the power."""
         return self.f_min, self.f_max
 
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
-        """Levels u (N,) [unit of amplitude]; raises InputError where Ts or the record cannot carry the band."""
+        """Levels u (N,) [unit of amplitude]; raises InputError if Ts or the record does not suit the band."""
         check_band("a chirp", self.f_min, self.f_max, Ts)
         P = samples("a chirp", "period", self.period, Ts) if self.period else N
         if self.f_min * P * Ts < 1:
@@ -69,14 +69,14 @@ class Chirp:
         return self.offset + self.amplitude * (u / np.abs(u).max())[np.arange(N) % P]
 
     def _cycles(self, t: np.ndarray, length: float) -> np.ndarray:
-        """Cycles since the start at times t (P,) [s], the integral of the frequency, on the way up in `length` [s]."""
+        """Cycles since the start at times t (P,) [s], the integral of the frequency, for a rise in `length` [s]."""
         if self.spacing == "linear":
             return self.f_min * t + (self.f_max - self.f_min) * t**2 / (2 * length)
         rate = np.log(self.f_max / self.f_min) / length
         return self.f_min * np.expm1(rate * t) / rate
 
     def _back(self, t: np.ndarray, length: float) -> np.ndarray:
-        """The same up in half of `length` and down in the other half, which mirrors the first."""
+        """The same, up in half of `length` and down in the mirrored other half."""
         half = length / 2
         up = self._cycles(np.minimum(t, half), half)
         whole = self._cycles(np.array([half]), half)[0]

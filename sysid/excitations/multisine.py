@@ -1,4 +1,4 @@
-"""Multisine: a sum of sines on chosen lines, with phases that keep its peaks low."""
+"""Multisine: a sum of sines on chosen lines with phases for a low crest factor."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,16 +22,17 @@ class Multisine:
     """Sines of equal power at multiples of 1 / `period` from f_min to f_max [Hz], scaled to a peak of `amplitude`.
 
     `grid` chooses the multiples (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.
-    2012, chapters 4 and 5). "full": all. "odd": 1, 3, 5, ..., what even bends make then falls between the lines.
-    "odd_odd": 1, 5, 9, ..., the odd lines left out show odd bends too. "random_odd": odd, one of every four
-    neighbours left out at random, which shows both and costs a quarter of the lines. `phases` "optimised" gives the
-    most power for the peak, "schroeder" is the closed formula, "random" is the input that theory of the best linear
-    approximation asks for. Start phases, random phases and grids come from `rng`: another seed is an independent
-    realisation, with the same power on the same lines (a random grid apart). Channels of several inputs that draw
-    from their own generators are uncorrelated on average over realisations, not within one.
+    2012, chapters 4 and 5). "full": all. "odd": 1, 3, 5, ...; even nonlinearities appear between the lines. "odd_odd":
+    1, 5, 9, ...; odd nonlinearities also appear, on the odd lines left out. "random_odd": odd, with one of every four
+    neighbours left out at random, which shows both and uses three quarters of the odd lines. `phases` "optimised"
+    gives the highest power for the peak, "schroeder" is a closed formula, "random" is the input assumed in the theory
+    of the best linear approximation. Start phases, random phases and grids come from `rng`: another seed is an
+    independent realisation with the same power on the same lines (except for a random grid). Channels of several
+    inputs that draw from their own generators are uncorrelated on average over realisations, not within one.
 
-    The record has to hold one period; give a whole number of them, for a spectrum without leakage. It starts where its
-    running sum is half way between its extremes, so that an integrating plant stays centred on its start.
+    The record must have at least one period; a whole number of periods gives a spectrum without leakage. The signal
+    starts where its running sum is midway between its extremes, so that an integrating plant stays centred on its
+    start.
     """
 
     amplitude: float = 12.0
@@ -64,11 +65,11 @@ class Multisine:
 
     @property
     def band(self) -> tuple[float, float]:
-        """Frequencies [Hz] that hold all of the power."""
+        """Frequency band [Hz] with all of the power."""
         return self.f_min, self.f_max
 
     def lines(self, Ts: float, rng: np.random.Generator) -> np.ndarray:
-        """Excited multiples (F,) of 1 / period; `rng` draws those that a random odd grid leaves out."""
+        """Excited multiples (F,) of 1 / period; `rng` chooses the lines that a random odd grid leaves out."""
         check_band("a multisine", self.f_min, self.f_max, Ts)
         length = samples("a multisine", "period", self.period, Ts) * Ts  # [s] as it is sampled
         slack = 1e-9  # a band edge that lies on a line is in
@@ -89,7 +90,7 @@ class Multisine:
         return k
 
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
-        """Levels u (N,) [unit of amplitude]; raises InputError where Ts or the record cannot carry the band."""
+        """Levels u (N,) [unit of amplitude]; raises InputError if Ts or the record does not suit the band."""
         lines = self.lines(Ts, rng)
         P = samples("a multisine", "period", self.period, Ts)
         if N < P:
@@ -127,11 +128,11 @@ def schroeder(F: int) -> np.ndarray:
 
 
 def flattest(lines: np.ndarray, phases: np.ndarray, P: int) -> np.ndarray:
-    """Phases (F,) [rad] of a lower peak, found from `phases` (F,).
+    """Phases (F,) [rad] with a lower peak, optimised from `phases` (F,).
 
     Minimises the p-norm of u over growing p, which tends to the peak (Guillaume, Schoukens, Pintelon and Kollar, IEEE
-    Trans. Instrum. Meas. 40(6), 1991; by quasi-Newton steps instead of theirs). The peak counted is that of the
-    levels at the samples, as they are what is held.
+    Trans. Instrum. Meas. 40(6), 1991; by quasi-Newton steps instead of theirs). The peak is that of the levels at the
+    samples, because these are held.
     """
     best = phases
     with one_blas_thread():  # the same digits at any thread count

@@ -14,12 +14,12 @@ from sysid.base.levels import Paces, check, check_name, check_whole, half_way, s
 class Prbs:
     """+-amplitude, clocked every `hold` [s] by a shift register of `nbits`, with period (2^nbits - 1) hold.
 
-    Over whole periods its autocorrelation is amplitude^2 at lag 0 and -amplitude^2 / (2^nbits - 1) at every other clock
-    (Golomb, Shift Register Sequences, 1967), so it is nearly white up to the clock. `repeat` "inverse" turns every
-    second clock around: twice the period, mean zero, and odd harmonics alone, which leaves the even ones to show even
-    bends (Godfrey, Perturbation Signals for System Identification, 1993, section 1.3). Two levels cannot show a static
-    map: use `Aprbs` or `Multisine` there. `rng` draws sign and start, among those where the running sum is half way
-    between its extremes, so that an integrating plant stays centred on its start.
+    Over whole periods its autocorrelation is amplitude^2 at lag 0 and -amplitude^2 / (2^nbits - 1) at every other
+    clock (Golomb, Shift Register Sequences, 1967), so it is nearly white up to the clock rate. `repeat` "inverse"
+    inverts every second clock: twice the period, mean zero, and only odd harmonics, so that even harmonics show even
+    nonlinearities (Godfrey, Perturbation Signals for System Identification, 1993, section 1.3). Two levels cannot
+    identify a static map; use `Aprbs` or `Multisine` for that. `rng` draws the sign and the start, among those with a
+    running sum midway between its extremes, so that an integrating plant stays centred on its start.
     """
 
     amplitude: float = 12.0
@@ -42,11 +42,11 @@ class Prbs:
 
     @property
     def band(self) -> tuple[float, float]:
-        """Frequencies [Hz] that hold 90 % of the power: the main lobe of one clock."""
+        """Frequency band [Hz] with 90 % of the power: the main lobe of one clock."""
         return 0.0, 1.0 / self.hold
 
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
-        """Levels u (N,) [unit of amplitude]; a record shorter than a period is the start of one."""
+        """Levels u (N,) [unit of amplitude]; a record shorter than a period is its start."""
         hold = samples("a prbs", "hold", self.hold, Ts)
         bits = 2.0 * max_len_seq(self.nbits)[0] - 1.0
         if self.repeat == "inverse":

@@ -1,4 +1,4 @@
-"""Staircase: level after level up and down over the whole range, each held."""
+"""Staircase: held levels up and down over the whole range."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from sysid.base.levels import Paces, check, check_name, check_whole, samples
 
 @dataclass(frozen=True)
 class Staircase:
-    """2 `steps` + 1 equally spaced levels from -amplitude to amplitude, each held for `hold` [s], over and over.
+    """2 `steps` + 1 equally spaced levels from -amplitude to amplitude, each held for `hold` [s], repeatedly.
 
-    `order` "stairs" climbs from zero to the top, down to the bottom and back: with holds longer than the plant settles,
-    the ends of the holds draw its static map, once upwards and once downwards, so that hysteresis shows.
-    "alternating" takes each level and its opposite in turn (+1, -1, +2, -2, ... back to +1, -1 steps): an integrating
-    plant then comes back after every pair, and shows its speed at each level. Not for dynamics faster than the hold.
-    `rng` is not used: the signal is the same for every seed.
+    `order` "stairs" goes from zero to the top, down to the bottom and back. If the holds are longer than the settling
+    time, the ends of the holds give the static map upwards and downwards, and so its hysteresis. "alternating" takes
+    each level and its opposite in turn (+1, -1, +2, -2, ... back to +1, -1 steps): an integrating plant returns after
+    every pair and shows its speed at each level. Not for dynamics faster than the hold. `rng` is not used; the signal
+    is the same for every seed.
     """
 
     amplitude: float = 12.0
@@ -40,7 +40,7 @@ class Staircase:
 
     @property
     def band(self) -> tuple[float, float]:
-        """Frequencies [Hz] that hold 90 % of the power: the first two lobes of one hold."""
+        """Frequency band [Hz] with 90 % of the power: the first two lobes of one hold."""
         return 0.0, 2.0 / self.hold
 
     @property

@@ -1,4 +1,4 @@
-"""Steps out of rest: up, back to zero, down, back to zero."""
+"""Steps from rest: up, back to zero, down, back to zero."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ class Steps:
     """Rest of `rest` [s], a level held for `hold` [s], rest again, and so on; rest is at `offset`.
 
     `levels` "fixed": +amplitude and -amplitude in turn. "random": uniform in [-amplitude, amplitude]; with a `reach`
-    [unit of amplitude times s] a level whose area would take the running integral of u - offset further than that from
-    0 changes its sign, or is cut short, so that an integrating plant stays near its start (0: no bound). Parts of
-    levels up to `dead` [unit of amplitude] count as moving nothing. Each step is a step response to look at: rise,
-    settling, and what friction holds. Half of the record is rest: prefer `Aprbs` or `Multisine` to fit a model with.
+    [unit of amplitude times s] a level that would take the running integral of u - offset beyond the reach changes its
+    sign or is shortened, so that an integrating plant stays near its start (0: no limit). The part of a level up to
+    `dead` [unit of amplitude] is not integrated. Each step shows a step response: rise, settling and stiction. Half of
+    the record is at rest; use `Aprbs` or `Multisine` to fit a model.
     """
 
     amplitude: float = 12.0
@@ -41,16 +41,16 @@ class Steps:
 
     @property
     def travel_less(self) -> tuple[str, ...]:
-        """Settings that reduce the travel; a reach turns the sign of random levels alone."""
+        """Settings that reduce the travel; a reach changes only the sign of random levels."""
         return ("amplitude", "hold") if self.levels == "fixed" else ("reach", "amplitude", "hold")
 
     @property
     def band(self) -> tuple[float, float]:
-        """Frequencies [Hz] that hold 90 % of the power: the first two lobes of one hold."""
+        """Frequency band [Hz] with 90 % of the power: the first two lobes of one hold."""
         return 0.0, 2.0 / self.hold
 
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
-        """Levels u (N,) [unit of amplitude]; `rng` draws random levels alone."""
+        """Levels u (N,) [unit of amplitude]; `rng` draws only random levels."""
         hold, rest = samples("steps", "hold", self.hold, Ts), samples("steps", "rest", self.rest, Ts)
         u = np.full(N, float(self.offset))
         total = 0.0

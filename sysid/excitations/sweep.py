@@ -1,4 +1,4 @@
-"""Square sweep: drive from end to end and rest there, the experiment of the paper."""
+"""Square sweep: drive from end to end and rest there; the experiment of the paper."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from sysid.base.levels import Paces, check, check_from_zero
 
 @dataclass(frozen=True)
 class Sweep:
-    """Square wave +amplitude, -amplitude, ... of `half_period` [s] a level, each longer or shorter by up to `jitter`.
+    """Square wave +amplitude, -amplitude, ... with levels of `half_period` [s], each varied by up to `jitter`.
 
-    An integrating plant with end stops then travels from its minimum to its maximum and rests at each end for what is
-    left of the half period (Guni and Irawan 2016, section IV.A). It shows the ends and the speed at one voltage, and
-    nothing of what happens between voltage levels: use `Aprbs` where the input map matters. Without jitter (a share of
-    the half period, drawn uniformly) the record is periodic, and a validation part only repeats what was fitted.
-    The first level lasts `first` of a half period: 0.5 centres the travel of an integrating plant on where it starts.
-    `shrink` draws each level anew, uniformly from (1 - shrink) to 1 times the amplitude: speeds at many voltages, and
-    with them friction, while the plant still meets its ends and forgets what has drifted.
+    An integrating plant with end stops travels from its minimum to its maximum and rests at each end for the remaining
+    half period (Guni and Irawan 2016, section IV.A). The record shows the ends and the speed at one voltage, but not
+    the input map between the levels; use `Aprbs` for that. Without jitter (a share of the half period, drawn
+    uniformly) the record is periodic, and the validation data only repeat the estimation data. The first level lasts
+    `first` of a half period: 0.5 centres the travel of an integrating plant on its start. `shrink` draws each level
+    uniformly from (1 - shrink) to 1 times the amplitude: the record then shows speeds at many voltages, and so
+    friction, while the plant still reaches its ends, which removes drift.
     """
 
     amplitude: float = 12.0
@@ -49,7 +49,7 @@ class Sweep:
 
     @property
     def band(self) -> tuple[float, float]:
-        """Frequencies [Hz] that hold 90 % of the power: the first and third harmonic of a square wave, 81 + 9 %."""
+        """Frequency band [Hz] with 90 % of the power: the first and third harmonic of a square wave, 81 + 9 %."""
         return 0.0, 3.5 / (2 * self.half_period * (1 - self.jitter))
 
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A fitted chain as one standalone C99 file: a state, init(), step(u) -> y: each block gives its own."""
+"""A fitted chain as one standalone C99 file with a state, init() and step(u) -> y, made from the code of each block."""
 
 import os
 from pathlib import Path
@@ -13,7 +13,7 @@ from sysid.model.wiring import Layer, Unit, identifier, layers, offsets, written
 
 
 def write(fit: Fit, path: str | os.PathLike, name: str = "model", **scale: float) -> Path:
-    """`source` into a file, whole or not at all."""
+    """Write `source` to a file, complete or not at all."""
     return write_text(path, source(fit, name, **scale))
 
 
@@ -22,11 +22,11 @@ def source(
 ) -> str:
     """C99 text of the fit's free run; it needs nothing but math.h.
 
-    Filters start from rest, motion (position, speed, rest of a play) where the fit's record began: <name>_init.
-    u_offset (nu,) and y_offset (ny,) are what detrending took away (`IOData.u_offset`, `IOData.y_offset`): with them
-    the file takes and gives the rig's own scale. With one input and one output `double <name>_step(state, u)`, else
-    `void <name>_step(state, u[], y[])`. Compiled with -D<NAME>_MAIN it is a program that reads u from standard input
-    (nu numbers a sample) and prints y. Raises InputError for a block without a formula.
+    Filters start from rest; positions, speeds and backlash start at the fit's initial values: <name>_init. u_offset
+    (nu,) and y_offset (ny,) are the means removed by detrending (`IOData.u_offset`, `IOData.y_offset`); with them the
+    file uses the rig's scale. With one input and one output `double <name>_step(state, u)`, else `void
+    <name>_step(state, u[], y[])`. Compiled with -D<NAME>_MAIN it is a program that reads u from standard input (nu
+    numbers a sample) and prints y. Raises InputError for a block without a formula.
     """
     identifier(name)
     wired = layers(fit.model, fit.theta)
@@ -60,7 +60,7 @@ def _start(unit: str, code: Code) -> str:
 
 
 def _init(name: str, starts: list[str]) -> str:
-    """What has no value of its own begins with zero, as static memory does."""
+    """Members without a value start at zero, as static memory does."""
     values = f" = {{{', '.join(starts)}}}" if starts else ""
     return f"""void {name}_init({name}_state *s)
 {{

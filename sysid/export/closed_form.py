@@ -1,6 +1,6 @@
-"""The closed form of a fitted chain as text: difference equations with numbers, maps as formulas; a line a block.
+"""The closed form of a fitted chain as text: difference equations and maps with numbers, one line for each block.
 
-Static formulas use * and ^ and the functions min, max, exp, floor, so that they can be pasted into a calculation.
+Static formulas use * and ^ and the functions min, max, exp, floor, so that they can be copied into a calculation.
 """
 
 from sysid.block.block import StaticBlock
@@ -10,10 +10,10 @@ from sysid.model.wiring import layers, written
 
 
 def text(fit: Fit, digits: int | None = 6) -> str:
-    """The fit as formulas from u to y, one block after the other; digits=None writes every number exactly.
+    """The fit as formulas from u to y, block by block; digits=None writes every number exactly.
 
-    t counts samples; what stands before the record is not part of the model and is left out. Raises InputError for a
-    block that is a function of the user's own.
+    t is the sample number; initial states are not part of the model and are left out. Raises InputError for a block
+    that is a user's function.
     """
     lines = [f"{fit.model.structure}, one sample every {fit.Ts:g} s"]
     wired = layers(fit.model, fit.theta)
@@ -33,7 +33,7 @@ def text(fit: Fit, digits: int | None = 6) -> str:
 
 
 def _signals(fit: Fit) -> list[str]:
-    """Names of each block's output: w after a map, x after a filter, y at the end, numbered where they repeat."""
+    """Names of the block outputs: w after a map, x after a filter, y at the end, numbered if they repeat."""
     names: list[str] = []
     for block in fit.model.blocks[:-1]:
         static = all(isinstance(part, StaticBlock) for _, part in block.parts())

@@ -1,4 +1,4 @@
-"""A fitted chain as one standalone Python file without any import but math: each block gives its own."""
+"""A fitted chain as one standalone Python file that imports only math, made from the code of each block."""
 
 import os
 from pathlib import Path
@@ -13,17 +13,17 @@ from sysid.model.wiring import Layer, Unit, layers, offsets, written
 
 
 def write(fit: Fit, path: str | os.PathLike, **scale: float) -> Path:
-    """`source` into a file, whole or not at all."""
+    """Write `source` to a file, complete or not at all."""
     return write_text(path, source(fit, **scale))
 
 
 def source(fit: Fit, u_offset: float | np.ndarray = 0.0, y_offset: float | np.ndarray = 0.0) -> str:
     """Python text of the fit's free run: class Model with step(u) -> y, and simulate(u) -> list.
 
-    Filters start from rest, motion (position, speed, rest of a play) where the fit's record began: a new Model().
-    A sample of several channels is a sequence of numbers. u_offset (nu,) and y_offset (ny,) are what detrending took
-    away. Run as a program it reads u from standard input, a sample a line, and prints y. Raises InputError for a block
-    without a formula.
+    Filters start from rest; positions, speeds and backlash start at the fit's initial values: a new Model(). A sample
+    of several channels is a sequence of numbers. u_offset (nu,) and y_offset (ny,) are the means removed by
+    detrending. Run as a program it reads u from standard input, one sample per line, and prints y. Raises InputError
+    for a block without a formula.
     """
     wired = layers(fit.model, fit.theta)
     n_in, n_out = fit.model.channels

@@ -1,6 +1,6 @@
-"""Formats of recorded files: one file a format, one class, one line in `FORMATS`; a file's suffix chooses among them.
+"""Formats of recorded files: one file, one class and one line in `FORMATS` each; the file suffix selects the format.
 
-A class reads, and writes too where its `written` says so. Help texts, error sentences and tests come from these tables.
+A class reads its suffixes and writes those in `written`. Help texts, error messages and tests use these tables.
 """
 
 import os
@@ -19,10 +19,10 @@ from sysid.formats.parquet import Parquet
 
 
 class Format(Protocol):
-    """What every format offers.
+    """The interface of every format.
 
-    `suffixes` are those that it reads, `written` those of them that it writes too: () where it only reads. `headed`
-    says whether a header, a text beside the columns, survives in the file; every class says all three itself.
+    `suffixes`: suffixes that it reads; `written`: those that it also writes, () if none. `headed`: whether the file
+    keeps a header, a text in addition to the columns. Every class declares all three.
     """
 
     suffixes: ClassVar[tuple[str, ...]]
@@ -30,15 +30,15 @@ class Format(Protocol):
     headed: ClassVar[bool]
 
     def read(self, path: Path) -> Table:
-        """The columns of the file at `path`; raises InputError where it is not such a file."""
+        """The columns of the file at `path`; raises InputError if the file does not have this format."""
         ...
 
     def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
-        """Write columns (N,) by name, and `header` where the format keeps one; called for `written` suffixes alone."""
+        """Write columns (N,) by name, and `header` if the format keeps one; called only for `written` suffixes."""
         ...
 
     def header(self, path: Path) -> str:
-        """The header that `write` put into the file at `path`, empty where there is none."""
+        """The header that `write` stored in the file at `path`; empty if there is none."""
         ...
 
 
@@ -48,16 +48,16 @@ WRITTEN: tuple[str, ...] = tuple(suffix for suffix, each in TABLE.items() if suf
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
-    """The columns of the file at `path`, read by the format that `TABLE` has for its suffix.
+    """The columns of the file at `path`, read in the format for its suffix in `TABLE`.
 
-    Raises InputError, which names the file, where it is missing, empty, damaged or of no format of `TABLE`.
+    Raises InputError with the file name if it is missing, empty, damaged or of an unknown format.
     """
     path = Path(path)
     allowed = ", ".join(TABLE)
     if path.is_dir():
         raise InputError(f"{path} is a folder; give one file ({allowed})")
     if not path.exists():
-        raise InputError(f"{path} does not exist; check the name and the folder you are in")
+        raise InputError(f"{path} does not exist; check the name and the current folder")
     if path.suffix.lower() not in TABLE:
         raise InputError(f"{path}: unknown file suffix {path.suffix!r}; give a file of {allowed}")
     try:
@@ -71,7 +71,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 
 
 def read_header(path: str | os.PathLike[str]) -> str:
-    """The header of a file that `read_table` has read, empty where it has none."""
+    """The header of a file read by `read_table`; empty if it has none."""
     return TABLE[Path(path).suffix.lower()]().header(Path(path))
 
 
@@ -80,14 +80,14 @@ def check_written(path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     if path.suffix.lower() not in WRITTEN:
         raise InputError(
-            f"{path}: a table cannot be written {f'to {path.suffix}' if path.suffix else 'without a suffix'}; end its "
+            f"{path}: cannot write a table {f'to {path.suffix}' if path.suffix else 'without a suffix'}; end its "
             f"name in {', '.join(WRITTEN)}"
         )
     return path
 
 
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray], header: str = "") -> Path:
-    """Write columns (N,) by name to `path`, under a temporary name first so that no half-written file appears.
+    """Write columns (N,) by name to `path`, under a temporary name first, so that no incomplete file appears.
 
     Raises InputError for a suffix that no format writes and for a place that cannot be written to.
     """

@@ -1,4 +1,4 @@
-"""Text tables: comma, semicolon, tab or white space between the columns, with or without a header."""
+"""Text tables with comma, semicolon, tab or white space between the columns, with or without a header."""
 
 import csv
 from collections.abc import Mapping
@@ -14,12 +14,11 @@ COMMENT = ("#", "%")
 
 
 class Delimited:
-    """Reads .csv, .txt and .dat; writes .csv: names, then a row a sample, numbers in full, without a header text.
+    """Reads .csv, .txt and .dat; writes .csv: names, then one row per sample in full precision, no header text.
 
-    A first row with any cell that is no number is the header; without one the columns are called 1, 2, ... Lines that
-    start with # or % and blank lines are passed over, and still count as rows of the file. A column without a single
-    entry (the trailing comma that some programs write) is dropped. In a file with semicolons or tabs a comma may be
-    the decimal mark.
+    A first row with a cell that is not a number is the header; without it the columns are called 1, 2, ... Blank lines
+    and lines that start with # or % are skipped, but count in row numbers. A column without entries (a trailing comma)
+    is dropped. In a file with semicolons or tabs a comma may be the decimal mark.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".csv", ".dat", ".txt")
@@ -27,7 +26,7 @@ class Delimited:
     headed: ClassVar[bool] = False
 
     def read(self, path: Path) -> Table:
-        """The table in `path`; raises InputError where it is binary, empty or ragged."""
+        """The table in `path`; raises InputError if it is binary, empty or has rows of different lengths."""
         lines = [
             (number, line)
             for number, line in enumerate(_text(path).splitlines(), start=1)
@@ -57,7 +56,7 @@ class Delimited:
         polars.DataFrame(dict(columns)).write_csv(path)
 
     def header(self, path: Path) -> str:
-        """None: a text table holds its columns alone."""
+        """None: a text table has only columns."""
         return ""
 
 
@@ -70,14 +69,12 @@ def _text(path: Path) -> str:
         text = raw.decode("latin-1")  # an old degree sign in a header is no reason to refuse the numbers
     strange = next((c for c in text if ord(c) < 32 and c not in "\t\r\n\f\v"), None)
     if strange is not None or "\x7f" in text:
-        raise InputError(
-            f"{path} is not a text file (it holds binary bytes); give a text table, or the suffix of what it is"
-        )
+        raise InputError(f"{path} is not a text file (it holds binary bytes); give a text table, or correct the suffix")
     return text
 
 
 def _separator(line: str, first: str) -> str | None:
-    """The separator of the last row, which is sure to be data; None is white space."""
+    """The separator of the last row, which is always data; None is white space."""
     for mark in (";", "\t", ","):
         if mark in line.strip() or (mark in first.strip() and mark in line):
             # A tab or blank between padded numbers is white space, not an empty cell.

@@ -15,7 +15,7 @@ HEADER = "qpal"
 class Mat:
     """Reads .mat: every numeric vector is a column; column j (from 1) of a matrix M is called M:j.
 
-    Writes a column vector a column, and the header as the text `qpal`.
+    Writes each column as a column vector, and the header as the text `qpal`.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".mat",)
@@ -23,7 +23,7 @@ class Mat:
     headed: ClassVar[bool] = True
 
     def read(self, path: Path) -> Table:
-        """The vectors in `path`; raises InputError where it is no MAT file, or of version 7.3, or has no vector."""
+        """The vectors in `path`; raises InputError if it is not a MAT file, is of version 7.3, or has no vector."""
         from scipy.io import loadmat
 
         try:

@@ -20,7 +20,7 @@ class Parquet:
     headed: ClassVar[bool] = True
 
     def read(self, path: Path) -> Table:
-        """The numeric columns of `path`; raises InputError where it is no Parquet file or has none."""
+        """The numeric columns of `path`; raises InputError if it is not a Parquet file or has none."""
         import polars
 
         try:

@@ -1,4 +1,4 @@
-"""Actuated joints: grown part by part, and told in physical units."""
+"""Actuated joints: growth part by part, and their values in physical units."""
 
 from sysid.base.room import modules_of
 

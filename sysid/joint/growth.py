@@ -1,4 +1,4 @@
-"""An actuated joint with as much physics as the record bears out: parts are added one by one while BIC falls."""
+"""An actuated joint with as much physics as the record supports: parts are added one by one while BIC falls."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -22,16 +22,16 @@ from sysid.structures import actuated_joint
 # residuals of a model that is not quite the joint are coloured, and BIC takes them as white.
 MARGIN = 30.0
 PLAYS, COASTS = "plays", "coasts"
-# A self-locking screw both loses a share of its load and jams, and one of the two alone may explain nothing.
+# A self-locking screw has load-dependent friction and jams; one of the two alone may not lower BIC.
 PARTS: dict[str, tuple[str, ...]] = {name: (name,) for name in FRICTIONS}
 PARTS |= {"screw": ("loss", "jams"), PLAYS: (), COASTS: ()}
 WORDS = {
     "stribeck": "friction that falls with speed",
-    "loss": "a screw's share of its load",
+    "loss": "screw friction proportional to its load",
     "jams": "jamming at struck stops",
-    "screw": "a screw's share of its load and jamming at struck stops",
+    "screw": "screw friction proportional to its load, and jamming at the end stops",
     PLAYS: "a play",
-    COASTS: "a play whose link coasts",
+    COASTS: "backlash with a coasting link",
 }
 _TRIED = 3  # of the plays that promise most, how many are tried
 _SHAKES = 12  # places near an optimum that are tried
@@ -40,7 +40,7 @@ _SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 
 @dataclass(frozen=True)
 class Step:
-    """One part that was tried, in which round: BIC with it, by how much it lowered BIC, and whether it stayed."""
+    """One part tried in a round: BIC with it, its reduction of BIC, and whether the part was kept."""
 
     round: int
     part: str
@@ -51,7 +51,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Growth:
-    """The joint that was found, BIC of the plain one, and what was tried, in order."""
+    """The resulting joint, BIC of the plain joint, and the parts tried, in order."""
 
     fit: Fit
     plain_bic: float
@@ -59,15 +59,15 @@ class Growth:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Names of the parts that stayed."""
+        """Names of the parts that were kept."""
         return tuple(step.part for step in self.steps if step.kept)
 
     def sentence(self) -> str:
-        """What stayed, in words."""
+        """The parts kept, in words."""
         if not self.parts:
-            return "No part beyond dry friction and a load over position earns its place in this record (by BIC)."
+            return "No part other than dry friction and a position-dependent load improves BIC enough on this record."
         kept = [f"{WORDS[step.part]} ({step.bic:.0f})" for step in self.steps if step.kept]
-        return f"Beyond dry friction and a load over position (BIC {self.plain_bic:.0f}) stayed: {', '.join(kept)}."
+        return f"Kept beside dry friction and a position-dependent load (BIC {self.plain_bic:.0f}): {', '.join(kept)}."
 
     def as_dict(self) -> dict[str, Any]:
         """The steps, ready for JSON."""
@@ -83,13 +83,13 @@ def grow_joint(
     parts: Iterable[str] = tuple(PARTS),
     progress: Callable[[str], None] | None = None,
 ) -> Growth:
-    """Fit an actuated joint to `data` and add, one at a time, the part that lowers BIC most, as long as one does.
+    """Fit an actuated joint to `data` and repeatedly add the part that lowers BIC most, as long as one does.
 
-    The parts: "stribeck" (friction that falls with speed), "loss" (a screw's share of its load), "jams" (a stop that is
-    struck keeps the motor), "screw" (both), "plays" (a play), "coasts" (one whose link has inertia and weight). Each
-    starts from the fit so far, and must earn `MARGIN` in BIC. `plain` is the joint to begin with, an `actuated_joint`
-    of a motor without those parts and without a play; search, starts, seed and progress are those of `sysid.fit`.
-    Raises InputError for a part or a plain joint that does not fit, and what `sysid.fit` raises.
+    Parts: "stribeck" (friction that falls with speed), "loss" (screw friction proportional to the load), "jams" (the
+    motor jams at an end stop), "screw" (both), "plays" (backlash), "coasts" (backlash whose link has inertia and
+    weight). Each part starts from the current fit and must lower BIC by `MARGIN`. `plain` is the initial joint, an
+    `actuated_joint` with a motor and without those parts or backlash; search, starts, seed and progress are those of
+    `sysid.fit`. Raises InputError for an unsuitable part or plain joint, and the errors of `sysid.fit`.
     """
     parts = tuple(parts)
     for part in parts:
@@ -122,9 +122,10 @@ def grow_joint(
 
 
 def _shaken(fit: Fit, data: IOData, options: dict[str, Any], grown: tuple[str, ...] = ()) -> Fit:
-    """The fit, or a better one from places near it: whether a stop is met in time is yes or no, and bars the way.
+    """The fit, or a better one from nearby starts: whether a stop is reached in time is discrete and blocks the search.
 
-    Of several `grown` parts the first has its first values once more: it grew beside a joint that had less.
+    The first of several `grown` parts is started again from its initial values, because it was added to a simpler
+    joint.
     """
     chain, rng = fit.model, np.random.default_rng([options["seed"], len(fit.theta)])
     points = [np.clip(shaken(chain, fit.theta, rng), *chain.limits) for _ in range(_SHAKES)]
@@ -136,7 +137,7 @@ def _shaken(fit: Fit, data: IOData, options: dict[str, Any], grown: tuple[str, .
 
 
 def _more(fit: Fit, data: IOData, parts: Iterable[str]) -> Iterator[tuple[str, Chain, np.ndarray]]:
-    """Every chain with one part more than the fit's, with starting points (K, P)."""
+    """Every chain with one more part than the fit, with starting points (K, P)."""
     chain, theta = fit.model, fit.theta
     motor = motor_of(chain)
     for name in parts:
@@ -158,7 +159,7 @@ def _more(fit: Fit, data: IOData, parts: Iterable[str]) -> Iterator[tuple[str, C
 
 
 def _is_plain(chain: Chain) -> bool:
-    """Whether the chain has a motor, and none of the parts that may grow."""
+    """Whether the chain has a motor and none of the parts that can be added."""
     motors = [b for b in chain.blocks if isinstance(b, Motor)]
     richer = any(getattr(b, option) for b in motors for option in FRICTIONS)
     return bool(motors) and not richer and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks)
@@ -169,7 +170,7 @@ def _possible(motor: Motor, option: str) -> bool:
 
 
 def _with_play(chain: Chain, play: Block) -> Chain:
-    """The chain with a play, before the sensor where it has one."""
+    """The chain with backlash, placed before the sensor if there is one."""
     place = len(chain.blocks) - (chain.blocks[-1].role == "sensor")
     return sub(chain, (*chain.blocks[:place], play, *chain.blocks[place:]))
 

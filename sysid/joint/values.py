@@ -1,4 +1,4 @@
-"""What an identified actuated joint says in physical units: speeds, volts, angles and seconds, with intervals."""
+"""Physical values of an identified actuated joint: speeds, voltages, angles and times, with intervals."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,28 +30,27 @@ class JointValue:
     unit: str
 
     def holds(self, truth: float) -> bool:
-        """Whether the interval has `truth` in it; False where there is none."""
+        """Whether the interval contains `truth`; False if there is no interval."""
         return self.low is not None and self.high is not None and self.low <= truth <= self.high
 
 
 def joint_values(
     fit: Fit, level: float = 0.95, data: IOData | None = None, linearity: float = 0.0
 ) -> tuple[JointValue, ...]:
-    """Physical values of an `actuated_joint`, at mid stroke where they depend on position.
+    """Physical values of an `actuated_joint`, at mid stroke if they depend on position.
 
-    speed_per_volt [y/s/V], time_constant [s], breakaway_up and breakaway_down [V] (input that just starts the joint,
-    with load, static friction and the driver's dead zone), coulomb_up and coulomb_down [V] (what friction and load take
-    once it moves), end_low and end_high [y], backlash [y], delay [s]; y in the record's unit. Intervals by the delta
-    method: from the fit's own covariance, which takes residuals as white, or, given the record `data` of the fit, from
-    one that allows for their colour (see `sysid.uncertainty.information`), as where the joint does more than the model.
-    Intervals are symmetric, and cut off where a value's range ends; a value that stands there (no
-    backlash), or is held, has none.
-    Without `stribeck` a motor knows one friction, so that break-away is what moving takes.
+    speed_per_volt [y/s/V], time_constant [s], breakaway_up and breakaway_down [V] (break-away voltage with load,
+    static friction and the driver's dead zone), coulomb_up and coulomb_down [V] (voltage for friction and load in
+    motion), end_low and end_high [y], backlash [y], delay [s]; y in the record's unit. Intervals by the delta method:
+    from the covariance of the fit, which assumes white residuals, or, if the record `data` of the fit is given, from
+    one that allows for coloured residuals (see `sysid.uncertainty.information`), for example if the model is
+    incomplete. Intervals are symmetric and cut off at the limits of a value's range; a value at a limit (no backlash)
+    or a fixed value has none. Without `stribeck` static and moving friction are equal.
 
-    linearity [y]: how far the sensor may be off a straight line, by its data sheet. No record taken through a sensor
-    shows what it gets wrong: its share of ends and speed comes in as a deviation that swings between the two limits,
-    of standard uncertainty linearity / sqrt(2) (arcsine distribution, as in JCGM 100:2008, annex H.1). Raises
-    InputError for another structure, and for a level or linearity that is none.
+    linearity [y]: largest deviation of the sensor from a straight line, from its data sheet. A record does not show
+    the errors of its own sensor. They enter ends and speed as a deviation that oscillates between the two limits, with
+    standard uncertainty linearity / sqrt(2) (arcsine distribution, as in JCGM 100:2008, annex H.1). Raises InputError
+    for another structure, level or linearity.
     """
     chain = fit.model
     if not is_joint(chain):
@@ -59,7 +58,9 @@ def joint_values(
     if not 0.0 < level < 1.0:
         raise InputError(f"level is {level}; give a probability between 0 and 1, for example 0.95")
     if not 0.0 <= linearity < np.inf:
-        raise InputError(f"linearity is {linearity}; give how far the sensor may be off a straight line, 0 or more")
+        raise InputError(
+            f"linearity is {linearity}; give the largest deviation of the sensor from a straight line, 0 or more"
+        )
     spread_of = _white(fit, level) if data is None else _coloured(fit, level, data)
     found = []
     for name, (unit, read, least) in _readings(chain, fit.Ts).items():
@@ -76,7 +77,7 @@ def joint_values(
 
 
 def _nonlinearity_share(name: str, value: float, chain: Chain, theta: np.ndarray) -> float:
-    """Standard uncertainty of a value for a sensor that is off a straight line by 1 at most."""
+    """Standard uncertainty of a value for a sensor with a largest deviation of 1 from a straight line."""
     if name.startswith("end_"):
         return float(np.sqrt(0.5))
     travel = next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
@@ -87,13 +88,13 @@ def _nonlinearity_share(name: str, value: float, chain: Chain, theta: np.ndarray
 
 
 def _across_middle(travel: TravelMap, part: np.ndarray) -> float:
-    """What y makes of the middle fifth of the stroke."""
+    """Range of y over the middle fifth of the stroke."""
     ends = travel.output(part, np.array([0.4, 0.6]))
     return float(ends[1] - ends[0])
 
 
 def _white(fit: Fit, level: float) -> Callable[[np.ndarray], float]:
-    """Half width of an interval from a gradient (P,), nan where it is undetermined."""
+    """Half width of an interval from a gradient (P,); nan if it is undetermined."""
     factor = float(norm.ppf(0.5 + level / 2))
     covariance, known = fit.covariance.cov, np.isfinite(fit.covariance.std()) | ~fit.model.free
 
@@ -114,7 +115,7 @@ Reading = tuple[str, Callable[[np.ndarray], float], float]
 
 
 def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
-    """Unit, function of theta, and least possible value of every quantity that the chain has."""
+    """Unit, function of theta, and smallest possible value of every quantity of the chain."""
     motor = motor_of(chain)
     travel = next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
     play = next((b for b in chain.blocks if isinstance(b, Play | CoastingPlay)), None)
@@ -156,7 +157,7 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
 
 
 def _through_driver(chain: Chain, theta: np.ndarray, volts: float) -> float:
-    """Input [V] at which the driver gives `volts`; nan where it never does."""
+    """Input [V] at which the driver's output is `volts`; nan if there is none."""
     driver = chain.block("driver")
     if driver is None:
         return volts

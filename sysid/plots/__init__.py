@@ -1,8 +1,8 @@
-"""The figures: one kind a file, one line in `TABLE`. Each is drawn from finished numbers and computes nothing.
+"""The figures: one kind per file, one line in `TABLE`. Each draws final numbers and computes nothing.
 
-Every function takes what it shows, and as `axes` the Axes to draw into (a list of them where it has several panels);
-without, it makes a figure of its own. It returns what it drew into. Radians are shown as degrees. Shaded areas are
-intervals of the level that their legend names. Matplotlib is imported when something is drawn.
+Every function takes the data to show and, as `axes`, the Axes to draw into (a list for several panels); without `axes`
+it makes a new figure. It returns the axes. Radians are shown as degrees. Shaded areas are intervals of the level in
+the legend. Matplotlib is imported when something is drawn.
 """
 
 from collections.abc import Callable

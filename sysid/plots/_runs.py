@@ -1,4 +1,4 @@
-"""A model's output over a record, drawn alike wherever it is shown."""
+"""A model's output over a record, drawn in the same way in all figures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Run:
-    """What a model gives over a record: output y (N,) on the scale of `data`, its fit [%], and what it is called."""
+    """A model's output y (N,) on the scale of `data`, its fit [%] and its name."""
 
     data: IOData
     y: np.ndarray
@@ -27,17 +27,17 @@ class Run:
 
     @property
     def label(self) -> str:
-        """For a legend: what it is and how well it fits."""
+        """Legend text: name and fit."""
         return f"{self.what}, fit {percent(self.fit)}"
 
 
 def output(data: IOData) -> Quantity:
-    """How the output of a record is shown."""
+    """Display of the output of a record."""
     return shown(data.y_name, data.y_unit)
 
 
 def draw(ax: Axes, run: Run, n: int | None = None, colour: str = style.MODEL) -> None:
-    """Measured output and the model's over the first n samples, by default over all; a legend above."""
+    """Measured and model output over the first n samples, by default all, with a legend above."""
     data, y = run.data, output(run.data)
     style.line(ax, data.t[:n], data.y[:n, 0] * y.factor, color=style.INK, label="measured")
     style.line(ax, data.t[:n], run.y[:n] * y.factor, color=colour, label=run.label)
@@ -47,7 +47,7 @@ def draw(ax: Axes, run: Run, n: int | None = None, colour: str = style.MODEL) ->
 
 
 def frame(measured: np.ndarray, model: np.ndarray) -> tuple[float, float]:
-    """Ends of a vertical axis: a model that runs away leaves the frame instead of flattening the data."""
+    """Limits of a vertical axis: a diverging model leaves the frame instead of flattening the data."""
     low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
     width = high - low or 1.0
     pad, air = 0.35 * width, 0.1175 * width
@@ -56,5 +56,5 @@ def frame(measured: np.ndarray, model: np.ndarray) -> tuple[float, float]:
 
 
 def first(data: IOData, seconds: float | None) -> int:
-    """How many samples the first `seconds` [s] hold: two at least, all where it is None."""
+    """Number of samples in the first `seconds` [s]: at least two; all if None."""
     return data.N if seconds is None else min(data.N, max(2, round(seconds / data.Ts)))

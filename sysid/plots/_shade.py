@@ -1,4 +1,4 @@
-"""What every figure with uncertainty does alike: the shaded interval, its name, and what to beware of."""
+"""Shared parts of figures with uncertainty: the shaded interval, its name and its warning."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def shade(
     axes: Axes, x: np.ndarray, lower: np.ndarray, upper: np.ndarray, label: str, note: str, **kwargs: Any
 ) -> None:
-    """The area between two curves (n,) where both are finite, and the note, which may be empty, in small letters."""
+    """The area between two curves (n,) where both are finite, and an optional note in small letters."""
     known = np.isfinite(lower) & np.isfinite(upper)
     if known.any():
         axes.fill_between(x, lower, upper, where=known, color=style.MODEL, alpha=0.25, lw=0, label=label, **kwargs)
@@ -24,5 +24,5 @@ def shade(
 
 
 def level_name(level: float) -> str:
-    """A level as people write it: 95 % band."""
+    """A level as text: 95 % band."""
     return f"{100 * level:g} % band"

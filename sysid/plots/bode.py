@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 def bode(
     response: FrequencyResponse, axes: Sequence[Axes] | None = None, y_unit: str = "", u_unit: str = ""
 ) -> list[Axes]:
-    """Magnitude and phase of the tangent. Look at where the band widens: there the record held little power."""
+    """Magnitude and phase of the tangent. The band is wide at frequencies where the record has little power."""
     both = style.panels(axes, 2, height=5.2, sharex=True)
     gain, magnitude, phase = shown("magnitude", y_unit).per(shown("", u_unit)), response.magnitude, response.phase
     for ax, band, factor in ((both[0], magnitude, gain.factor), (both[1], phase, 1.0)):
         ax.plot(band.x, band.value * factor, color=style.MODEL, label="tangent")
         shade(ax, band.x, band.lower * factor, band.upper * factor, level_name(band.level), band.note)
-    both[0].set(title="frequency response of the tangent", ylabel=gain.label, xscale="log", yscale="log")
+    both[0].set(title="frequency response of the tangent model", ylabel=gain.label, xscale="log", yscale="log")
     both[1].set(xlabel="frequency [rad/s]", ylabel="phase [deg]", xscale="log")
     # A band that is wide at the edge of what was excited must not squeeze the curve into a line.
     size = magnitude.value[magnitude.value > 0] * gain.factor

@@ -1,4 +1,4 @@
-"""Close-ups of the first peaks of a record, with a free run over them."""
+"""Close-ups of the first peaks of a record with a free-run simulation."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def close_ups(data: IOData, run: np.ndarray, axes: Sequence[Axes] | None = None,
 
 
 def _first_peak(y: np.ndarray) -> int:
-    """Middle of the first stretch in which y is in the top 15 % of its range."""
+    """Middle of the first segment in which y is in the top 15 % of its range."""
     high = y >= y.max() - 0.15 * np.ptp(y)
     start = int(np.argmax(high))
     after = np.flatnonzero(~high[start:])
@@ -46,7 +46,7 @@ def _first_peak(y: np.ndarray) -> int:
 
 
 def _peak_width(y: np.ndarray) -> int:
-    """Half a window [samples] that holds a peak: the mean distance between crossings of the middle, within reason."""
+    """Half window [samples] of a peak: the limited mean distance between crossings of the middle."""
     middle = 0.5 * (y.max() + y.min())
     crossings = max(int(np.sum(np.diff(y > middle) != 0)), 1)
     return int(np.clip(len(y) / crossings * 0.6, 15, max(15, len(y) // 4)))

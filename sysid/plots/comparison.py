@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @styled
 def comparison(table: Comparison, axes: Axes | None = None) -> Axes:
-    """Free-run fit of each model, best on top, with d beside it. Look for a small model as good as a large one."""
+    """Free-run fit of each model, best on top, with d. A small model as good as a large one is preferable."""
     rows = table.rows[::-1]
     (ax,) = style.panels(axes, height=0.9 + 0.42 * len(rows))
     shown = [max(r.fit, 0.0) if np.isfinite(r.fit) else 0.0 for r in rows]

@@ -1,4 +1,4 @@
-"""Free runs over the measured output: of one model over both parts of a record, and of several over one part."""
+"""Free runs and measured output: one model over both parts of a record, or several models over one part."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ def free_run(
 ) -> list[Axes]:
     """Measured output and the model's free run over both parts, and the error of the validation part.
 
-    A model that also runs one step ahead gets a panel of its own for that.
+    A model with a one-step-ahead prediction gets a separate panel for it.
     """
     rows = style.panels(axes, 3 if one_step is None else 4, height=5.4 if one_step is None else 7.2)
     draw(rows[0], replace(estimation, title="(a) estimation part"))
-    draw(rows[1], replace(validation, title="(b) validation part, never fitted to"))
+    draw(rows[1], replace(validation, title="(b) validation data, not used in the fit"))
     y = output(validation.data)
     error = (validation.data.y[:, 0] - validation.y) * y.factor
     style.line(rows[2], validation.data.t, error, color=style.SECOND, linewidth=0.9)
-    rows[2].set(title="(c) validation error, measured less free run", ylabel=y.label)
+    rows[2].set(title="(c) validation error, measured minus free run", ylabel=y.label)
     rows[2].margins(x=0.005)
     if one_step is not None:
         title = "(d) one step ahead, NOT a free run"
@@ -41,7 +41,7 @@ def free_run(
 def free_runs(
     runs: Sequence[Run], axes: Sequence[Axes] | None = None, seconds: float | None = None, time: str = "time [s]"
 ) -> list[Axes]:
-    """Measured output beside the free run of each model, a panel each, over the first `seconds` [s] or over all.
+    """Measured output and free run of each model, one panel each, over the first `seconds` [s] or all samples.
 
     `time` labels the axis.
     """

@@ -1,4 +1,4 @@
-"""Poles and zeros in the z-plane, with the regions that hold them where these are known."""
+"""Poles and zeros in the z-plane, with their confidence regions if known."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def pole_zero(
     zoom: int | None = None,
     references: Mapping[str, np.ndarray] | None = None,
 ) -> Axes:
-    """Poles (crosses) and zeros (rings) in the z-plane, and where intervals are given the regions of their level.
+    """Poles (crosses) and zeros (rings) in the z-plane, with confidence regions if intervals are given.
 
-    Look at whether a region meets the unit circle (stability not certain) and whether a pole's and a zero's overlap
-    (the pair may cancel, an order less would do). `zoom`, a pole's number from 0, shows its neighbourhood alone;
-    `references` are other poles to compare with, by name.
+    If a region meets the unit circle, stability is not certain. If the regions of a pole and a zero overlap, they may
+    cancel, and a lower order may suffice. `zoom`, the index of a pole from 0, shows only its neighbourhood;
+    `references` are other poles for comparison, by name.
     """
     (ax,) = style.panels(axes, height=5.0)
     _draw(ax, poles, zeros, references or {})
@@ -54,7 +54,7 @@ def pole_zero_map(
     axes: Sequence[Axes] | None = None,
     references: Mapping[str, np.ndarray] | None = None,
 ) -> list[Axes]:
-    """`pole_zero` beside a panel about z = 1 where something lies there, which slow poles do; else alone."""
+    """`pole_zero` with a second panel near z = 1 if there are slow poles or zeros; else without it."""
     from matplotlib.ticker import MaxNLocator
 
     every = np.array([_value(r) for r in [*poles, *zeros, *_flat(references)]])
@@ -99,7 +99,7 @@ def _mark(ax: Axes, z: np.ndarray, mark: str, colour: str, name: str) -> None:
 
 
 def _region(ax: Axes, root: Root | complex, colour: str) -> None:
-    """An ellipse for one of a pair, a bar for a real root; nothing where the record does not determine it."""
+    """An ellipse for a complex root, a bar for a real root; nothing if the record does not determine it."""
     from matplotlib.patches import Ellipse
 
     z, (a, b, tilt) = _value(root), _ellipse(root)
@@ -112,7 +112,7 @@ def _region(ax: Axes, root: Root | complex, colour: str) -> None:
 
 
 def _frame(ax: Axes, roots: Roots) -> None:
-    """The unit circle, and how many roots lie too far out to be seen beside it."""
+    """The unit circle, and the number of roots outside the frame."""
     ax.set(aspect="equal", xlim=(-REACH, REACH), ylim=(-REACH, REACH))
     far = sum(max(abs(z.real), abs(z.imag)) > REACH for z in map(_value, roots))
     if far:

@@ -1,4 +1,4 @@
-"""A record over time: as it was recorded, and in the parts that a model is fitted to and judged on."""
+"""A record over time: as recorded, and split into estimation and validation data."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @styled
 def record(data: IOData, axes: Sequence[Axes] | None = None, seconds: float | None = None) -> list[Axes]:
-    """Input over output as recorded, with what was removed since, of the first `seconds` [s] or of all."""
+    """Input over output as recorded, with removed means restored, for the first `seconds` [s] or all samples."""
     n, (u, y) = first(data, seconds), _signals(data)
     both = style.panels(axes, 2, height=3.6, sharex=True)
     recorded = (data.u[:n, 0] + data.u_offset[0]) * u.factor, (data.y[:n, 0] + data.y_offset[0]) * y.factor
@@ -30,7 +30,7 @@ def record(data: IOData, axes: Sequence[Axes] | None = None, seconds: float | No
 
 @styled
 def parts(estimation: IOData, validation: IOData, axes: Sequence[Axes] | None = None) -> list[Axes]:
-    """Input over output after preprocessing, with the two parts told apart."""
+    """Input over output after preprocessing, with the two parts marked."""
     u, y = _signals(estimation)
     both = style.panels(axes, 2, height=3.6, sharex=True)
     start = 0.0

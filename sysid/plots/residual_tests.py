@@ -1,4 +1,4 @@
-"""Correlations of residuals with their bounds."""
+"""Correlations of residuals and their bounds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @styled
 def residual_tests(tests: ResidualTests, axes: Sequence[Axes] | None = None) -> list[Axes]:
-    """Whiteness and independence. Bars outside the bound at small positive lags: dynamics or a delay is missing."""
+    """Whiteness and independence. Bars outside the bound at small positive lags: missing dynamics or delay."""
     both = style.panels(axes, 2, height=4.2)
     # Lag 0 of the residuals with themselves is 1 by definition.
     _lags(both[0], tests.lags[1:], tests.autocorrelation[1:], tests.whiteness_bound, tests.level)
@@ -31,7 +31,7 @@ def residual_tests(tests: ResidualTests, axes: Sequence[Axes] | None = None) -> 
 
 @styled
 def higher_order_tests(tests: HigherOrderTests, axes: Sequence[Axes] | None = None) -> list[Axes]:
-    """Three correlations that a complete model leaves at zero. Bars outside: something is missing, see `advice`."""
+    """Three correlations that are zero for a complete model. Bars outside: the model is incomplete, see `advice`."""
     rows = style.panels(axes, len(tests.tests), height=6.4, sharex=True)
     for ax, t in zip(rows, tests.tests, strict=True):
         _lags(ax, t.lags, t.correlation, t.bound, t.level)
@@ -42,7 +42,7 @@ def higher_order_tests(tests: HigherOrderTests, axes: Sequence[Axes] | None = No
 
 def _lags(ax: Axes, lags: np.ndarray, r: np.ndarray, bound: float, level: float) -> None:
     limit = bound if np.isfinite(bound) else 0.0
-    ax.axhspan(-limit, limit, color=style.BOUND, lw=0, zorder=0, label=f"{100 * level:g} % bound of one lag")
+    ax.axhspan(-limit, limit, color=style.BOUND, lw=0, zorder=0, label=f"{100 * level:g} % bound for one lag")
     outside = np.abs(r) > bound
     for chosen, colour, name in ((~outside, style.INK, None), (outside, style.MODEL, "outside")):
         if chosen.any():

@@ -16,14 +16,16 @@ if TYPE_CHECKING:
 
 @styled
 def step(band: Band, axes: Axes | None = None, y_unit: str = "", u_unit: str = "", y_name: str = "output") -> Axes:
-    """Step response of the tangent. Look at where it settles (the gain) and how wide the band is there."""
-    return _response(band, "step", "step response of the tangent", axes, y_unit, u_unit, y_name)
+    """Step response of the tangent: its final value is the gain, with the band as its uncertainty."""
+    return _response(band, "step", "step response of the tangent model", axes, y_unit, u_unit, y_name)
 
 
 @styled
 def impulse(band: Band, axes: Axes | None = None, y_unit: str = "", u_unit: str = "", y_name: str = "output") -> Axes:
-    """Answer of the tangent to one sample of 1. Look at the delay: the samples before it are exactly 0."""
-    return _response(band, "pulse", "response of the tangent to a pulse of one sample", axes, y_unit, u_unit, y_name)
+    """Response of the tangent to one sample of 1; the samples before the delay are exactly 0."""
+    return _response(
+        band, "pulse", "response of the tangent model to a pulse of one sample", axes, y_unit, u_unit, y_name
+    )
 
 
 def _response(band: Band, after: str, title: str, axes: Axes | None, y_unit: str, u_unit: str, y_name: str) -> Axes:

@@ -1,4 +1,4 @@
-"""A simulated output with its band, over the measured one."""
+"""A simulated output with its band and the measured output."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @styled
 def simulated(band: OutputBand, data: IOData | None = None, axes: Axes | None = None) -> Axes:
-    """Free run with its band, over the measured output. Look for stretches where the data leave the band for long."""
+    """Free run with its band and the measured output. Long segments of data outside the band show model errors."""
     (ax,) = style.panels(axes, height=3.2)
     y = shown(data.y_name if data is not None else "y", band.unit)
     if data is not None:

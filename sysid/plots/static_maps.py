@@ -1,4 +1,4 @@
-"""Static maps: one with its band, and all of a chain beside each other."""
+"""Static maps: one with its band, or all of a chain side by side."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ Words = tuple[str, str, str]  # title, signal before the map, signal after it
 
 @styled
 def static_curve(curve: Curve, axes: Axes | None = None, words: Words | None = None) -> Axes:
-    """One static map with its band. Look at where the band opens: the record seldom went there.
+    """One static map with its band; the band is wide where the record has few samples.
 
-    In the normalised scale the dashed diagonal is no nonlinearity at all; in a map's own scale there is none. `words`
-    take the place of title and axes' names.
+    On the normalised scale the dashed diagonal is the linear map; on a map's own scale there is no diagonal. `words`
+    replace the title and the axis labels.
     """
     (ax,) = style.panels(axes, height=4.0)
     _draw(ax, curve, words or _words(curve))

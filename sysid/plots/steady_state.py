@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @styled
 def steady_state(band: Band, axes: Axes | None = None, u_unit: str = "", y_unit: str = "") -> Axes:
-    """Steady-state output over constant inputs: what the whole chain does at rest, free of any gauge."""
+    """Steady-state output of the whole chain over constant inputs; it does not depend on the gauge."""
     (ax,) = style.panels(axes, height=4.0)
     u, y = shown("u", u_unit), shown("y", y_unit)
     ax.plot(band.x * u.factor, band.value * y.factor, color=style.MODEL, label="steady state")

@@ -1,4 +1,4 @@
-"""The page that shows a workflow's numbers: sections, figures, HTML."""
+"""The report of a workflow: sections, figures, HTML."""
 
 from sysid.base.room import modules_of
 

@@ -20,7 +20,7 @@ _WEIGHT = {"warning": 0, "note": 1, "fine": 2}
 
 
 def page(result: Identification, exports: Exports) -> Page:
-    """The report on a fit to a record; `exports` says which files hold the model."""
+    """The report on a fit to a record; `exports` lists the model files."""
     record, e = result.record, result.evaluation
     return Page(
         title=f"Identification of {record.path.name}",
@@ -42,7 +42,7 @@ def page(result: Identification, exports: Exports) -> Page:
 
 
 def terminal_tables(result: Identification) -> list[Grid]:
-    """What the command prints: the ranking of a search, criteria and poles."""
+    """The tables that the command prints: the ranking of a search, criteria and poles."""
     e = result.evaluation
     ranking = [] if result.selection is None else [ranking_grid(result)]
     criteria = sections.criteria_grid(e).only("criterion", "value")
@@ -50,7 +50,7 @@ def terminal_tables(result: Identification) -> list[Grid]:
 
 
 def terminal_sentences(result: Identification) -> list[str]:
-    """What the command says under its tables."""
+    """The sentences that the command prints below its tables."""
     e = result.evaluation
     chosen = [] if result.selection is None else [_found(result.selection)]
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
@@ -65,7 +65,7 @@ def _next(result: Identification) -> list[str]:
 
 
 def ranking_grid(result: Identification) -> Grid:
-    """The best candidates of a structure search; the chosen one is marked, and all that equal the best."""
+    """The best candidates of a structure search; the chosen one and those equal to the best are marked."""
     assert result.selection is not None
     rows = []
     for k, row in enumerate(result.selection.rows, start=1):
@@ -77,12 +77,12 @@ def ranking_grid(result: Identification) -> Grid:
         mark = "chosen" if chosen else ("equal" if row.equal else "")
         rows.append((str(k), c.short, maps, percent(row.fit_percent), str(row.d), mark))
     total = len(result.selection.rows)
-    caption = f"The best {min(RANKED, total)} of {total} candidates and the chosen one: fit on parts not fitted to"
+    caption = f"The best {min(RANKED, total)} of {total} candidates and the chosen one: fit on validation data"
     return Grid(("", "structure", "maps", "fit", "d", ""), rows, caption, text_columns=3, last_text=True)
 
 
 def _found(selection: Selection) -> str:
-    """What the search found, with the names of structures and maps as people write them."""
+    """The result of the search, with readable names of structures and maps."""
     text = selection.sentence()
     for name in TABLE:
         text = text.replace(name, name.replace("_", "-"))
@@ -93,9 +93,9 @@ def _search(result: Identification) -> list[Section]:
     if result.selection is None:
         return []
     how = (
-        "Every candidate was fitted to one half of the estimation part and run free over the other, and the other way "
-        "round; d counts its free parameters. Candidates marked equal cannot be told from the best by a paired t-test "
-        "at 95 %, and of these the smallest is chosen. The validation part was not looked at."
+        "Every candidate was fitted to one half of the estimation data and simulated in free run on the other half, "
+        "and vice versa; d is the number of free parameters. Candidates marked equal do not differ significantly "
+        "from the best (paired t-test at 95 %); the smallest of them is chosen. The validation data were not used."
     )
     return [Section("Structure search", [_found(result.selection), how], [ranking_grid(result)])]
 
@@ -105,7 +105,7 @@ def _advice(result: Identification) -> Section:
     rows = [(a.severity, a.topic, a.sentence.replace("^2", "²"), a.action or "–") for a in ordered]
     return Section(
         "Advice",
-        ["What the record says about itself before any model."],
+        ["The diagnosis of the record before any model."],
         [Grid(("", "topic", "finding", "what to do"), rows, text_columns=4)],
     )
 
@@ -126,8 +126,8 @@ def _column(name: str) -> str:
 def _verdict(result: Identification) -> list[str]:
     e = result.evaluation
     first = (
-        f"{sections.model_in_words(e)} runs free over the validation part with a fit of "
-        f"{percent(e.validation_fit)} ({percent(e.estimation_fit)} on the part that it was fitted to). "
+        f"{sections.model_in_words(e)} has a free-run fit on the validation data of "
+        f"{percent(e.validation_fit)} ({percent(e.estimation_fit)} on the estimation data). "
         f"{_stability(e)} {tests_in_words(e)}"
     )
     chosen = [] if result.selection is None else [_found(result.selection)]
@@ -137,10 +137,11 @@ def _verdict(result: Identification) -> list[str]:
 def _stability(e: Evaluation) -> str:
     if e.linear:
         return f"It is {'stable' if e.stable else 'not stable'}: poles {poles(e.poles)}."
-    runs = "Its free run stays near the data." if e.stable else "Its free run RUNS AWAY from the data."
+    runs = "Its free run stays close to the data." if e.stable else "Its free run DIVERGES from the data."
     if e.one_step is None:
         return runs
-    return f"{runs} One step ahead, where it sees all earlier outputs, it reaches {percent(e.one_step.validation_fit)}."
+    one = percent(e.one_step.validation_fit)
+    return f"{runs} Its one-step-ahead prediction, which uses all earlier outputs, has a fit of {one}."
 
 
 def _data(record: Record, e: Evaluation) -> Section:
@@ -160,9 +161,9 @@ def _offset(quantity: Quantity, value: float) -> str:
 
 
 _PHYSICS = (
-    "The parameters of an actuated joint are physical, so the table can be set beside a data sheet. Speeds are those "
-    "at mid stroke; a break-away voltage holds dry friction, load and what the driver takes; up is towards larger "
-    "outputs. The intervals take the structure as true."
+    "The parameters of an actuated joint are physical, so the table can be compared with a data sheet. Speeds apply "
+    "at mid stroke. A break-away voltage includes dry friction, load and the driver's dead zone. Up means towards "
+    "larger outputs. The intervals assume that the structure is correct."
 )
 
 

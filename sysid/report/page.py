@@ -1,4 +1,4 @@
-"""A report: sections of sentences, tables and pictures, written as one HTML file that needs no network."""
+"""A report: sections of sentences, tables and pictures, written as one HTML file without network access."""
 
 import base64
 import json
@@ -13,7 +13,7 @@ from sysid.base.json_values import plain
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG with the name of its file and a caption that says what to see in it."""
+    """A PNG with its file name and caption."""
 
     name: str
     png: bytes
@@ -21,13 +21,13 @@ class Picture:
 
     @property
     def data(self) -> str:
-        """The PNG as base64, to stand inside the page."""
+        """The PNG as base64, for embedding in the page."""
         return base64.b64encode(self.png).decode("ascii")
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A table: headings, rows of cells, and how many leading columns are text (the others are numbers)."""
+    """A table: headings, rows of cells, and the number of leading text columns (the others are numbers)."""
 
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -41,7 +41,7 @@ class Grid:
         return j < self.text_columns or (self.last_text and j == len(self.headings) - 1)
 
     def only(self, *headings: str) -> "Grid":
-        """The columns with these headings, which start with the text columns."""
+        """The columns with these headings; they must start with the text columns."""
         keep = [list(self.headings).index(heading) for heading in headings]
         return replace(
             self,
@@ -54,7 +54,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Listing:
-    """A text whose lines stay as they are, shown on request."""
+    """Preformatted text, shown on request."""
 
     caption: str
     text: str
@@ -62,7 +62,7 @@ class Listing:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading with what stands under it, in the order: paragraphs, tables, pictures, hidden tables and listings."""
+    """A heading with its content in the order: paragraphs, tables, pictures, hidden tables and listings."""
 
     title: str
     paragraphs: Sequence[str] = ()
@@ -74,13 +74,13 @@ class Section:
 
     @property
     def anchor(self) -> str:
-        """The target of a link to this section."""
+        """The link target of this section."""
         return "".join(c if c.isalnum() else "-" for c in self.title.lower()).strip("-")
 
 
 @dataclass(frozen=True)
 class Page:
-    """A whole report: title, one line under it, the verdict, sections, and what it was made with."""
+    """A whole report: title, subtitle, verdict, sections, and the versions that made it."""
 
     title: str
     subtitle: str
@@ -103,7 +103,7 @@ class Page:
 
 
 def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:
-    """report.html, summary.json and figures/*.png in `folder`, which the caller makes and moves into place."""
+    """Write report.html, summary.json and figures/*.png to `folder`, which the caller makes and moves into place."""
     figures = folder / "figures"
     figures.mkdir()
     for picture in page.pictures():
@@ -113,5 +113,5 @@ def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:
 
 
 def to_json(summary: dict[str, Any]) -> str:
-    """A summary as strict JSON: a number that is not finite becomes null."""
+    """A summary as strict JSON; numbers that are not finite become null."""
     return json.dumps(plain(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -1,4 +1,4 @@
-"""What more than one report says, in tables and sentences, from finished numbers."""
+"""Tables and sentences that several reports share, from final numbers."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -20,8 +20,8 @@ WORDS = {  # the physical values of an actuated joint as people call them
     "time_constant": "time constant",
     "breakaway_up": "break-away voltage up",
     "breakaway_down": "break-away voltage down",
-    "coulomb_up": "moving friction and load up",
-    "coulomb_down": "moving friction and load down",
+    "coulomb_up": "voltage for friction and load, moving up",
+    "coulomb_down": "voltage for friction and load, moving down",
     "end_low": "lower end",
     "end_high": "upper end",
     "backlash": "backlash",
@@ -30,22 +30,19 @@ WORDS = {  # the physical values of an actuated joint as people call them
 
 
 def higher_in_words(evaluation: Evaluation) -> str:
-    """The tests that see a missing nonlinearity, in a sentence each."""
+    """One sentence for each test for a missing nonlinearity."""
     h = evaluation.higher
     if h is None:
         return ""
     if h.passed:
         coloured = evaluation.tests is not None and not evaluation.tests.white
-        doubt = ", which says little as long as the residuals are not white" if coloured else ""
-        return (
-            "Correlations of higher order (e with u², e² with u², e with e u) show no nonlinearity that was missed"
-            f"{doubt}."
-        )
+        doubt = ", but this is not conclusive because the residuals are coloured" if coloured else ""
+        return f"Correlations of higher order (e with u², e² with u², e with e u) show no missing nonlinearity{doubt}."
     return " ".join(sentence(a).replace("^2", "²") for a in h.advice)
 
 
 def values_grid(evaluation: Evaluation, caption: str = "Physical values with 95 % intervals") -> Grid | None:
-    """What an actuated joint's parameters say, in the units people use; None for other structures."""
+    """Physical values of an actuated joint in display units; None for other structures."""
     if not evaluation.values:
         return None
     rows = [(WORDS.get(v.name, v.name), *value_cells(v)) for v in evaluation.values]
@@ -53,7 +50,7 @@ def values_grid(evaluation: Evaluation, caption: str = "Physical values with 95 
 
 
 def value_cells(v: JointValue) -> tuple[str, str, str]:
-    """Value, interval and unit of a physical value, angles in degrees."""
+    """Value, interval and unit of a physical value; angles in degrees."""
     shown_as = shown(v.name, v.unit)
     factor, unit = shown_as.factor, shown_as.unit
     if v.low is None or v.high is None:
@@ -64,12 +61,12 @@ def value_cells(v: JointValue) -> tuple[str, str, str]:
 
 
 def decimals(width: float) -> int:
-    """Decimals that show a number of this size to two figures."""
+    """Number of decimals that shows two significant figures of a number of this size."""
     return int(np.clip(2 - np.ceil(np.log10(abs(width))), 0, 6)) if np.isfinite(width) and width else 4
 
 
 def pole_grid(evaluation: Evaluation) -> Grid | None:
-    """Poles with the 95 % intervals of modulus and time constant, then zeros; None where there is no linear block."""
+    """Poles with 95 % intervals of modulus and time constant, then zeros; None if there is no linear block."""
     if not evaluation.linear:
         return None
     Ts = evaluation.fit.Ts
@@ -91,19 +88,21 @@ def pole_grid(evaluation: Evaluation) -> Grid | None:
 
 
 def intervals_in_words(evaluation: Evaluation) -> str:
-    """How the intervals of the poles are meant, and what keeps one from being trusted."""
+    """The assumptions of the pole intervals, and their warnings."""
     if not evaluation.roots:
         return ""
     notes = dict.fromkeys(r.note or r.modulus.note for r in evaluation.roots)
     notes.pop("", None)
     coloured = evaluation.tests is not None and not evaluation.tests.white
-    how = "allow for the colour of the residuals" if coloured else "take the residuals as white"
-    words = f"Intervals are those of this structure on this record and {how}; they say nothing of what it leaves out."
+    how = "allow for coloured residuals" if coloured else "assume white residuals"
+    words = (
+        f"The intervals apply to this structure on this record and {how}; they do not include errors of the structure."
+    )
     return " ".join([words, *(f"Of a pole: {note}." for note in notes)])
 
 
 def _between(interval: Interval | None, digits: int = 4) -> str:
-    """The interval of a quantity that is never negative."""
+    """The interval of a non-negative quantity."""
     if interval is None or not np.isfinite(interval.std):
         return "not known"
     return f"{number(max(interval.lower, 0.0), digits)} to {number(interval.upper, digits)}"
@@ -114,7 +113,7 @@ def _lasting(root: Root | None) -> str:
 
 
 def pole_exact(z: complex) -> str:
-    """One pole of a pair with the sign of its imaginary part."""
+    """One pole, with ± for a complex pair."""
     sign = "−" if z.imag < 0 else "+"
     return pole(complex(z.real)) if abs(z.imag) < 5e-5 else f"{pole(complex(z.real))} {sign} {abs(z.imag):.4f}i"
 
@@ -129,22 +128,22 @@ def parameter_grid(evaluation: Evaluation, caption: str = "All parameters") -> G
 
 
 def criteria_grid(evaluation: Evaluation) -> Grid:
-    """Fit of both parts, and every criterion of the estimation part with what it means."""
+    """Fit of both parts, and every criterion of the estimation data with its meaning."""
     c = evaluation.fit.criteria
     unit = f" [{evaluation.estimation.y_unit}²]" if evaluation.estimation.y_unit else ""
     rows = [
-        ("fit, free run, validation part", percent(evaluation.validation_fit), "the whole output from the input alone"),
-        ("fit, free run, estimation part", percent(evaluation.estimation_fit), "the same where the model was fitted"),
+        ("fit, free run, validation data", percent(evaluation.validation_fit), "the whole output from only the input"),
+        ("fit, free run, estimation data", percent(evaluation.estimation_fit), "the same on the estimation data"),
         *_one_step_rows(evaluation),
         (f"loss V, mean squared error{unit}", number(c.loss), "what the search minimised"),
         *(
             (f"{entry.label}{unit if entry.squared else ''}", number(entry.formula(c)), entry.meaning)
             for entry in CRITERIA.values()
         ),
-        ("free parameters d / samples N", f"{c.d} / {c.N}", "d after the gauge, initial states counted"),
+        ("free parameters d / samples N", f"{c.d} / {c.N}", "d without gauge freedoms, with initial states"),
     ]
     *most, last = (entry.label for entry in CRITERIA.values())
-    caption = f"{', '.join(most)} and {last} are about errors one step ahead" if one_step(evaluation) else ""
+    caption = f"{', '.join(most)} and {last} use one-step-ahead errors" if one_step(evaluation) else ""
     return Grid(("criterion", "value", "meaning"), rows, caption, last_text=True)
 
 
@@ -152,15 +151,15 @@ def _one_step_rows(evaluation: Evaluation) -> list[tuple[str, str, str]]:
     one = evaluation.one_step
     if one is None:
         return []
-    meaning = "each sample from all measured ones before it"
+    meaning = "each sample from all previous measured samples"
     return [
-        ("fit, ONE STEP ahead, validation part", percent(one.validation_fit), meaning),
-        ("fit, ONE STEP ahead, estimation part", percent(one.estimation_fit), meaning),
+        ("fit, ONE STEP ahead, validation data", percent(one.validation_fit), meaning),
+        ("fit, ONE STEP ahead, estimation data", percent(one.estimation_fit), meaning),
     ]
 
 
 def search_sentence(evaluation: Evaluation) -> str:
-    """Why the search stopped, after how much work."""
+    """The stopping reason and effort of the search."""
     stop, s = evaluation.fit.stop, evaluation.setting
     plural = "" if s.starts == 1 else f" from the best of {s.starts} starts"
     return (
@@ -170,7 +169,7 @@ def search_sentence(evaluation: Evaluation) -> str:
 
 
 def setting_in_words(evaluation: Evaluation) -> str:
-    """Structure, orders and maps in one phrase."""
+    """Structure, orders and maps as one phrase."""
     return evaluation.setting.recipe.in_words(evaluation.fit)
 
 

@@ -1,4 +1,4 @@
-"""A journal of finished work: one JSON line each, so that a killed search goes on where it stood."""
+"""A journal of finished work, one JSON line each, so that a stopped search can continue."""
 
 import hashlib
 import json
@@ -13,10 +13,10 @@ from sysid.data.record import IOData
 
 
 class Journal:
-    """Results by round and key in a file, or in memory alone where no path is given.
+    """Results by round and key in a file, or only in memory if no path is given.
 
-    The first line says which record and settings the results belong to. Each result is appended in one write and
-    flushed; a line that a kill cut short is ignored.
+    The first line identifies the record and settings of the results. Each result is appended in one write and flushed;
+    an incomplete last line is ignored.
     """
 
     def __init__(self, path: str | Path | None, data: IOData, settings: Any) -> None:
@@ -33,7 +33,7 @@ class Journal:
             self._append(head)
 
     def find(self, number: int, key: dict[str, Any]) -> dict[str, Any] | None:
-        """What was found for this key in this round, or None."""
+        """The result for this key in this round, or None."""
         return self._known.get(_name(number, key))
 
     def add(self, number: int, key: dict[str, Any], values: dict[str, Any]) -> None:
@@ -56,7 +56,7 @@ class Journal:
             found = lines.read()
             first = json.loads(found[0])
         except (OSError, UnicodeDecodeError, ValueError, IndexError):
-            raise InputError(f"{lines.path} is no journal of a search; give a path that does not exist") from None
+            raise InputError(f"{lines.path} is not a journal of a search; give a path that does not exist") from None
         if first != head:
             raise InputError(
                 f"the journal {lines.path} belongs to another record, space, search or seed; "

@@ -1,10 +1,10 @@
-"""Structure search: orders x delay x maps, cross-validated in free run, pruned early, parallel, resumable.
+"""Structure search: orders x delay x maps, cross-validated in free run, with early pruning, parallel, resumable.
 
-Four rounds. Linear models of all orders and delays first, since they cost next to nothing, and an actuated joint; then
-every pair of maps around the few best orders, one start each; then the best third of these with many starts, and the
-joint where it beat every linear model, as it does where the record integrates and stops; then lower orders around the
-winner, for as long as nothing is lost by them. Each candidate is fitted to one part of the record and judged on the
-other, the first part's turn and the second's (two folds), so that the winner was not chosen on data that it saw.
+The search has four rounds. Round 1: linear models of all orders and delays, which cost little, and an actuated joint.
+Round 2: every pair of maps around the few best orders, one start each. Round 3: the best third of these with many
+starts, and the joint if it beat every linear model, as on an integrating record with end stops. Round 4: lower orders
+around the winner, as long as the fit does not get worse. Each candidate is fitted to one half of the record and
+validated on the other, and vice versa (two folds), so the winner is chosen on unseen data.
 """
 
 import itertools
@@ -36,9 +36,9 @@ MAPS = ("unit_gain", "saturation", "dead_zone", "piecewise_linear")
 
 @dataclass(frozen=True)
 class Space:
-    """What is searched: every combination of nb, nf, nk, and of the maps where the structure has a place for them.
+    """The search space: every combination of nb, nf, nk, and of the maps that the structure has.
 
-    alone: structures without orders too, as they are (an actuated joint).
+    alone: structures without orders, tried as they are (an actuated joint).
     """
 
     nb: tuple[int, ...] = (1, 2, 3)
@@ -58,10 +58,10 @@ class Space:
 
 @dataclass(frozen=True)
 class Row:
-    """One candidate of the ranked table; `errors` (BLOCKS,) are mean squared free-run errors on unseen stretches.
+    """One candidate of the ranked table; `errors` (BLOCKS,) are mean squared free-run errors on unseen segments.
 
-    `equal` says that its errors are not told from the best candidate's (paired t-test on
-    their logarithms at 95 %, see `_ranked` for how near is near).
+    `equal`: its errors do not differ significantly from the best candidate's (paired t-test on their logarithms at 95
+    %; `_ranked` has the tolerances).
     """
 
     candidate: Recipe
@@ -75,19 +75,19 @@ class Row:
 
 @dataclass(frozen=True)
 class Selection:
-    """Ranked rows, the one that was chosen (the smallest among the equals of the best), and its fit to all the data."""
+    """Ranked rows, the chosen one (the smallest of those equal to the best), and its fit to all the data."""
 
     rows: tuple[Row, ...]
     chosen: Row
     fit: Fit
 
     def sentence(self) -> str:
-        """What was found, in words."""
+        """The result in words."""
         equals = [r for r in self.rows if r.equal]
         best = self.rows[0]
-        text = f"{best.candidate} runs best on unseen data ({best.fit_percent:.2f} %, d {best.d})"
+        text = f"{best.candidate} has the best free run on unseen data ({best.fit_percent:.2f} %, d {best.d})"
         if len(equals) > 1:
-            text += f"; {len(equals) - 1} other(s) cannot be told from it"
+            text += f"; {len(equals) - 1} other(s) do not differ from it significantly"
         if self.chosen is not best:
             small = self.chosen
             text += f", of which {small.candidate} is the smallest ({small.fit_percent:.2f} %, d {small.d})"
@@ -119,10 +119,10 @@ def select(
 ) -> Selection:
     """Search the space on a record of one input and output and fit the chosen structure to all of it.
 
-    jobs: processes (all cores if None); journal: a file that keeps every finished candidate, so that a killed search
-    goes on where it stood; progress(done, total, name) is called after each. The numbers do not depend on jobs.
-    The fit of a structure whose signals count from zero is to the record with its means back, see `Recipe.scale`.
-    Raises InputError for a journal of another record, space or seed.
+    jobs: processes (all cores if None); journal: a file of finished candidates from which a stopped search continues;
+    progress(done, total, name) is called after each candidate. The results do not depend on jobs. A structure with
+    absolute signals is fitted to the record with its means restored, see `Recipe.scale`. Raises InputError for a
+    journal of another record, space or seed.
     """
     space = space or Space()
     folds = _folds(data)
@@ -147,7 +147,9 @@ def select(
         if chosen.candidate == before.candidate:
             break
     if not np.isfinite(rows[0].fit_percent):
-        raise InputError("no structure of the space runs free on this record; look at the data or widen the space")
+        raise InputError(
+            "no structure of the space has a valid free run on this record; inspect the data or widen the space"
+        )
     winner = chosen.candidate
     best = fit_chain(winner.model(), winner.scale(data), search=search, starts=space.starts, seed=seed)
     return Selection(tuple(rows), chosen, best)
@@ -163,7 +165,7 @@ class _Work:
     progress: Callable[[int, int, str], None] | None
 
     def judge(self, number: int, candidates: Sequence[Recipe], starts: int, iterations: int) -> list[Row]:
-        """Judge candidates, those that the journal does not hold in parallel."""
+        """Validate candidates; those that are not in the journal run in parallel."""
         rows: dict[Recipe, Row] = {}
         todo = []
         for c in candidates:
@@ -193,7 +195,7 @@ def _parallel(jobs: Any, n: int) -> Any:
 
 
 def _judge_one(job: tuple[Any, ...]) -> Row:
-    """Free-run errors of one candidate on every fold's unseen part."""
+    """Free-run errors of one candidate on the unseen part of every fold."""
     candidate, folds, search, starts, seed, options, number = job
     parts, d, converged, variance = [], 0, True, 0.0
     for estimation, unseen in folds:
@@ -213,7 +215,7 @@ def _judge_one(job: tuple[Any, ...]) -> Row:
 
 
 def _folds(data: IOData) -> tuple[tuple[IOData, IOData], ...]:
-    """Two halves, each estimated on while the other judges; of several experiments every one is halved."""
+    """Two halves, one for estimation and the other for validation, and vice versa; every experiment is halved."""
     first, second = data.split(0.5)
     return (first, second), (second, first)
 
@@ -228,7 +230,7 @@ def _best_orders(rows: list[Row], count: int) -> list[dict[str, int]]:
 
 
 def _made_of(orders: dict[str, int], **maps: str) -> list[Recipe]:
-    """Every structure of these orders that has a place for these maps and for no other."""
+    """Every structure of these orders that has exactly these maps."""
     kinds = [kind for kind in TABLE.values() if kind.searched and kind.of_kind("order") == ORDERS]
     return [kind(**orders, **maps) for kind in kinds if set(kind.of_kind("map")) == set(maps)]
 
@@ -239,7 +241,7 @@ def _alone() -> list[Recipe]:
 
 
 def _around(space: Space, orders: list[dict[str, int]]) -> list[Recipe]:
-    """Every pair of maps at every order, as the structure that it makes."""
+    """Every pair of maps at every order, as the resulting structure."""
     found = []
     for o, first, last in itertools.product(orders, space.input, space.output):
         maps = {name: m for name, m in (("input_map", first), ("output_map", last)) if m != "unit_gain"}
@@ -249,7 +251,7 @@ def _around(space: Space, orders: list[dict[str, int]]) -> list[Recipe]:
 
 
 def _smaller(c: Recipe) -> list[Recipe]:
-    """The same maps with fewer zeros, fewer poles, or one coefficient of B given up for a delay."""
+    """The same maps with fewer zeros, fewer poles, or one coefficient of B replaced by a delay."""
     if not c.orders:
         return []
     nb, nf, nk = (c.orders[name] for name in ORDERS)
@@ -258,17 +260,18 @@ def _smaller(c: Recipe) -> list[Recipe]:
 
 
 def _row(c: Recipe) -> dict[str, Any]:
-    """A candidate as tables and journals have it: orders 0 where it has none, None for a map without a place."""
+    """A candidate in the form of tables and journals: orders 0 if it has none, None for a missing map."""
     orders = {**dict.fromkeys(ORDERS, 0), **c.orders}
     return {"structure": c.name, **orders, "input": c.maps.get("input_map"), "output": c.maps.get("output_map")}
 
 
 def _ranked(judged: dict[Recipe, Row]) -> tuple[list[Row], Row]:
-    """Rows best first, the equals of the best marked, and the smallest of these.
+    """Rows sorted best first, with those equal to the best marked, and the smallest of these.
 
-    Errors are compared by their logarithms: one bad stretch, where every model fails, would else hide all differences.
-    A loss up to `_SAME` times the best is equal for any use, even where the test can tell it; one beyond `_NEAR` times
-    is not, even where the test cannot: twenty stretches that differ much have little power.
+    Errors are compared by their logarithms; otherwise one bad segment, on which every model fails, would hide all
+    differences. A loss up to `_SAME` times the best counts as equal even if the difference is significant. A loss
+    above `_NEAR` times the best is not equal even if it is not significant: a test on twenty segments that differ
+    strongly has little power.
     """
     rows = sorted(judged.values(), key=_score)
     limit = float(stdtrit(BLOCKS - 1, 0.975))

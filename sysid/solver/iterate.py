@@ -25,7 +25,7 @@ class Problem(Protocol):
         ...
 
     def repair(self, p: np.ndarray) -> np.ndarray:
-        """The valid point that a search tries in place of p; p itself if it is valid."""
+        """The valid point used in place of p; p itself if it is valid."""
         ...
 
     def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
@@ -150,7 +150,7 @@ Attempt = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
 
 class Search(Protocol):
-    """One way to make a step; `memory` is its own between iterations."""
+    """A method to compute a step; `memory` stores its state between iterations."""
 
     name: str
 
@@ -182,10 +182,10 @@ def within_radius(
     shortest: Callable[[Linearisation, float], np.ndarray],
     method: str,
 ) -> Step | None:
-    """The first step `shortest(lin, radius)` (P,) that lowers the cost, within a radius that learns from success.
+    """The first step `shortest(lin, radius)` (P,) that lowers the cost, within an adaptive radius.
 
-    Radii are in columns of unit norm. A step that keeps less than a quarter of its promise shrinks the radius to a
-    quarter, one that keeps more than three quarters lets it grow (Nocedal and Wright, Numerical Optimization, ch. 4).
+    Radii are in columns of unit norm. A step with less than a quarter of the predicted decrease reduces the radius to
+    a quarter; a step with more than three quarters increases it (Nocedal and Wright, Numerical Optimization, ch. 4).
     """
     radius = memory.get("radius") or float(np.linalg.norm(lin.scaled(lin.damped(1e-3))))
     for _ in range(2 * options.max_halvings):
@@ -216,7 +216,7 @@ class Outcome:
     history: tuple[dict[str, Any], ...] = field(default=())
 
     def then(self, later: "Outcome") -> "Outcome":
-        """This search and its continuation as one."""
+        """This search and its continuation as one result."""
         before = self.stop.iterations
         stop = replace(
             later.stop,

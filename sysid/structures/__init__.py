@@ -1,4 +1,4 @@
-"""Named recipes of models: a file with a function and the class of its settings, and one line in `TABLE`."""
+"""Named model recipes: one file with a function and its settings class, and one line in `TABLE`."""
 
 from sysid.model.recipes import Recipe
 from sysid.structures.actuated_joint import ActuatedJoint, actuated_joint

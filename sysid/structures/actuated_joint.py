@@ -1,4 +1,4 @@
-"""Actuated joint: driver, motor with friction between two stops, linkage, play, sensor."""
+"""Actuated joint: driver, motor with friction between two stops, linkage, backlash, sensor."""
 
 import math
 from collections.abc import Mapping
@@ -22,17 +22,17 @@ def actuated_joint(
     fixed: Mapping[str, Any] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> Chain:
-    """Voltage u to angle y of a joint that a motor drives between two end stops; the parameters are physical.
+    """Voltage u to angle y of a motor-driven joint between two end stops, with physical parameters.
 
-    u [V] -> the driver's levels, `driver_step` [V] apart (None: none) -> driver (a static map, for example
+    u [V] -> driver levels at intervals of `driver_step` [V] (None: none) -> driver (a static map, for example
     "dead_zone_saturation"; None: none) -> `Motor` (lag, dry friction with stick, load over position, delay, end stops)
-    -> smooth `TravelMap` of `knots` (None: none) -> `Play`, or the `play` that is given (False: none) -> sensor (a
-    static map, a `Custom` absolute value for one that is blind to sign; None: none) -> y. With a travel map the motor's
-    position counts in strokes, its stops are held at 0 and 1, and `map.low` and `map.high` are the angles of the ends.
-    Without one it counts in the unit of y and has no stops unless `motor` says so.
+    -> smooth `TravelMap` of `knots` (None: none) -> `Play`, or the given `play` (False: none) -> sensor (a static map,
+    for example a `Custom` absolute value for a sensor without sign; None: none) -> y. With a travel map the motor's
+    position is in strokes, its stops are fixed at 0 and 1, and `map.low` and `map.high` are the angles of the ends.
+    Without a travel map the position is in the unit of y and has no stops unless `motor` has them.
 
-    `fixed` and `bounds` are the chain's, by parameter: a frozen part is fixed={"play": [0.0]}. Dry friction and a
-    driver's dead zone both take volts, and only a motor that coasts can tell them apart: leave one of them out.
+    `fixed` and `bounds` of the chain are by parameter, for example fixed={"play": [0.0]}. Dry friction and the driver's
+    dead zone have the same effect unless the motor coasts: leave one of them out.
     """
     own = motor if motor is not None else Motor(load=3, stops=knots is not None)
     blocks: list[Block] = [Quantiser(driver_step, role="levels")] if driver_step is not None else []
@@ -58,10 +58,10 @@ def actuated_joint(
 
 @dataclass(frozen=True)
 class ActuatedJoint(Recipe):
-    """Settings of a joint that grows from the plain `actuated_joint`; both numbers stand in data sheets.
+    """Settings of a joint that grows from the plain `actuated_joint`; data sheets give both numbers.
 
-    driver_step [V]: how far apart the driver's levels are. sensor_linearity [unit of the output]: how far the sensor
-    may be off a straight line.
+    driver_step [V]: interval between the driver's levels. sensor_linearity [unit of the output]: largest deviation of
+    the sensor from a straight line.
     """
 
     name: ClassVar[str] = "actuated_joint"
@@ -72,16 +72,16 @@ class ActuatedJoint(Recipe):
     input_map: str | None = static_map("driver", "an actuated joint's driver")
     output_map: str | None = static_map("sensor", "an actuated joint's sensor")
     driver_step: float | None = number(
-        None, "how far apart the levels of an actuated joint's driver are, if known", unit="V"
+        None, "interval between the driver levels of an actuated joint, if known", unit="V"
     )
     sensor_linearity: float = number(
-        0.0, "how far an actuated joint's sensor may be off a straight line, if known", unit="Y"
+        0.0, "largest deviation of an actuated joint's sensor from a straight line, if known", unit="Y"
     )
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.sensor_linearity < math.inf:
             raise InputError(
-                f"the sensor's linearity is {self.sensor_linearity}; give how far it may be off, 0 or more"
+                f"the sensor's linearity is {self.sensor_linearity}; give its largest deviation from a line, 0 or more"
             )
         super().__post_init__()
 
@@ -89,7 +89,7 @@ class ActuatedJoint(Recipe):
         return actuated_joint(driver=self.input_map, sensor=self.output_map, driver_step=self.driver_step, play=False)
 
     def in_words(self, fit: Any = None) -> str:
-        parts = "motor with friction between two stops, linkage, play"
+        parts = "motor with friction between two stops, linkage, backlash"
         return ", ".join([f"Actuated joint ({parts})", *self.maps_in_words()])
 
     def as_subject(self, fit: Any = None) -> str:

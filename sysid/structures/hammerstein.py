@@ -17,9 +17,9 @@ def hammerstein(
     ny: int = 1,
     **limits: Any,
 ) -> Chain:
-    """y = B/F f(u): an actuator's map before linear dynamics; one map for each input.
+    """y = B/F f(u): a static map, for example of an actuator, before linear dynamics; one map for each input.
 
-    `limits` are the chain's `fixed` and `bounds`, by parameter.
+    `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
     return Chain((maps(input, "input", nu), filters(nb, nf, nk, nu, ny)), structure="hammerstein", **limits)
 

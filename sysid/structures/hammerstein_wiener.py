@@ -18,11 +18,10 @@ def hammerstein_wiener(
     ny: int = 1,
     **limits: Any,
 ) -> Chain:
-    """y = h(B/F f(u)), equations (3) to (5) of Guni and Irawan 2016; the defaults are the toolbox's.
+    """y = h(B/F f(u)), equations (3) to (5) of Guni and Irawan 2016, with the toolbox's defaults.
 
-    It cannot hold an end stop of an integrating plant: its memory is linear.
-
-    `limits` are the chain's `fixed` and `bounds`, by parameter.
+    It cannot model an end stop of an integrating plant, because its state is linear. `limits` are the `fixed` and
+    `bounds` of the chain, by parameter.
     """
     blocks = (maps(input, "input", nu), filters(nb, nf, nk, nu, ny), maps(output, "output", ny))
     return Chain(blocks, structure="hammerstein_wiener", **limits)
@@ -35,7 +34,7 @@ class HammersteinWiener(LinearOrders):
     name: ClassVar[str] = "hammerstein_wiener"
     searched: ClassVar[bool] = True
     input_map: str | None = static_map("input map", "static map before the linear block")
-    output_map: str | None = static_map("output map", "static map behind the linear block")
+    output_map: str | None = static_map("output map", "static map after the linear block")
 
     def model(self) -> Chain:
         return hammerstein_wiener(self.nb, self.nf, self.nk, **named(input=self.input_map, output=self.output_map))

@@ -1,4 +1,4 @@
-"""Nonlinear ARX: a function of past outputs and inputs."""
+"""Nonlinear ARX: a nonlinear function of past outputs and inputs."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -17,22 +17,23 @@ def nlarx(
 ) -> Nlarx:
     """y(t) = L phi + wavelet network(phi), phi = y(t-1)..y(t-na), u(t-nk)..u(t-nk-nb+1).
 
-    units: how many wavelets and scaling functions, 0 for a linear ARX, 'auto' lets generalised cross-validation decide.
-    focus: 'prediction' fits one step ahead (fast; its free run may drift or diverge), 'simulation' the free run.
-    nonlinear: the regressors that enter the network ('y1' is y(t-1)), all where None, none where (); the line has all.
+    units: number of wavelets and scaling functions, 0 for a linear ARX; 'auto' uses generalised cross-validation.
+    focus: 'prediction' fits the one-step-ahead prediction (fast, but the free run may drift or diverge), 'simulation'
+    fits the free run. nonlinear: the regressors of the network ('y1' is y(t-1)), all if None, none if (); the linear
+    part has all.
     """
     return Nlarx(na, nb, nk, units, focus, nonlinear)
 
 
 @dataclass(frozen=True)
 class NonlinearArx(Recipe):
-    """Settings of `nlarx` whose network chooses its own size."""
+    """Settings of `nlarx` with an automatic network size."""
 
     name: ClassVar[str] = "nlarx"
     na: int = order(2, "past outputs")
     nb: int = order(2, "past inputs", least=1)
     nk: int = order(1, "delay in samples")
-    focus: str = choice("prediction", "errors that nlarx is fitted by", FOCUS)
+    focus: str = choice("prediction", "prediction or simulation errors minimised by nlarx", FOCUS)
 
     def model(self) -> Nlarx:
         return nlarx(self.na, self.nb, self.nk, focus=self.focus)
@@ -41,3 +42,6 @@ class NonlinearArx(Recipe):
         orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
         size = f" of {fit.network.units} units" if fit is not None else ""
         return f"NLARX ({orders}) with a wavelet network{size}"
+
+    def as_subject(self, fit: Any = None) -> str:
+        return f"An {self.in_words(fit)}"

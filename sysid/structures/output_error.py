@@ -8,9 +8,9 @@ from sysid.model.recipes import LinearOrders, Order, filters
 
 
 def output_error(nb: Order = 2, nf: Order = 3, nk: Order = 1, nu: int = 1, ny: int = 1, **limits: Any) -> Chain:
-    """y = B/F u with white noise at the output. It has no offset: take the means off first.
+    """y = B/F u with white noise at the output. It has no offset: remove the means first.
 
-    `limits` are the chain's `fixed` and `bounds`, by parameter.
+    `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
     return Chain((filters(nb, nf, nk, nu, ny),), structure="output_error", **limits)
 
@@ -24,3 +24,6 @@ class OutputError(LinearOrders):
 
     def model(self) -> Chain:
         return output_error(self.nb, self.nf, self.nk)
+
+    def as_subject(self, fit: Any = None) -> str:
+        return f"An {self.in_words(fit).replace('Output-Error', 'output-error')} model"

@@ -17,9 +17,9 @@ def wiener(
     ny: int = 1,
     **limits: Any,
 ) -> Chain:
-    """y = h(B/F u): linear dynamics before a sensor's map; one map for each output.
+    """y = h(B/F u): linear dynamics before a static map, for example of a sensor; one map for each output.
 
-    `limits` are the chain's `fixed` and `bounds`, by parameter.
+    `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
     return Chain((filters(nb, nf, nk, nu, ny), maps(output, "output", ny)), structure="wiener", **limits)
 
@@ -30,7 +30,7 @@ class Wiener(LinearOrders):
 
     name: ClassVar[str] = "wiener"
     searched: ClassVar[bool] = True
-    output_map: str | None = static_map("output map", "static map behind the linear block")
+    output_map: str | None = static_map("output map", "static map after the linear block")
 
     def model(self) -> Chain:
         return wiener(self.nb, self.nf, self.nk, **named(output=self.output_map))

@@ -19,9 +19,9 @@ def wiener_hammerstein(
     middle: str | StaticBlock = "piecewise_linear",
     **limits: Any,
 ) -> Chain:
-    """y = B2/F2 g(B1/F1 u); the second filter has the first one's orders and no delay where nothing else is said.
+    """y = B2/F2 g(B1/F1 u); by default the second filter has the orders of the first and no delay.
 
-    `limits` are the chain's `fixed` and `bounds`, by parameter.
+    `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
     second = TransferFunction(nb if nb2 is None else nb2, nf if nf2 is None else nf2, nk2, role="linear2")
     blocks = (TransferFunction(nb, nf, nk, role="linear1"), static(middle, "middle"), second)

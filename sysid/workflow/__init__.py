@@ -1,4 +1,4 @@
-"""A record from its file to finished numbers."""
+"""From a recorded file to final results."""
 
 from sysid.base.room import modules_of
 

@@ -1,4 +1,4 @@
-"""One model fitted to one record, with everything that a report or a table shows of it, as finished numbers."""
+"""One model fitted to one record, with all numbers that a report or a table shows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -32,9 +32,9 @@ Progress = Callable[[str], None] | None
 
 @dataclass(frozen=True)
 class Setting:
-    """What is fitted and how: a recipe of `sysid.structures` with its settings, a search, starts and seed.
+    """The model and its fit: a recipe of `sysid.structures` with settings, a search, starts and seed.
 
-    Raises InputError for a search that does not exist, before any work.
+    Raises InputError for an unknown search, before any work.
     """
 
     recipe: Recipe = field(default_factory=HammersteinWiener)
@@ -47,7 +47,7 @@ class Setting:
             raise unknown("search", self.search, SEARCHES)
 
     def as_dict(self) -> dict[str, Any]:
-        """The setting by option name; both maps are there, None for the structure's own default or no place for one."""
+        """The setting by option name; both maps are included, None for the default or if there is no such map."""
         return {
             "orders": self.recipe.orders,
             "structure": self.recipe.name,
@@ -69,10 +69,10 @@ class Curve:
 
 @dataclass(frozen=True)
 class OneStep:
-    """What a nonlinear ARX model foretells of the next sample when it sees every measured output until now.
+    """One-step-ahead prediction of a nonlinear ARX model from the measured outputs.
 
-    Outputs (N,) on the scale of their data, fits in %. Near 100 % for any smooth, finely sampled signal: never to be
-    set beside the fit of a free run.
+    Outputs (N,) on the scale of their data, fits in %. The fit is near 100 % for any smooth, finely sampled signal: do
+    not compare it with the fit of a free run.
     """
 
     estimation_output: np.ndarray
@@ -87,14 +87,13 @@ class OneStep:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A fit with its free runs over both parts of the record and the tests of its validation residuals.
+    """A fit with its free-run simulations of both parts of the record and the tests of its validation residuals.
 
     `estimation_output` and `validation_output` (N,) are on the scale of their data; `step` is the step response of the
-    tangent linear model (None where there is no such model); `maps` holds the static curves that the structure has,
-    in the order of the signal; `tests` and `higher` are None, with the reason in `notes`, where the validation part is
-    too short; `roots` are the poles with their intervals, None where the record gives none. A nonlinear ARX model has
-    `one_step` beside its free run, and neither poles nor maps. An actuated joint has `values` and its
-    `growth`, and no poles.
+    tangent linear model (None if there is no such model). `maps` holds the static curves in the order of the signal.
+    `tests` and `higher` are None if the validation part is too short; `notes` gives the reason. `roots` are the poles
+    with their intervals, None if the record gives none. A nonlinear ARX model has `one_step` and neither poles nor
+    maps. An actuated joint has `values` and `growth`, and no poles.
     """
 
     setting: Setting
@@ -117,24 +116,24 @@ class Evaluation:
 
     @property
     def linear(self) -> bool:
-        """Whether the model has a linear block, and so poles."""
+        """Whether the model has a linear block, and therefore poles."""
         return isinstance(self.fit, Fit) and bool(self.fit.model.dynamics)
 
     @property
     def poles(self) -> np.ndarray:
-        """Poles in z of the linear block; none of a model that has no such block."""
+        """Poles in z of the linear block; empty if there is no such block."""
         return self.fit.poles if isinstance(self.fit, Fit) else np.empty(0, dtype=complex)
 
     @property
     def zeros(self) -> np.ndarray:
-        """Zeros in z of the linear block; none of a model that has no such block."""
+        """Zeros in z of the linear block; empty if there is no such block."""
         return self.fit.zeros if isinstance(self.fit, Fit) else np.empty(0, dtype=complex)
 
     @property
     def stable(self) -> bool:
-        """Whether every pole of the linear block lies inside the unit circle.
+        """Whether all poles of the linear block are inside the unit circle.
 
-        Without such a block: whether both free runs stay near the range of the output (within RUNAWAY of its widths).
+        Without such a block: whether both free runs stay within RUNAWAY widths of the range of the output.
         """
         if self.linear:
             return bool(np.all(np.abs(self.poles) < 1.0))
@@ -170,7 +169,7 @@ class Evaluation:
 
 
 def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress: Progress = None) -> Evaluation:
-    """Fits `setting` to `estimation` and runs it free over both parts; only `estimation` is ever fitted to."""
+    """Fits `setting` to `estimation` and simulates both parts in free run; `validation` is never used in the fit."""
     check_parts(estimation, validation)
     options: dict[str, Any] = {"starts": setting.starts, "seed": setting.seed, "progress": progress}
     recipe = setting.recipe
@@ -183,7 +182,7 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
 
 
 def evaluate_fit(setting: Setting, fit: Fit | NlarxFit, estimation: IOData, validation: IOData) -> Evaluation:
-    """Runs a model free that was fitted to `estimation` by `setting`, and tests what it leaves of `validation`."""
+    """Simulates a model fitted to `estimation` by `setting` in free run, and tests its residuals on `validation`."""
     chain = fit if isinstance(fit, Fit) else None
     network = fit if isinstance(fit, NlarxFit) else None
     notes = list(fit.warnings)
@@ -197,19 +196,19 @@ def evaluate_fit(setting: Setting, fit: Fit | NlarxFit, estimation: IOData, vali
     if chain is not None and chain.model.dynamics:
         step = _step_response(chain, float(np.mean(estimation.u)))
         if step is None:
-            notes.append("no step response: the tangent model has no finite one")
+            notes.append("no step response: the tangent model has no finite step response")
     # Where it was fitted, a chain's initial state is part of the fit; where it was not, the first samples must do.
     fitted = np.ravel(fit.simulate(estimation, estimation.N if chain else None))
     run = np.ravel(fit.simulate(validation))
     first = 0 if chain else fit.n_init
     fits = fit_percent(estimation.y[first:, 0], fitted[first:]), fit.fit_percent(validation)
     if network and not np.isfinite(fits[1]):
-        notes.append(f"on the validation part {network.divergence(validation)}")
+        notes.append(f"in the validation data {network.divergence(validation)}")
     if np.isfinite(fits).all() and fits[0] - fits[1] > OVERFITTED:
         seen, unseen = (f"{f:.0f} %" if f > -1000 else "below -1000 %" for f in fits)
         notes.append(
-            f"the fit is {seen} where it was fitted and {unseen} where it was not: the model is too large for this "
-            "record, or its parts differ; lower the orders, choose smaller maps or look at the data"
+            f"the fit is {seen} on the estimation data and {unseen} on the validation data: the model is too large "
+            f"for this record, or its parts differ; lower the orders, choose smaller maps or inspect the data"
         )
     physical = chain is not None and physics is not None
     if chain and physical:
@@ -237,7 +236,7 @@ def evaluate_fit(setting: Setting, fit: Fit | NlarxFit, estimation: IOData, vali
 
 
 def check_parts(estimation: IOData, validation: IOData) -> None:
-    """Raises InputError where one of the two parts does not move, so that nothing can be fitted or scored on it."""
+    """Raises InputError if a signal is constant in one of the two parts, because no fit or score is possible there."""
     _check_can_be_scored(estimation, "estimation")
     _check_can_be_scored(validation, "validation")
 
@@ -257,7 +256,7 @@ def _higher_order(fit: Fit | NlarxFit, data: IOData) -> HigherOrderTests:
 
 
 def _roots(fit: Fit, data: IOData, coloured: bool) -> tuple[Root, ...] | None:
-    """Poles with intervals, wider where residuals are coloured; None where the library cannot compute them."""
+    """Poles with intervals that allow for coloured residuals; None if they cannot be computed."""
     if not fit.model.dynamics:
         return None
     try:
@@ -275,7 +274,7 @@ def _check_can_be_scored(data: IOData, part: str) -> None:
 
 
 def _values(fit: Fit, data: IOData, options: dict[str, Any]) -> tuple[JointValue, ...]:
-    """Physical values with the output's own unit in the place of y; an end that was never met has no interval."""
+    """Physical values with the output's unit in place of y; an end stop that was never reached has no interval."""
     unit, met = data.y_unit or "y", dict(zip(("end_low", "end_high"), ends_met(fit, data), strict=True))
     values = []
     for v in joint_values(fit, data=data, **options):
@@ -285,7 +284,7 @@ def _values(fit: Fit, data: IOData, options: dict[str, Any]) -> tuple[JointValue
 
 
 def _step_response(fit: Fit, u0: float) -> Curve | None:
-    """Response [y per u] to a unit step of the model that is tangent at u0, until its slowest pole has settled."""
+    """Unit step response [y per u] of the model tangent at u0, until its slowest pole has settled."""
     import control
 
     poles = np.abs(fit.poles)
@@ -302,7 +301,7 @@ def _step_response(fit: Fit, u0: float) -> Curve | None:
 
 
 def _maps(fit: Fit, data: IOData) -> dict[str, Curve]:
-    """The static maps over the range that the estimation data visited, by role."""
+    """The static maps over the range of the estimation data, by role."""
     maps = {}
     for block, x in zip(fit.model.blocks, fit.model.signals(fit.theta, data.u), strict=False):
         if isinstance(block, StaticBlock):

@@ -1,4 +1,4 @@
-"""A fitted model as files that outlive the report: to load again, to compile, to import."""
+"""A fitted model as files: to load again, to compile, to import."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,21 +10,21 @@ from sysid.export import c as export_c
 from sysid.export import python as export_python
 from sysid.workflow.evaluation import Evaluation
 
-SAVED = ("model.json", "the fit; sysid.load reads it again, on the scale of the data without what was removed")
+SAVED = ("model.json", "the fit for sysid.load, on the scale of the preprocessed data")
 
 
 @dataclass(frozen=True)
 class Exports:
-    """Names of the files with what each is, and why there are not more of them."""
+    """Names and contents of the files, and why others are missing."""
 
     files: tuple[tuple[str, str], ...] = ()
     notes: tuple[str, ...] = ()
 
 
 def export(evaluation: Evaluation, folder: Path) -> Exports:
-    """model.json, model.c and model.py in `folder`; the last two take and give what the record holds, means included.
+    """model.json, model.c and model.py in `folder`; the last two use the scale of the record, means included.
 
-    A nonlinear ARX model has no such files yet, which `notes` says.
+    A nonlinear ARX model has no such files yet; `notes` says so.
     """
     fit, data = evaluation.fit, evaluation.estimation
     if not isinstance(fit, Fit):
@@ -39,7 +39,7 @@ def export(evaluation: Evaluation, folder: Path) -> Exports:
     return Exports(
         (
             SAVED,
-            ("model.c", "C99, a state and a step function; from the recorded input to the recorded output's scale"),
-            ("model.py", "the same in Python without any import but math"),
+            ("model.c", "C99 with a state and a step function, on the scales of the recorded input and output"),
+            ("model.py", "the same in Python; imports only math"),
         )
     )

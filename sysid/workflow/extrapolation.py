@@ -1,4 +1,4 @@
-"""Which signals of the validation part leave the range that the fit has seen, and what carries a model there."""
+"""Signals of the validation data outside the range of the estimation data, and how the model extrapolates."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ _AT = 1e-6  # of the stroke: a motor at its stop
 
 
 def extrapolated_signals(estimation: IOData, validation: IOData) -> list[str]:
-    """A sentence for each signal of the validation part that leaves the range which the fit has seen."""
+    """One sentence for each signal of the validation data that leaves the range of the estimation data."""
     notes = []
     for name, unit, seen, new, offset in (
         (estimation.u_name, estimation.u_unit, estimation.u[:, 0], validation.u[:, 0], estimation.u_offset[0]),
@@ -22,14 +22,14 @@ def extrapolated_signals(estimation: IOData, validation: IOData) -> list[str]:
         if max(low - new.min(), new.max() - high) > EXTRAPOLATED * (high - low):
             ranges = [f"{a + offset:.4g} to {b + offset:.4g} {unit}".strip() for a, b in ((low, high), _range(new))]
             notes.append(
-                f"{name} was seen from {ranges[0]} and runs from {ranges[1]} in the validation part "
-                f"({100 * outside:.1f} % of it outside): what a map says there is extrapolated"
+                f"{name} was seen from {ranges[0]} and runs from {ranges[1]} in the validation data "
+                f"({100 * outside:.1f} % of the samples outside): the static map extrapolates there"
             )
     return notes
 
 
 def ends_met(fit: Fit, estimation: IOData) -> tuple[bool, bool]:
-    """Whether an actuated joint stood at its lower and at its upper end in the record that it was fitted to."""
+    """Whether an actuated joint reached its lower and its upper end in the estimation data."""
     outputs = fit.model.signals(fit.theta, estimation.u)[1:]
     for block, x in zip(fit.model.blocks, outputs, strict=True):
         if isinstance(block, Motor):
@@ -45,7 +45,7 @@ def ends_met(fit: Fit, estimation: IOData) -> tuple[bool, bool]:
 
 
 def extrapolated_joint(fit: Fit, estimation: IOData, validation: IOData) -> list[str]:
-    """What an actuated joint's physics carries: ends that the estimation part never met, and how far they are."""
+    """Extrapolation of an actuated joint: ends that the estimation data never reached, and their distance."""
     travel, met = _travel(fit), ends_met(fit, estimation)
     if travel is None:
         return extrapolated_signals(estimation, validation)

@@ -1,4 +1,4 @@
-"""From a recorded file to an evaluated model: what `qpal identify` does."""
+"""From a recorded file to an evaluated model, as in `qpal identify`."""
 
 import os
 from collections.abc import Callable
@@ -19,7 +19,7 @@ from sysid.workflow.record import read_record
 
 @dataclass(frozen=True)
 class Auto:
-    """A search over structures instead of one setting: `journal` keeps finished candidates through a kill."""
+    """A search over structures instead of one setting; `journal` keeps finished candidates if the run is stopped."""
 
     search: str = "auto"
     starts: int = 5
@@ -43,11 +43,11 @@ def identify_file(
     fitting: Callable[[], None] = lambda: None,
     candidate: Callable[[int, int, str], None] | None = None,
 ) -> Identification:
-    """Reads the file, prepares both parts and fits `setting` to the first; `fitting` is called before the fit.
+    """Reads the file, prepares both parts and fits `setting` to the first part; `fitting` is called before the fit.
 
-    A structure search sees the first part alone, as every fit does; `candidate(done, total, name)` hears its progress.
-    `detrend` is "mean" if None is given, but "none" of a structure whose signals count from zero (`Recipe.zero`).
-    Every InputError names the file, also where the identifier itself finds that the record will not do.
+    A structure search uses only the first part, as every fit does; `candidate(done, total, name)` receives its
+    progress. `detrend` None means "mean", or "none" for a structure with absolute signals (`Recipe.zero`). Every
+    InputError names the file.
     """
     detrend = setting.recipe.detrend(detrend) if isinstance(setting, Setting) else detrend or "mean"
     record = read_record(path, input, output, Ts, time)
@@ -70,7 +70,7 @@ def identify_file(
 def _search(
     auto: Auto, estimation: IOData, validation: IOData, candidate: Callable[[int, int, str], None] | None
 ) -> tuple[Selection, Evaluation]:
-    """The search on `estimation`, and its chosen fit, as it is, evaluated on `validation`."""
+    """The search on `estimation`, and its chosen fit evaluated on `validation` without refitting."""
     space = Space(starts=auto.starts)
     found = select(estimation, space, auto.search, auto.seed, journal=auto.journal, progress=candidate)
     recipe = found.chosen.candidate

@@ -1,4 +1,4 @@
-"""What identifying a file gives: the record, the evaluated model, and what to try next."""
+"""The result of identifying a file: the record, the evaluated model, and the next step."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,22 +12,22 @@ from sysid.workflow.record import Record
 
 @dataclass(frozen=True)
 class NextStep:
-    """Why to go on, and the command that does."""
+    """The reason for another step, and its command."""
 
     why: str
     command: str
 
     def sentence(self) -> str:
-        """Both, as the report and the console say them."""
+        """Both as text for the report and the console."""
         return f"Next: {self.why}; try: {self.command}"
 
 
 @dataclass(frozen=True)
 class Identification:
-    """The record, what it says about itself, how it was prepared, and the model with its tests.
+    """The record with its diagnosis and preprocessing, and the model with its tests.
 
-    `selection` is the structure search that the model came from, None where the structure was given. `next` is what to
-    try next, None where the fit is good.
+    `selection` is the structure search that gave the model, None if the structure was given. `next` is the next step,
+    None if the fit is good.
     """
 
     record: Record

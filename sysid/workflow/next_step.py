@@ -1,4 +1,4 @@
-"""What to try next where a fit is poor: one sentence and one command, by rules on the fit and on the record."""
+"""The next step after a poor fit: one sentence and one command, by rules on the fit and on the record."""
 
 import shlex
 from collections.abc import Callable
@@ -24,11 +24,11 @@ SPLITS = (0.6, 0.7, 0.8)
 
 
 def next_step(result: Identification) -> NextStep | None:
-    """The next thing to try; None where the fit is good, or what it leaves is noise.
+    """The next step; None if the fit is good or the residuals are noise.
 
-    A fit is poor below POOR in validation, unless its residuals are white and independent of the input: noise then
-    sets the limit. A better fit has a next step where its search did not converge, or where its residuals are not
-    white; of an actuated joint they rarely are, and no other structure does better.
+    A fit is poor below POOR in validation, unless its residuals are white and independent of the input: then noise
+    limits the fit. A better fit has a next step if its search did not converge or its residuals are coloured, except
+    for an actuated joint: its residuals are rarely white, and no other structure fits better.
     """
     e = result.evaluation
     noise_alone = e.tests is not None and e.tests.white and e.tests.independent
@@ -47,9 +47,9 @@ _Rule = Callable[[Identification], NextStep | None]
 
 
 def _ends(result: Identification) -> NextStep | None:
-    """A record that stands at its ends, and a model without end stops; a structure search has tried one with them.
+    """The record rests at its ends and the model has no end stops; a structure search has tried a model with them.
 
-    A linear model gets its maps first, which are simpler than a joint and may saturate.
+    A linear model first gets static maps, which are simpler than a joint and may saturate.
     """
     recipe = result.evaluation.setting.recipe
     rests = any(a.topic == "rest" and a.severity != "fine" for a in result.advice)
@@ -61,7 +61,7 @@ def _ends(result: Identification) -> NextStep | None:
 
 
 def _delay(result: Identification) -> NextStep | None:
-    """Orders that cannot hold the delay that the record shows."""
+    """Orders that cannot represent the delay of the record."""
     recipe = result.evaluation.setting.recipe
     found = [a.value for a in result.advice if a.topic == "delay" and np.isfinite(a.value)]
     if not {"nb", "nk"} <= set(recipe.orders) or result.selection is not None or not found:
@@ -69,38 +69,43 @@ def _delay(result: Identification) -> NextStep | None:
     seen, nk = int(found[0]), recipe.orders["nk"]
     if nk <= seen < nk + recipe.orders["nb"]:
         return None
-    why = f"the output answers after {seen} sample(s), and the model's delay is {nk}"
+    why = f"the output responds after {seen} sample(s), but the model's delay is {nk}"
     return NextStep(why, command(result, nk=seen))
 
 
 def _focus(result: Identification) -> NextStep | None:
-    """A nonlinear ARX model that was fitted one step ahead and is asked to run free."""
+    """A nonlinear ARX model fitted for one-step-ahead prediction and poor in free run."""
     recipe = result.evaluation.setting.recipe
     if not isinstance(recipe, NonlinearArx) or recipe.focus != "prediction":
         return None
-    return NextStep("the model was fitted one step ahead and runs free badly", command(result, focus="simulation"))
+    return NextStep(
+        "the model was fitted for one-step-ahead prediction and its free-run fit is poor",
+        command(result, focus="simulation"),
+    )
 
 
 def _unseen(result: Identification) -> NextStep | None:
-    """A validation part of which much lies outside the range of the part that was fitted."""
+    """Validation data of which a large share is outside the range of the estimation data."""
     return _coverage(result) if _outside(result.evaluation.estimation, result.evaluation.validation) > MUCH else None
 
 
 def _coverage(result: Identification) -> NextStep | None:
-    """A validation part that leaves the range of the part that was fitted, and a split that mends this."""
+    """Validation data outside the range of the estimation data, and a split that corrects this."""
     e = result.evaluation
     if not extrapolated_signals(e.estimation, e.validation):
         return None
     most = _outside(e.estimation, e.validation) / 4
     for split in SPLITS:
         if split > result.split and _outside_after(result, split) <= most:
-            why = "the validation part leaves the range that was fitted to, and a longer first part covers more of it"
+            why = (
+                "the validation data leave the range of the estimation data; a longer estimation part covers more of it"
+            )
             return NextStep(why, command(result, split=split))
     return None
 
 
 def _outside(estimation: IOData, validation: IOData) -> float:
-    """The share of validation samples outside the range of the estimation part, of the signal that leaves it most."""
+    """The largest share over the signals of validation samples outside the range of the estimation data."""
     seen, new = (np.column_stack([part.u, part.y]) for part in (estimation, validation))
     return float(np.mean((new < seen.min(axis=0)) | (new > seen.max(axis=0)), axis=0).max())
 
@@ -126,16 +131,16 @@ def _nonlinear_record(result: Identification) -> bool:
 
 
 def _more_starts(result: Identification) -> NextStep | None:
-    """A search that stopped early, or that began from few points."""
+    """A search that stopped early or had few starts."""
     stop, starts = result.evaluation.fit.stop, result.evaluation.setting.starts
     if starts >= (STARTS if stop.converged else MOST_STARTS):
         return None
-    why = "the search began from few points" if stop.converged else "the search did not converge"
+    why = "the search had few starting points" if stop.converged else "the search did not converge"
     return NextStep(f"{why} ({starts} starts)", command(result, starts=STARTS if stop.converged else MOST_STARTS))
 
 
 def _search_structures(result: Identification) -> NextStep | None:
-    """Another structure or size, by a search that judges candidates on data that they were not fitted to."""
+    """Another structure or size, by a search that validates candidates on data not used in their fit."""
     e = result.evaluation
     if result.selection is not None:
         return None
@@ -143,13 +148,13 @@ def _search_structures(result: Identification) -> NextStep | None:
     if e.estimation_fit - e.validation_fit > OVERFITTED:
         why = "the model is too large for this record"
     elif e.validation_fit >= POOR:
-        why = "the residuals are not white, so the model leaves something out"
+        why = "the residuals are coloured, so the model is incomplete"
     return NextStep(why, command(result, structure="auto", starts=2))
 
 
 def _other_kind(result: Identification) -> NextStep | None:
-    """No block model was found: a nonlinear ARX model supposes no blocks."""
-    return NextStep("no structure of blocks explains the record", command(result, structure=NonlinearArx.name))
+    """No block model was found; a nonlinear ARX model does not assume blocks."""
+    return NextStep("no block structure explains the record", command(result, structure=NonlinearArx.name))
 
 
 def command(
@@ -159,9 +164,9 @@ def command(
     split: float | None = None,
     **changed: Any,
 ) -> str:
-    """The command that made `result`, with changes; a new `structure` takes its own default orders and maps.
+    """The command that made `result`, with changes; a new `structure` uses its default orders and maps.
 
-    `changed` are settings of the present structure.
+    `changed` are settings of the current structure.
     """
     record, s = result.record, result.evaluation.setting
     auto = result.selection is not None and structure is None
@@ -183,7 +188,7 @@ def command(
 
 
 def _columns(result: Identification) -> list[str]:
-    """The options that read the same columns; none for those that are found without."""
+    """The options that read the same columns; none for columns that are detected automatically."""
     r = result.record
     words = [] if r.notes else ["--input", r.input, "--output", r.output]
     if r.time is None:

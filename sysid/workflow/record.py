@@ -1,4 +1,4 @@
-"""From a file and the columns that the user names to a record that is ready to identify."""
+"""From a file and its named columns to a record ready for identification."""
 
 import os
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ STEP_TOLERANCE = (
 
 @dataclass(frozen=True)
 class Record:
-    """What was read: the data, and where each part of it came from."""
+    """The data and their source columns."""
 
     path: Path
     data: IOData
@@ -51,10 +51,10 @@ def read_record(
 ) -> Record:
     """The record in the file at `path`, from the named columns.
 
-    Ts [s] comes from `Ts` or from the `time` column [s]. A log that `qpal simulate` wrote needs no names, a file of two
-    columns is read as input, output; `notes` says what was assumed. Raises InputError, which names the file and the
-    place, for anything that cannot be identified: columns that are not there or differ in length, cells that are no
-    finite numbers, a constant signal, a time column that does not increase or is not uniform.
+    Ts [s] comes from `Ts` or from the `time` column [s]. A log of `qpal simulate` needs no column names; a file of two
+    columns is read as input, output. `notes` lists the assumptions. Raises InputError with file and place for missing
+    columns, columns of different lengths, cells that are not finite numbers, a constant signal, or a time column that
+    does not increase or is not uniform.
     """
     table = read_table(path)
     input, output, notes = _columns(table, input, output)
@@ -113,7 +113,7 @@ def _sampling_time(table: Table, time: str | None, Ts: float | None, N: int) -> 
 
 
 def _uniform_step(table: Table, name: str, N: int) -> float:
-    """The step [s] of a time column that increases uniformly."""
+    """The step [s] of a uniformly increasing time column."""
     t = table.numbers(name)
     if len(t) != N:
         raise InputError(f"{table.path}: column {name!r} has {len(t)} samples and the signals have {N}; name another")
@@ -123,9 +123,7 @@ def _uniform_step(table: Table, name: str, N: int) -> float:
     back = np.flatnonzero(steps <= 0)
     if len(back):
         k = int(back[0]) + 1
-        raise table.error(
-            j, k, f"found {t[k]:g} s after {t[k - 1]:g} s; time has to increase, so sort or remove the rows"
-        )
+        raise table.error(j, k, f"found {t[k]:g} s after {t[k - 1]:g} s; time must increase; sort or remove the rows")
     middle = float(np.median(steps))
     off = np.flatnonzero(np.abs(steps - middle) > STEP_TOLERANCE * middle)
     if len(off):

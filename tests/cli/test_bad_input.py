@@ -144,7 +144,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "resume without auto": (["good.csv", "--ts", "1", "--resume", "j"], ["--resume", "auto"]),
     "resume from no journal": (
         ["good.csv", "--ts", "1", "--structure", "auto", "--resume", "text.csv"],
-        ["text.csv", "no journal", "path"],
+        ["text.csv", "not a journal", "path"],
     ),
     "split": (["good.csv", "--ts", "1", "--split", "1.5"], ["split is 1.5", "between 0 and 1"]),
     "split zero": (["good.csv", "--ts", "1", "--split", "0"], ["split is 0", "between 0 and 1"]),

@@ -113,7 +113,7 @@ def test_the_report_shows_what_the_joint_was_tried_with(plain_log, tmp_path, cap
     assert {step["part"] for step in growth["steps"] if step["round"] == 0} >= {"stribeck", "loss", "jams", "coasts"}
     assert ("play.width" in names) == bool({"plays", "coasts"} & set(growth["parts"]))
     assert (out / "figures" / "growth.png").exists()
-    assert "dry friction and a load over position" in capsys.readouterr().out
+    assert "dry friction and a position-dependent load" in capsys.readouterr().out
 
 
 @pytest.fixture(scope="module")

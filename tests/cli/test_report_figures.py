@@ -98,7 +98,7 @@ def test_a_step_from_angle_to_angle_is_said_per_degree(log):
         angle[part] = type(data)(data.u, data.y, data.Ts, "reference", "angle", "rad", "rad")
     turned = type(e)(**angle)
     caption = figures.TABLE["step-response"].caption(turned)
-    said = float(caption.rpartition(" it stands at ")[2].split()[0].replace("−", "-"))
+    said = float(caption.rpartition(" its value is ")[2].split()[0].replace("−", "-"))
     assert caption.endswith("deg per deg.")
     assert said == pytest.approx(e.step.y[-1], rel=5e-3)
     line = figures.TABLE["step-response"].draw(turned).lines[0]

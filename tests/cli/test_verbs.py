@@ -141,8 +141,8 @@ def test_identify_nlarx_keeps_free_run_and_one_step_apart(tmp_path, capsys):
     arguments = [str(tmp_path / "log.csv"), "--ts", str(TS), "--structure", "nlarx", "--starts", "2"]
     assert main(["identify", *arguments, "--out", str(tmp_path / "out")]) == 0
     out = capsys.readouterr().out
-    assert "fit, free run, validation part" in out
-    assert "fit, ONE STEP ahead, validation part" in out
+    assert "fit, free run, validation data" in out
+    assert "fit, ONE STEP ahead, validation data" in out
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert summary["setting"]["orders"] == {"na": 2, "nb": 2, "nk": 1}
     assert summary["fit_percent"]["validation"] > 99.9  # the plant is an ARX model of these orders
@@ -174,7 +174,7 @@ def test_identify_auto_finds_a_linear_plant_and_goes_on_from_its_journal(tmp_pat
     for _ in range(2):
         assert main(["identify", *arguments]) == 0
         out = capsys.readouterr().out
-        assert "runs best on unseen data" in out
+        assert "has the best free run on unseen data" in out
         assert "chosen" in out
         summaries.append(json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8")))
         finished = journal.read_bytes()

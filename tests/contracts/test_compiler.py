@@ -217,7 +217,7 @@ REFUSED = {
     "y = other": "other has no value here",
     "x = 1.0": "x is an argument",
     "p.gain = 1.0": "only states",
-    "for i in range(int(x)): y += 1.0": "how often a loop runs",
+    "for i in range(int(x)): y += 1.0": "the number of loop passes",
     "for i in (1, 2): y += i": "a loop is for name in range",
     "for i in range(3): return y": "does not stand in a loop",
     "y, z = x": "2 names for 1 values",
@@ -270,7 +270,7 @@ def test_parameters_that_do_not_fit_the_step_are_refused():
         dynamic(text, {"gain": 1.0, "loss": 1.0})
     with pytest.raises(InputError, match="unknown parameter 'gian'"):
         dynamic(text, {"gain": 1.0}, bounds={"gian": (0.0, 1.0)})
-    with pytest.raises(InputError, match="leave the bounds"):
+    with pytest.raises(InputError, match="are outside the bounds"):
         dynamic(text, {"gain": 1.0}, bounds={"gain": (2.0, 3.0)})
     with pytest.raises(InputError, match="no block to read"):
         dynamic("def step(s, x, p, block):\n    return p.gain * x * block.n\n", {"gain": 1.0})

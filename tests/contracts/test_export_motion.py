@@ -283,7 +283,7 @@ def test_motion_in_words():
     assert "0.6*v' + v = 0.08*(u - L - F), y' = v" in text
     assert "R = 0.3*exp(-(v/0.1)^2) + 0.5*|L|" in text
     assert "L and R from the start of each of 3 equal parts" in text
-    assert "becomes 0 and stays 0 for a time 60*|v| after a blow at speed v" in text
+    assert "becomes 0 and stays 0 for a time 60*|v| after an impact at speed v" in text
     block, theta = motor(load=0, delayed=False, stops=False)
     plain = closed_form.text(made(Chain((block,)), theta))
     assert not re.search(r"\bL\b|\bR\b|ends|late|blow", plain)

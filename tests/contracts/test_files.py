@@ -65,6 +65,6 @@ def test_foreign_text_without_a_line_s_end_is_no_journal_and_is_left_alone(tmp_p
     path = tmp_path / "notes"
     path.write_text("not a journal")
     data = IOData(np.arange(4.0), np.arange(4.0))
-    with pytest.raises(InputError, match="no journal"):
+    with pytest.raises(InputError, match="not a journal"):
         Journal(path, data, ())
     assert path.read_text() == "not a journal"

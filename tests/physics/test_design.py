@@ -51,7 +51,7 @@ def test_ends_meets_both_ends_or_says_why_not(joint, excitation):
     # The random levels of some take more crossings than the short records hold: 150 s at thigh and shank.
     experiment = planned(joint, excitation, duration=20.0 if joint == "shoulder" else 150.0)
     if not experiment.signal().travel_more:  # nothing to stretch: the supply's 12 V do not carry it from end to end
-        with pytest.raises(InputError, match=f"{excitation} on the {joint} does not surely meet both ends within"):
+        with pytest.raises(InputError, match=f"{excitation} on the {joint} does not reach both ends within"):
             fit_stroke(experiment, "ends")
         return
     designed = fit_stroke(experiment, "ends")
@@ -122,14 +122,22 @@ HEAVY = Parameters({"shank_mass": 10.0, "gravity": 20.0})
 @pytest.mark.parametrize(
     ("experiment", "where", "says"),
     [
-        (planned("thigh", "sweep", options={"amplitude": 1.0}), "inside", r"moves nothing .* of 1 V, it starts at -4"),
+        (
+            planned("thigh", "sweep", options={"amplitude": 1.0}),
+            "inside",
+            r"does not move .* of 1 V, its break-away voltages are -4",
+        ),
         (
             planned("thigh", "sweep", parameters=Parameters({"thigh.coulomb": 400.0})),
             "inside",
-            "less than what starts it",
+            "below its break-away voltage",
         ),
-        (planned("thigh", "chirp", parameters=HEAVY, without=("friction", "load_friction")), "inside", "drifts out"),
-        (planned("thigh", "sweep", options={"half_period": 0.5}), "ends", "does not surely meet both ends within 50 s"),
+        (
+            planned("thigh", "chirp", parameters=HEAVY, without=("friction", "load_friction")),
+            "inside",
+            "leaves the stroke",
+        ),
+        (planned("thigh", "sweep", options={"half_period": 0.5}), "ends", "does not reach both ends within 50 s"),
         (Experiment(joint="leg", duration=5.0), "inside", "one joint at a time, of shoulder, thigh, shank"),
         (planned("thigh", "sweep"), "middle", "unknown where 'middle'; choose one of inside, ends"),
     ],

@@ -183,7 +183,7 @@ def test_a_straight_sensor_changes_nothing_and_an_impossible_one_is_refused(fitt
     fit, _ = fitted
     assert joint_values(fit, linearity=0.0) == joint_values(fit)
     for wrong in (-0.001, np.nan, np.inf):
-        with pytest.raises(InputError, match="how far the sensor may be off a straight line"):
+        with pytest.raises(InputError, match="the largest deviation of the sensor from a straight line"):
             joint_values(fit, linearity=wrong)
 
 

@@ -168,7 +168,7 @@ def test_a_journal_of_something_else_is_refused(tmp_path):
     with pytest.raises(InputError, match="another record"):
         select(hammerstein_record(600, seed=1), SMALL, jobs=1, journal=journal)
     journal.write_text("angle,voltage\n1,2\n")
-    with pytest.raises(InputError, match="no journal"):
+    with pytest.raises(InputError, match="not a journal"):
         select(hammerstein_record(600), SMALL, jobs=1, journal=journal)
     with pytest.raises(InputError, match="another path"):
         select(hammerstein_record(600), SMALL, jobs=1, journal=tmp_path / "none" / "search.jsonl")

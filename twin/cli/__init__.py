@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run `qpal` with `arguments` (the process's own when None) and return the exit code.
+    """Run `qpal` with `arguments` (the process's own if None) and return the exit code.
 
-    0: done. 1: a check that the verb ran did not hold. 2: bad input, said in one line on standard error. 130: stopped.
+    0: done. 1: a check of the verb failed. 2: bad input, reported in one line on standard error. 130: stopped.
     """
     from typer.exceptions import TyperException
 
@@ -51,7 +51,7 @@ def _fail(sentence: str) -> int:
 
 
 def _stop_on_terminate():
-    """Makes a polite kill clean up like Ctrl-C; returns the former handler, or None outside the main thread."""
+    """Makes SIGTERM clean up like Ctrl-C; returns the former handler, or None outside the main thread."""
 
     def stop(number: int, frame: object) -> None:
         raise KeyboardInterrupt

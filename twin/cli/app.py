@@ -17,7 +17,7 @@ def build() -> typer.Typer:
     """The command line with every verb."""
     app = typer.Typer(
         name="qpal",
-        help="Digital twin of a robot leg, and identification that is checked against it.",
+        help="Digital twin of a robot leg, and system identification that is checked against it.",
         add_completion=False,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,  # help is shown as it is written: rich takes words in brackets for its own marks

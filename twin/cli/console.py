@@ -1,4 +1,4 @@
-"""What a verb says: tables on standard output, progress on standard error and only where a person watches."""
+"""Output of a verb: tables on standard output; progress on standard error, only in a terminal."""
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -10,11 +10,11 @@ from sysid.report.page import Grid, to_json
 
 
 class Stopped(Exception):  # noqa: N818 - a person stopped it: no error
-    """A person ended the run; the text says what was kept and how to go on."""
+    """The user stopped the run; the text says what was kept and how to continue."""
 
 
 class Steps:
-    """Takes the name of each step as it begins; `part` says how far the step is, from 0 to 1, and what it is at."""
+    """Receives the name of each step as it begins; `part` receives its progress from 0 to 1 and what it works on."""
 
     def __init__(self, update: Callable[[float, str], None] = lambda done, name: None) -> None:
         self._update = update
@@ -30,7 +30,7 @@ class Steps:
 
 
 class Rounds:
-    """Hears of `rounds` rounds of candidates, each counted from 1, and moves one step's part of the bar along."""
+    """Receives the progress of `rounds` rounds of candidates, counted from 1, and advances the bar."""
 
     def __init__(self, steps: Steps, rounds: int) -> None:
         self._steps, self._rounds, self._round, self._last = steps, rounds, 0, 0
@@ -45,7 +45,7 @@ class Rounds:
 
 @contextmanager
 def progress(steps: int) -> Iterator[Steps]:
-    """What takes the names of `steps` steps and shows them on a bar where a person watches."""
+    """Receives the names of `steps` steps and shows them on a progress bar in a terminal."""
     if not sys.stderr.isatty():
         yield Steps()
         return
@@ -64,7 +64,7 @@ def progress(steps: int) -> Iterator[Steps]:
 
 
 def show(grid: Grid) -> None:
-    """A table on standard output; wide enough for itself where the output goes into a file."""
+    """A table on standard output; full width if the output goes into a file."""
     from rich import box
     from rich.console import Console
     from rich.markup import escape
@@ -84,7 +84,7 @@ def show(grid: Grid) -> None:
 def finish(
     folder: Path, summary: dict[str, Any], as_json: bool, grids: Sequence[Grid], sentences: Sequence[str]
 ) -> None:
-    """The end of a verb: the summary alone, or tables, sentences and where the report lies."""
+    """The end of a verb: only the summary, or tables, sentences and the path of the report."""
     if as_json:
         sys.stdout.write(to_json(summary))
         return

@@ -1,4 +1,4 @@
-"""`qpal crawl`: the whole quadruped stands and walks."""
+"""`qpal crawl`: stand and walk with the whole quadruped."""
 
 from typing import Annotated
 
@@ -9,15 +9,15 @@ from twin.cli.output import run_folder
 
 
 def crawl(
-    steps: Annotated[int, options.whole("N", "steps to walk; four make a cycle")] = 8,
-    duration: Annotated[float, options.number("S", "seconds to stand, with power and again without")] = 30.0,
-    robots: Annotated[int, options.whole("N", "other robots, of other friction and mass, that walk too")] = 12,
-    seed: Annotated[int, options.whole("N", "of the other robots and of the potentiometers' noise")] = 1,
+    steps: Annotated[int, options.whole("N", "number of steps; four are one gait cycle")] = 8,
+    duration: Annotated[float, options.number("S", "seconds to stand with power, and again without")] = 30.0,
+    robots: Annotated[int, options.whole("N", "number of additional robots with other friction and mass")] = 12,
+    seed: Annotated[int, options.whole("N", "seed of the additional robots and of the potentiometer noise")] = 1,
     params: options.Params = None,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Let the quadruped stand, and walk a slow crawl with its twelve joints in servo mode."""
+    """Simulate the quadruped standing and walking a slow crawl with its twelve joints in servo mode."""
     from sysid.report.page import write
     from twin.report import crawl as report
     from twin.robot import crawl as walking

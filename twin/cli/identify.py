@@ -28,25 +28,27 @@ def identify(
     ts: options.Ts = None,
     time: options.Time = None,
     structure: Annotated[
-        str, options.name("structure of the model, auto to search for one", [*structures.TABLE, AUTO])
+        str, options.name("structure of the model; auto searches for one", [*structures.TABLE, AUTO])
     ] = recipes.DEFAULT,
     search: Annotated[str, options.name("search method", searches.TABLE)] = "auto",
-    split: Annotated[float, options.number("PART", "first part of the record, which is fitted to")] = 0.5,
+    split: Annotated[
+        float, options.number("PART", "share of the record used as estimation data, from its start")
+    ] = 0.5,
     detrend: Annotated[
         str | None, options.name(f"what to remove [mean; none of {recipes.counted_from_zero()}]", DETREND)
     ] = None,
     starts: Annotated[int, options.whole("N", "number of starting points")] = 5,
-    seed: Annotated[int, options.whole("N", "of the starting points that are drawn at random")] = 0,
+    seed: Annotated[int, options.whole("N", "seed of the random starting points")] = 0,
     resume: Annotated[
-        str | None, typer.Option(metavar="FILE", help="journal of --structure auto, which goes on from it after a kill")
+        str | None, typer.Option(metavar="FILE", help="journal of --structure auto; a stopped search continues from it")
     ] = None,
     out: options.Out = None,
     as_json: options.Json = False,
     **settings: Any,
 ) -> None:
-    """Fit a model to a file of your own and report on it.
+    """Fit a model to a recorded file and write a report.
 
-    The columns are found by themselves in a log of `qpal simulate` and in a file of two columns.
+    Columns are detected in a log of `qpal simulate` and in a file of two columns.
     """
     setting = _setting(structure, settings, search, starts, options.seed(seed), resume)
     from sysid.report import identify as report
@@ -64,7 +66,7 @@ def identify(
         except KeyboardInterrupt:
             if resume is None:
                 raise
-            raise console.Stopped(f"run it again with --resume {resume} to go on from there") from None
+            raise console.Stopped(f"run it again with --resume {resume} to continue from there") from None
         step("drawing")
         exports = export(result.evaluation, scratch)
         write(scratch, report.page(result, exports), result.as_dict())

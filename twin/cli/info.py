@@ -1,4 +1,4 @@
-"""`qpal info`: what the twin is made of, where its numbers come from, and what is true of each joint."""
+"""`qpal info`: the twin's parameters, their sources, and the true properties of each joint."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,19 +11,22 @@ from twin.cli.output import check_writable_file, run_folder
 
 
 def info(
-    joint: Annotated[str | None, options.name("one joint; all if not given", twin.JOINTS)] = None,
+    joint: Annotated[str | None, options.name("one joint; all joints if not given", twin.JOINTS)] = None,
     ts: Annotated[float, options.number("S", "sampling time of the truth in seconds")] = 0.1,
     params: options.Params = None,
     write_params: Annotated[
-        str | None, typer.Option(metavar="FILE", help="write all parameters to a .toml or .json file, to be edited")
+        str | None, typer.Option(metavar="FILE", help="write all parameters to a .toml or .json file for editing")
     ] = None,
     signatures: Annotated[
-        bool, typer.Option("--signatures", help="how each imperfection shows, and its size measured; ten seconds more")
+        bool,
+        typer.Option(
+            "--signatures", help="show the effect and measured size of each imperfection; takes ten seconds more"
+        ),
     ] = False,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Show the twin's parameters with their sources, and the truth that an identifier should find."""
+    """Show the twin's parameters with their sources, and the true values that an identification should find."""
     from sysid.report.page import write
     from twin import parameter_file
     from twin.report import info as report

@@ -1,4 +1,4 @@
-"""Options that verbs share, and the ones whose text has to be taken apart."""
+"""Options that verbs share, and options whose text is parsed."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 Out = Annotated[
     str | None, typer.Option("--out", metavar="DIR", help="where to write; runs/<stamp>-<verb> if not given")
 ]
-Json = Annotated[bool, typer.Option("--json", help="print the summary alone, as JSON")]
+Json = Annotated[bool, typer.Option("--json", help="print only the summary, as JSON")]
 Params = Annotated[
     str | None,
-    typer.Option("--params", metavar="FILE", help="parameters that are not nominal: .toml or .json; see qpal info"),
+    typer.Option("--params", metavar="FILE", help="file of parameters to change (.toml or .json); see qpal info"),
 ]
 
 
@@ -32,7 +32,7 @@ def whole(metavar: str, help: str) -> Any:
 
 
 def name(help: str, allowed: Iterable[str]) -> Any:
-    """An option that takes a name of a table; whether it is one is for the table's owner to say."""
+    """An option that takes a name of a table; the owner of the table checks the name."""
     return typer.Option(metavar="NAME", help=f"{help}: {', '.join(allowed)}")
 
 
@@ -55,11 +55,11 @@ RecordFile = Annotated[str, typer.Argument(metavar="FILE", help=f"a table: {', '
 Input = Annotated[str | None, typer.Option("--input", metavar="COL", help="column of the input")]
 Output = Annotated[str | None, typer.Option("--output", metavar="COL", help="column of the output")]
 Ts = Annotated[float | None, number("S", "sampling time in seconds")]
-Time = Annotated[str | None, typer.Option("--time", metavar="COL", help="column of time in seconds, instead of --ts")]
+Time = Annotated[str | None, typer.Option("--time", metavar="COL", help="time column in seconds, instead of --ts")]
 
 
 def orders(text: str, names: dict[str, int], example: str) -> dict[str, int]:
-    """Orders by name out of '2,3,1'; `names` has the least value of each, in the order in which they are given."""
+    """Orders by name from '2,3,1'; `names` holds the smallest value of each, in the order in which they are given."""
     parts = [part.strip() for part in text.split(",")]
     allowed = f"give {len(names)} whole numbers {','.join(names)}, for example {example}"
     if len(parts) != len(names):
@@ -75,17 +75,17 @@ def orders(text: str, names: dict[str, int], example: str) -> dict[str, int]:
 
 
 def names(text: str) -> tuple[str, ...]:
-    """Names out of 'a,b'; none out of an empty text."""
+    """Names from 'a,b'; none from an empty text."""
     return tuple(part.strip() for part in text.split(",") if part.strip())
 
 
 def settings(text: str) -> dict[str, float | str]:
-    """Values by name out of 'amplitude=6,grid=odd': numbers where they are numbers."""
+    """Values by name from 'amplitude=6,grid=odd', converted to numbers if possible."""
     found: dict[str, float | str] = {}
     for part in names(text):
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not (name and equals and value):
-            raise InputError(f"--set has {part!r}; give name=value, several with commas between")
+            raise InputError(f"--set has {part!r}; give name=value, several separated by commas")
         if name in found:
             raise InputError(f"--set names {name} twice; give it once")
         try:
@@ -99,12 +99,12 @@ def settings(text: str) -> dict[str, float | str]:
 def seed(value: int) -> int:
     """A seed that NumPy takes."""
     if value < 0:
-        raise InputError(f"--seed is {value}; give a whole number from 0 on")
+        raise InputError(f"--seed is {value}; give a whole number of at least 0")
     return value
 
 
 def parameters(file: str | None) -> "Parameters | None":
-    """The twin's parameters out of the file of --params; None where none is given."""
+    """The twin's parameters from the file of --params; None if no file is given."""
     if file is None:
         return None
     from twin.parameter_file import check_together, read

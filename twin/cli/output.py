@@ -1,4 +1,4 @@
-"""Where a verb writes: a folder that appears whole or not at all."""
+"""Output folder of a verb; it appears complete or not at all."""
 
 import os
 import shutil
@@ -17,8 +17,8 @@ RUNS = Path("runs")
 def run_folder(out: str | None, verb: str) -> Iterator[tuple[Path, Path]]:
     """Where a run writes, and the scratch folder that becomes it: `out`, or a new runs/<stamp>-<verb>.
 
-    The new folder is made at once, so no other run has it, also not one that starts in the same second: its name gets
-    a number then. A run that fails removes it.
+    The new folder is made at once, so that no other run uses it. A run that starts in the same second gets a name with
+    a number. A run that fails removes its folder.
     """
     if out is not None:
         with output_folder(Path(out)) as scratch:
@@ -53,12 +53,11 @@ def _claim(verb: str) -> Path:
 
 @contextmanager
 def output_folder(folder: Path, claimed: bool = False) -> Iterator[Path]:
-    """A scratch folder beside `folder`, whose content becomes `folder`'s when the block ends well.
+    """A scratch folder beside `folder`; its content moves to `folder` when the block succeeds.
 
-    A block that fails or is interrupted leaves nothing, not even a parent that was made for it. A folder that is there
-    already keeps its other files; those of the same name are replaced, each in one step. One that is `claimed` was made
-    for this block alone, and is replaced as a whole. Raises InputError, at once and
-    not after the work, where the place cannot be written to.
+    A block that fails or is interrupted leaves nothing, not even a parent folder made for it. An existing folder keeps
+    its other files; files of the same name are replaced, each in one step. A `claimed` folder was made only for this
+    block and is replaced as a whole. Raises InputError before the work if the place cannot be written to.
     """
     made: list[Path] = []
     if folder.name in ("", ".."):  # . and .. have no name of their own
@@ -84,7 +83,7 @@ def output_folder(folder: Path, claimed: bool = False) -> Iterator[Path]:
 
 
 def check_writable_file(path: Path) -> None:
-    """Raises InputError where a file cannot be made at `path`, before any work is spent on its content."""
+    """Raises InputError before the work if no file can be made at `path`."""
     try:
         if path.is_dir():
             raise IsADirectoryError(0, "it is a folder")

@@ -1,4 +1,4 @@
-"""Options of the command line that the recipes of models ask for: what a recipe's fields say is all that they know."""
+"""Command-line options made from the fields of the model recipes."""
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping
@@ -16,7 +16,7 @@ ORDERS = "orders"
 
 
 def takes_recipes(verb: Callable[..., None]) -> Callable[..., None]:
-    """The verb, its **settings taken apart into one option for each field that a recipe has, behind `structure`."""
+    """The verb with **settings replaced by one option for each field of a recipe, after `structure`."""
     own = inspect.signature(verb)
     found: list[inspect.Parameter] = []
     for parameter in own.parameters.values():
@@ -32,9 +32,9 @@ def takes_recipes(verb: Callable[..., None]) -> Callable[..., None]:
 
 
 def recipe(structure: str, given: Mapping[str, Any]) -> Recipe:
-    """The recipe called `structure` with the settings that are given (None: not given).
+    """The recipe `structure` with the given settings (None: not given).
 
-    Raises InputError for a setting that it does not have.
+    Raises InputError for a setting that the recipe does not have.
     """
     if structure not in TABLE:
         raise unknown("structure", structure, TABLE)
@@ -55,7 +55,7 @@ def recipe(structure: str, given: Mapping[str, Any]) -> Recipe:
 
 
 def none_given(given: Mapping[str, Any], structure: str) -> None:
-    """Raises InputError for a setting of one structure where `structure` searches for one."""
+    """Raises InputError for a setting of one structure if `structure` starts a search."""
     for name, value in given.items():
         if value is not None:
             raise InputError(
@@ -65,7 +65,7 @@ def none_given(given: Mapping[str, Any], structure: str) -> None:
 
 
 def counted_from_zero() -> str:
-    """The structures from whose records no means are removed, in words."""
+    """The structures whose records keep their means, in words."""
     return ", ".join(f"{_article(name)} {name.replace('_', ' ')}" for name, kind in TABLE.items() if kind.zero)
 
 
@@ -76,7 +76,7 @@ def _names(kind: type[Recipe]) -> list[str]:
 
 
 def _annotations() -> dict[str, Any]:
-    """Every setting of every recipe, the default one's first."""
+    """Every setting of every recipe; the settings of the default recipe come first."""
     kinds = [TABLE[DEFAULT], *(kind for name, kind in TABLE.items() if name != DEFAULT)]
     found: dict[str, list[Option]] = {}
     for kind in kinds:
@@ -87,7 +87,7 @@ def _annotations() -> dict[str, Any]:
 
 
 def _orders(kinds: Iterable[type[Recipe]]) -> Any:
-    """The option for orders: what the first recipe's are, the names of those that differ, and all defaults."""
+    """The option for orders: the first recipe's orders, the names of orders that differ, and all defaults."""
     first: dict[tuple[str, ...], type[Recipe]] = {}
     for kind in kinds:
         if kind.of_kind("order"):
@@ -100,7 +100,7 @@ def _orders(kinds: Iterable[type[Recipe]]) -> Any:
 
 
 def _annotation(found: list[Option]) -> Any:
-    """One option out of what each recipe that has it says of it."""
+    """One option, from the descriptions of all recipes that have it."""
     help = ", or ".join(dict.fromkeys(option.help for option in found))
     if found[0].kind == "number":
         return Annotated[float | None, options.number(found[0].unit, help)]

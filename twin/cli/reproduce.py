@@ -12,12 +12,13 @@ def reproduce(
     seed: Annotated[int, options.whole("N", "of the twin's noise")] = 0,
     duration: Annotated[float, options.number("S", "length of each record in seconds")] = 250.0,
     ablation: Annotated[
-        bool, typer.Option("--ablation", help="leave out parts of model and twin, one by one; takes minutes")
+        bool,
+        typer.Option("--ablation", help="also leave out parts of the model and the twin one by one; takes minutes"),
     ] = False,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Run the paper's protocol on the three joints and compare with the paper and with truth."""
+    """Run the paper's protocol on the three joints and compare with the paper and the true values."""
     from sysid.report.page import write
     from twin.report import reproduce as report
     from twin.report.reproduce import Stills

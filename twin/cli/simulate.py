@@ -13,7 +13,7 @@ from twin.hardware.drive import MODES
 from twin.hardware.potentiometer import SIDES
 from twin.parameters import LEG, REALISATIONS
 
-STROKE = ("stays inside its stroke (inside)", "surely meets both ends (ends)")
+STROKE = ("stays inside its stroke (inside)", "reaches both ends with a margin (ends)")
 
 
 def simulate(
@@ -24,7 +24,7 @@ def simulate(
     seed: Annotated[int, options.whole("N", "of excitation and noise")] = 1,
     mode: Annotated[str, options.name("what the input is", MODES)] = "voltage",
     settings: Annotated[
-        str, typer.Option("--set", metavar="A=1,B=2", help="the excitation's own settings, for example amplitude=6")
+        str, typer.Option("--set", metavar="A=1,B=2", help="settings of the excitation, for example amplitude=6")
     ] = "",
     stroke: Annotated[
         str | None, typer.Option(metavar="NAME", help=f"change the settings so that the joint {' or '.join(STROKE)}")
@@ -32,8 +32,8 @@ def simulate(
     without: Annotated[
         str, typer.Option(metavar="A,B", help=f"imperfections to leave out, of {', '.join(twin.IMPERFECTIONS)}")
     ] = "",
-    pot_side: Annotated[str, options.name("side of the play on which the potentiometer sits", SIDES)] = "link",
-    realisation: Annotated[str, options.name("how linear actuators are built", REALISATIONS)] = "tendon",
+    pot_side: Annotated[str, options.name("side of the backlash on which the potentiometer sits", SIDES)] = "link",
+    realisation: Annotated[str, options.name("how the linear actuators are modelled", REALISATIONS)] = "tendon",
     params: options.Params = None,
     log: Annotated[
         str | None,

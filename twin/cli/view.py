@@ -17,23 +17,25 @@ if TYPE_CHECKING:
     from twin.view.replay import Movement, Replay
 
 File = Annotated[str | None, typer.Argument(metavar="[LOG]", help=f"log to replay: {', '.join(formats.TABLE)}")]
-Ghost = Annotated[str | None, typer.Option(metavar="LOG", help="another log, such as the rig's, as a ghost leg")]
-Strip = Annotated[str | None, typer.Option(metavar="FILE.png", help="draw frames along the log into one figure")]
-Frames = Annotated[str | None, typer.Option(metavar="DIR", help="write numbered PNG frames, 20 for a second")]
+Ghost = Annotated[
+    str | None, typer.Option(metavar="LOG", help="second log, for example the rig's, shown as a ghost leg")
+]
+Strip = Annotated[str | None, typer.Option(metavar="FILE.png", help="draw frames of the log into one figure")]
+Frames = Annotated[str | None, typer.Option(metavar="DIR", help="write numbered PNG frames, 20 per second")]
 Gif = Annotated[str | None, typer.Option(metavar="FILE.gif", help="write the frames as one GIF")]
-Start = Annotated[float | None, options.number("S", "first second of the log that is shown")]
-Stop = Annotated[float | None, options.number("S", "last second of the log that is shown")]
+Start = Annotated[float | None, options.number("S", "start time in the log in seconds")]
+Stop = Annotated[float | None, options.number("S", "end time in the log in seconds")]
 
 
 def view(
     log: File = None,
-    joint: Annotated[str | None, options.name("which moved, where the log does not say", twin.JOINTS)] = None,
+    joint: Annotated[str | None, options.name("moving joint, if the log does not name it", twin.JOINTS)] = None,
     ghost: Ghost = None,
-    speed: Annotated[float, options.number("X", "times as fast as it was")] = 1.0,
+    speed: Annotated[float, options.number("X", "playback speed; 1 is real time")] = 1.0,
     start: Start = None,
     stop: Stop = None,
-    web: Annotated[bool, typer.Option("--web", help="show it in a browser instead of a window")] = False,
-    port: Annotated[int, options.whole("N", "of --web; 0: the first free one from 8080 on")] = 0,
+    web: Annotated[bool, typer.Option("--web", help="show the scene in a browser instead of a window")] = False,
+    port: Annotated[int, options.whole("N", "port of --web; 0 takes the first free port from 8080")] = 0,
     strip: Strip = None,
     count: Annotated[int, options.whole("N", "frames in the strip")] = 6,
     frames: Frames = None,
@@ -60,7 +62,7 @@ def view(
         if strip:
             _whole(strip, ".png", lambda path: _write_strip(replay, names, count, path))
         elif replay is None:
-            raise InputError(f"{asked[0]} shows a log moving and none is given; give a LOG, or use --strip")
+            raise InputError(f"{asked[0]} needs a log and none is given; give a LOG, or use --strip")
         else:
             _write_frames(replay, names, speed, frames, gif)
     except NoRenderer as reason:
@@ -70,7 +72,7 @@ def view(
 def _replay(
     log: str | None, ghost: str | None, joint: str | None, start: float | None, stop: float | None
 ) -> tuple["Replay | None", list[str]]:
-    """The replay and what its legs are called; none without a log."""
+    """The replay and the names of its legs; None without a log."""
     if log is None:
         for option, given in (("--joint", joint), ("--ghost", ghost), ("--start", start), ("--stop", stop)):
             if given is not None:
@@ -129,7 +131,7 @@ def _write_frames(replay: "Replay", names: list[str], speed: float, frames: str 
 
 
 def _whole(target: str, suffix: str, write: Callable[[Path], None]) -> None:
-    """Write the file `target` under a temporary name first, so that no half of it is ever seen."""
+    """Write the file `target` under a temporary name first, so that no incomplete file appears."""
     path = Path(target)
     if path.suffix.lower() != suffix:
         raise InputError(f"{target} ends in {path.suffix or 'no suffix'!r}; give a name that ends in {suffix}")

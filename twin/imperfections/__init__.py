@@ -1,7 +1,9 @@
-"""Imperfections of the leg: one file, one class, one line in `TABLE`, whose order is that of the documentation.
+"""Imperfections of the leg: one file, one class and one line in `TABLE` each.
 
-A class says which rows of the parameters size it, their ideal values when it is switched off, the numbers that the
-motor board's kernel needs of it, and its text. How it shows in an experiment is in `twin.signatures`.
+`TABLE` has the order of the documentation.
+
+A class declares its parameter rows, their ideal values when it is switched off, its numbers for the motor board's
+kernel, and its text. `twin.signatures` has the experiments that show it.
 """
 
 from twin.declared import Imperfection

@@ -8,12 +8,12 @@ from twin.declared import Imperfection, Row
 
 
 class Adc(Imperfection):
-    """Infinitely many bits are a converter without codes."""
+    """Infinitely many bits: a converter without quantisation."""
 
     name, group = "adc", "sensor"
     title = "Quantisation"
-    about = "The converter knows only so many codes."
-    model = "readings are rounded to pot_range / 2^adc_bits, and end at the first and the last code."
+    about = "The analogue-to-digital converter has a finite number of codes."
+    model = "readings are rounded to multiples of pot_range / 2^adc_bits and limited to the first and the last code."
     parameters = "`adc_bits`, `pot_range`."
     rows = (
         Row(

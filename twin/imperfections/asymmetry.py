@@ -7,14 +7,14 @@ from twin.declared import Imperfection
 
 
 class Asymmetry(Imperfection):
-    """Its rows at 0 are a leg without it."""
+    """With its rows at 0 the leg does not have it."""
 
     name, group = "asymmetry", "friction"
     title = "Friction that differs up and down"
     about = (
-        "Gears and screws seldom run equally well both ways. A voltage that is as long up as down then makes the "
-        "joint wander."
+        "The friction of gears and screws usually depends on the direction. The joint then drifts under a voltage "
+        "that is up and down for equal times."
     )
-    model = "Coulomb friction is (1 + asymmetry) times its mean up, (1 − asymmetry) times down."
+    model = "Coulomb friction is (1 + asymmetry) times its mean upwards and (1 − asymmetry) times its mean downwards."
     parameters = "`JOINT.asymmetry`."
     ideal: ClassVar[Mapping[str, float]] = {"JOINT.asymmetry": 0.0}

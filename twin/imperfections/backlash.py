@@ -7,13 +7,13 @@ from twin.declared import Imperfection
 
 
 class Backlash(Imperfection):
-    """Without play `twin.plant.leg` welds the link to the drive side."""
+    """Without backlash `twin.plant.leg` welds the link to the drive side."""
 
     name, group = "backlash", "mechanics"
     title = "Backlash"
-    about = "Pins in their holes and teeth in their gaps have play: at each reversal the drive runs some way alone."
+    about = "Pins and gear teeth have clearance: after each reversal the drive crosses it before the link follows."
     model = (
-        "a second hinge in series, free within the play and stopped stiffly at its ends. The potentiometer sits "
+        "a second hinge in series, free within the backlash and with stiff stops at its ends. The potentiometer sits "
         'behind it (`pot_side="link"`) or before it (`"drive"`). Without gravity\'s help bearing friction holds the '
         "link within the play."
     )

@@ -7,12 +7,12 @@ from twin.declared import GUESS, Imperfection, OfBoard, Row
 
 
 class DeadBand(Imperfection):
-    """Its rows at 0 are a leg without it."""
+    """With its rows at 0 the leg does not have it."""
 
     name, group = "dead_band", "bridge"
     title = "Dead band"
-    about = "Between its two transistors a bridge waits, and every pulse loses that time."
-    model = "a duty d becomes sign(d) max(|d| − dead_band / supply_voltage, 0)."
+    about = "A bridge waits between switching its two transistors; this dead time shortens every pulse."
+    model = "a duty ratio d becomes sign(d) max(|d| − dead_band / supply_voltage, 0)."
     parameters = "`dead_band`."
     rows = (
         Row(
@@ -22,7 +22,7 @@ class DeadBand(Imperfection):
             3,
             "V",
             GUESS,
-            "drive: volts that the bridge's dead time takes from a command",
+            "drive: voltage that a command loses to the dead time of the bridge",
             compiled=False,
         ),
     )

@@ -7,13 +7,13 @@ from twin.declared import GUESS, Imperfection, Row
 
 
 class Delay(Imperfection):
-    """Its rows at 0 are a leg without it."""
+    """With its rows at 0 the leg does not have it."""
 
     name, group = "delay", "bridge"
     title = "Transport delay"
-    about = "A command travels over a bus and waits until the board looks at it."
+    about = "A command is sent over a bus and waits until the board reads it."
     model = (
-        "commands are held back by whole milliseconds; then they wait for the board's next look, every switch_period."
+        "commands are delayed by whole milliseconds; then they wait for the board's next reading, every switch_period."
     )
     parameters = "`delay`, `switch_period`."
     rows = (
@@ -24,7 +24,7 @@ class Delay(Imperfection):
             1,
             "s",
             GUESS,
-            "drive: from a command's time stamp to the board, which looks once a switch_period",
+            "drive: from a command's time stamp to the board, which reads commands every switch_period",
             compiled=False,
         ),
     )

@@ -7,12 +7,14 @@ from twin.declared import GUESS, Imperfection, Row
 
 
 class Dropouts(Imperfection):
-    """Its rows at 0 are a leg without it."""
+    """With its rows at 0 the leg does not have it."""
 
     name, group = "dropouts", "sensor"
     title = "Lost samples"
-    about = "Now and then the logger misses a sample."
-    model = "each sample but the first is missed with the same probability; the log repeats the one before."
+    about = "The logger sometimes misses a sample."
+    model = (
+        "each sample except the first is missed with the same probability; the log then repeats the previous sample."
+    )
     parameters = "`dropout_rate`."
     rows = (
         Row(
@@ -22,7 +24,7 @@ class Dropouts(Imperfection):
             0.2,
             "1",
             GUESS,
-            "pot: part of the samples that the logger misses; it repeats the last",
+            "pot: share of samples that the logger misses; it repeats the previous one",
             compiled=False,
         ),
     )

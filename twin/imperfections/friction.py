@@ -7,18 +7,18 @@ from twin.declared import Imperfection
 
 
 class Friction(Imperfection):
-    """Its rows at 0 are a leg without it."""
+    """With its rows at 0 the leg does not have it."""
 
     name, group = "friction", "friction"
     title = "Coulomb and viscous friction"
     about = (
-        "Screw, gear and bearing rub: a part that does not ask how fast, and a part that grows with speed. The switch"
-        " takes all of it, and with it the three that follow."
+        "Screw, gear and bearing have friction: one part is independent of the speed, the other grows with it. The "
+        "switch removes both, and the three imperfections below."
     )
     model = (
-        "a dry-friction row in MuJoCo's solver, so that standing still is a true state, and linear damping; one pair "
-        "for the actuator, one for the joint's bearing. The picture has K (V − K w) / R, what a motor at steady speed"
-        " w must give."
+        "a dry-friction constraint in MuJoCo's solver, so that the joint can stick, and linear damping; one pair "
+        "for the actuator, one for the joint's bearing. The picture shows K (V − K w) / R, the torque of a motor "
+        "at steady speed w."
     )
     parameters = "`JOINT.coulomb`, `JOINT.viscous`, `JOINT.bearing_coulomb`, `JOINT.bearing_viscous`."
     ideal: ClassVar[Mapping[str, float]] = {

@@ -7,14 +7,16 @@ from twin.declared import Imperfection, Row
 
 
 class Gravity(Imperfection):
-    """Its rows at 0 are a leg without it."""
+    """With its rows at 0 the leg does not have it."""
 
     name, group = "gravity", "mechanics"
     title = "Weight"
-    about = "The links pull at thigh and shank; the shoulder's axis is vertical and feels none of it."
+    about = (
+        "The weight of the links loads thigh and shank; the shoulder's axis is vertical, so gravity does not load it."
+    )
     model = (
-        "MuJoCo's gravity on the masses of the links. In the picture all friction is switched off: the shorted motor "
-        "alone brakes, at a speed that tells the force. With its friction the screw holds the leg."
+        "MuJoCo's gravity on the masses of the links. In the picture all friction is switched off: only the shorted "
+        "motor brakes, and the speed gives the force. With its friction the screw holds the leg."
     )
     parameters = "`gravity`; `thigh_mass`, `shank_mass`, `foot_mass`, `actuator_mass`."
     rows = (Row("gravity", 9.81, 0, 20, "m/s2", "standard", "option gravity"),)

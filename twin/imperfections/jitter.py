@@ -7,14 +7,14 @@ from twin.declared import GUESS, Imperfection, Row
 
 
 class Jitter(Imperfection):
-    """Its rows at 0 are a leg without it."""
+    """With its rows at 0 the leg does not have it."""
 
     name, group = "jitter", "sensor"
     title = "Sampling jitter"
-    about = "The logger's clock is a program that has other things to do."
+    about = "The logger is a program, and its sampling times vary."
     model = (
-        "a sample is taken off its time by a Gaussian number, at most half a sampling interval; the log has the time "
-        "that was meant."
+        "the time of each sample has a Gaussian error of at most half a sampling interval; the log has the nominal "
+        "time."
     )
     parameters = "`sample_jitter`."
     rows = (

@@ -7,16 +7,16 @@ from twin.declared import Imperfection, OfJoint
 
 
 class LoadFriction(Imperfection):
-    """Its rows at 0 are a leg without it."""
+    """With its rows at 0 the leg does not have it."""
 
     name, group = "load_friction", "friction"
     title = "Friction that grows with the load"
-    about = "What a screw carries presses its threads together."
+    about = "The load of a screw presses its threads together."
     model = (
         "load_friction times the force between actuator and link, averaged over 5 ms, is added to Coulomb friction. "
-        "Lifting has efficiency 1 / (1 + load_friction); from 1 on no load drives the screw back (Budynas and "
+        "The efficiency when lifting is 1 / (1 + load_friction); from 1 on the screw is self-locking (Budynas and "
         "Nisbett, Shigley's Mechanical Engineering Design, 10th edition, section 8-2). In the picture Coulomb "
-        "friction is raised, so that the leg hangs still without the switch's part too."
+        "friction is higher, so that the leg also stands still without this imperfection."
     )
     parameters = "`JOINT.load_friction`."
     ideal: ClassVar[Mapping[str, float]] = {"JOINT.load_friction": 0.0}

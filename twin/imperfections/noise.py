@@ -9,12 +9,12 @@ from twin.declared import GUESS, Imperfection, OfJoint, Row
 
 
 class Noise(Imperfection):
-    """Its rows at 0 are a leg without it."""
+    """With its rows at 0 the leg does not have it."""
 
     name, group = "noise", "sensor"
     title = "Measurement noise"
-    about = "Wiper and wires pick up noise."
-    model = "white Gaussian noise on every reading; the log's and, in servo mode, the position loop's are drawn apart."
+    about = "The wiper and the wires of the potentiometer add noise."
+    model = "white Gaussian noise on every reading; in servo mode the position loop has independent noise."
     parameters = "`pot_noise`."
     rows = (
         Row(

@@ -7,12 +7,12 @@ from twin.declared import GUESS, Imperfection, Row
 
 
 class Nonlinearity(Imperfection):
-    """Its rows at 0 are a leg without it."""
+    """With its rows at 0 the leg does not have it."""
 
     name, group = "nonlinearity", "sensor"
     title = "Nonlinear potentiometer"
-    about = "A resistive track is not equally thick everywhere."
-    model = "an angle a shows as a + pot_linearity pot_range sin(2 pi 3 a / pot_range)."
+    about = "The resistive track of a potentiometer is not uniform."
+    model = "an angle a is read as a + pot_linearity pot_range sin(2 pi 3 a / pot_range)."
     parameters = "`pot_linearity`, `pot_range`."
     rows = (
         Row(
@@ -22,7 +22,7 @@ class Nonlinearity(Imperfection):
             0.01,
             "1",
             GUESS,
-            "pot: largest deviation from a straight line, part of pot_range",
+            "pot: largest deviation from a straight line, as a share of pot_range",
             compiled=False,
         ),
     )

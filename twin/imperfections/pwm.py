@@ -8,19 +8,19 @@ from twin.declared import GUESS, Imperfection, OfBoard, Row
 
 
 def levels(bits: float) -> int:
-    """Levels of the duty from 0 to full of a timer of `bits`; 0 stands for a duty without levels."""
+    """Number of duty levels from 0 to full of a timer of `bits`; 0 means a duty without levels."""
     return 0 if bits == inf else 2 ** round(bits) - 1
 
 
 class Pwm(Imperfection):
-    """Infinitely many bits are a bridge without levels."""
+    """Infinitely many bits: a bridge without duty levels."""
 
     name, group = "pwm", "bridge"
     title = "PWM resolution"
-    about = "The bridge's timer counts to a power of two, less one."
+    about = "The timer of the bridge has a finite number of duty levels."
     model = (
-        "the duty is rounded to a multiple of 1 / (2^pwm_bits − 1). Ripple is not modelled: the rotor does not follow"
-        " it."
+        "the duty ratio is rounded to a multiple of 1 / (2^pwm_bits − 1). Ripple is not modelled, because the rotor "
+        "does not follow it."
     )
     parameters = "`pwm_bits`, `supply_voltage`."
     rows = (Row("pwm_bits", 8, 4, 16, "1", GUESS, "drive: duty in steps of 1 / (2^bits - 1)", compiled=False),)

@@ -7,11 +7,11 @@ from twin.declared import GUESS, Imperfection, OfBoard, Row
 
 
 class Sag(Imperfection):
-    """Its rows at 0 are a leg without it."""
+    """With its rows at 0 the leg does not have it."""
 
     name, group = "sag", "bridge"
     title = "Sag of the supply"
-    about = "Supply and wires have a resistance, and all joints share it."
+    about = "All joints share the resistance of the supply and its wires."
     model = "the bus has V = V0 − R sum of d i over the joints, i = (d V − K w) / Ra, solved for V in each step."
     parameters = "`supply_resistance`."
     rows = (
@@ -22,7 +22,7 @@ class Sag(Imperfection):
             10,
             "Ohm",
             GUESS,
-            "drive: supply and wires, shared by all joints; the supply sags",
+            "drive: resistance of supply and wires, shared by all joints",
             compiled=False,
         ),
     )

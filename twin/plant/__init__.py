@@ -1,4 +1,4 @@
-"""The plant as it is stepped: MuJoCo's leg with the motor board compiled into every step."""
+"""The simulated plant: MuJoCo's leg with the compiled motor board in every step."""
 
 from sysid.base.room import modules_of
 

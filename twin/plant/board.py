@@ -1,4 +1,4 @@
-"""Circuits to user data: how a model comes to carry the motor board that `kernels` runs."""
+"""The user data of a model for the motor board that `kernels` runs, made from circuits."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,9 +22,9 @@ JOINT_ROW = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 
 @dataclass(frozen=True)
 class Circuit:
-    """One actuated joint on the board. `viscous` is the drive's own; the rest says which number belongs to what.
+    """One actuated joint on the board. `viscous` is the friction of the drive; the others name elements of the model.
 
-    `common` and `own` are what imperfections put onto the board and into the joint's part of it, by slot.
+    `common` and `own` are the numbers of the imperfections for the whole board and for this joint, by slot.
     """
 
     motor: Motor
@@ -37,7 +37,7 @@ class Circuit:
 
 
 def circuit(parameters: Parameters, joint: str, without: Collection[str] = ()) -> Circuit:
-    """The circuit of `joint` with the imperfections that are not switched off."""
+    """The circuit of `joint` with the imperfections that are switched on."""
     p = parameters.switched_off(without)
     return Circuit(
         motor(parameters, joint),
@@ -51,7 +51,7 @@ def circuit(parameters: Parameters, joint: str, without: Collection[str] = ()) -
 
 
 def add_sensor(spec: mujoco.MjSpec) -> None:
-    """Give a model the user data and the sensor that a board for all its actuators needs."""
+    """Add the user data and the sensor of a board for all actuators to a model."""
     joints = len(spec.actuators)
     spec.nuserdata = slots.HEAD + slots.WIDTH * joints
     spec.add_sensor(
@@ -70,10 +70,10 @@ def user_data(
     pot_on_link: bool = True,
     seed: int = 0,
 ) -> np.ndarray:
-    """User data (nuserdata,) that puts `circuits` on the board of `model`, one an actuator; they share one supply.
+    """User data (nuserdata,) of the board of `model` with `circuits`, one for each actuator; they share one supply.
 
-    `seed` draws the noise that the position loop sees in servo mode; with `pot_on_link` the potentiometers read the
-    links, beyond the play, else the drives, before it.
+    `seed` draws the measurement noise of the position loop in servo mode. With `pot_on_link` the potentiometers read
+    the links, behind the backlash, else the drives.
     """
     assert len(circuits) == model.nu
     h, common = model.opt.timestep, circuits[0].drive
@@ -125,7 +125,7 @@ def _electrics(c: Circuit, servo: bool) -> dict[int, float]:
 
 
 def _places(model: mujoco.MjModel, k: int, pot_on_link: bool) -> dict[int, float]:
-    """Where actuator k's joint, play and friction are in the model, by their names: thigh_00, thigh_play_00."""
+    """Addresses of the joint, backlash and friction of actuator k in the model, by name: thigh_00, thigh_play_00."""
     name = model.actuator(k).name
     joint, suffix = name.rsplit("_", 1)
     target = int(model.actuator_trnid[k, 0])
@@ -145,7 +145,7 @@ def _places(model: mujoco.MjModel, k: int, pot_on_link: bool) -> dict[int, float
 
 
 def _pin_distance(model: mujoco.MjModel, joint: str, suffix: str) -> float:
-    """Where the slide of a closed loop counts from [m]."""
+    """Zero position [m] of the slide of a closed loop."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     base, rod = (data.site(f"{joint}_{pin}_{suffix}").xpos for pin in ("base", "rod"))

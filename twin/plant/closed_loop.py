@@ -1,4 +1,4 @@
-"""The same linear actuator as bodies: cylinder, rod and a closed kinematic loop in place of the spatial tendon."""
+"""The linear actuator as bodies: cylinder and rod in a closed kinematic loop in place of the spatial tendon."""
 
 import mujoco
 import numpy as np
@@ -18,7 +18,7 @@ def close_loop(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str) -> N
     """Replace the tendon of `joint` (thigh or shank) by a cylinder on the base pin and a rod that slides in it.
 
     Hinge {joint}_cylinder and slide {joint}_rod join them; `connect` ties the rod to its pin. Motor, friction and ends
-    of stroke move from the tendon to the slide, which counts from the pins' distance at joint angle 0.
+    of stroke move from the tendon to the slide, whose zero is the pins' distance at joint angle 0.
     """
     base, pin = spec.site(f"{joint}_base{suffix}"), spec.site(f"{joint}_rod{suffix}")
     tendon, constants = spec.tendon(joint + suffix), motor(p, joint)
@@ -42,7 +42,7 @@ def close_loop(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str) -> N
 
 
 def assembled(p: Parameters, joint: str, angle: float) -> tuple[float, float]:
-    """Cylinder hinge [rad] and rod slide [m] that go with joint `angle` [rad]."""
+    """Cylinder hinge [rad] and rod slide [m] at joint `angle` [rad]."""
     triangle = linkage(p, joint)
     base = p[f"{joint}.base_radius"] * np.exp(1j * p[f"{joint}.base_angle"])
 

@@ -1,7 +1,7 @@
-"""The motor board, compiled: what MuJoCo calls within every step.
+"""The compiled motor board, which MuJoCo calls in every step.
 
-Within mj_forward come positions and constraints, velocities, `control`, forces, solver, `sense`. Neither allocates,
-neither holds the GIL, and all that they remember lies in user data: simulations in a batch do not know of each other.
+The order in mj_forward is positions and constraints, velocities, `control`, forces, solver, `sense`. Both callbacks
+allocate no memory and do not hold the GIL. Their state is in user data, so simulations in a batch are independent.
 """
 
 from typing import Any
@@ -56,7 +56,7 @@ def _integers(data, field):
 
 @njit(inline="always")
 def _joints(model, data, mark):
-    """Number of joints on the board; 0 where the user data is not the board's."""
+    """Number of joints on the board; 0 if the user data does not belong to a board."""
     if carray(_pointer(model + NUSERDATA), 1, np.int64)[0] < s.HEAD:
         return 0
     board = _numbers(data, USERDATA)
@@ -65,7 +65,7 @@ def _joints(model, data, mark):
 
 @njit
 def _uniform(seed, joint, tick, k):
-    """A number in (0, 1) out of a counter: splitmix64 (Steele, Lea and Flood, OOPSLA 2014)."""
+    """A number in (0, 1) from a counter: splitmix64 (Steele, Lea and Flood, OOPSLA 2014)."""
     z = np.uint64(seed) + np.uint64(0x9E3779B97F4A7C15) * np.uint64(1 + 2 * (tick * 64 + joint) + k)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -82,7 +82,7 @@ def _normal(seed, joint, tick):
 
 @njit
 def _seen(j, qpos):
-    """Angle [rad] that the potentiometer shows, without noise and ADC."""
+    """Angle [rad] read by the potentiometer, without noise and ADC."""
     angle = qpos[int(j[s.HINGE])]
     if j[s.POT_PLAY] >= 0:
         angle += qpos[int(j[s.POT_PLAY])]
@@ -91,7 +91,7 @@ def _seen(j, qpos):
 
 @njit
 def _servo(board, j, joint, tick, period, reference, qpos):
-    """Voltage [V] that the position loop asks for: PID on the potentiometer's voltage, integral held at saturation."""
+    """Voltage [V] commanded by the position loop: PID on the potentiometer voltage, integral held at saturation."""
     reading = _seen(j, qpos)
     if j[s.POT_NOISE] > 0.0:
         reading += j[s.POT_NOISE] * _normal(board[s.SEED], joint, tick)
@@ -111,7 +111,7 @@ def _servo(board, j, joint, tick, period, reference, qpos):
 
 @njit
 def _duty(board, j, asked, position):
-    """Part of the supply that the bridge passes on: limits, switches, PWM's levels, dead band."""
+    """Share of the supply voltage at the bridge's output: limits, switches, PWM levels, dead zone."""
     duty = min(max(asked / board[s.SUPPLY], -1.0), 1.0)
     if (duty > 0.0 and position >= j[s.UPPER]) or (duty < 0.0 and position <= j[s.LOWER]):
         return 0.0
@@ -137,7 +137,7 @@ def _bus(board, joints, velocity):
 
 @njit
 def _row(j, data):
-    """Index of the joint's dry friction among the constraints; -1 where it has none."""
+    """Index of the joint's dry-friction constraint; -1 if it has none."""
     kind, name = _integers(data, EFC_TYPE), _integers(data, EFC_ID)
     first = carray(_pointer(data + NE), 1, np.int32)[0]
     for i in range(first, first + carray(_pointer(data + NF), 1, np.int32)[0]):
@@ -148,7 +148,7 @@ def _row(j, data):
 
 @njit
 def _bounds(j, speed):
-    """Dry friction against motion up and against motion down, at this speed and under the averaged load."""
+    """Dry friction against upward and downward motion at this speed and the averaged load."""
     ratio = speed / j[s.STRIBECK_SPEED]
     more = 1.0 + j[s.STRIBECK] * np.exp(-ratio * ratio)
     axial = j[s.LOAD_FRICTION] * abs(j[s.LOAD])
@@ -159,7 +159,8 @@ def _bounds(j, speed):
 def _rub(j, data, k, speed):
     """Set the bounds of dry friction for this step.
 
-    MuJoCo's row has one bound both ways; half the difference of the two is a force of its own beside it.
+    MuJoCo's constraint has one bound for both directions; half the difference of the two is applied as a separate
+    force.
     """
     row = _row(j, data)
     if row < 0:
@@ -176,10 +177,10 @@ def _rub(j, data, k, speed):
 
 @njit
 def _weigh(board, j, speed):
-    """Force of the drive on the link in the step that ended here, and its average, by which dry friction goes.
+    """Force of the drive on the link in the last step, and its average, which sets the dry friction.
 
-    What motor and friction gave, less what the rotor took to change its speed; MuJoCo's implicit step takes viscous
-    friction and back-EMF at the new speed.
+    It is the force of motor and friction minus the force that accelerates the rotor; MuJoCo's implicit step takes
+    viscous friction and back-EMF at the new speed.
     """
     if np.isnan(j[s.GIVEN]):
         return
@@ -195,7 +196,7 @@ def _weigh(board, j, speed):
 def _control(mark):
     @cfunc(types.void(types.intp, types.intp), cache=True, error_model="numpy")
     def control(model, data):
-        """mjcb_control: commands in ctrl become motor voltages there; dry friction is set for this step."""
+        """mjcb_control: replaces commands in ctrl by motor voltages and sets dry friction for this step."""
         joints = _joints(model, data, mark)
         if joints == 0:
             return
@@ -227,7 +228,7 @@ control = _control(s.MAGIC_VALUE)
 def _sense(mark):
     @cfunc(types.void(types.intp, types.intp, types.int32), cache=True, error_model="numpy")
     def sense(model, data, stage):
-        """mjcb_sensor: what the board's sensor shows; and what the solver found is kept for the next step's load."""
+        """mjcb_sensor: writes the board's outputs and stores the solver's forces for the next step's load."""
         joints = _joints(model, data, mark) if stage == AFTER_SOLVER else 0
         if joints == 0:
             return

@@ -1,4 +1,4 @@
-"""Where MuJoCo's C structs keep the fields that the compiled callbacks read and write."""
+"""Offsets of the fields in MuJoCo's C structs that the compiled callbacks read and write."""
 
 import ctypes
 from functools import cache
@@ -33,7 +33,7 @@ def _c_type(node: object) -> type:
 
 @cache
 def _prefix(struct: str, last: str | None = None) -> type[ctypes.Structure]:
-    """The ctypes twin of MuJoCo's `struct` up to the field `last`, from the declarations that its package carries."""
+    """The ctypes equivalent of MuJoCo's `struct` up to the field `last`, from the declarations in its package."""
     fields: list[tuple[str, type]] = []
     for field in structs.STRUCTS[struct].fields:
         assert isinstance(field, ast_nodes.StructFieldDecl), field
@@ -45,12 +45,12 @@ def _prefix(struct: str, last: str | None = None) -> type[ctypes.Structure]:
 
 @cache
 def offset(struct: str, field: str) -> int:
-    """Bytes from the start of `struct` (mjData, mjModel) to `field`."""
+    """Offset [bytes] of `field` in `struct` (mjData, mjModel)."""
     return getattr(_prefix(struct, field), field).offset
 
 
 def fits() -> bool:
-    """Whether the offsets are those of the running MuJoCo: what is read through them is what its bindings show."""
+    """Whether the offsets match the running MuJoCo: values read through them equal those of its bindings."""
     model = mujoco.MjModel.from_xml_string(_PROBE)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -1,4 +1,4 @@
-"""Parameters and model/qpal.xml to a compiled MuJoCo model: the leg bench, or the whole free robot."""
+"""The compiled MuJoCo model of the leg bench or the whole free robot, from parameters and model/qpal.xml."""
 
 from collections.abc import Collection, Mapping
 from functools import cache
@@ -21,7 +21,7 @@ LEAST = 1e-9  # [N or N m]
 
 
 def model_path() -> Path:
-    """The MJCF: inside the package where it was installed from a wheel, beside it in a checkout."""
+    """Path of the MJCF: inside an installed package, or beside it in a checkout."""
     here = Path(__file__).parents[1]
     for path in (here / "model" / "qpal.xml", here.parent / "model" / "qpal.xml"):
         if path.is_file():
@@ -37,14 +37,14 @@ def joints_of(joint: str) -> tuple[str, ...]:
 
 
 def check_joint(joint: str) -> str:
-    """`joint` if the leg has it, else InputError."""
+    """`joint`; raises InputError if the leg does not have it."""
     if joint not in JOINTS:
         raise unknown("joint", joint, (*JOINTS, LEG))
     return joint
 
 
 def check_switches(without: Collection[str]) -> tuple[str, ...]:
-    """The switched-off imperfections in the order of `IMPERFECTIONS`; InputError for one that does not exist."""
+    """The switched-off imperfections in the order of `IMPERFECTIONS`; raises InputError for one that does not exist."""
     if isinstance(without, str):
         raise InputError(f"without is the string {without!r}; give a tuple of names, for example ({without!r},)")
     for name in without:
@@ -54,14 +54,14 @@ def check_switches(without: Collection[str]) -> tuple[str, ...]:
 
 
 def robot(parameters: Parameters | None = None, without: Collection[str] = ()) -> mujoco.MjModel:
-    """The free robot on its floor: 12 motors, one a joint, in the order of the legs in `LEGS`."""
+    """The free robot on the floor with 12 motors, one for each joint, in the order of `LEGS`."""
     spec = _spec(parameters or Parameters(), check_switches(without), tuple(LEGS.values()))
     add_sensor(spec)
     return spec.compile()
 
 
 def robot_circuits(parameters: Parameters) -> list[Circuit]:
-    """The circuits of the whole robot, in the order of its actuators: four legs alike."""
+    """The circuits of the whole robot in the order of its actuators; all four legs are equal."""
     return [circuit(parameters, joint) for joint in JOINTS] * len(LEGS)
 
 
@@ -70,9 +70,9 @@ def bench(
 ) -> mujoco.MjModel:
     """The leg bench: torso held, the front left leg off the floor, `joint` free and the other two held rigidly.
 
-    The held joints have no freedom at all (no play, no give): they stand at mid stroke. `joint` "leg" leaves all three
-    free. Element names keep the leg's suffix `BENCH_LEG`: thigh_00, thigh_play_00, thigh_angle_00. `realisation` is how
-    the linear actuators are built: as spatial tendons, or as cylinder and rod in a closed kinematic loop.
+    The held joints are fixed at mid stroke, without backlash or compliance. `joint` "leg" leaves all three free.
+    Element names keep the leg's suffix `BENCH_LEG`: thigh_00, thigh_play_00, thigh_angle_00. `realisation`: the linear
+    actuators are spatial tendons, or cylinder and rod in a closed kinematic loop.
     """
     return bench_spec(joint, parameters, without, realisation).compile()
 
@@ -80,7 +80,7 @@ def bench(
 def bench_spec(
     joint: str, parameters: Parameters | None = None, without: Collection[str] = (), realisation: str = "tendon"
 ) -> mujoco.MjSpec:
-    """The bench before it is compiled, for whoever adds to it."""
+    """The bench before compilation, to add elements to it."""
     free = joints_of(joint)
     if realisation not in REALISATIONS:
         raise unknown("realisation", realisation, REALISATIONS)
@@ -105,12 +105,12 @@ def bench_spec(
 
 @cache
 def _file() -> mujoco.MjSpec:
-    """The MJCF as it is read; to be copied before anything is written into it."""
+    """The MJCF as read; copy it before you change it."""
     return mujoco.MjSpec.from_file(str(model_path()))
 
 
 def _spec(p: Parameters, without: tuple[str, ...], suffixes: tuple[str, ...]) -> mujoco.MjSpec:
-    """The MJCF with the parameters written over its nominal numbers, in the legs with `suffixes`."""
+    """The MJCF with the parameters in place of its nominal numbers, in the legs with `suffixes`."""
     spec, values = _file().copy(), p.switched_off(without)
     spec.option.gravity[2] = 0.0 - values["gravity"]
     if "contact" in without:
@@ -192,7 +192,7 @@ def _pins(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str) -> None:
 
 
 def _hold(spec: mujoco.MjSpec, joint: str, angle: float) -> None:
-    """Take the freedom out of a bench joint and turn its drive side to `angle` [rad]."""
+    """Fix a bench joint with its drive side at `angle` [rad]."""
     hinge = spec.joint(joint + BENCH_LEG)
     body = hinge.parent
     euler = body.alt.euler if body.alt.type == mujoco.mjtOrientation.mjORIENTATION_EULER else np.zeros(3)

@@ -1,6 +1,6 @@
 """The motor board's numbers in MuJoCo's user data: one name a place. HEAD of the board, then WIDTH for each joint.
 
-Places are counted, not written down; what imperfections put onto the board comes behind what it has itself. Plain
+Slots are numbered automatically; the numbers of the imperfections follow the board's own. Plain
 integers, so that compiled code can use them by name.
 """
 
@@ -67,7 +67,7 @@ globals().update(OF_BOARD | OF_JOINT)
 
 
 def __getattr__(name: str) -> int:
-    """Names of OF_BOARD and OF_JOINT are integers here too; this is how type checkers know."""
+    """Names of OF_BOARD and OF_JOINT are also integers here; this declares them for type checkers."""
     raise AttributeError(f"no number of the board is called {name}")
 
 

@@ -1,4 +1,4 @@
-"""Many simulations of boards at once: commands in, what the boards' sensors show out."""
+"""Parallel simulation of many boards: commands in, board outputs out."""
 
 import threading
 from collections.abc import Iterator, Sequence
@@ -19,9 +19,9 @@ _lock = threading.RLock()
 
 @contextmanager
 def boards() -> Iterator[None]:
-    """MuJoCo with the boards' callbacks in every step; models that carry no board are stepped as ever.
+    """MuJoCo with the boards' callbacks in every step; models without a board are not affected.
 
-    MuJoCo has one such callback for a whole process: two threads take turns here.
+    MuJoCo has one such callback per process, so threads take turns.
     """
     from twin.plant import kernels  # compiled code, loaded by those who step
 
@@ -39,8 +39,9 @@ def boards() -> Iterator[None]:
 @dataclass(frozen=True)
 class Run:
     """One simulation: its model with user data (nuserdata,) and starting qpos (nq,); commands (N, joints), each held
-    for Ts, `delay` [s] late; `hold` (joints,) is the command of the `settle` [s] before. `late` (N,) [s] is how much
-    after its command each sample is taken, by less than Ts either way."""
+    for Ts, `delay` [s] late; `hold` (joints,) is the command during the preceding `settle` [s].
+    `late` (N,) [s] is the timing error of each sample, less than Ts in absolute value.
+    """
 
     model: mujoco.MjModel
     user_data: np.ndarray
@@ -52,11 +53,10 @@ class Run:
 
 
 def step(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> np.ndarray:
-    """What the boards' sensors show (runs, N, joints, COLUMNS) at each sample, before its command is applied.
+    """The board outputs (runs, N, joints, COLUMNS) at each sample, before its command is applied.
 
-    All runs need one number of samples, models of one layout and one time step. The same, bit for bit, at any number of
-    runs and threads.
-    Raises mujoco.batch.SimulationError where MuJoCo gives up.
+    All runs need the same number of samples, model layout and time step. The result is the same, bit for bit, for any
+    number of runs and threads. Raises mujoco.batch.SimulationError if a simulation fails.
     """
     shown, trouble = attempt(runs, Ts, settle, threads)
     if any(trouble):
@@ -66,10 +66,10 @@ def step(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> np.
 
 
 def attempt(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> tuple[np.ndarray, list[str]]:
-    """What `step` returns, NaN for the runs on which MuJoCo gives up, and why it did: a sentence a run, empty if not.
+    """The result of `step`, NaN for failed runs, and the reason as one sentence per run, empty if it did not fail.
 
-    The other runs do not notice. A warning counts as giving up: MuJoCo stops at it, and a record that stands still from
-    there on would look like a joint that does.
+    Other runs are not affected. A MuJoCo warning counts as a failure: MuJoCo stops there, and the constant record would
+    look like a joint at rest.
     """
     first = runs[0]
     N, joints = first.commands.shape
@@ -103,7 +103,7 @@ def attempt(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> 
 
 
 def _roll(batch: Batch, ids: list[int], commands: np.ndarray, trouble: list[str]) -> np.ndarray:
-    """What the sensors of simulations `ids` show under `commands` (ids, steps, joints); notes whom MuJoCo gave up."""
+    """The board outputs of simulations `ids` for `commands` (ids, steps, joints); failed simulations are recorded."""
     rows = np.empty((*commands.shape[:2], batch.model.nsensordata))
     try:
         batch.rollout(commands.shape[1], commands, record=("sensordata",), ids=ids, out={"sensordata": rows})
@@ -117,18 +117,18 @@ def _roll(batch: Batch, ids: list[int], commands: np.ndarray, trouble: list[str]
 
 
 def _commands(run: Run, steps: np.ndarray, per: int, h: float) -> np.ndarray:
-    """The command (steps, joints) that reaches the board at simulation steps counted from the first sample."""
+    """The command (steps, joints) at the board at simulation steps counted from the first sample."""
     k = (steps - round(run.delay / h)) // per
     return np.where(k[:, None] < 0, run.hold, run.commands[np.clip(k, 0, len(run.commands) - 1)])
 
 
 def _span(start: int, stop: int, lead: int, per: int, N: int) -> tuple[int, int]:
-    """Samples that may fall between two simulation steps, one more to either side."""
+    """Samples that may fall between two simulation steps, plus one on either side."""
     return max((start - lead) // per - 2, 0), min((stop - lead) // per + 3, N)
 
 
 def _take(rows: np.ndarray, start: int, below: np.ndarray, above: np.ndarray) -> np.ndarray:
-    """What the steps in `rows` (runs, steps, n) from `start` on add to samples, by linear interpolation."""
+    """The contribution of the steps `rows` (runs, steps, n) from `start` on to the samples, by linear interpolation."""
     out = np.zeros((*below.shape, rows.shape[2]))
     for ahead, share in ((0, 1.0 - above), (1, above)):
         k = below + ahead - start

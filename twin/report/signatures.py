@@ -1,4 +1,4 @@
-"""The section of signatures: one small picture for each imperfection, with its measured and its true size."""
+"""The section of signatures: one small picture for each imperfection, with its measured and true size."""
 
 from __future__ import annotations
 
@@ -37,14 +37,15 @@ ROOM = 0.4  # of the axes' width, for the text of a mark that stands outside of 
 
 
 def section(found: Sequence[Signature]) -> Section:
-    """All signatures with their sizes."""
+    """All signatures and their sizes."""
     return Section("Signatures", [_INTRODUCTION], [sizes(found)], pictures(found), small_pictures=True)
 
 
 _INTRODUCTION = (
-    "The effect of each imperfection on a joint, in an experiment with only the necessary other effects: dark with "
-    "it, light grey without it. Arrows span the size in the data and are labelled with the parameter. The table "
-    "compares both: sizes are measured in the data of the picture, and again with the imperfection switched off."
+    "Each picture shows the effect of one imperfection on a joint: dark with it, light grey without it. Other "
+    "effects are on only if the experiment needs them. Arrows span the size in the data and are labelled with the "
+    "parameter. The table compares sizes measured in the picture's data with the parameters, with the imperfection "
+    "and without it."
 )
 
 
@@ -69,7 +70,7 @@ def sizes(found: Sequence[Signature]) -> Grid:
 
 
 def markdown(found: Sequence[Signature]) -> str:
-    """docs/imperfections.md from its table of sizes on: each imperfection in words and its signatures as pictures."""
+    """docs/imperfections.md from its table of sizes on: the text and the pictures of each imperfection."""
     shown = sizes(found).only("switch", "what is measured", "joint", "measured", "true", "unit")
     rule = [":--" if shown.is_text(j) else "--:" for j in range(len(shown.headings))]
     table = "".join("| " + " | ".join(row) + " |\n" for row in (shown.headings, rule, *shown.rows))
@@ -85,7 +86,7 @@ def _chapter(each: type[Imperfection], found: Sequence[Signature]) -> str:
 
 
 def _value(value: float, true: float) -> str:
-    """Four digits, or 0 for a value that is only rounding and transients relative to the true size."""
+    """Four digits, or 0 for a value that is negligible relative to the true size (rounding, transients)."""
     return "0" if abs(value) < 5e-3 * abs(true) else number(float(f"{value:.4g}"))
 
 
@@ -100,7 +101,7 @@ def draw(signature: Signature) -> Figure:
 
 
 def panel(axes: Axes, signature: Signature) -> None:
-    """Lines without the imperfection under those with it, and marks in a colour of their own."""
+    """Lines without the imperfection below those with it; marks have their own colour."""
     x, y = _quantity(signature.x), _quantity(signature.y)
     for line in sorted(signature.lines, key=lambda line: line.on):
         colour = style.INK if line.on else OFF

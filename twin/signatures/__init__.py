@@ -1,4 +1,4 @@
-"""How each imperfection shows: a small experiment, what to see in it, and its size out of the picture's own data."""
+"""The signature of each imperfection: a small experiment, its caption, and the size measured in its data."""
 
 from collections.abc import Callable
 
@@ -32,7 +32,7 @@ TABLE: dict[str, Callable[[Parameters], Signature]] = {
 def signatures(
     parameters: Parameters | None = None, begins: Callable[[str], None] = lambda key: None
 ) -> tuple[Signature, ...]:
-    """Every signature, in the order of `TABLE`, in about ten seconds; `begins` hears of each as it begins."""
+    """Every signature, in the order of `TABLE`, in about ten seconds; `begins` is called with each one as it begins."""
     return tuple(_make(key, parameters or Parameters(), begins) for key in TABLE)
 
 

@@ -1,4 +1,4 @@
-"""What stands between a command and the motor: PWM steps, dead band, a supply that sags, delay."""
+"""Signatures between the command and the motor: PWM steps, dead zone, supply voltage drop, delay."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ COMMAND, MOTOR = Axis("command", "V"), Axis("motor", "V")
 
 
 def pwm(p: Parameters) -> Signature:
-    """The motor's voltage over a fine ramp of the command, so low that the joint stands."""
+    """The motor voltage over a fine ramp of the command, low enough that the joint does not move."""
     step = p["supply_voltage"] / (2 ** round(p["pwm_bits"]) - 1)
     u = np.linspace(0.0, 6.4 * step, 1601)
     on, off = pair("pwm", ("friction",), p, "shoulder", u, tick(p))
@@ -40,17 +40,17 @@ def pwm(p: Parameters) -> Signature:
         (Line(asked, off.volts[1:], on=False), Line(asked, on.volts[1:], steps=True)),
         (Mark((3.5 * step, middle), (3.5 * step, middle + sizes[0]), step, "V"),),
         (Size("height of a step", sizes, step, "V", ("pwm_bits", "supply_voltage")),),
-        "The bridge knows only so many duties: the motor's voltage climbs a staircase.",
+        "The bridge has a finite number of duty levels: the motor voltage rises in steps.",
     )
 
 
 def _height(volts: np.ndarray) -> float:
-    """Middle distance [V] between the voltages that occur."""
+    """Median distance [V] between the voltages that occur."""
     return float(np.median(np.diff(np.unique(np.round(volts, 12)))))
 
 
 def dead_band(p: Parameters) -> Signature:
-    """Steady speed over command where nothing else holds the joint back."""
+    """Steady speed over the command without other resistance."""
     Ts = 0.01
     n = round(12 * lag(p, "shoulder") / Ts) + 10
     levels = p["dead_band"] * np.linspace(-4.0, 4.0, 33) if p["dead_band"] > 0 else np.linspace(-1.0, 1.0, 33)
@@ -66,19 +66,19 @@ def dead_band(p: Parameters) -> Signature:
     width = found[0]
     return Signature(
         "dead_band",
-        "Dead band of the bridge",
+        "Dead zone of the bridge",
         "shoulder",
         COMMAND,
         Axis("steady speed", "rad/s"),
         (lines[1], Line(levels, lines[0].y, dots=True), lines[0]),
         (Mark((-width, 0.0), (width, 0.0), p["dead_band"], "V", "2 × {}", "above"),),
         (Size("command at which motion starts", found, p["dead_band"], "V", ("dead_band",)),),
-        "No friction here, and yet small commands move nothing: dead time takes that much from every pulse.",
+        "Small commands do not move the joint, although it has no friction: the dead time shortens every pulse.",
     )
 
 
 def sag(p: Parameters) -> Signature:
-    """The voltage of a motor that is held fast, over the command."""
+    """The voltage of a blocked motor over the command."""
     n, top = 8, p["supply_voltage"]
     most = next(row.upper for row in TABLE if row.name == "shoulder.coulomb")
     stuck = p.replace({"shoulder.coulomb": most})
@@ -99,22 +99,22 @@ def sag(p: Parameters) -> Signature:
         (Mark((top, 0.0), (top, lost[0]), drop, "V", "{}", "top left"),),
         (
             Size("resistance of supply and wires", found, true, "Ohm", ("supply_resistance",)),
-            Size("voltage lost at full command, stalled", lost, drop, "V", ("supply_resistance",)),
+            Size("voltage drop at full command, stalled", lost, drop, "V", ("supply_resistance",)),
         ),
-        "A stalled motor draws the more current the higher its duty; supply and wires lose some voltage to it.",
+        "The current of a stalled motor grows with its duty ratio and causes a voltage drop in supply and wires.",
     )
 
 
 def _supply_resistance(volts: np.ndarray, duty: np.ndarray, supply: float, resistance: float) -> float:
-    """Resistance [Ohm] that explains motor voltages d V: the bus lacks V0 - V = Rs d i with i = d V / Ra."""
+    """Resistance [Ohm] that explains motor voltages d V: the bus drops by V0 - V = Rs d i with i = d V / Ra."""
     drawn = duty[1:] * volts[1:] / resistance
     return float(np.sum(drawn * (supply - volts[1:] / duty[1:])) / np.sum(drawn**2))
 
 
 def delay(p: Parameters) -> Signature:
-    """The angle after a step of voltage at time 0. It ends as a line that meets the start a delay and a lag later.
+    """The angle after a step of voltage at time 0. Its final line meets the initial angle one delay and one lag later.
 
-    The board looks every millisecond here: its usual rhythm would add up to a period of its own.
+    The board reads commands every millisecond here; its usual period would add to the delay.
     """
     p = p.replace({"switch_period": TIMESTEP})
     joint, Ts, late = "shoulder", 0.001, lag(p, "shoulder")
@@ -132,13 +132,13 @@ def delay(p: Parameters) -> Signature:
         Axis("angle", "rad"),
         (Line(off.t[shown], off.angle[shown], on=False), Line(on.t[shown], on.angle[shown])),
         (Mark((at[0], half), (at[1], half), p["delay"], "s", "{}", "right"),),
-        (Size("time before the motor hears of it", found, p["delay"], "s", ("delay",)),),
+        (Size("delay of the command", found, p["delay"], "s", ("delay",)),),
         "The same answer, later.",
     )
 
 
 def _meets_start(seen: Trial, last: float) -> float:
-    """Time [s] at which the line of the motion in the last `last` [s] passes the angle of the start."""
+    """Time [s] at which the line of the last `last` [s] of the motion passes the initial angle."""
     late = seen.t > seen.t[-1] - last
     slope, offset = line_fit(seen.t[late], seen.angle[late] - seen.angle[0])
     return -offset / slope

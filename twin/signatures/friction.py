@@ -1,4 +1,4 @@
-"""Dry and viscous friction: the map of friction over speed, its parts, and the limit cycle that one of them makes."""
+"""Dry and viscous friction: the map of friction over speed, its parts, and the stick-slip limit cycle."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ SPEED, TORQUE = Axis("speed", "rad/s"), Axis("friction", "N m")
 
 
 def friction(p: Parameters) -> Signature:
-    """Torque that steady motion takes, over its speed: what the motor gives, K (V - K w) / R at the joint."""
+    """Torque of steady motion over its speed, from the motor: K (V - K w) / R at the joint."""
     Ts = 0.01
     n = _settled(p, Ts)
     levels = np.array([3.0, 5.0, 7.0, 9.0, 11.0]) * p["supply_voltage"] / 12.0
@@ -60,12 +60,12 @@ def friction(p: Parameters) -> Signature:
                 tuple(row.replace("coulomb", "viscous") for row in rows),
             ),
         ),
-        "Steady motion takes a torque that jumps with the direction and leans a little with the speed.",
+        "The torque of steady motion jumps with the direction and grows slightly with the speed.",
     )
 
 
 def asymmetry(p: Parameters) -> Signature:
-    """Drift under a voltage that is as long up as down, and the friction's difference from the two steady speeds."""
+    """Drift under a symmetric square wave, and the difference of friction from the two steady speeds."""
     Ts, periods = 0.01, 4
     n = _settled(p, Ts)
     volts = 0.5 * p["supply_voltage"]
@@ -82,29 +82,29 @@ def asymmetry(p: Parameters) -> Signature:
     end = on.t[top[1]]
     return Signature(
         "asymmetry",
-        "Friction that differs up and down",
+        "Direction-dependent friction",
         "shoulder",
         Axis("time", "s"),
         Axis("angle", "rad"),
         (Line(off.t, off.angle, on=False), Line(on.t, on.angle)),
-        (Mark((end, on.angle[top[1]]), (end, on.angle[top[0]]), true, "N m", "drift, for\n{} more up", "above"),),
+        (Mark((end, on.angle[top[1]]), (end, on.angle[top[0]]), true, "N m", "drift for\n{} more up", "above"),),
         (
             Size(
-                "friction up less friction down",
+                "friction up minus friction down",
                 differences,
                 true,
                 "N m",
                 ("shoulder.asymmetry", "shoulder.coulomb"),
             ),
         ),
-        "As long up as down at the same voltage, and yet the joint wanders off to the easier side.",
+        "The voltage is symmetric, but the joint drifts in the direction of lower friction.",
     )
 
 
 def stribeck(p: Parameters) -> Signature:
-    """Friction at creep: a slow ramp of voltage; what the motor gives less what the rotor takes to change its speed.
+    """Friction at low speed on a slow voltage ramp: motor torque minus the torque that accelerates the rotor.
 
-    The board looks every millisecond here, for a ramp without stairs.
+    The board reads commands every millisecond here, so that the ramp is smooth.
     """
     p = p.replace({"switch_period": TIMESTEP})
     Ts, seconds, span = 0.002, 40.0, 5  # speed is that over `span` samples
@@ -129,22 +129,22 @@ def stribeck(p: Parameters) -> Signature:
     (at_rest, speed_e, level), (off, _, _) = found
     return Signature(
         "stribeck",
-        "Stribeck: more friction at creep",
+        "Stribeck: more friction at low speed",
         "shoulder",
         SPEED,
         TORQUE,
         (Line(*curves[1], on=False), Line(*curves[0])),
         (Mark((0.0, level), (0.0, level + at_rest), extra, "N m", "{} more at rest", "corner"),),
         (
-            Size("friction at rest above Coulomb's", (at_rest, off), extra, "N m", _rows("stribeck", "coulomb")),
-            Size("speed at which 1/e of that is left", (speed_e, np.nan), fade, "rad/s", _rows("stribeck_speed")),
+            Size("static friction above Coulomb friction", (at_rest, off), extra, "N m", _rows("stribeck", "coulomb")),
+            Size("speed at which 1/e of it remains", (speed_e, np.nan), fade, "rad/s", _rows("stribeck_speed")),
         ),
-        "Friction is highest at rest, falls as the joint starts to creep, and only then grows with the speed.",
+        "Friction is highest at rest, falls at low speed, and then grows with the speed.",
     )
 
 
 def _falls_to(value: float, speed: np.ndarray, excess: np.ndarray) -> float:
-    """Speed at which what falls from its first value passes `value`; nan where it does not."""
+    """Speed at which the falling curve passes `value`; nan if it does not."""
     if len(excess) == 0 or not 0.0 < value < excess[0]:
         return np.nan
     k = int(np.argmax(excess < value))
@@ -155,7 +155,7 @@ HUNTING = {"shoulder.servo_kp": 30.0, "shoulder.servo_ki": 150.0, "shoulder.stri
 
 
 def hunting(p: Parameters) -> Signature:
-    """Stick-slip: the integral of a position loop winds up until friction at rest breaks, and the joint jumps past.
+    """Stick-slip: the integrator of a position loop winds up until the joint breaks away and overshoots.
 
     Armstrong-Helouvry, Dupont and Canudas de Wit, A survey of models, analysis tools and compensation methods for the
     control of machines with friction, Automatica 30, 1994, section 4.
@@ -177,15 +177,15 @@ def hunting(p: Parameters) -> Signature:
         Axis("angle", "rad"),
         (Line(off.t, off.angle, on=False), Line(on.t, on.angle)),
         (Mark((at, float(late.min())), (at, float(late.max())), static, "N m", "sticks up\nto {}", "outside"),),
-        (Size("friction that breaks at each slip", found, static, "N m", _rows("coulomb", "stribeck")),),
-        "With an integral gain and static friction twice Coulomb's the joint never comes to rest at its reference: it "
-        "sticks, winds up, slips past. Without the Stribeck part it settles.",
+        (Size("break-away friction at each slip", found, static, "N m", _rows("coulomb", "stribeck")),),
+        "With an integral gain and static friction twice the Coulomb friction the joint never comes to rest at its "
+        "reference: it sticks, the integrator winds up, and it slips past. Without the Stribeck part it settles.",
         variant="hunting",
     )
 
 
 def _breaking_voltage(seen: Trial) -> float:
-    """Mean size of the motor's voltage [V] as the joint breaks loose, in the second half; nan if it stays at rest."""
+    """Mean absolute motor voltage [V] at break-away in the second half; nan if the joint stays at rest."""
     rest, slip = 20, 10  # samples that it stands before, and looks ahead after
     still = np.abs(np.diff(seen.angle)) < 1e-6
     starts = [
@@ -197,7 +197,7 @@ def _breaking_voltage(seen: Trial) -> float:
 
 
 def _settled(p: Parameters, Ts: float) -> int:
-    """Samples until a new speed is taken up, and 20 more to measure it."""
+    """Samples until the new speed is reached, and 20 more to measure it."""
     return round(16 * lag(p, "shoulder") / Ts) + 20
 
 
@@ -206,7 +206,7 @@ def _rows(*names: str) -> tuple[str, ...]:
 
 
 def _torque_map(seen: Trial, n: int, constants: Motor) -> tuple[np.ndarray, np.ndarray]:
-    """Steady speed [rad/s] and the torque that it takes [N m] of every hold but the first, in the order of speed."""
+    """Steady speed [rad/s] and its torque [N m] for every hold except the first, in the order of speed."""
     speed = steady_speeds(seen, n, 20)
     torque = constants.force_per_volt * seen.u[n - 1 :: n] - constants.damping * speed
     order = np.argsort(speed)
@@ -214,6 +214,6 @@ def _torque_map(seen: Trial, n: int, constants: Motor) -> tuple[np.ndarray, np.n
 
 
 def _level_and_slope(speed: np.ndarray, torque: np.ndarray) -> tuple[float, float]:
-    """Half the jump at speed 0 and the mean slope of the two lines beside it."""
+    """Half the jump at speed 0, and the mean slope of the two lines."""
     fits = [line_fit(speed[speed * way > 0], torque[speed * way > 0]) for way in (1, -1)]
     return 0.5 * (fits[0][1] - fits[1][1]), 0.5 * (fits[0][0] + fits[1][0])

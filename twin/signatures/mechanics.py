@@ -1,4 +1,4 @@
-"""What the joints carry and where they stop: load, end stops, play, weight and the floor."""
+"""Signatures of the mechanics: load, end stops, backlash, weight and the floor."""
 
 import numpy as np
 
@@ -18,10 +18,10 @@ FEET = (0.05, 0.3, 0.6)  # [kg] masses of the foot that load the thigh
 
 
 def load_friction(p: Parameters) -> Signature:
-    """Voltage that starts the thigh up and down from rest, by a slow ramp, with more and more mass at the foot.
+    """Break-away voltage of the thigh up and down on a slow ramp, for increasing mass at the foot.
 
     With friction that grows with the load W, half the difference of the two forces is Coulomb + load_friction |W|.
-    Coulomb friction is raised to what holds the heaviest load where load_friction is switched off.
+    Coulomb friction is raised so that it holds the heaviest load with load_friction switched off.
     """
     joint, Ts, rate = "thigh", 0.01, 0.5
     constants = motor(p, joint)
@@ -56,13 +56,13 @@ def load_friction(p: Parameters) -> Signature:
             for way, size in ((0, p[f"{joint}.load_friction"]), (1, p[f"{joint}.load_friction"]))
         ),
         (Size("friction per load", (slope, slope_off), p[f"{joint}.load_friction"], "1", (f"{joint}.load_friction",)),),
-        "The more it carries, the further apart lie the forces that start it up and down; above 1 even the weight's "
-        "own way has to be pushed: the screw locks itself.",
+        "The difference of the break-away forces up and down grows with the load. Above 1 the motor must also push "
+        "in the direction of the weight: the screw is self-locking.",
     )
 
 
 def _starting_voltage(seen: Trial) -> float:
-    """Voltage [V] of a ramp at which motion starts: from then on the angle grows as the square of the volts' excess."""
+    """Voltage [V] of a ramp at which motion starts; the angle then grows as the square of the excess voltage."""
     moved = np.abs(seen.angle - seen.angle[0])
     first = int(np.argmax(moved > np.deg2rad(0.05)))
     last = int(np.argmax(moved > np.deg2rad(0.5)))
@@ -73,7 +73,7 @@ def _starting_voltage(seen: Trial) -> float:
 
 
 def end_stops(p: Parameters) -> Signature:
-    """The shank at full voltage up, down and up: it rests where the actuator's stroke ends."""
+    """The shank at full voltage up, down and up: it rests at the ends of the actuator's stroke."""
     joint, Ts = "shank", 0.02
     volts = p["supply_voltage"]
     constants = motor(p, joint)
@@ -101,7 +101,7 @@ def end_stops(p: Parameters) -> Signature:
         (Line(off.t, off.angle, on=False), Line(on.t, on.angle)),
         (Mark((at, low), (at, high), high - low, "rad", "{}"),),
         tuple(sizes),
-        "At an end the limit switch cuts the motor and the joint rests until the voltage turns round.",
+        "At an end the limit switch disconnects the motor, and the joint rests until the voltage reverses.",
     )
 
 
@@ -112,7 +112,7 @@ def _rest(seen: Trial, k: int) -> float:
 
 
 def backlash(p: Parameters) -> Signature:
-    """Link over drive while a position loop on the drive side takes the joint slowly to and fro."""
+    """Link over drive while a position loop on the drive side moves the joint slowly to and fro."""
     joint, Ts, period, repeats = "shoulder", 0.01, 8.0, 2
     dry, pot = p[f"{joint}.coulomb"] + p[f"{joint}.bearing_coulomb"], potentiometer(p)
     stays = dry / (motor(p, joint).force_per_volt * max(p[f"{joint}.servo_kp"], 1.0) * pot.scale)  # the loop's error
@@ -134,12 +134,12 @@ def backlash(p: Parameters) -> Signature:
         (Line(off.reading[turn:], off.angle[turn:], on=False), Line(on.reading[turn:], on.angle[turn:])),
         (Mark((across - widths[0] / 2, up), (across + widths[0] / 2, up), true, "rad", "{}", "below"),),
         (Size("width of the loop", widths, true, "rad", (f"{joint}.backlash",)),),
-        "After each reversal the drive crosses the play alone, and the link waits: a parallelogram.",
+        "After each reversal the drive crosses the backlash while the link rests: the curve is a parallelogram.",
     )
 
 
 def _loop_width(drive: np.ndarray, link: np.ndarray) -> float:
-    """Distance [rad] along the drive between the rising and the falling branch, at half the height of the loop."""
+    """Distance [rad] along the drive axis between the rising and the falling branch at half the height of the loop."""
     half = 0.5 * (link.max() + link.min())
     above = link > half
     crossings = np.flatnonzero(above[1:] != above[:-1])
@@ -152,7 +152,7 @@ def _loop_width(drive: np.ndarray, link: np.ndarray) -> float:
 
 
 def gravity(p: Parameters) -> Signature:
-    """The thigh with the power off, bridge shorted and no friction: its weight turns the motor against back-EMF."""
+    """The thigh with power off, shorted bridge and no friction: its weight turns the motor against back-EMF."""
     joint, Ts = "thigh", 0.02
     known, constants = truth(joint, parameters=p), motor(p, joint)
     around, r = middle(p, joint), arm(joint, p)
@@ -185,13 +185,13 @@ def gravity(p: Parameters) -> Signature:
                 ("gravity", "thigh_mass", "shank_mass", "foot_mass", "actuator_mass"),
             ),
         ),
-        "Power off and friction taken away, the leg sinks slowly, braked by its own motor; the thigh grows downwards. "
-        "With friction the screw holds it.",
+        "With power off and without friction the leg sinks slowly, braked by its motor; the thigh angle grows "
+        "downwards. With friction the screw holds it.",
     )
 
 
 def contact(p: Parameters) -> Signature:
-    """The thigh moves down until the foot stands on the floor, at a bench so low that it can."""
+    """The thigh moves down until the foot stands on the floor; the bench is lowered for this."""
     joint, Ts, seconds = "thigh", 0.02, 8.0
     leg, radius = _leg(p)
     touching = middle(p, joint) + np.deg2rad(6.0)
@@ -211,7 +211,7 @@ def contact(p: Parameters) -> Signature:
         (Line(off.t, off.angle, on=False), Line(on.t, on.angle)),
         (Mark((end, start), (end, float(on.angle[-1])), touching - start, "rad", "{} to\nthe floor", "left"),),
         (Size("angle at which the foot stands", stands, touching, "rad", ("bench_height",)),),
-        "The foot meets the floor and the joint stands still, long before its end of stroke.",
+        "The foot meets the floor and the joint stops, long before its end stop.",
     )
 
 

@@ -1,4 +1,4 @@
-"""What the log makes of the angle: a bent potentiometer, noise, ADC codes, sampling times that jitter, lost samples."""
+"""Signatures of the measurement: potentiometer nonlinearity, noise, ADC codes, sampling jitter, lost samples."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ TIME = Axis("time", "s")
 
 
 def nonlinearity(p: Parameters) -> Signature:
-    """What the potentiometer shows less the angle, over the angle, through the whole travel."""
+    """Reading of the potentiometer minus the angle, over the angle, for the whole travel."""
     low, high = end_angles(p, JOINT)
     speed, Ts = 0.5, 0.01
     n = round(1.3 * (high - low) / speed / Ts)
@@ -32,12 +32,12 @@ def nonlinearity(p: Parameters) -> Signature:
         (Line(*off, on=False), Line(*on)),
         (Mark((at, 0.0), (at, float(on[1].max())), true, "rad", "{}", "below"),),
         (Size("largest deviation from a line", sizes, true, "rad", ("pot_linearity", "pot_range")),),
-        "The track's resistance is not quite even: the reading swings about the angle, three waves over its range.",
+        "The resistance of the track is not uniform: the reading error has three periods over its range.",
     )
 
 
 def noise(p: Parameters) -> Signature:
-    """A joint at rest as the log has it."""
+    """A joint at rest, as logged."""
     both = pair("noise", ("friction",), p, JOINT, np.zeros(3000), 0.01)
     errors = [seen.logged - seen.reading for seen in both]
     sizes = [float(np.std(error)) for error in errors]
@@ -53,12 +53,12 @@ def noise(p: Parameters) -> Signature:
         (Line(t, errors[0][shown], dots=True), Line(t, errors[1][shown], on=False)),
         (Mark((at, -sizes[0]), (at, sizes[0]), p["pot_noise"], "rad", "2 × {}", "outside"),),
         (Size("standard deviation", sizes, p["pot_noise"], "rad", ("pot_noise",)),),
-        "The joint stands still; the log does not. The arrow spans one standard deviation to either side.",
+        "The joint is at rest, but the log varies. The arrow spans one standard deviation to either side.",
     )
 
 
 def adc(p: Parameters) -> Signature:
-    """A slow steady motion as the log has it, over the angle."""
+    """A slow steady motion as logged, over the angle."""
     true = potentiometer(p).step
     speed, Ts = 4 * true, 0.001
     both = pair("adc", (), p, JOINT, np.full(2400, _volts(p, speed)), Ts)
@@ -79,17 +79,17 @@ def adc(p: Parameters) -> Signature:
         ),
         (Mark((at, float(codes[middle])), (at, float(codes[middle + 1])), true, "rad"),),
         (Size("distance between codes", sizes, true, "rad", ("adc_bits", "pot_range")),),
-        "A steady motion climbs in the log by whole codes.",
+        "A steady motion rises in the log by whole codes.",
     )
 
 
 def _volts(p: Parameters, speed: float) -> float:
-    """Motor voltage [V] at which the shoulder without friction runs at `speed` [rad/s]."""
+    """Motor voltage [V] at which the frictionless shoulder runs at `speed` [rad/s]."""
     return speed * p[f"{JOINT}.rated_voltage"] / p[f"{JOINT}.no_load_speed"]
 
 
 def jitter(p: Parameters) -> Signature:
-    """A fast steady motion less the line through its samples: a sample taken late shows a larger angle."""
+    """A fast steady motion minus the line through its samples: a late sample shows a larger angle."""
     Ts = max(0.01, round(10 * p["sample_jitter"], 2))  # a sample is never off by more than half of it
     both = pair("jitter", (), p, JOINT, np.full(2500, p["supply_voltage"]), Ts)
     on, off = (_off_the_line(seen, round(16 * lag(p, JOINT) / Ts)) for seen in both)
@@ -105,8 +105,8 @@ def jitter(p: Parameters) -> Signature:
         (Line(on[0][shown], on[1][shown], dots=True), Line(off[0][shown], off[1][shown], on=False)),
         (Mark((at, -on[2] * on[3]), (at, on[2] * on[3]), true, "s", "2 × speed\n× {}", "outside"),),
         (Size("standard deviation of a sample's time", (on[2], off[2]), true, "s", ("sample_jitter",)),),
-        "At a steady speed the samples scatter about the line, by speed times the error of their time; the arrow spans "
-        "one standard deviation to either side.",
+        "At a steady speed the samples scatter about the line by the speed times their timing error. The arrow "
+        "spans one standard deviation to either side.",
     )
 
 
@@ -119,7 +119,7 @@ def _off_the_line(seen: Trial, first: int) -> tuple[np.ndarray, np.ndarray, floa
 
 
 def dropouts(p: Parameters) -> Signature:
-    """A steady motion sample by sample: where the logger misses one, the log repeats the one before."""
+    """A steady motion sample by sample: if the logger misses a sample, the log repeats the previous one."""
     Ts = 0.001
     both = pair("dropouts", (), p, JOINT, np.full(200_000, 0.5 * p["supply_voltage"]), Ts)
     repeats = [np.flatnonzero(np.diff(seen.logged[200:]) == 0) + 201 for seen in both]
@@ -138,5 +138,5 @@ def dropouts(p: Parameters) -> Signature:
         (Line(*off, on=False, steps=True), Line(*on, dots=True), Line(*on, steps=True)),
         (Mark(missed, (missed[0], float(off[1][7])), 100 * p["dropout_rate"], "%", "{} of all\nsamples", "top left"),),
         (Size("share of repeated samples", sizes, p["dropout_rate"], "1", ("dropout_rate",)),),
-        "Now and then the log repeats a sample; the next one is right again.",
+        "The log sometimes repeats a sample; the next one is correct again.",
     )

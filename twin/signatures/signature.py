@@ -1,4 +1,4 @@
-"""What a signature is, and the bench on which its experiment runs."""
+"""The signature of an imperfection, and the bench of its experiment."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from twin.truth import truth
 
 @dataclass(frozen=True)
 class Axis:
-    """What stands on an axis, and the unit that its data are in."""
+    """The label of an axis and the unit of its data."""
 
     name: str
     unit: str
@@ -24,7 +24,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Line:
-    """x and y (n,) in the units of the axes; `on`: with the imperfection. `dots`: measured points, no line."""
+    """x and y (n,) in the units of the axes; `on`: with the imperfection; `dots`: points without a line."""
 
     x: np.ndarray
     y: np.ndarray
@@ -35,10 +35,10 @@ class Line:
 
 @dataclass(frozen=True)
 class Mark:
-    """A dimension arrow from `start` to `end` (x, y) of the data, with the parameter's `value` [unit] put into `text`.
+    """A dimension arrow from `start` to `end` (x, y) in data units; `text` shows the parameter's `value` [unit].
 
-    `place` is where the text stands, seen from the arrow: right, left, above, below, at its upper right (corner) or
-    upper left (top left), or right of it where the data have ended (outside).
+    `place` is the position of the text relative to the arrow: right, left, above, below, upper right (corner), upper
+    left (top left), or right of it beyond the data (outside).
     """
 
     start: tuple[float, float]
@@ -51,9 +51,9 @@ class Mark:
 
 @dataclass(frozen=True)
 class Size:
-    """A size that the picture's own data show, with the imperfection and without it [unit], beside what it must be.
+    """A size measured in the picture's data, with and without the imperfection [unit], and its true value.
 
-    nan where the data show none. `rows` names the parameters that `true` comes from.
+    nan if the data show none. `rows` names the parameters that give `true`.
     """
 
     name: str
@@ -80,9 +80,9 @@ class Size:
 
 @dataclass(frozen=True)
 class Signature:
-    """An experiment that shows one imperfection: lines with it and without it, marks, sizes, and what to see.
+    """An experiment that shows one imperfection: lines with and without it, marks, sizes and a caption.
 
-    `name` is the switch of `twin.IMPERFECTIONS`, `key` what the signature is called among several of one switch.
+    `name` is the switch of `twin.IMPERFECTIONS`; `key` distinguishes several signatures of one switch.
     """
 
     name: str
@@ -102,16 +102,18 @@ class Signature:
         return self.variant or self.name
 
     def as_dict(self) -> dict[str, Any]:
-        """What was measured, ready for JSON; without the lines."""
+        """The measured sizes, ready for JSON; without the lines."""
         about = {"name": self.name, "title": self.title, "joint": self.joint, "sentence": self.sentence}
         return {"key": self.key, **about, "sizes": [size.as_dict() for size in self.sizes]}
 
 
 @dataclass(frozen=True)
 class Trial:
-    """An experiment's record: times t (N,) [s], command u (N,) [V], angle between the links and reading (N,) [rad],
-    motor voltage (N,) [V], and what the log holds (N,) [rad]. Samples are taken before their command reaches the board:
-    volts[k + 1] answers to u[k]."""
+    """An experiment's record, all (N,): times t [s], command u [V], angles [rad], motor voltage [V].
+
+    The angles are the angle between the links, the reading and the logged angle. A sample is taken before its command
+    reaches the board: volts[k + 1] belongs to u[k].
+    """
 
     t: np.ndarray
     u: np.ndarray
@@ -122,14 +124,14 @@ class Trial:
 
 
 def without_all_but(*kept: str) -> tuple[str, ...]:
-    """All imperfections but these: what to leave out."""
+    """All imperfections except these, to be left out."""
     return tuple(name for name in IMPERFECTIONS if name not in kept)
 
 
 def pair(
     name: str, also: Collection[str], parameters: Parameters, joint: str, u: np.ndarray, Ts: float, **settings
 ) -> tuple[Trial, Trial]:
-    """The same trial with the imperfections `name` and `also`, and with those of `also` alone; no others."""
+    """The same trial with the imperfections `name` and `also`, and with only those of `also`."""
     kept = without_all_but(name, *also), without_all_but(*also)
     on, off = (trial(parameters, joint, u, Ts, without=without, **settings) for without in kept)
     return on, off
@@ -138,7 +140,7 @@ def pair(
 def trial(
     parameters: Parameters, joint: str, u: np.ndarray, Ts: float, start: float | None = None, **settings
 ) -> Trial:
-    """`joint` under u (N,) [V], a value held for Ts [s]; it starts at rest, at `start` [rad] or mid stroke."""
+    """`joint` under u (N,) [V], each value held for Ts [s]; it starts at rest at `start` [rad] or mid stroke."""
     experiment = Experiment(joint, Ts=Ts, parameters=parameters, **settings)
     run = experiment.prepare(u=u[:, None], start={} if start is None else {joint: start})
     shown = step([run], Ts, SETTLE)[0]
@@ -150,17 +152,17 @@ FREE = ("coulomb", "bearing_coulomb", "viscous", "bearing_viscous")
 
 
 def free(p: Parameters, joint: str) -> Parameters:
-    """The same with a joint that nothing brakes but back-EMF."""
+    """The same with a joint that only back-EMF brakes."""
     return p.replace({f"{joint}.{name}": 0.0 for name in FREE})
 
 
 def lag(p: Parameters, joint: str) -> float:
-    """Time constant [s] with which the free joint takes up a speed; friction makes it shorter."""
+    """Time constant [s] of the free joint's speed; friction makes it shorter."""
     return -1.0 / truth(joint, parameters=free(p, joint)).continuous_pole
 
 
 def tick(p: Parameters) -> float:
-    """How often the board looks [s], in whole steps of the simulation."""
+    """The board's reading interval [s], in whole steps of the simulation."""
     return max(1, round(p["switch_period"] / TIMESTEP)) * TIMESTEP
 
 
@@ -177,7 +179,7 @@ def steady_speeds(seen: Trial, n: int, last: int) -> np.ndarray:
 
 
 def line_fit(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Slope and value at 0 of the straight line through points (n,); nan where they do not make one."""
+    """Slope and value at 0 of the straight line through points (n,); nan if they determine none."""
     if len(x) < 2 or np.ptp(x) == 0.0:
         return np.nan, np.nan
     x_mean, y_mean = float(np.mean(x)), float(np.mean(y))

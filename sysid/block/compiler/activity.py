@@ -1,4 +1,4 @@
-"""What of a program carries derivatives, and conditional values as statements, so that the branch taken is told."""
+"""The parts of a program with derivatives, and conditional values as statements, so that the branch is known."""
 
 from dataclasses import dataclass, replace
 
@@ -28,10 +28,10 @@ from sysid.block.compiler.ir import (
 
 @dataclass(frozen=True)
 class Activity:
-    """Variables by how they carry their derivative.
+    """Variables by the form of their derivative. active: any derivative.
 
-    active: any at all. light: with respect to single parameters alone, kept as numbers. inputs: one sample of the
-    input, kept as its row. The others keep a vector, one entry a column of the Jacobian.
+    light: only with respect to single parameters, stored as numbers. inputs: one sample of the input, stored as its
+    row. The others store a vector with one entry for each column of the Jacobian.
     """
 
     active: frozenset[Var]
@@ -39,7 +39,7 @@ class Activity:
     inputs: frozenset[Var]
 
     def of(self, e: Expr) -> bool:
-        """Whether the derivative of an expression may be other than zero."""
+        """Whether the derivative of an expression may be nonzero."""
         if isinstance(e, (Param, Ago)):
             return True
         if isinstance(e, Var):
@@ -49,7 +49,7 @@ class Activity:
         return any(self.of(a) for a in (e.args[1:] if e.op == "if" else e.args))
 
     def leaves(self, e: Expr) -> list[Expr]:
-        """Variables, parameters and inputs that the derivative of an expression goes back to."""
+        """Variables, parameters and inputs on which the derivative of an expression depends."""
         if not self.of(e):
             return []
         if not isinstance(e, Op):
@@ -57,7 +57,7 @@ class Activity:
         return [leaf for a in (e.args[1:] if e.op == "if" else e.args) for leaf in self.leaves(a)]
 
     def vectors(self, e: Expr) -> set[Var]:
-        """Variables whose vectors the derivative of an expression asks for."""
+        """Variables whose vectors the derivative of an expression needs."""
         return {v for v in self.leaves(e) if isinstance(v, Var) and v not in self.light and v not in self.inputs}
 
 
@@ -86,7 +86,7 @@ def _light(leaf: Expr, light: frozenset[Var]) -> bool:
 
 
 def lowered(body: Body, found: Activity, taken: set[str]) -> Body:
-    """The same with if-else values, min and max that carry derivatives written as statements."""
+    """The same with differentiable if-else values, min and max written as statements."""
     out: list[Stmt] = []
     for s in body:
         if isinstance(s, Assign):
@@ -103,7 +103,7 @@ def lowered(body: Body, found: Activity, taken: set[str]) -> Body:
 
 
 def _branches(e: Expr, found: Activity) -> bool:
-    """Whether this very expression has a derivative that depends on a comparison."""
+    """Whether the derivative of this expression itself depends on a comparison."""
     return isinstance(e, Op) and e.op in ("if", "min", "max") and found.of(e)
 
 
@@ -126,7 +126,7 @@ def _assign(target: Var, e: Expr, found: Activity, taken: set[str], out: list[St
 
 
 def _plain(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Expr:
-    """The expression with its branching parts set down before it."""
+    """The expression, with its branching parts as statements before it."""
     if _branches(e, found):
         return _named(e, found, taken, out)
     if not found.of(e):
@@ -135,7 +135,7 @@ def _plain(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Expr:
 
 
 def _atom(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Expr:
-    """The expression, or a name for it where it stands twice otherwise."""
+    """The expression, or a name for it if it would occur twice."""
     return _named(e, found, taken, out) if isinstance(e, Op) else e
 
 
@@ -150,7 +150,7 @@ def _named(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Var:
 
 
 def hoisted(program: Program) -> Program:
-    """The same with what depends on parameters and structure alone computed once, before the first sample."""
+    """The same, with expressions of only parameters and structure computed once before the first sample."""
     assigned = [s.target for body in (program.begin, program.step) for s in statements(body) if isinstance(s, Assign)]
     known: set[Var] = set()
     early: list[Stmt] = []
@@ -171,7 +171,7 @@ def hoisted(program: Program) -> Program:
 
 
 def delays(program: Program) -> list[Expr]:
-    """How far a hoisted program looks back, where that does not change from sample to sample."""
+    """The largest input lag of a hoisted program, if it is constant."""
     return [e.n for e in expressions(program.step) if isinstance(e, Ago) and e.checked and not isinstance(e.n, Num)]
 
 
@@ -187,7 +187,7 @@ def names(program: Program) -> set[str]:
 
 
 def alive(body: Body, out: frozenset[Var], left: frozenset[Var], states: frozenset[Var], found: Activity) -> frozenset:
-    """Variables whose vectors are asked for from here on; `out` behind the body, `left` behind a break."""
+    """Variables whose vectors are needed from here on; `out` after the body, `left` after a break."""
     for s in reversed(body):
         if isinstance(s, Assign):
             out = (out - {s.target}) | found.vectors(s.value)
@@ -203,7 +203,7 @@ def alive(body: Body, out: frozenset[Var], left: frozenset[Var], states: frozens
 
 
 def head(loop: For, out: frozenset[Var], states: frozenset[Var], found: Activity) -> frozenset[Var]:
-    """Variables whose vectors are asked for at the head of a loop, `out` behind it."""
+    """Variables whose vectors are needed at the head of a loop; `out` after it."""
     more = out
     while True:
         wider = more | alive(loop.body, more, out, states, found)
@@ -213,7 +213,7 @@ def head(loop: For, out: frozenset[Var], states: frozenset[Var], found: Activity
 
 
 def now(e: Expr) -> bool:
-    """Whether an expression is the present input."""
+    """Whether an expression is the current input."""
     return isinstance(e, Ago) and e.n == Num(0)
 
 

@@ -1,4 +1,4 @@
-"""One pass over the columns of the Jacobian that brings the vectors of a stretch up to date; see `tangent`."""
+"""One pass over the columns of the Jacobian that updates the vectors of a segment; see `tangent`."""
 
 from sysid.block.compiler.derive import Coefficient, Derivatives, Key, Map, product
 from sysid.block.compiler.ir import Var
@@ -6,7 +6,7 @@ from sysid.block.compiler.show import variable
 
 
 class Columns(Derivatives):
-    """Lines that take the derivatives of a stretch to vectors, one entry a column."""
+    """Lines that convert the derivatives of a segment to vectors, one entry for each column."""
 
     def _place(self, v: Var) -> str:
         if v == self.output:
@@ -15,7 +15,7 @@ class Columns(Derivatives):
         return f"d{variable(v)}[{{}}]"
 
     def commit(self, env: dict[Var, Map], live: frozenset[Var], y: Map | None = None) -> None:
-        """Bring the vectors of what lives on up to date."""
+        """Update the vectors of the live variables."""
         moved: list[tuple[str, Key, Map]] = [
             (self._place(v), ("v", variable(v)), m) for v, m in env.items() if v in live
         ]
@@ -44,7 +44,7 @@ class Columns(Derivatives):
                 self._own(place, m)
 
     def _slopes_of(self, moved: list[tuple[str, Key, Map]]) -> list[tuple[str, str]]:
-        """d/dx of what lives on, without states a number, in that of what the stretch began with."""
+        """d/dx of the live variables (a number without states) from d/dx at the start of the segment."""
         rows = []
         for _, own, m in moved:
             kept = {k: c for k, c in m.items() if k[0] in "vx"}
@@ -74,7 +74,7 @@ class Columns(Derivatives):
         return " + ".join(product(c, self._entry(k)) for k, c in m.items()) or "0.0"
 
     def _entry(self, key: Key) -> str:
-        """Column c of the tangent that a key stands for."""
+        """Column c of the tangent for a key."""
         if key[0] == "v":
             if self.output is not None and key[1] == variable(self.output):
                 return "J[t, c]"

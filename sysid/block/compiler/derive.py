@@ -1,4 +1,4 @@
-"""Derivatives of one expression, in what a stretch of a program began with; see `tangent`."""
+"""Derivatives of one expression with respect to the values at the start of a segment; see `tangent`."""
 
 import sys
 from dataclasses import dataclass, field, replace
@@ -18,7 +18,7 @@ _FEW = 6  # parameters whose columns are set one by one where no vector stands b
 
 @dataclass
 class Derivatives:
-    """Lines of the kernel with tangents, and what they ask for at its head."""
+    """Lines of the kernel with tangents, and the definitions that they need at its head."""
 
     program: Program
     optional: frozenset[str]
@@ -45,7 +45,7 @@ class Derivatives:
         self.assigned = [s.target for b in (self.begin, self.step) for s in statements(b) if isinstance(s, Assign)]
 
     def _output(self) -> Var | None:
-        """The variable that is the output and lives through loops: its vector is the row of the Jacobian itself."""
+        """The output variable if it is live through loops: its vector is the row of the Jacobian itself."""
         given = {s.value for s in statements(self.step) if isinstance(s, Return)}
         if len(given) != 1 or not any(loops(s) for s in self.step):
             return None
@@ -62,7 +62,7 @@ class Derivatives:
         return f"t{self.count}"
 
     def inside(self, write) -> object:
-        """What `write` writes, one level in."""
+        """The lines written by `write`, indented by one level."""
         self.depth += 1
         before = len(self.lines)
         result = write()
@@ -72,7 +72,7 @@ class Derivatives:
         return result
 
     def derive(self, e: Expr, env: dict[Var, Map]) -> tuple[str, Map]:
-        """Name of the value of an expression, and its derivatives."""
+        """Name of an expression's value, and its derivatives."""
         values: dict[int, str] = {}
         terms: dict[Key, list[tuple[Coefficient, Coefficient]]] = {}
         value = self._value(e, values)
@@ -85,7 +85,7 @@ class Derivatives:
         return value, found
 
     def _value(self, e: Expr, values: dict[int, str]) -> str:
-        """A name or number for the value of an expression, set down where it is none yet."""
+        """A name or number for the value of an expression; assigned to a new name if necessary."""
         if id(e) not in values:
             if not self.found.of(e):
                 text = show(e)
@@ -109,7 +109,7 @@ class Derivatives:
         return values[id(e)]
 
     def _pull(self, e, factor, values, env, terms) -> None:
-        """Spread d value / d e, which is `factor`, over what e depends on (reverse mode within one expression)."""
+        """Distribute `factor` = d value / d e to the dependences of e (reverse mode within one expression)."""
         if not self.found.of(e):
             return
         if not isinstance(e, Op):
@@ -123,7 +123,7 @@ class Derivatives:
                 self._pull(arg, self._times(factor, slope()), values, env, terms)
 
     def _slopes(self, e: Op, a: list[str], own: str):
-        """How the value changes with each argument, written down only where it is asked for."""
+        """Derivative of the value with respect to each argument, written only if needed."""
         t = self.temporary
         table = {
             "+": (lambda: 1.0, lambda: 1.0),
@@ -188,7 +188,7 @@ class Derivatives:
             self.emit(f"l_{v.name}_{key} = {derivative.get(('p', key), 0.0)}")
 
     def _parameters(self, v: Var, seen: frozenset[Var] = frozenset()) -> list[str]:
-        """The parameters that a light variable depends on."""
+        """The parameters on which a light variable depends."""
         found: set[str] = set()
         for s in (s for b in (self.begin, self.step) for s in statements(b) if isinstance(s, Assign) and s.target == v):
             for leaf in self.found.leaves(s.value):
@@ -200,7 +200,7 @@ class Derivatives:
 
 
 def _float(text: str) -> Coefficient:
-    """A coefficient as a number where the text is one."""
+    """A coefficient as a number if the text is a number."""
     try:
         return float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""A program with its numbers as equations for a reader: one where it is one, else the step line by line."""
+"""A program with numbers as readable equations: one equation if possible, else the step line by line."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -26,7 +26,7 @@ from sysid.block.writing import Writer
 
 
 def equations(program: Program, rows: Mapping[str, np.ndarray], w: Writer, timeless: bool) -> list[str]:
-    """Lines in t, which counts samples, without it for a map; states that are not the output itself have names."""
+    """Lines in t (the sample number), without t for a map; states other than the output have names."""
     printer = _Lines(program, rows)
     printer.w, printer.shift, printer.timeless = w, 0, timeless
     one = _recursion(program)
@@ -42,7 +42,7 @@ def equations(program: Program, rows: Mapping[str, np.ndarray], w: Writer, timel
 
 
 def _recursion(program: Program) -> tuple[Expr, int, str] | None:
-    """The output as one expression, how many samples late it is in it, and the state that is the output before."""
+    """The output as one expression, its delay in samples, and the state that holds the previous output."""
     known: dict[Var, Expr] = {}
     for s in program.step:
         if isinstance(s, Assign):

@@ -1,4 +1,4 @@
-"""Put numbers into a program and carry out what can be carried out: what a block does not have leaves no trace."""
+"""Insert numbers into a program and evaluate constant parts, so that absent features of a block disappear."""
 
 import math
 from collections import Counter
@@ -37,7 +37,7 @@ Env = dict[Var, Num]
 def specialised(
     program: Program, params: Mapping[str, float], rows: Mapping[str, np.ndarray], structure: Mapping[str, float]
 ) -> Program:
-    """The program of one block with one theta: its parameters are numbers, rows stay where they are indexed."""
+    """The program of one block with one theta: parameters become numbers; indexed rows stay."""
     folder = _Folder(params, rows, structure)
     while True:
         folder.reads = _reads((*program.begin, *program.step))
@@ -80,7 +80,7 @@ class _Folder:
         return simple(e) if isinstance(e, Op) else e
 
     def body(self, body: Body, env: Env) -> tuple[Body, Env | None]:
-        """Statements with their numbers put in, and what is known behind them; None where control never gets there."""
+        """Statements with numbers inserted, and the known values after them; None if control never gets there."""
         out: list[Stmt] = []
         for i, s in enumerate(body):
             if isinstance(s, Assign):
@@ -137,7 +137,7 @@ class _Folder:
         return ((For(s.index, count, body),) if body else ()), env
 
     def _idle(self, body: Body, loop: Body) -> bool:
-        """Whether statements of a loop set nothing but locals that are not read outside of it."""
+        """Whether the statements of a loop set only locals that are not read outside it."""
         inside = _reads(loop)
         return all(
             isinstance(s, Assign) and not s.target.state and self.reads[s.target] == inside[s.target] for s in body
@@ -163,7 +163,7 @@ def _same(a: Num, b: Num) -> bool:
 
 
 def _without_dead(program: Program) -> Program:
-    """Without what sets a value that nobody reads."""
+    """Without assignments of unused values."""
     while True:
         read = {e for body in (program.begin, program.step) for e in expressions(body) if isinstance(e, Var)}
         slim = replace(program, begin=_kept(program.begin, read), step=_kept(program.step, read))
@@ -175,7 +175,7 @@ def _without_dead(program: Program) -> Program:
 
 
 def renamed(body: Body, whole: Body) -> Body:
-    """Without values that are only handed on: what a name is copied to gives its name to what it is copied from."""
+    """Without plain copies: the source takes the name of the copy."""
     out = list(body)
     i = 0
     while i < len(out):
@@ -194,7 +194,7 @@ def renamed(body: Body, whole: Body) -> Body:
 
 
 def _handed(new: Var, old: Var, body: list[Stmt], i: int, whole: Body) -> bool:
-    """Whether `old` lives before statement i alone, and `new` from there on."""
+    """Whether `old` is live only before statement i, and `new` only from there on."""
     if new.state or old.state or not _sets(tuple(body[:i]), old):
         return False
     early, late = tuple(body[:i]), tuple(body[i + 1 :])
@@ -255,7 +255,7 @@ def negated(test: Expr) -> Expr:
 
 
 def simple(e: Op) -> Expr:
-    """An operation whose arguments are simple, carried out or left away where numbers allow it."""
+    """An operation with simple arguments, evaluated or removed if its numbers allow it."""
     if all(isinstance(a, Num) for a in e.args):
         try:
             return Num(_computed(e.op, *(a.value for a in e.args)))  # type: ignore[union-attr]
@@ -300,7 +300,7 @@ def _pair(e: Op) -> Expr:
 
 
 def _against_infinity(e: Op, x: float | None, y: float | None) -> Expr:
-    """A finite number compared with one that is not."""
+    """Comparison of a finite number with an infinite one."""
     for value, upside in ((x, e.op[0] == ">"), (y, e.op[0] == "<")):
         if value is not None and math.isinf(value):
             return Num((value > 0) == upside)

@@ -1,4 +1,4 @@
-"""The small language that a step is read into: expressions, statements, and walks over them."""
+"""The small language of a step: expressions, statements, and traversals."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ class Const:
 
 @dataclass(frozen=True)
 class Ago:
-    """The input so many samples ago; before the record its first sample. `checked`: n is known not to be negative."""
+    """The input n samples ago; before the record its first sample. `checked`: n is known not to be negative."""
 
     n: "Expr"
     checked: bool = False
@@ -93,7 +93,7 @@ Body = tuple[Stmt, ...]
 
 @dataclass(frozen=True)
 class Program:
-    """A block's recursion: `begin` sets the states from the first input, `step` moves them on and returns an output."""
+    """A block's recursion: `begin` sets the states from the first input; `step` updates them and returns the output."""
 
     states: tuple[str, ...]
     params: tuple[str, ...]  # single ones
@@ -113,14 +113,14 @@ def children(e: Expr) -> tuple[Expr, ...]:
 
 
 def walk(e: Expr) -> Iterator[Expr]:
-    """The expression and all that stands below."""
+    """The expression and all its subexpressions."""
     yield e
     for child in children(e):
         yield from walk(child)
 
 
 def rebuilt(e: Expr, f: Callable[[Expr], Expr]) -> Expr:
-    """The expression with f of what stands right below."""
+    """The expression with f applied to its arguments."""
     if isinstance(e, Op):
         return replace(e, args=tuple(f(a) for a in e.args))
     if isinstance(e, Param) and e.index is not None:
@@ -129,7 +129,7 @@ def rebuilt(e: Expr, f: Callable[[Expr], Expr]) -> Expr:
 
 
 def mapped(body: Body, f: Callable[[Expr], Expr]) -> Body:
-    """The statements with f of every expression that they read."""
+    """The statements with f applied to every expression that they read."""
     out: list[Stmt] = []
     for s in body:
         if isinstance(s, (Assign, Return)):
@@ -155,7 +155,7 @@ def statements(body: Body) -> Iterator[Stmt]:
 
 
 def own(s: Stmt) -> tuple[Expr, ...]:
-    """The expressions that a statement itself reads."""
+    """The expressions that a statement reads itself."""
     if isinstance(s, (Assign, Return)):
         return (s.value,)
     if isinstance(s, If):
@@ -164,19 +164,19 @@ def own(s: Stmt) -> tuple[Expr, ...]:
 
 
 def expressions(body: Body) -> Iterator[Expr]:
-    """All expressions of all statements, with all that stands below."""
+    """All expressions of all statements, with subexpressions."""
     for s in statements(body):
         for e in own(s):
             yield from walk(e)
 
 
 def loops(s: Stmt) -> bool:
-    """Whether a loop stands in this statement."""
+    """Whether this statement contains a loop."""
     return any(isinstance(each, For) for each in statements((s,)))
 
 
 def ends(body: Body) -> bool:
-    """Whether control never leaves at the end: every path breaks or returns."""
+    """Whether control never reaches the end: every path breaks or returns."""
     if not body:
         return False
     last = body[-1]

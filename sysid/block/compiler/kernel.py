@@ -1,4 +1,4 @@
-"""Compiled kernels of a step: their source, and the folder that keeps it so that numba can keep what it compiles."""
+"""Compiled kernels of a step: their source, and its folder, which numba needs for its cache."""
 
 import hashlib
 import os
@@ -40,10 +40,10 @@ def logistic(x):
 def kernels(
     name: str, key: str, program: Callable[[], Program], absent: Mapping[str, float], near: Path | None
 ) -> ModuleType:
-    """The module with `value` and `tangent` of a step, written first where no folder has it.
+    """The module with `value` and `tangent` of a step; it is written first if no folder has it.
 
-    `key` changes with the step, `program` reads it, which only a missing file asks for; `near` is the folder of the
-    block's own file. A module that no folder takes is compiled anew in each process.
+    `key` changes with the step; `program` reads the step and is called only if the file is missing; `near` is the
+    folder of the block's file. If no folder is writable, each process compiles the module again.
     """
     own = hashlib.blake2b(f"{key} {sorted(absent.items())} {_version()}".encode(), digest_size=8).hexdigest()
     stem = f"{re.sub(r'[^A-Za-z0-9]', '_', name)}_{own}"
@@ -73,14 +73,14 @@ def _version() -> str:
 
 
 def _folders(near: Path | None) -> list[Path]:
-    """Where kernels may lie: beside the block's compiled module, else in the user's own cache."""
+    """Possible folders of kernels: beside the block's compiled module, then the user's cache."""
     home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
     user = Path(home) if home else Path.home() / ".cache"
     return [*([near / "__pycache__"] if near else []), user / "sysid" / "kernels"]
 
 
 def _written(path: Path, text: Callable[[], str]) -> bool:
-    """Write a file that is complete whenever it is seen; one that another process has put there first is kept."""
+    """Write a file that is always complete; a file that another process wrote first is kept."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(suffix=".part", dir=path.parent)
@@ -115,7 +115,7 @@ def _arguments(program: Program) -> str:
 
 
 def _parameters(program: Program, absent: Mapping[str, float]) -> list[str]:
-    """Parameters by name; those that this block does without have column -1."""
+    """Parameters by name; parameters that this block does not have get column -1."""
     lines = []
     for i, p in enumerate(program.params):
         other = f" if column[{i}] >= 0 else {float(absent[p])!r}" if p in absent else ""

@@ -1,4 +1,4 @@
-"""Expressions of a step read into `ir`, and the sentence that refuses what is not allowed; see `subset`."""
+"""Reads expressions of a step into `ir`, and reports what is not allowed; see `subset`."""
 
 import ast
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ DEEPEST = 20  # calls within calls
 
 @dataclass
 class Frame:
-    """One function that is being read: what its names stand for, and where its results go (None: it is the step)."""
+    """One function being read: the meaning of its names, and the targets of its results (None: it is the step)."""
 
     name: str
     source: str
@@ -88,7 +88,7 @@ class Phrases:
                 self._refuse(f, node, "ago looks back at the step's input alone, ago(x, n)")
             n = self._expr(f, node.args[1], out)
             if any(isinstance(e, (Ago, Var)) and (isinstance(e, Ago) or e.state) for e in leaves(n)):
-                self._refuse(f, node, "how far ago looks back may not depend on states or the input")
+                self._refuse(f, node, "the lag of ago may not depend on states or the input")
             return Ago(n)
         count = (2, 9) if name in ("min", "max") else (1, 1)
         if name not in FUNCTIONS or node.keywords or not count[0] <= len(node.args) <= count[1]:
@@ -127,7 +127,7 @@ class Phrases:
         if isinstance(node.value, ast.Attribute) and self._kind(f, node.value) == "params":
             row = node.value.attr
         if not isinstance(row, str):
-            self._refuse(f, node, "an index stands behind a row of parameters, p.name[i]")
+            self._refuse(f, node, "only a row of parameters takes an index, p.name[i]")
         return Param(row, self._expr(f, node.slice, out))
 
     def _fresh(self, name: str) -> str:

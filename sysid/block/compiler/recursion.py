@@ -1,4 +1,4 @@
-"""Blocks that are written as one function: their run, their tangent and their texts follow from there."""
+"""Blocks written as one function, from which simulation, tangent and texts are derived."""
 
 import inspect
 from collections.abc import Callable, Mapping
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 class Written(Block):
-    """What `Recursion` and `Map` share: `functions` by name, read by `compiler.subset`, and all that they become.
+    """Common base of `Recursion` and `Map`: `functions` by name, read by `compiler.subset`, and all that is derived.
 
-    Each may take the block as a last argument and read its structure. A parameter that some structures do without
-    stands in `absent` with the value that it then has.
+    Each may take the block as its last argument and read its structure. `absent` has the values of parameters that
+    some structures do not have.
     """
 
     functions: ClassVar[Mapping[str, Callable]] = MappingProxyType({})
@@ -63,7 +63,7 @@ class Written(Block):
 
     @cached_property
     def _compiled(self) -> tuple[Any, tuple]:
-        """The kernels, and what tells them this block's structure."""
+        """The kernels, and their arguments for this block's structure."""
         module = kernels(type(self).__name__, self._key(), self.program, self.absent, self._near())
         names = [slot.name for slot in self.slots()]
         column = np.array([names.index(p) if p in names else -1 for p in module.PARAMETERS], dtype=np.int64)
@@ -79,13 +79,13 @@ class Written(Block):
         return {slot.name: float(value) for slot, value in zip(self.slots(), theta, strict=True)}
 
     def numbers(self, theta: np.ndarray) -> tuple[dict[str, float], dict[str, np.ndarray]]:
-        """Parameters of the functions by name, and their rows: those of the slots where nothing else is said."""
+        """Parameters of the functions by name, and their rows; by default those of the slots."""
         own = self.by_name(theta)
         rows = {r: np.array([own[name] for name in _row(list(own), r)]) for r in self.program().rows}
         return {**self.absent, **own}, rows
 
     def _numbers(self, theta: np.ndarray) -> tuple["Program", dict[str, np.ndarray]]:
-        """The program with theta and this structure put in, and its rows of parameters."""
+        """The program with theta and this structure inserted, and its rows of parameters."""
         from sysid.block.compiler.fold import specialised
 
         program, (own, rows) = self.program(), self.numbers(theta)
@@ -94,8 +94,10 @@ class Written(Block):
 
 
 class Recursion(Written):
-    """A block with a memory. `functions` holds `step(s, x, p)` of states, input and parameters, which sets the states
-    and returns the output, and `begin(s, x, p)`, which sets them from the first input where they do not begin at zero.
+    """A block with a memory.
+
+    `functions` holds `step(s, x, p)` of states, input and parameters, which sets the states and returns the output,
+    and `begin(s, x, p)`, which sets the initial states from the first input if they are not zero.
     """
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:

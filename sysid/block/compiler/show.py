@@ -4,12 +4,12 @@ from sysid.block.compiler.ir import COMPARISONS, Ago, Const, Expr, Num, Op, Para
 
 
 def variable(v: Var) -> str:
-    """How a variable or a state is called in a kernel."""
+    """The name of a variable or a state in a kernel."""
     return f"s_{v.name}" if v.state else f"v_{v.name}"
 
 
 def show(e: Expr, args: list[str] | None = None, place: bool = False) -> str:
-    """An expression; `args` are texts for its arguments, `place` asks where a parameter of a row stands in theta."""
+    """An expression; `args` are texts of its arguments; `place` gives the position of a row's parameter in theta."""
     if isinstance(e, Num):
         return repr(e.value) if e.value >= 0 else f"({e.value!r})"
     if isinstance(e, Var):
@@ -28,12 +28,12 @@ def show(e: Expr, args: list[str] | None = None, place: bool = False) -> str:
 
 
 def row(e: Ago) -> str:
-    """Number of the sample that an earlier input is."""
+    """Sample number of an earlier input."""
     return f"max(t - {show(e.n) if e.checked else f'max({show(e.n)}, 0)'}, 0)"
 
 
 def operation(e: Op, a: list[str]) -> str:
-    """An operation on arguments that are written already, in brackets where another one may stand beside it."""
+    """An operation on written arguments, in brackets if needed."""
     if e.op in ("+", "-", "*", "/", "**", "and", "or", *COMPARISONS):
         return f"({a[0]} {e.op} {a[1]})"
     if e.op == "neg":

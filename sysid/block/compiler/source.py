@@ -1,4 +1,4 @@
-"""The text of a step with everything that it calls: one small module, kept with the block and read by `subset`."""
+"""The text of a step with everything that it calls: one small module, stored with the block and read by `subset`."""
 
 import hashlib
 import inspect
@@ -34,7 +34,7 @@ def parts(functions: dict[str, Callable]) -> tuple[dict[str, FunctionType], dict
 def text(functions: dict[str, Callable]) -> str:
     """Source of a module that holds these functions, what they call and the numbers that they read.
 
-    Raises InputError where Python cannot find the source of one (typed at a prompt): the text itself may be given then.
+    Raises InputError if Python cannot find a source (typed at a prompt); give the text itself then.
     """
     found, numbers = parts(functions)
     pieces = [f"{name} = {value!r}" for name, value in sorted(numbers.items())]
@@ -43,7 +43,7 @@ def text(functions: dict[str, Callable]) -> str:
             source = textwrap.dedent(inspect.getsource(f))
         except (OSError, TypeError):
             raise InputError(
-                f"Python does not know the source of {name}; give the text of the step instead of the function"
+                f"Python cannot find the source of {name}; give the text of the step instead of the function"
             ) from None
         if f.__name__ != name or not source.lstrip().startswith("def "):
             raise InputError(f"{name} is not a function written with def under this name; write it so")
@@ -52,7 +52,7 @@ def text(functions: dict[str, Callable]) -> str:
 
 
 def fingerprint(functions: dict[str, Callable]) -> str:
-    """Changes whenever `text` would: of the compiled functions, so that no source has to be read."""
+    """Changes whenever `text` changes; made from the compiled functions, so that no source is read."""
     found, numbers = parts(functions)
     codes = [
         (name, f.__code__.co_code, repr(f.__code__.co_consts), f.__code__.co_names, f.__code__.co_varnames)

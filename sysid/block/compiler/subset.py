@@ -1,4 +1,4 @@
-"""Read a step, a small subset of Python, into `ir`; refuse anything else in a sentence that names line and remedy."""
+"""Read a step, a small subset of Python, into `ir`; anything else raises an error with line and remedy."""
 
 import ast
 
@@ -38,7 +38,7 @@ class _Reader(Phrases):
         try:
             tree = ast.parse(text)
         except SyntaxError as e:
-            raise InputError(f"line {e.lineno} of the step's text is no Python ({e.msg}); mend it") from None
+            raise InputError(f"line {e.lineno} of the step's text is not valid Python ({e.msg}); correct it") from None
         self.functions: dict[str, ast.FunctionDef] = {}
         self.numbers: dict[str, float] = {}
         for node in tree.body:
@@ -56,7 +56,7 @@ class _Reader(Phrases):
                 value = None
             if not isinstance(value, (int, float)):
                 raise InputError(
-                    f"line {node.lineno} of the step's text gives {node.targets[0].id} no number; give one"
+                    f"line {node.lineno} of the step's text assigns no number to {node.targets[0].id}; give a number"
                 )
             self.numbers[node.targets[0].id] = value
         elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
@@ -77,7 +77,7 @@ class _Reader(Phrases):
         params = {e.name for e in found if isinstance(e, Param) and e.index is None}
         rows = {e.name for e in found if isinstance(e, Param) and e.index is not None}
         if params & rows:
-            raise InputError(f"{', '.join(sorted(params & rows))} stands with and without an index; name it apart")
+            raise InputError(f"{', '.join(sorted(params & rows))} is used with and without an index; use two names")
         consts = {e.name for e in found if isinstance(e, Const)}
         names = (tuple(sorted(n)) for n in (params, rows, consts))
         return Program(tuple(self.states), next(names), next(names), next(names), begin, step)
@@ -197,7 +197,7 @@ class _Reader(Phrases):
         self._no_return(f, node)
         count = self._expr(f, call.args[0], out)  # type: ignore[attr-defined]
         if not all(isinstance(e, (Num, Const)) for e in leaves(count)):
-            self._refuse(f, node, "how often a loop runs is a number or a value of the block's structure")
+            self._refuse(f, node, "the number of loop passes must be a number or a value of the block's structure")
         index = self._fresh("k" if node.target.id == "_" else node.target.id)
         f.locals[node.target.id] = index
         f.looping += 1
@@ -213,7 +213,7 @@ class _Reader(Phrases):
             out.append(Return(self._expr(f, values[0], out)))
             return
         if len(values) != len(f.results):
-            self._refuse(f, node, f"{f.name} returns {len(values)} value(s) where {len(f.results)} are asked for")
+            self._refuse(f, node, f"{f.name} returns {len(values)} value(s) where {len(f.results)} are needed")
         found = [self._expr(f, v, out) for v in values]
         out.extend(Assign(r, v) for r, v in zip(f.results, found, strict=True))
 
@@ -252,7 +252,7 @@ class _Reader(Phrases):
         out.extend(body)
 
     def _check(self, f: Frame, node: ast.AST, body: Body, known: set[Var]) -> set[Var]:
-        """Every name has a value on every path to its use; gives what is known in the end."""
+        """Checks that every name has a value on every path to its use; returns the names known at the end."""
         for s in body:
             reads = (s.value,) if isinstance(s, (Assign, Return)) else (s.test,) if isinstance(s, If) else ()
             for v in (v for e in reads for v in variables(e)):

@@ -1,9 +1,9 @@
-"""Forward-mode derivatives of a program, source to source: the branch taken, two levels.
+"""Forward-mode derivatives of a program, source to source, of the branch taken, on two levels.
 
-Between two loops, and within the innermost one, every value carries its derivatives with respect to what this stretch
-began with: a number for each state, input and parameter that it depends on. At the end of the stretch one pass over
-the columns of the Jacobian takes these numbers to the vectors of what lives on. So a column costs a product for each
-dependence, however long the stretch is, and what is known to be zero costs nothing.
+In a segment (between two loops or within the innermost loop) every value has its derivatives with respect to the
+values at the start of the segment: a number for each state, input and parameter on which it depends. At the end of the
+segment one pass over the columns of the Jacobian updates the vectors of the live variables with these numbers. A
+column then costs one product per dependence, for any length of the segment, and zeros cost nothing.
 """
 
 from sysid.block.compiler.activity import alive, head, now
@@ -16,10 +16,10 @@ _SMALL = 6  # statements behind an if that are written into both of its branches
 
 
 class Writer(Columns):
-    """Lines of the kernel with tangents, and what they ask for at its head."""
+    """Lines of the kernel with tangents, and the definitions that they need at its head."""
 
     def block(self, body: Body, out: frozenset[Var], left: frozenset[Var]) -> None:
-        """A body whose vectors are up to date where it begins, and where it ends."""
+        """A body whose vectors are up to date at its start and its end."""
         i = 0
         while i < len(body):
             j = i
@@ -43,8 +43,9 @@ class Writer(Columns):
                 self.inside(lambda: self.block(s.orelse, out, left))
 
     def run(self, body: Body, env: dict[Var, Map], out: frozenset[Var], left: frozenset[Var], final: bool = True):
-        """Statements without a loop; env holds the derivatives of what they have set. Ends with the vectors of `out`
-        up to date if `final`, else gives env; None where control never gets to the end.
+        """Statements without a loop; env holds the derivatives of the variables that they set.
+
+        Ends with the vectors of `out` up to date if `final`, else gives env; None where control never gets to the end.
         """
         for i, s in enumerate(body):
             rest = body[i + 1 :]
@@ -76,7 +77,7 @@ class Writer(Columns):
         self.run(body if ends(body) else body + rest, dict(env), out, left)
 
     def merge(self, s: If, env: dict[Var, Map], out: frozenset[Var], left: frozenset[Var]) -> dict[Var, Map] | None:
-        """Both branches, and behind them one set of derivatives whichever was taken."""
+        """Both branches, followed by one common set of derivatives."""
         self.emit(f"if {show(s.test)}:")
         begin = len(self.lines)
         a = self.inside(lambda: self.run(s.body, dict(env), out, left, final=ends(s.body)))
@@ -126,7 +127,7 @@ class Writer(Columns):
         self.emit(f"{target} = {value}")
 
     def give(self, e: Expr, env: dict[Var, Map]) -> None:
-        """The output of this sample, and with it the states of the next."""
+        """The output of this sample and the states of the next."""
         value, derivative = self.derive(e, env)
         self.emit(f"y[t] = {value}")
         if self.output is not None:

@@ -1,4 +1,4 @@
-"""A program with its numbers as the body of an exported function, what C99 and Python share."""
+"""A program with numbers as the body of an exported function: the common part of C99 and Python."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -120,7 +120,7 @@ _TAKEN = {  # names that a local variable may not have in either language
 
 @dataclass
 class Text:
-    """What both languages share: expressions, what is kept from sample to sample, and how a body begins and ends."""
+    """The common part of both languages: expressions, stored states, and the start and end of a body."""
 
     program: Program
     rows: Mapping[str, np.ndarray]
@@ -138,7 +138,7 @@ class Text:
         self.moved = {s.target.name for s in statements(step) if isinstance(s, Assign) and s.target.state}
 
     def code(self) -> Code:
-        """The whole body, with its tables and what its states begin with."""
+        """The whole body, with its tables and initial states."""
         tables = {r.upper(): np.asarray(self.rows[r]) for r in self.program.rows if self._reads(r)}
         return Code("\n".join(self.lines()), self.kept, tables, self._start())
 
@@ -153,7 +153,10 @@ class Text:
         if not self.waits:
             for s in statements(self.program.begin):
                 if not isinstance(s, Assign) or not isinstance(s.value, Num):
-                    raise InputError("what a state begins with has no value without a run of begin; write it plainly")
+                    raise InputError(
+                        "the initial value of a state cannot be computed without running begin; "
+                        "write it as a plain expression"
+                    )
                 start[s.target.name] = float(s.value.value)
         return start
 
@@ -168,7 +171,7 @@ class Text:
             return (a + c, b + d) if n.op == "+" else (a - d, b - c)
         if isinstance(n, Op) and n.op == "int":
             return self._span(n.args[0])
-        raise InputError("how far a step looks back changes as it runs, so it cannot be written out; make it a number")
+        raise InputError("the input lag of the step is not constant, so it cannot be exported; make it a number")
 
     # Expressions
 

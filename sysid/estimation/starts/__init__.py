@@ -1,4 +1,4 @@
-"""Where a search starts: one file a kind of chain, one line in `TABLE`, of which the first that applies counts."""
+"""Starting points of a search: one file and one line in `TABLE` per kind of chain; the first that applies is used."""
 
 import numpy as np
 
@@ -26,9 +26,9 @@ TABLE: dict[str, Start] = {
 
 
 def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
-    """Up to `count` starting points theta (P,) within the chain's bounds, with what it holds; the best guess first.
+    """Up to `count` starting points theta (P,) within the chain's bounds and fixed values; the best guess is first.
 
-    Of several experiments the longest gives the start. Raises InputError for a chain of no kind in `TABLE`.
+    The longest experiment gives the start. Raises InputError if no entry of `TABLE` applies to the chain.
     """
     for start in TABLE.values():
         if start.applies(chain):
@@ -37,6 +37,6 @@ def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray
 
 
 def _held(chain: Chain, theta: np.ndarray) -> np.ndarray:
-    """theta within the chain's bounds, and what is fixed at its value."""
+    """theta within the chain's bounds, with fixed parameters at their values."""
     within = np.clip(theta, *chain.limits)
     return np.array([chain.fixed.get(name, value) for name, value in zip(chain.names, within, strict=True)])

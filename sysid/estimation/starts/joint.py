@@ -1,4 +1,4 @@
-"""Starts of a joint that a motor drives, from the record alone: ends, speed per volt, friction, lag and load."""
+"""Starts of a motor-driven joint from the record: ends, speed per volt, friction, lag and load."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ _EDGE = 0.002  # of the samples that noise may throw beyond an end
 
 @dataclass(frozen=True)
 class _Record:
-    """What can be read off a record before any model: range of y, its speed where the input is large, its noise."""
+    """Properties of a record before any model: range of y, its speed at large inputs, its noise."""
 
     u: np.ndarray
     y: np.ndarray
@@ -29,10 +29,10 @@ class _Record:
 
 
 class Joint(Start):
-    """A chain with a motor: the best of many draws in free run, then others that differ from it.
+    """A chain with a motor: the best of many random candidates in free run, then candidates that differ from it.
 
-    A draw is friction, asymmetry, load and lag; the speed per volt follows from the speeds seen. Free runs cost a
-    fraction of a millisecond each, and a motor's cost has too many valleys for one good guess.
+    A candidate is friction, asymmetry, load and lag; the speed per volt follows from the measured speeds. A free run
+    takes a fraction of a millisecond, and the cost of a motor has too many local minima for one good guess.
     """
 
     def applies(self, chain: Chain) -> bool:
@@ -71,7 +71,7 @@ def _read(u: np.ndarray, y: np.ndarray) -> _Record:
 
 
 def _draw(chain: Chain, seen: _Record, rng: np.random.Generator, k: int) -> np.ndarray:
-    """One candidate; the first is the plainest."""
+    """One candidate; the first is the simplest."""
     theta = np.zeros(len(chain.names))
     ends = _ends(chain, seen, rng)
     mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
@@ -97,7 +97,7 @@ def _ends(chain: Chain, seen: _Record, rng: np.random.Generator) -> tuple[float,
 def _physics(
     seen: _Record, ends: tuple[float, float], mapped: bool, rng: np.random.Generator | None
 ) -> dict[str, float]:
-    """The motor's parameters by name, drawn with `rng`; its position counts in strokes where a travel map follows."""
+    """The motor's parameters by name, drawn with `rng`; its position is in strokes if a travel map follows."""
     way = ends[1] - ends[0] or 1.0
     first = float(seen.y[: max(1, min(3, len(seen.y)))].mean())
     friction, tilt, load, haste, lag, stick, delay, creep = 0.15, 0.0, 0.0, 1.0, 0.5, 0.2, 0.2, 0.03

@@ -1,4 +1,4 @@
-"""Starts of a matrix of filters, with maps of every channel before and behind it."""
+"""Starts of a matrix of filters with maps of every channel before and after it."""
 
 import numpy as np
 
@@ -44,7 +44,7 @@ class Matrix(Start):
 
 
 def _shares(W: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
-    """What each input (columns of W (N, nu)) contributes to y (N,), by one least-squares fit of finite responses."""
+    """Contribution of each input (columns of W (N, nu)) to y (N,), by one least-squares fit of finite responses."""
     N, nu = W.shape
     length = max(2, min(80, N // (4 * nu)))
     lagged = [np.concatenate([np.zeros(k), W[: N - k, i]]) for i in range(nu) for k in range(length)]
@@ -56,7 +56,7 @@ def _shares(W: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
 def _start_channels(
     chain: Chain, theta: np.ndarray, blocks: tuple[Block, ...], target: np.ndarray, x: np.ndarray
 ) -> np.ndarray:
-    """Start the maps of every channel from x towards target (N, n), write them into theta and return their output."""
+    """Start the maps of all channels from x to target (N, n), write them into theta and return their output."""
     for b in blocks:
         if not isinstance(b, Channels):
             raise InputError(f"block {b.role!r} has no automatic start in this place; give fit() a start")

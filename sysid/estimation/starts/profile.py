@@ -1,4 +1,4 @@
-"""Starts of a motor with a free friction profile, from the record alone: the balance of volts over short windows."""
+"""Starts of a motor with a free friction profile from the record: the voltage balance over short windows."""
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -14,7 +14,7 @@ _CALM = 0.1  # a profile's bend by its own level weighs as much as this share of
 
 
 class Profile(Start):
-    """One motor with a friction profile, with nothing before or behind it."""
+    """One motor with a friction profile and no other block."""
 
     def applies(self, chain: Chain) -> bool:
         return len(chain.blocks) == 1 and isinstance(chain.blocks[0], ProfiledMotor)
@@ -27,8 +27,8 @@ class Profile(Start):
 def _from_balance(chain: Chain, data: IOData) -> np.ndarray:
     """theta (P,) of a chain of one `ProfiledMotor`, for the first experiment of the record.
 
-    Over a window of W samples the volts balance: inertia (v_end - v_begin) / W + drag mean v + sign(v) mean friction =
-    mean u, which is linear in all parameters. Several W are tried; the best free run over all experiments counts.
+    The voltage balance over a window of W samples is inertia (v_end - v_begin) / W + drag mean v + sign(v) mean
+    friction = mean u, linear in all parameters. Several W are tried; the best free run over all experiments is used.
     """
     block = chain.blocks[0]
     assert isinstance(block, ProfiledMotor)

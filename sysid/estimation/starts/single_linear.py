@@ -15,9 +15,9 @@ _COARSE = 12  # steps with coarse maps
 
 
 class SingleLinear(Start):
-    """One transfer function between maps: linear models first, then variations of their poles and maps.
+    """One transfer function between maps: first linear models, then variations of their poles and maps.
 
-    Maps of many knots begin with few: the best of these is a better place to start from.
+    Maps of many knots start with few knots; the best of these is a better starting point.
     """
 
     def applies(self, chain: Chain) -> bool:
@@ -38,7 +38,7 @@ class SingleLinear(Start):
 
 
 def _around(chain: Chain, u: np.ndarray, y: np.ndarray, draws: list[np.random.Generator]) -> list[np.ndarray]:
-    """One start more than there are draws: linear models for the first half, then variations of them."""
+    """One start more than random draws: linear models for the first half, then variations of them."""
     count = len(draws) + 1
     found = linear_starts(chain, u, y)[: 1 + count // 2]
     return found + [
@@ -54,10 +54,10 @@ def _few_steps(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) ->
 
 
 def linear_starts(chain: Chain, u: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
-    """theta (P,) of linear models of u (N,) to y (N,), the best first, with every map as near the identity as may be.
+    """theta (P,) of linear models of u (N,) to y (N,), the best first, with every map as near the identity as possible.
 
-    The best output-error model leads. Where the plant bends, its poles may serve the bend rather than the dynamics, so
-    the refined-IV models that it started from follow: they see the plant's best linear approximation.
+    The best output-error model comes first. Its poles may describe a static nonlinearity instead of the dynamics. The
+    refined-IV models that it started from follow: they estimate the best linear approximation.
     """
     linear = chain.linear
     theta = np.zeros(len(chain.names))
@@ -82,7 +82,7 @@ def linear_starts(chain: Chain, u: np.ndarray, y: np.ndarray) -> list[np.ndarray
 
 
 def _finish(chain: Chain, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> None:
-    """Fit the linear block's initial state and an offset (both enter linearly), then lay the maps behind it."""
+    """Fit the linear block's initial state and an offset (both enter linearly), then start the maps after it."""
     linear = chain.linear
     part = chain.part(theta, linear).copy()
     n = linear.n_state if linear.initial_state else 0
@@ -104,7 +104,7 @@ def _finish(chain: Chain, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> No
 
 
 def _variation(chain: Chain, first: np.ndarray, u: np.ndarray, y: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Maps before the linear block varied, other poles, B by least squares, and the rest laid around them again."""
+    """Vary the maps before the linear block and its poles, fit B by least squares, and start the rest again."""
     linear = chain.linear
     k = chain.blocks.index(linear)
     theta, w = first.copy(), u

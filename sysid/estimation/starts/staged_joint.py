@@ -1,6 +1,7 @@
-"""Starts of a joint with more physics: a plainer joint is fitted first, and what it lacks starts from its optimum.
+"""Starts of a joint with more physics: a simpler joint is fitted first; the added parts start from its optimum.
 
-A cost over friction curves and plays has many valleys, and which one is right shows only where all else fits already.
+The cost over friction curves and backlash has many local minima. The right one is visible only when everything else
+already fits.
 """
 
 import numpy as np
@@ -21,7 +22,7 @@ _TRIED = 4  # starts of the plainest joint
 
 
 class StagedJoint(Start):
-    """A chain with a motor whose `plainer` one exists."""
+    """A chain with a motor for which `plainer` gives a chain."""
 
     def applies(self, chain: Chain) -> bool:
         return is_joint(chain) and plainer(chain) is not None

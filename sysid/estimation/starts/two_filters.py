@@ -13,10 +13,10 @@ from sysid.model.chain import Chain
 
 
 class TwoFilters(Start):
-    """Wiener-Hammerstein: one linear model of all orders, its poles dealt to both filters in every possible way.
+    """Wiener-Hammerstein: one linear model of the total order, its poles divided between both filters in every way.
 
-    Starts differ in who gets which poles (Sjoberg and Schoukens 2012, Automatica 48); after all deals come variations
-    of the map between.
+    The starts differ in the division of the poles (Sjoberg and Schoukens 2012, Automatica 48); then the map between
+    the filters is varied.
     """
 
     def applies(self, chain: Chain) -> bool:
@@ -38,7 +38,7 @@ class TwoFilters(Start):
 
 
 def _deals(poles: np.ndarray, n: int) -> list[tuple[int, ...]]:
-    """Ways to pick n of the poles with complex pairs kept together; any n where there is none."""
+    """Ways to choose n of the poles with complex pairs kept together; any n poles if there is no such way."""
     whole = []
     for mine in itertools.combinations(range(len(poles)), n):
         picked = poles[list(mine)]

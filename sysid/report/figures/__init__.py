@@ -1,7 +1,7 @@
-"""The figures of the report of `qpal identify`: one file each, one line in `TABLE`, shown in its order.
+"""The figures of the report of `qpal identify`: one file and one line in `TABLE` each, shown in that order.
 
-A name is that of the file in figures/. What is drawn comes from `sysid.plots`; a figure that no one else shows draws
-itself. Nothing here computes: the numbers are an evaluation's.
+The name of a figure is its file name in figures/. `sysid.plots` draws figures that others also use. Nothing here
+computes; the numbers come from an evaluation.
 """
 
 from sysid.report.figures import (
@@ -31,7 +31,7 @@ TABLE: dict[str, ReportFigure] = {
 
 
 def pictures(section: SectionTitle, evaluation: Evaluation) -> list[Picture]:
-    """The figures of one section that apply to this evaluation."""
+    """The figures of one section for this evaluation."""
     found = (figure.picture(name, evaluation) for name, figure in TABLE.items() if figure.section == section)
     return [picture for picture in found if picture is not None]
 

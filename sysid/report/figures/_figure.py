@@ -1,4 +1,4 @@
-"""What a figure of a report is: where it stands, when it is shown, how it is drawn, and what one sees in it."""
+"""A figure of a report: its section, its condition, its drawing function and its caption."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SectionTitle = Literal["Data", "Model output", "Model", "Residual tests"]
-VALIDATION_TIME = "time in the validation part [s]"
+VALIDATION_TIME = "time in the validation data [s]"
 
 
 def _always(evaluation: Evaluation) -> bool:
@@ -24,10 +24,10 @@ def _always(evaluation: Evaluation) -> bool:
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """One figure of the report of `qpal identify`, made from an evaluation; other reports may show it too.
+    """One figure of the report of `qpal identify`, made from an evaluation; other reports may use it.
 
-    `draw` returns the axes that it drew into, and may take options that another report gives. The axes of a figure name
-    their units, but where it shows `pure` numbers alone.
+    `draw` returns its axes and may take options from another report. The axes of a figure name their units, unless it
+    shows only `pure` numbers.
     """
 
     section: SectionTitle
@@ -37,13 +37,13 @@ class ReportFigure:
     pure: bool = False
 
     def picture(self, name: str, evaluation: Evaluation, lead: str = "", **options: Any) -> Picture | None:
-        """The figure with its caption, behind `lead`; None where it does not apply to this model or record."""
+        """The figure with its caption after `lead`; None if it does not apply to this model or record."""
         if not self.applies(evaluation):
             return None
         return Picture(name, style.png(self.draw(evaluation, **options)), f"{lead}{self.caption(evaluation)}")
 
 
 def signals(evaluation: Evaluation) -> tuple[Quantity, Quantity]:
-    """How input and output are shown."""
+    """Display of input and output."""
     data = evaluation.estimation
     return shown(data.u_name, data.u_unit), shown(data.y_name, data.y_unit)

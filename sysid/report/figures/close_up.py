@@ -1,4 +1,4 @@
-"""First peaks of the validation part."""
+"""First peaks of the validation data."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def draw(e: Evaluation) -> Sequence[Axes]:
 
 def caption(e: Evaluation) -> str:
     """What it is."""
-    return "Close-up of the first upper and lower peak of the validation part."
+    return "Close-up of the first upper and lower peak of the validation data."
 
 
 FIGURE = ReportFigure("Model output", draw, caption)

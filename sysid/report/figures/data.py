@@ -1,4 +1,4 @@
-"""The record as it was used."""
+"""The record with its split."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def draw(e: Evaluation) -> Sequence[Axes]:
 
 
 def caption(e: Evaluation) -> str:
-    """How the record was split."""
+    """The split of the record."""
     return (
-        f"The record as it was used: the first {e.estimation.N} samples for estimation, the other {e.validation.N} "
-        "for validation."
+        f"The record as used: the first {e.estimation.N} samples are estimation data, the other {e.validation.N} "
+        f"are validation data."
     )
 
 

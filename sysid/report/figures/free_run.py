@@ -1,4 +1,4 @@
-"""Measured output and free run over both parts."""
+"""Measured output and free-run simulation of both parts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def draw(e: Evaluation) -> Sequence[Axes]:
-    """Both parts, the validation error, and one step ahead where the model runs so."""
+    """Both parts, the validation error, and the one-step-ahead prediction if the model has one."""
     one = e.one_step
     return free_run(
         Run(e.estimation, e.estimation_output, e.estimation_fit),
@@ -24,11 +24,11 @@ def draw(e: Evaluation) -> Sequence[Axes]:
 
 
 def caption(e: Evaluation) -> str:
-    """What the free run sees."""
-    one = " The last panel is no free run: each sample there is foretold from the measured ones before it."
+    """The data used by the free run."""
+    one = " The last panel is a one-step-ahead prediction, not a free run: it uses the previous measured outputs."
     return (
-        f"Measured output and the model's free run: only the input is used, and the first {e.fit.n_init} outputs of "
-        f"each part for the initial state; these are not scored.{one if e.one_step else ''}"
+        f"Measured output and the model's free-run simulation. It uses only the input and the first {e.fit.n_init} "
+        f"outputs of each part for the initial state; these outputs are not scored.{one if e.one_step else ''}"
     )
 
 

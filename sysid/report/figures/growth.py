@@ -1,4 +1,4 @@
-"""What an actuated joint was tried with, and what stayed."""
+"""Parts tried and kept in the growth of an actuated joint."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NAMES = {
 
 @styled
 def draw(e: Evaluation) -> Sequence[Axes]:
-    """A panel a round, a bar a part: the fall of BIC on an axis that is linear about zero and logarithmic beyond."""
+    """One panel per round, one bar per part: the reduction of BIC on a symmetric logarithmic axis."""
     assert e.growth is not None
     steps = e.growth.steps
     row = style.panels(None, 1, 1 + max(step.round for step in steps), height=2.8)
@@ -48,16 +48,16 @@ def draw(e: Evaluation) -> Sequence[Axes]:
 
 
 def caption(e: Evaluation) -> str:
-    """How to read the bars."""
+    """Explanation of the bars."""
     return (
-        f"Parts tried on the estimation half, round by round: by how much each lowered BIC. Beyond the line, at "
-        f"{MARGIN:g}, it earns its place; of each round the best stays (filled), and the next round begins with it. A "
-        "bar to the left is a part that costs more than it explains."
+        f"Parts tried on the estimation data, round by round: by how much each lowered BIC. A part is "
+        f"kept only if BIC falls by {MARGIN:g} (line). The best part of each round (filled) stays in the next round. A "
+        "bar to the left is a part that increases BIC."
     )
 
 
 def applies(e: Evaluation) -> bool:
-    """Where parts were tried."""
+    """If parts were tried."""
     return e.growth is not None and bool(e.growth.steps)
 
 

@@ -17,22 +17,22 @@ if TYPE_CHECKING:
 
 
 def draw(e: Evaluation, references: Mapping[str, np.ndarray] | None = None) -> Sequence[Axes]:
-    """Poles, with their regions where the record gives any, and zeros; `references` are other poles, by name."""
+    """Poles, with confidence regions if available, and zeros; `references` are other poles by name."""
     return pole_zero_map(e.roots or e.poles, e.zeros, references=references)
 
 
 def caption(e: Evaluation) -> str:
     """Whether the model is stable."""
-    inside = "all poles lie inside the unit circle, the model is stable"
+    inside = "all poles are inside the unit circle; the model is stable"
     if not e.stable:
         inside = (
-            f"{int(np.sum(np.abs(e.poles) >= 1))} pole(s) lie on or outside the unit circle, the model is not stable"
+            f"{int(np.sum(np.abs(e.poles) >= 1))} pole(s) are on or outside the unit circle; the model is not stable"
         )
     return f"Poles and zeros of the linear block: {inside} (poles {poles(e.poles)})."
 
 
 def applies(e: Evaluation) -> bool:
-    """Where there is a linear block."""
+    """If there is a linear block."""
     return e.linear
 
 

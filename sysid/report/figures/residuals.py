@@ -1,4 +1,4 @@
-"""Residual tests with the verdict in words."""
+"""Residual tests with their results in words."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ def draw(e: Evaluation) -> Sequence[Axes]:
 
 
 def caption(e: Evaluation) -> str:
-    """Both verdicts, and what they mean."""
+    """Both test results and their meaning."""
     assert e.tests is not None
     which = "one step ahead" if one_step(e) else "of the free run"
     return (
         f"Tests of the validation residuals {which}. {tests_in_words(e)} "
-        f"A model that explains everything but noise stays inside the {e.tests.level:.0%} bounds."
+        f"A complete model leaves only noise and stays inside the {e.tests.level:.0%} bounds."
     )
 
 
 def applies(e: Evaluation) -> bool:
-    """Where the validation part is long enough."""
+    """If the validation part is long enough."""
     return e.tests is not None
 
 

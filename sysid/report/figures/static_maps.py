@@ -1,4 +1,4 @@
-"""The static maps over the range that the data visited."""
+"""The static maps over the range of the data."""
 
 from __future__ import annotations
 
@@ -38,16 +38,18 @@ def _curve(e: Evaluation, role: str) -> Curve:
 
 
 def caption(e: Evaluation) -> str:
-    """Which maps these are, and what in them counts."""
-    only = "Only the shape counts: a gain can move between a map and the linear block without changing the model."
+    """The names and the scale of the maps."""
+    only = (
+        "Only the shape has a meaning: a gain can move between a map and the linear block without changing the model."
+    )
     if not e.linear:
         only = "The linkage's map runs from 0 at one end of the actuator's stroke to 1 at the other."
     names = " and ".join(role.replace("map", "linkage") for role in e.maps)
-    return f"Static {names} map over the range that the estimation data visited. {only}"
+    return f"Static {names} map over the range of the estimation data. {only}"
 
 
 def applies(e: Evaluation) -> bool:
-    """Where the structure has maps."""
+    """If the structure has maps."""
     return bool(e.maps)
 
 

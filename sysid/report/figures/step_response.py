@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def draw(e: Evaluation) -> Axes:
-    """The response in the units that people read."""
+    """The response in display units."""
     assert e.step is not None
     y = e.validation.y_name
     return step(Band.bare(e.step.x, e.step.y), None, e.estimation.y_unit, e.estimation.u_unit, y)
@@ -28,12 +28,12 @@ def caption(e: Evaluation) -> str:
     last = float(e.step.y[-1]) * y.per(u).factor
     return (
         "Step response of the linear model that is tangent to the fit at the mean input: after "
-        f"{e.step.x[-1]:.3g} s it stands at {number(last, 3)} {y.unit or 'units of y'} per {u.unit or 'unit of u'}."
+        f"{e.step.x[-1]:.3g} s its value is {number(last, 3)} {y.unit or 'units of y'} per {u.unit or 'unit of u'}."
     )
 
 
 def applies(e: Evaluation) -> bool:
-    """Where the tangent model has a finite response."""
+    """If the tangent model has a finite response."""
     return e.step is not None
 
 

@@ -1,4 +1,4 @@
-"""Trust region: the best step of the linear model within a radius that grows and shrinks with its success."""
+"""Trust region: the minimum of the linear model within an adaptive radius."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from sysid.solver.iterate import Attempt, Linearisation, Options, Step, within_r
 class TrustRegion:
     """trust_region: the exact solution of the subproblem (More and Sorensen 1983), found by SciPy's `brentq`.
 
-    How the radius grows and shrinks is `within_radius`'s.
+    `within_radius` adapts the radius.
     """
 
     name = "trust_region"
