@@ -1,4 +1,4 @@
-"""Basics of all rooms: errors, atomic files, plain values, threads, the journal, formulas of fit."""
+"""Basics of all rooms: errors, atomic files, plain values, threads, criteria, poles, the look of figures."""
 
 from sysid.base.room import modules_of
 

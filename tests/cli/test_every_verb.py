@@ -1,8 +1,9 @@
 """What holds of every verb: its help, the options that all have, what it leaves behind, and how it refuses."""
 
+import inspect
 import json
 import re
-from typing import get_args, get_type_hints
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -39,9 +40,9 @@ def numbers_of(verb):
     """The options that take a number, by the types that the verb gives them."""
     function = next(each for each in app.VERBS if each.__name__ == verb)
     types = {
-        name: get_args(hint)[0]
-        for name, hint in get_type_hints(function, include_extras=True).items()
-        if get_args(hint)
+        name: get_args(parameter.annotation)[0]
+        for name, parameter in inspect.signature(function, eval_str=True).parameters.items()
+        if get_args(parameter.annotation)
     }
     return [each for each in options_of(verb) if {int, float} & {types[each.name], *get_args(types[each.name])}]
 

@@ -80,7 +80,7 @@ def test_start_is_near_the_identity_and_admissible(name):
     theta = block.start(x)
     assert block.admissible(theta)
     y = block.propagate(theta, x, np.empty((len(x), 0)), 0)
-    # A dead zone or a saturation starts with a tenth of the range bent, the others are exact.
+    # Most are exact; what is only its limits starts with up to a tenth of the range bent.
     assert np.abs(y - x).max() <= 0.1 * np.ptp(x)
 
 

@@ -1,7 +1,5 @@
 """Exported models and the closed form against `Fit.simulate`, sample by sample, for every structure with every map."""
 
-import itertools
-import math
 import re
 import subprocess
 import sys
@@ -9,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import BLOCKS, VARIANTS
+from cases import BLOCKS, STRUCTURES, VARIANTS
 from exported import agrees, c_run, excitation, made, python_run
 
 from sysid import InputError, structures
+from sysid.block import step
 from sysid.block.block import StaticBlock
 from sysid.block.writing import Writer
 from sysid.blocks import STATIC, TABLE, Channels, Custom, Delay, TransferFunction, TransferMatrix
@@ -20,17 +19,23 @@ from sysid.export import c as export_c
 from sysid.export import closed_form
 from sysid.export import python as export_python
 from sysid.model.chain import Chain
+from sysid.model.recipes import LinearOrders
 from sysid.model.wiring import Unit, written
 
 LINEAR = np.array([0.2, 0.12, -1.2, 0.5])  # nb 2, nf 2
 MAPS = {**{k: v for k, v in BLOCKS.items() if k in STATIC}, **VARIANTS}
 COMPOSED = (Channels, TransferMatrix)  # taken apart into the blocks that they are made of
-ON_MAPS = {"hammerstein": ("input",), "wiener": ("output",), "wiener_hammerstein": ("middle",)}
+# Where each structure of filters and maps has its maps.
+ON_MAPS = {
+    name: tuple(b.role for b in recipe.model().blocks if isinstance(b, StaticBlock))
+    for name, recipe in STRUCTURES.items()
+    if isinstance(recipe, LinearOrders) and isinstance(recipe.model(), Chain)
+}
 
 
 def fitted(structure, maps, nk):
     """A structure with the cases' maps and numbers; every initial state of the estimation record away from rest."""
-    options = dict(zip(ON_MAPS.get(structure, ("input", "output")), (MAPS[m][0] for m in maps), strict=False))
+    options = dict(zip(ON_MAPS[structure], (MAPS[m][0] for m in maps), strict=False))
     chain = getattr(structures, structure)(2, 2, nk, **options)
     values = iter([MAPS[m][1] for m in maps])
     theta = []
@@ -41,11 +46,15 @@ def fitted(structure, maps, nk):
 
 
 # Every map alone in each of its places, and every map before another one; delays 0 to 3.
-SINGLE = [(s, (m,), k % 4) for s in ON_MAPS for k, m in enumerate(sorted(MAPS))]
-PAIRS = [
-    ("hammerstein_wiener", pair, k % 4) for k, pair in enumerate(itertools.pairwise([*sorted(MAPS), "saturation"]))
+CASES = [
+    (structure, chosen, k % 4)
+    for structure, places in ON_MAPS.items()
+    for k, chosen in enumerate(
+        zip(*([*sorted(MAPS), *sorted(MAPS)][i : i + len(MAPS)] for i in range(len(places))), strict=True)
+        if places
+        else [()] * 4
+    )
 ]
-CASES = [("output_error", (), nk) for nk in range(4)] + SINGLE + PAIRS
 IDS = ["-".join([s, *m, f"nk{k}"]) for s, m, k in CASES]
 
 
@@ -119,7 +128,7 @@ def test_extreme_levels_do_not_overflow(tmp_path):
 
 def evaluated(lines, x, y):
     """What a person gets who types the formulas of one map into a calculation, at one value of x."""
-    space = {"exp": math.exp, "floor": math.floor, "min": min, "max": max}
+    space = {"min": min, "max": max, **vars(step)}  # what a step may call
     joined = re.sub(r"\n  \+", " +", "\n".join(lines))
     for line in joined.split("\n"):
         formula, _, where = line.partition("   where ")

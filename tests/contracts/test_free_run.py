@@ -13,7 +13,7 @@ from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
 CASES = {**BLOCKS, **MOVING}
-STANDS = ["coasting_play", "limited_integrator", "motor", "motor_jams", "motor_loaded", "play", "profiled_motor"]
+STANDS = [name for name, (block, _) in CASES.items() if any(slot.holds for slot in block.slots())]
 JOINT = {
     **{"motor.gain": 0.002, "motor.lag": 0.6, "motor.rise": 1.9, "motor.fall": 2.6, "motor.upper": 1.0},
     **{"map.low": -0.9, "map.high": 0.4, "play.width": 0.012},

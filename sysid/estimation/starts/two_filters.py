@@ -13,10 +13,11 @@ from sysid.model.chain import Chain
 
 
 class TwoFilters(Start):
-    """Wiener-Hammerstein: one linear model of the total order, its poles divided between both filters in every way.
+    """Wiener-Hammerstein, with or without a map before it: one linear model of the total order, its poles divided
+    between both filters in every way.
 
-    The starts differ in the division of the poles (Sjoberg and Schoukens 2012, Automatica 48); then the map between
-    the filters is varied.
+    The starts differ in the division of the poles (Sjoberg and Schoukens 2012, Automatica 48); then the maps are
+    varied.
     """
 
     def applies(self, chain: Chain) -> bool:
@@ -57,6 +58,8 @@ def _dealt(
 ) -> np.ndarray:
     (at_first, first), (at_second, second) = chain.dynamics
     theta = np.zeros(len(chain.names))
+    before = chain.blocks[: chain.blocks.index(first)]
+    u = start_maps(chain, theta, before, u, u - u.mean())
     others = [i for i in range(len(poles)) if i not in mine]
     part = np.zeros(first.n_parameters)
     F = np.real(np.poly(poles[list(mine)]))
@@ -67,7 +70,7 @@ def _dealt(
     between = chain.blocks[chain.blocks.index(first) + 1 : chain.blocks.index(second)]
     x = start_maps(chain, theta, between, x, x - x.mean())
     if rng is not None:
-        for b in between:
+        for b in (*before, *between):
             theta[chain.index(b)] = b.vary(theta[chain.index(b)], rng)
     part = np.zeros(second.n_parameters)
     part[second.nb : second.nb + second.nf] = np.real(np.poly(poles[others]))[1:]
