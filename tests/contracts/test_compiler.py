@@ -397,3 +397,23 @@ def test_a_motor_that_begins_beyond_a_stop_is_the_same_in_every_text(tmp_path):
     fit = made(Chain((block,)), theta)
     agrees(python_run(fit, u), fit.model.simulate(theta, u))
     agrees(c_run(fit, u, tmp_path), fit.model.simulate(theta, u))
+
+
+@pytest.mark.parametrize("damage", ["", "garbage\x00(", "def value(:\n"])
+def test_a_damaged_kernel_is_made_again(damage, tmp_path):
+    text = "def step(s, x, p):\n    s.a = 0.5 * s.a + p.g * x\n    return s.a\n"
+    code = (
+        "import numpy as np\nfrom sysid.blocks import dynamic\n"
+        f"block = dynamic({text!r}, {{'g': 2.0}})\n"
+        "print(block.output(np.array([2.0]), np.ones(3)).tolist())"
+    )
+    env = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+
+    def run():
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=env)
+        return done.stdout.strip()
+
+    assert run() == "[2.0, 3.0, 3.5]"
+    (kernel_file,) = tmp_path.rglob("*.kernel")
+    kernel_file.write_text(damage, encoding="utf-8")
+    assert run() == "[2.0, 3.0, 3.5]"

@@ -209,3 +209,13 @@ def test_a_role_of_the_user_s_own_becomes_an_identifier(tmp_path):
     fit, u = made(odd, np.concatenate([LINEAR, np.zeros(2)])), excitation()
     agrees(c_run(fit, u, tmp_path), fit.simulate(u))
     agrees(python_run(fit, u), fit.simulate(u))
+
+
+@pytest.mark.parametrize("name", ["chain\ropen('/tmp/x','w')\r#", "a\nb", "*/ int x; /*", "", "a\u2028b"])
+def test_names_that_could_leave_a_comment_of_the_exported_code_are_refused(name):
+    """A file that somebody else saved is loaded by the same constructor."""
+    block = Delay(role="late")
+    with pytest.raises(InputError, match="letters, digits"):
+        Chain((block,), structure=name)
+    with pytest.raises(InputError, match="letters, digits"):
+        Chain((Delay(role=name),))

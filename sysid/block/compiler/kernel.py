@@ -6,6 +6,7 @@ import re
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cache
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_loader
@@ -16,6 +17,7 @@ from sysid.block.compiler.activity import delays, hoisted, memoryless
 from sysid.block.compiler.ir import Assign, Body, Break, For, If, Program, Return
 from sysid.block.compiler.show import show, variable
 
+_END = "\n# whole\n"
 _HEAD = '''"""Written by sysid.block.compiler from the step of {name}; made again where it is missing."""
 
 from math import cos, exp, inf, log, sin, sqrt, tanh
@@ -52,7 +54,7 @@ def kernels(
         return sys.modules[full]
     for folder in _folders(near):
         path = folder / f"{stem}.kernel"  # Python, but not a module of this package
-        if path.is_file() or _written(path, lambda: source(name, program(), absent)):
+        if _complete(path) or _written(path, lambda: source(name, program(), absent)):
             loader = SourceFileLoader(full, str(path))
             module = module_from_spec(spec_from_loader(full, loader))  # type: ignore[arg-type]
             sys.modules[full] = module
@@ -77,6 +79,18 @@ def _folders(near: Path | None) -> list[Path]:
     home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
     user = Path(home) if home else Path.home() / ".cache"
     return [*([near / "__pycache__"] if near else []), user / "sysid" / "kernels"]
+
+
+def _complete(path: Path) -> bool:
+    """Whether the file is there and whole; a damaged one is removed."""
+    try:
+        if path.read_text(encoding="utf-8").endswith(_END):
+            return True
+        path.unlink()
+    except (OSError, UnicodeDecodeError):
+        with suppress(OSError):
+            path.unlink()
+    return False
 
 
 def _written(path: Path, text: Callable[[], str]) -> bool:
@@ -106,7 +120,7 @@ def source(name: str, program: Program, absent: Mapping[str, float]) -> str:
     head = _HEAD.format(
         name=name, params=program.params, rows=program.rows, consts=program.consts, memoryless=memoryless(program)
     )
-    return head + _value(program, absent) + "\n\n" + _tangent(program, absent)
+    return head + _value(program, absent) + "\n\n" + _tangent(program, absent) + _END
 
 
 def _arguments(program: Program) -> str:
