@@ -6,6 +6,7 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid.base.poles import match
+from sysid.estimation.objective import huber
 from sysid.estimation.problem import ChainProblem
 from sysid.systems import system
 
@@ -215,3 +216,15 @@ def test_weights_of_several_outputs_are_not_in_the_mse():
     errors = y - chain.outputs(fit.theta, u)
     assert fit.criteria.mse == pytest.approx(np.mean(errors**2), rel=1e-12)
     assert fit.criteria.loss == pytest.approx(np.mean((errors * [1.0, 10.0]) ** 2), rel=1e-12)
+
+
+def test_hubers_loss_by_hand_and_its_slope():
+    """Threshold 2: e^2 up to it, 4 |e| - 4 beyond, without a jump, and the derivative of the root that is squared."""
+    e = np.array([-5.0, -2.0, -1.0, 0.0, 0.5, 2.0, 3.0])
+    r, slope = huber(e, 2.0)
+    np.testing.assert_allclose(r**2, [16.0, 4.0, 1.0, 0.0, 0.25, 4.0, 8.0])
+    np.testing.assert_array_equal(np.sign(r), np.sign(e))
+    h = 1e-6
+    inside = np.abs(e) != 2.0
+    numeric = (huber(e + h, 2.0)[0] - huber(e - h, 2.0)[0]) / (2 * h)
+    np.testing.assert_allclose(slope[inside], numeric[inside], atol=1e-8)
