@@ -125,8 +125,7 @@ class Recipe(ABC):
 
     def as_subject(self, fit: Any = None) -> str:
         """The same as the subject of a sentence."""
-        words = self.in_words(fit)
-        return f"{'An' if words[0] in 'AEIOU' else 'A'} {words} model"
+        return f"A {self.in_words(fit)} model"
 
     @classmethod
     def detrend(cls, asked: str | None = None) -> str:

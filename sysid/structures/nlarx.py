@@ -45,6 +45,3 @@ class NonlinearArx(Recipe):
 
     def as_subject(self, fit: Any = None) -> str:
         return f"An {self.in_words(fit)}"
-
-    def as_subject(self, fit: Any = None) -> str:
-        return f"An {self.in_words(fit)}"
