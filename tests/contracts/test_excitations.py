@@ -213,7 +213,7 @@ def test_steps_by_hand():
         (("sweep", {"jitter": 1.0}), "jitter is 1.0"),
         (("sweep", {"first": 1.5}), "first is 1.5"),
         (("aprbs", {"hold_min": 2.0, "hold_max": 1.0}), "hold_min <= hold_max"),
-        (("aprbs", {"reach": -1.0}), "reach of an aprbs is -1.0; give a number from 0 up"),
+        (("aprbs", {"reach": -1.0}), "reach of an aprbs is -1.0; give a number of at least 0"),
         (("steps", {"levels": "some"}), "unknown levels of steps 'some'; choose one of random, fixed"),
         (("steps", {"rest": float("nan")}), "rest of steps is nan"),
         (("staircase", {"steps": 2.5}), "steps of a staircase is 2.5; give a whole number"),
@@ -251,7 +251,7 @@ def test_settings_are_plain_numbers_and_names(name):
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (Multisine(f_max=5.0), "f_max of a multisine is 5 Hz, and samples of 0.1 s end at 5 Hz"),
+        (Multisine(f_max=5.0), "f_max of a multisine is 5 Hz, and half the sampling rate is 5 Hz"),
         (Multisine(period=400.0), "a record of 200 s is shorter than one period of the multisine, 400 s"),
         (Multisine(f_min=0.11, f_max=0.14), "no line of the full grid from 0.11 to 0.14 Hz"),
         (Chirp(f_max=6.0), "f_max of a chirp is 6 Hz"),
