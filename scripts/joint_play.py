@@ -43,7 +43,7 @@ def draw() -> Figure:
             off = np.rad2deg(np.sqrt(np.mean((y - link) ** 2)))
             label = name if y is link else f"{name}, {off:.2f} deg off"
             column[1].plot(t[:n], np.rad2deg(y - drive)[:n], color=colour, linewidth=wide, label=label)
-        column[1].set(ylabel="link less drive [deg]", xlabel="time [s]")
+        column[1].set(ylabel="link minus drive [deg]", xlabel="time [s]")
         style.legend(column[1], fontsize=7)
     return figure
 

@@ -149,7 +149,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "split": (["good.csv", "--ts", "1", "--split", "1.5"], ["split is 1.5", "between 0 and 1"]),
     "split zero": (["good.csv", "--ts", "1", "--split", "0"], ["split is 0", "between 0 and 1"]),
     "starts": (["good.csv", "--ts", "1", "--starts", "0"], ["starts is 0", "at least 1"]),
-    "seed": (["good.csv", "--ts", "1", "--seed", "-1"], ["--seed is -1", "from 0"]),
+    "seed": (["good.csv", "--ts", "1", "--seed", "-1"], ["--seed is -1", "of at least 0"]),
     "option": (["good.csv", "--tss", "1"], ["--tss", "--help"]),
     "no file": ([], ["FILE", "--help"]),
 }
@@ -162,7 +162,7 @@ SIMULATE: dict[str, tuple[list[str], list[str]]] = {
     "too short": (["--duration", "0.1"], ["duration 0.1", "at least"]),
     "ts": (["--ts", "0"], ["Ts", "positive"]),
     "ts off the step": (["--ts", "0.0123456"], ["Ts is 0.0123456", "milliseconds"]),
-    "seed": (["--seed", "-3"], ["--seed is -3", "from 0"]),
+    "seed": (["--seed", "-3"], ["--seed is -3", "of at least 0"]),
     "log suffix": (["--duration", "2", "--log", "log.xyz"], ["log.xyz", ".csv", ".mat"]),
     "log folder": (["--duration", "2", "--log", "nowhere/log.csv"], ["nowhere/log.csv", "no folder"]),
     "log is a folder": (["--duration", "2", "--log", "taken.csv"], ["taken.csv", "folder"]),

@@ -104,7 +104,7 @@ def test_a_signal_that_leaves_the_range_seen_is_named_on_its_own_scale():
     seen, new = detrend(IOData(u, y, 0.1, u_name="voltage", u_unit="V")).split()
     (note,) = extrapolated_signals(seen, new)
     assert note.startswith("voltage was seen from -1 to 1 V")
-    assert "to 3 V in the validation part (0.5 % of it outside)" in note
+    assert "to 3 V in the validation data (0.5 % of the samples outside)" in note
     assert extrapolated_signals(new, seen) == []
 
 

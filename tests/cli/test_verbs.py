@@ -288,7 +288,7 @@ def test_a_stopped_search_keeps_its_journal_and_says_how_to_go_on(tmp_path):
     out, err = process.communicate()
     assert process.returncode == 130
     assert out == ""
-    assert err.splitlines()[-1] == "qpal: stopped; run it again with --resume kept.jsonl to go on from there"
+    assert err.splitlines()[-1] == "qpal: stopped; run it again with --resume kept.jsonl to continue from there"
     assert {path.name for path in tmp_path.iterdir()} == {"log.csv", "kept.jsonl"}
 
 

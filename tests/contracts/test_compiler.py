@@ -245,9 +245,9 @@ def test_what_the_subset_does_not_hold_is_refused_by_line(line):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("def step(s, x, p) return x", "line 1 of the step's text is no Python"),
+        ("def step(s, x, p) return x", "line 1 of the step's text is not valid Python"),
         ("import os\ndef step(s, x, p):\n    return x\n", "line 1 of the step's text is neither"),
-        ("A = [1]\ndef step(s, x, p):\n    return x\n", "gives A no number"),
+        ("A = [1]\ndef step(s, x, p):\n    return x\n", "assigns no number to A"),
         ("def other(s, x, p):\n    return x\n", "defines no step"),
         ("def step(x):\n    return x\n", "step takes 1 argument"),
         ("def step(s, x, p, *more):\n    return x\n", "plain arguments"),
@@ -264,7 +264,7 @@ def test_a_text_that_is_no_step_is_refused(text, said):
 
 def test_parameters_that_do_not_fit_the_step_are_refused():
     text = "def step(s, x, p):\n    return p.gain * x\n"
-    with pytest.raises(InputError, match="reads gain, which is no parameter"):
+    with pytest.raises(InputError, match="reads gain, which is not a parameter"):
         dynamic(text, {})
     with pytest.raises(InputError, match="never reads loss"):
         dynamic(text, {"gain": 1.0, "loss": 1.0})

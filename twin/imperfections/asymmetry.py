@@ -1,4 +1,4 @@
-"""Friction that differs up and down."""
+"""Direction-dependent friction."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -10,7 +10,7 @@ class Asymmetry(Imperfection):
     """With its rows at 0 the leg does not have it."""
 
     name, group = "asymmetry", "friction"
-    title = "Friction that differs up and down"
+    title = "Direction-dependent friction"
     about = (
         "The friction of gears and screws usually depends on the direction. The joint then drifts under a voltage "
         "that is up and down for equal times."

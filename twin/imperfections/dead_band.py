@@ -1,4 +1,4 @@
-"""Dead band."""
+"""Dead zone."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -10,7 +10,7 @@ class DeadBand(Imperfection):
     """With its rows at 0 the leg does not have it."""
 
     name, group = "dead_band", "bridge"
-    title = "Dead band"
+    title = "Dead zone of the bridge"
     about = "A bridge waits between switching its two transistors; this dead time shortens every pulse."
     model = "a duty ratio d becomes sign(d) max(|d| − dead_band / supply_voltage, 0)."
     parameters = "`dead_band`."

@@ -10,7 +10,7 @@ class LoadFriction(Imperfection):
     """With its rows at 0 the leg does not have it."""
 
     name, group = "load_friction", "friction"
-    title = "Friction that grows with the load"
+    title = "Load-dependent friction"
     about = "The load of a screw presses its threads together."
     model = (
         "load_friction times the force between actuator and link, averaged over 5 ms, is added to Coulomb friction. "

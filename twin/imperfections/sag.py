@@ -10,7 +10,7 @@ class Sag(Imperfection):
     """With its rows at 0 the leg does not have it."""
 
     name, group = "sag", "bridge"
-    title = "Sag of the supply"
+    title = "Supply voltage drop"
     about = "All joints share the resistance of the supply and its wires."
     model = "the bus has V = V0 − R sum of d i over the joints, i = (d V − K w) / Ra, solved for V in each step."
     parameters = "`supply_resistance`."

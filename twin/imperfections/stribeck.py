@@ -1,4 +1,4 @@
-"""More friction at creep."""
+"""More friction at low speed."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -10,7 +10,7 @@ class Stribeck(Imperfection):
     """With its rows at 0 the leg does not have it."""
 
     name, group = "stribeck", "friction"
-    title = "More friction at creep"
+    title = "More friction at low speed"
     about = "Surfaces touch at rest; in motion a lubricant film separates them."
     model = (
         "(1 + stribeck exp(−(v / stribeck_speed)²)) times Coulomb friction (Olsson, Åström, Canudas de Wit, Gäfvert "
