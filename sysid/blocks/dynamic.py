@@ -1,7 +1,7 @@
 """A dynamic block from a user's step function, with exact gradients and C and Python export."""
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +11,7 @@ import numpy as np
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Slot, Symmetry
 from sysid.block.compiler import source
+from sysid.block.compiler.checks import check_rows
 from sysid.block.compiler.ir import Program
 from sysid.block.compiler.recursion import Recursion
 from sysid.block.compiler.subset import read
@@ -45,6 +46,7 @@ class Dynamic(Recursion):
         for name in (*self.records, *self.holding):
             if name not in self.names:
                 raise unknown("parameter", name, self.names)
+        checked_span(self.span)
         rows = {r: [n for n in self.names if n.removeprefix(r).isdigit()] for r in program.rows}
         given = {*self.names, *(r for r, names in rows.items() if names)}
         missing = [n for n in (*program.params, *program.rows) if n not in given]
@@ -52,6 +54,7 @@ class Dynamic(Recursion):
         if missing or idle:
             wrong = f"reads {missing[0]}, which is not a parameter" if missing else f"never reads {min(idle)}"
             raise InputError(f"the step {wrong}; its parameters are {', '.join(self.names) or 'none'}")
+        check_rows(program, {r: len(names) for r, names in rows.items()})
         if not self.admissible(np.array(self.first)):
             raise InputError(f"the start values {self.first} are outside the bounds; give values within them")
 
@@ -135,22 +138,76 @@ def dynamic(
     over which gains and offsets that a neighbouring block could represent are searched. Raises InputError, with the
     line, for anything else.
     """
+    if not isinstance(step, str) and not callable(step):
+        raise InputError(f"step is a {type(step).__name__}; give a function or its text")
     if isinstance(step, str):
         if begin is not None:
             raise InputError("step is text and begin is not; put def begin(s, x, p) into the same text")
         text = step
     else:
         text = source.text({"step": step} if begin is None else {"step": step, "begin": begin})
+    for given, what in ((parameters, "parameters"), (bounds or {}, "bounds")):
+        if not isinstance(given, Mapping) or not all(isinstance(n, str) and n.isidentifier() for n in given):
+            raise InputError(f"{what} is {given!r}; give a dict by the names of the parameters")
+    if not isinstance(role, str) or not role.isidentifier():
+        raise InputError(f"role is {role!r}; give a name of letters, digits and _")
     first: dict[str, float] = {}
     limits: list[tuple[float, float]] = []
     for name, value in parameters.items():
-        several = np.ndim(value) > 0
-        own = {f"{name}{k}": v for k, v in enumerate(value)} if several else {name: value}  # type: ignore[arg-type]
-        first |= {n: float(v) for n, v in own.items()}  # type: ignore[arg-type]
-        limits += [(bounds or {}).get(name, (-np.inf, np.inf))] * len(own)
+        numbers = _numbers(name, value)
+        own = {f"{name}{k}": v for k, v in enumerate(numbers)} if np.ndim(value) else {name: numbers[0]}
+        if clash := {*own} & {*first}:
+            raise InputError(f"two parameters are called {min(clash)}; rename the row {name} or the other")
+        first |= own
+        limits += [_pair(name, (bounds or {}).get(name, (-np.inf, np.inf)))] * len(own)
     for name in bounds or {}:
         if name not in parameters:
             raise unknown("parameter", name, tuple(parameters))
-    lower, upper = (tuple(float(limit[k]) for limit in limits) for k in (0, 1))
-    values = (tuple(first), tuple(first.values()), lower, upper, tuple(initial), tuple(holds), span)
-    return Dynamic(text, *values, role=role)
+    lower, upper = (tuple(limit[k] for limit in limits) for k in (0, 1))
+    lists = _names("initial", initial), _names("holds", holds)
+    if late := [n for n in lists[1] if n not in lists[0]]:
+        raise InputError(f"holds names {late[0]}, which is not in initial; name it in both")
+    return Dynamic(text, tuple(first), tuple(first.values()), lower, upper, *lists, checked_span(span), role=role)
+
+
+def _numbers(name: str, value: object) -> tuple[float, ...]:
+    """The start value of a parameter, or those of a row."""
+    try:
+        if isinstance(value, str) or np.iscomplexobj(value) or np.ndim(value) > 1:  # type: ignore[arg-type]
+            raise ValueError
+        found = tuple(float(v) for v in np.atleast_1d(np.asarray(value, dtype=float)))  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        found = ()
+    if not found or not np.all(np.isfinite(found)):
+        raise InputError(f"the start value of {name} is {value!r}; give a finite number, or several for a row")
+    return found
+
+
+def _pair(name: str, value: object) -> tuple[float, float]:
+    """Bounds of a parameter."""
+    try:
+        lower, upper = (float(v) for v in value)  # type: ignore[attr-defined]
+    except (TypeError, ValueError, OverflowError):
+        lower, upper = np.nan, np.nan
+    if not lower <= upper:
+        raise InputError(f"the bounds of {name} are {value!r}; give two numbers (lower, upper), lower <= upper")
+    return lower, upper
+
+
+def _names(what: str, value: Sequence[str]) -> tuple[str, ...]:
+    """A list of parameter names."""
+    found = [] if isinstance(value, str) or not isinstance(value, Iterable) else [*value]
+    if isinstance(value, str) or not isinstance(value, Iterable) or not all(isinstance(n, str) for n in found):
+        raise InputError(f"{what} is {value!r}; give a list of the names of parameters")
+    return tuple(found)
+
+
+def checked_span(value: object) -> tuple[float, float]:
+    """The range of x, two increasing finite numbers."""
+    try:
+        low, high = (float(v) for v in value)  # type: ignore[attr-defined]
+    except (TypeError, ValueError, OverflowError):
+        low, high = np.nan, np.nan
+    if not (low < high and np.isfinite(high - low)):
+        raise InputError(f"span is {value!r}; give two finite numbers (lower, upper), lower < upper")
+    return low, high

@@ -1,6 +1,5 @@
 """Chain: blocks in series. Simulation, exact sensitivities and the bookkeeping of parameters."""
 
-import re
 from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -13,9 +12,6 @@ from sysid.base.errors import InputError, unknown
 from sysid.block.block import Block, Slot
 from sysid.blocks import TransferFunction
 from sysid.model.gauge import gauge
-
-_NAME = re.compile(r"\w[\w -]*")
-
 
 @dataclass(frozen=True)
 class Chain:
@@ -35,8 +31,8 @@ class Chain:
         if not self.blocks or len(set(roles)) != len(roles):
             raise InputError(f"the roles of the chain are {roles}; give at least one block, and each role once")
         for name in (self.structure, *roles):  # they stand in comments of exported code
-            if not isinstance(name, str) or not _NAME.fullmatch(name):
-                raise InputError(f"{name!r} names the chain or a block of it; give letters, digits, _, - and spaces")
+            if not isinstance(name, str) or not name.isprintable() or not name.strip() or "*" in name:
+                raise InputError(f"{name!r} names the chain or a block of it; give letters, digits or signs but *")
         object.__setattr__(self, "fixed", self._by_name())
         for name in (*self.fixed, *self.bounds):
             if name not in self.names:

@@ -417,3 +417,164 @@ def test_a_damaged_kernel_is_made_again(damage, tmp_path):
     (kernel_file,) = tmp_path.rglob("*.kernel")
     kernel_file.write_text(damage, encoding="utf-8")
     assert run() == "[2.0, 3.0, 3.5]"
+
+
+HEAD = "def step(s, x, p):\n"
+BUMP = "def bump(s):\n    s.a += 1.0\n    return s.a\n\n" + HEAD
+DEEP = "+".join(["x"] * 120)
+TWICE = "".join(f"def f{k}(v):\n    return f{k - 1}(v) + f{k - 1}(v)\n\n" for k in range(1, 18))
+UNSAID = {  # what Python would run in another way than the compiled block, or not at all
+    BUMP + "    y = s.a + bump(s)\n    return y\n": "line 2 of step, `y = s.a + bump(s)`: bump sets a state",
+    BUMP + "    s.a += bump(s)\n    return s.a\n": "bump sets a state",
+    BUMP + "    return bump(s) if x > 1.0 else 0.0\n": "bump sets a state",
+    BUMP + "    if x > 0.0 and bump(s) > 1.0:\n        return 1.0\n    return 0.0\n": "bump sets a state",
+    HEAD + "    return p.row[-1] * x\n": "the index of a row is -1",
+    HEAD + "    return p.row[1.0] * x\n": "the index of a row is 1.0",
+    HEAD + "    return p.row[s.n]\n": "the index of a row is not a whole number",
+    HEAD + "    y = x or 1.0\n    return y\n": "line 2 of step, `y = x or 1.0`: and, or give true or false here",
+    HEAD + "    return (x > 0.0) and x * 2.0\n": "write a if test else b",
+    HEAD + "    for i in range(3):\n        i = 2\n    return x\n": "i counts the loop",
+    HEAD + "    for i in range(2.0):\n        s.a += x\n    return s.a\n": "the number of loop passes",
+    HEAD + "    return x\n\n" + HEAD + "    return -x\n": "defines step a second time",
+    "def step(s, s, p):\n    return 1.0\n": "two arguments of one name",
+    HEAD + "    return ago(x, 1.5)\n": "the lag of ago is 1.5",
+    HEAD + "    return ago(x, -1)\n": "the lag of ago is -1",
+    HEAD + "    return ago(x, p.n)\n": "the lag of ago is not a whole number",
+    HEAD + "    k = int(x)\n    return ago(x, k)\n": "may not depend on states or the input",
+    HEAD + "    y = 0.0\n    for i in range(3):\n        y += ago(x, i - 1)\n    return y\n": "becomes negative",
+    "def begin(s, x, p):\n    s.a = ago(x, 1)\n\n" + HEAD + "    return s.a\n": "begin runs at the first sample",
+    HEAD + f"    return {DEEP}\n": "levels deep",
+    HEAD + f"    return {DEEP}{'+x' * 3000}\n": "nests too deep",
+    HEAD + f"    return x * {10**400}\n": "whole numbers are at most",
+    f"K = {2**40}\n\n" + HEAD + "    return x * K\n": "a whole number beyond",
+    HEAD + "    return x * 9 ** 9 ** 8\n": "this power is too large",
+    HEAD + "    return x * (2147483647 * 2)\n": "whole numbers are at most",
+    HEAD + "    k = 1\n    for i in range(90):\n        k = 3 * k\n    return x * k\n": "the whole number k grows",
+    HEAD + "    k = 1\n    for i in range(90):\n        k += k\n    return x * k\n": "the whole number k grows",
+    "A = {[]: 1}\n\n" + HEAD + "    return x\n": "assigns no number to A",
+    HEAD + "    return x\0\n": "not valid Python",
+    "def f0(v):\n    return v + 1.0\n\n" + TWICE + HEAD + "    return f17(x)\n": "over 2000 statements",
+    "sign = 2.0\n\n" + HEAD + "    return sign(x)\n": "sign is a value here",
+    HEAD + "    max = 2.0\n    return max(x, 1.0)\n": "max is a value here",
+}
+
+
+@pytest.mark.parametrize("text", UNSAID, ids=[str(k) for k in range(len(UNSAID))])
+def test_a_step_that_would_run_otherwise_than_in_python_is_refused(text):
+    with pytest.raises(InputError) as refused:
+        read(text)
+    assert UNSAID[text] in str(refused.value)
+    assert len(str(refused.value)) < 700
+
+
+SAME = {  # by their text, with the parameters
+    "a helper called value": ("def value(x, p):\n    return 2.0 * x\n\n" + HEAD + "    return value(x, p) + p.g\n", 1),
+    "a helper called sign": ("def sign(v):\n    return 5.0 * v\n\n" + HEAD + "    return p.g * sign(x)\n", 1),
+    "a state set alone": (BUMP + "    y = bump(s)\n    z = s.a\n    bump(s)\n    return p.g * (y + 2.0 * z) + x\n", 1),
+    "a state returned": (BUMP + "    s.a *= x\n    return bump(s)\n", 0),
+    "powers of whole numbers": (
+        HEAD + "    y = 0.0\n    for i in range(5):\n        y += p.g * x * 2 ** (i - 2)\n    return y\n",
+        1,
+    ),
+    "an empty loop and helper": (
+        "def none(s):\n    pass\n\n"
+        + HEAD
+        + "    for i in range(3):\n        pass\n    if x > 0.0:\n        none(s)\n    return p.g * x\n",
+        1,
+    ),
+    "large whole numbers": (HEAD + "    k = int(x * 1e10)\n    return p.g * x + k\n", 1),
+    "tests of tests": (HEAD + "    up = x > 0.0 and not x > 1.0 or x == -1.0\n    return p.g if up or s.b else x\n", 1),
+    "names of files": (HEAD + "    out, x_ = p.g * x, s.x\n    out_ = out + x_\n    s.x = out_\n    return out_\n", 1),
+}
+
+
+def in_python(text, p, x):
+    """The text itself, run by Python sample by sample."""
+    space = {k: getattr(importlib.import_module("sysid.block.step"), k) for k in ("floor", "exp", "sqrt", "sign")}
+    exec(text, space)
+    s = SimpleNamespace(a=0.0, b=0.0, x=0.0)
+    return np.array([space["step"](s, now, p) for now in x])
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_a_step_runs_as_python_runs_it_and_so_do_its_files(name, tmp_path):
+    text, n = SAME[name]
+    block = dynamic(text, {"g": 0.7} if n else {})
+    x = np.random.default_rng(2).uniform(-2.0, 2.0, 40)
+    expected = in_python(text, SimpleNamespace(g=0.7), x.tolist())
+    np.testing.assert_allclose(block.propagate(np.full(n, 0.7), x, np.empty((40, 0)), 0), expected, rtol=1e-14)
+    fit = made(Chain((block,)), np.full(n, 0.7))
+    agrees(python_run(fit, x), expected)
+    agrees(c_run(fit, x, tmp_path), expected)
+
+
+def test_an_index_beyond_its_row_is_the_last_one_in_the_files_too(tmp_path):
+    """The kernel keeps within the row, and C must not read beside its table. Two rows differ by their case alone."""
+    text = HEAD + "    k = int(floor(3.0 * x))\n    return p.a[k] + 10.0 * p.A[k - 1]\n"
+    block = dynamic(text, {"a": (1.0, 2.0, 3.0), "A": (4.0, 5.0)})
+    theta, x = np.array(block.first), np.random.default_rng(2).uniform(-2.0, 2.0, 60)
+    k = np.floor(3.0 * x).astype(int)
+    expected = theta[np.clip(k, 0, 2)] + 10.0 * theta[3 + np.clip(k - 1, 0, 1)]
+    np.testing.assert_array_equal(block.propagate(theta, x, np.empty((60, 0)), 0), expected)
+    fit = made(Chain((block,)), theta)
+    agrees(python_run(fit, x), expected)
+    agrees(c_run(fit, x, tmp_path), expected)
+    with pytest.raises(InputError, match=r"reads p.a\[3\], and the row a has 3"):
+        dynamic(HEAD + "    return p.a[3] * x\n", {"a": (1.0, 2.0, 3.0)})
+
+
+GAIN = HEAD + "    return p.g * x\n"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"parameters": {"g": "much"}}, "the start value of g"),
+        ({"parameters": {"g": None}}, "the start value of g"),
+        ({"parameters": {"g": np.nan}}, "the start value of g"),
+        ({"parameters": {"g": 1j}}, "the start value of g"),
+        ({"parameters": {"g": ()}}, "the start value of g"),
+        ({"parameters": {1: 1.0}}, "parameters is"),
+        ({"parameters": ["g"]}, "parameters is"),
+        ({"bounds": {"g": 1.0}}, "the bounds of g"),
+        ({"bounds": {"g": (2.0, 0.0)}}, "the bounds of g"),
+        ({"bounds": {"g": (0.0, 1.0, 2.0)}}, "the bounds of g"),
+        ({"bounds": {"g": (np.nan, 2.0)}}, "the bounds of g"),
+        ({"bounds": [("g", 1.0)]}, "bounds is"),
+        ({"holds": ("g",)}, "not in initial"),
+        ({"initial": "g"}, "initial is"),
+        ({"initial": (1,)}, "initial is"),
+        ({"initial": 3}, "initial is"),
+        ({"span": (1.0, 1.0)}, "span is"),
+        ({"span": (0.0, np.inf)}, "span is"),
+        ({"span": 3.0}, "span is"),
+        ({"role": "two words"}, "role is"),
+        ({"role": 3}, "role is"),
+        ({"step": 3}, "step is a int"),
+    ],
+)
+def test_arguments_of_dynamic_that_do_not_fit_are_refused(given, said):
+    with pytest.raises(InputError) as refused:
+        dynamic(**{"step": GAIN, "parameters": {"g": 1.0}, **given})
+    assert said in str(refused.value)
+
+
+def test_names_that_mean_two_things_in_two_modules_are_refused(tmp_path, monkeypatch):
+    (tmp_path / "helpers_of_test.py").write_text(
+        "K = 3.0\n\ndef scaled(v):\n    return K * v\n\ndef sign(v):\n    return v\n\ndef value(v):\n    return v\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def block(body, head=""):
+        own = tmp_path / f"own_{len(list(tmp_path.iterdir()))}.py"
+        own.write_text(f"from helpers_of_test import scaled, sign, value\n{head}\ndef step(s, x, p):\n    {body}\n")
+        return dynamic(importlib.import_module(own.stem).step, {"g": 1.0})
+
+    with pytest.raises(InputError, match="K means different things"):
+        block("return p.g * scaled(x) + K", "K = 2.0\n")
+    with pytest.raises(InputError, match="step uses sign, which is a name of the step's language"):
+        block("return p.g * sign(x)")
+    with pytest.raises(InputError, match="calls a function value"):
+        block("return p.g * value(x)")
+    run = block("s.value = p.g * scaled(x)\n    return s.value + K", "K = 3.0\n")
+    assert run.propagate(np.array([2.0]), np.ones(1), np.empty((1, 0)), 0)[0] == 9.0

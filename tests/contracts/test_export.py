@@ -215,7 +215,7 @@ def test_a_role_of_the_user_s_own_becomes_an_identifier(tmp_path):
 def test_names_that_could_leave_a_comment_of_the_exported_code_are_refused(name):
     """A file that somebody else saved is loaded by the same constructor."""
     block = Delay(role="late")
-    with pytest.raises(InputError, match="letters, digits"):
+    with pytest.raises(InputError, match="give letters, digits"):
         Chain((block,), structure=name)
-    with pytest.raises(InputError, match="letters, digits"):
+    with pytest.raises(InputError, match="give letters, digits"):
         Chain((Delay(role=name),))

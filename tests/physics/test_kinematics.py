@@ -81,8 +81,8 @@ def test_rows_of_many_poses_are_those_of_each(shape):
     ("foot", "sentence"),
     [
         ((0.16, 0.0, -0.55), "out of the leg's reach; keep it between 0.000 and 0.480 m from the thigh's axis"),
-        ((0.06, 0.0, -0.42), "needs the thigh at .* deg; it goes from -10.1 to 49.6 deg"),
-        ((0.10, 0.20, -0.35), "needs the shoulder at 63.4 deg; it goes from -35.0 to 35.0 deg"),
+        ((0.06, 0.0, -0.42), "needs the thigh at .* deg; its travel is -10.1 to 49.6 deg"),
+        ((0.10, 0.20, -0.35), "needs the shoulder at 63.4 deg; its travel is -35.0 to 35.0 deg"),
         ((0.16, 0.0, -0.10), "needs the .* change the height of the body"),
     ],
 )

@@ -258,7 +258,7 @@ def simple(e: Op) -> Expr:
     """An operation with simple arguments, evaluated or removed if its numbers allow it."""
     if all(isinstance(a, Num) for a in e.args):
         try:
-            return Num(_computed(e.op, *(a.value for a in e.args)))  # type: ignore[union-attr]
+            return Num(computed(e.op, *(a.value for a in e.args)))  # type: ignore[union-attr]
         except (ArithmeticError, ValueError):
             return e
     if e.op == "if":
@@ -307,7 +307,7 @@ def _against_infinity(e: Op, x: float | None, y: float | None) -> Expr:
     return e
 
 
-def _computed(op: str, *v: float) -> float:
+def computed(op: str, *v: float) -> float:
     table: dict[str, Callable[..., float]] = {
         "+": lambda a, b: a + b,
         "-": lambda a, b: a - b,

@@ -1,11 +1,13 @@
 """Reads expressions of a step into `ir`, and reports what is not allowed; see `subset`."""
 
 import ast
+import math
 from dataclasses import dataclass, field
 from typing import NoReturn
 
 from sysid.base.errors import InputError
-from sysid.block.compiler.ir import FUNCTIONS, Ago, Const, Expr, Num, Op, Param, Stmt, Var, walk
+from sysid.block.compiler.fold import computed
+from sysid.block.compiler.ir import FUNCTIONS, Ago, Assign, Const, Expr, Num, Op, Param, Stmt, Var, statements, walk
 
 ARITHMETIC = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 _COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
@@ -15,6 +17,8 @@ _ALLOWED = (
 )
 Row = str  # the name of a row of parameters, handed to a helper whole
 DEEPEST = 20  # calls within calls
+LARGEST = 2**31 - 1  # of whole numbers
+HINT = "1e10"
 
 
 @dataclass
@@ -31,6 +35,7 @@ class Frame:
     locals: dict[str, str] = field(default_factory=dict)
     depth: int = 0
     looping: int = 0
+    indices: tuple[str, ...] = ()  # of the loops around
 
 
 class Phrases:
@@ -41,13 +46,15 @@ class Phrases:
     numbers: dict[str, float]
     states: dict[str, None]
     taken: set[str]
+    beginning: bool
+    uses: list[tuple[Frame, ast.AST, str, Expr]]  # indices, lags and truth values, checked when all is read
 
     def _call(self, f: Frame, node: ast.Call, results: tuple[Var, ...], out: list[Stmt]) -> None:
         raise NotImplementedError
 
     def _expr(self, f: Frame, node: ast.expr, out: list[Stmt]) -> Expr:
         if isinstance(node, ast.Constant) and isinstance(node.value, (bool, int, float)):
-            return Num(node.value)
+            return self._number(f, node, node.value)
         if isinstance(node, ast.Name):
             return self._name(f, node)
         if isinstance(node, ast.Attribute):
@@ -55,33 +62,72 @@ class Phrases:
         if isinstance(node, ast.Subscript):
             return self._element(f, node, out)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd, ast.Not)):
+            if isinstance(node.op, ast.Not):
+                return Op("not", (self._test(f, node.operand, out),))
             inner = self._expr(f, node.operand, out)
-            if isinstance(node.op, ast.UAdd):
-                return inner
-            return Op("neg" if isinstance(node.op, ast.USub) else "not", (inner,))
+            return inner if isinstance(node.op, ast.UAdd) else Op("neg", (inner,))
         if isinstance(node, ast.BinOp) and type(node.op) in ARITHMETIC:
             left, right = self._expr(f, node.left, out), self._expr(f, node.right, out)
             if isinstance(node.op, ast.Pow) and right == Num(2) and not isinstance(left, Op):
                 return Op("*", (left, left))
-            return Op(ARITHMETIC[type(node.op)], (left, right))
+            return self._sized(f, node, Op(ARITHMETIC[type(node.op)], (left, right)))
         if isinstance(node, ast.BoolOp):
-            op, values = "and" if isinstance(node.op, ast.And) else "or", [self._expr(f, v, out) for v in node.values]
-            return folded(op, values)
+            found = self._test(f, node, out)
+            self.uses.append((f, node, "truth", found))
+            return found
         if isinstance(node, ast.Compare) and all(type(op) in _COMPARE for op in node.ops):
             sides = [self._expr(f, v, out) for v in (node.left, *node.comparators)]
             pairs = zip(node.ops, sides, sides[1:], strict=False)
             return folded("and", [Op(_COMPARE[type(op)], (a, b)) for op, a, b in pairs])
         if isinstance(node, ast.IfExp):
-            return Op("if", tuple(self._expr(f, v, out) for v in (node.test, node.body, node.orelse)))
+            test = self._test(f, node.test, out)
+            return Op("if", (test, *(self._expr(f, v, out) for v in (node.body, node.orelse))))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             return self._function_of(f, node, out)
         self._refuse(f, node)
 
-    def _function_of(self, f: Frame, node: ast.Call, out: list[Stmt]) -> Expr:
+    def _test(self, f: Frame, node: ast.expr, out: list[Stmt]) -> Expr:
+        """An expression of which only the truth counts."""
+        if not isinstance(node, ast.BoolOp):
+            return self._expr(f, node, out)
+        values = [self._test(f, v, out) for v in node.values]
+        return folded("and" if isinstance(node.op, ast.And) else "or", values)
+
+    def _number(self, f: Frame, node: ast.expr, value: float) -> Num:
+        if isinstance(value, int) and abs(value) > LARGEST:
+            self._refuse(f, node, f"whole numbers are at most 2**31 - 1; write a larger one with a point ({HINT})")
+        return Num(value)
+
+    def _sized(self, f: Frame, node: ast.expr, e: Op) -> Expr:
+        """The operation; one on whole constants must give a number of the allowed size."""
+        v = [constant(a) for a in e.args]
+        if v[0] is None or v[1] is None:
+            return e
+        try:
+            size = {"+": v[0] + v[1], "-": v[0] - v[1], "*": v[0] * v[1]}.get(e.op)
+            size = float(v[0]) ** float(v[1]) if e.op == "**" else size
+        except OverflowError:
+            size = math.inf
+        except ZeroDivisionError:
+            size = None
+        if isinstance(size, complex) or (isinstance(size, float) and e.op == "**" and abs(size) > 1e300):
+            self._refuse(f, node, "this power is too large or is not a real number; give a smaller one")
+        if isinstance(size, int):
+            self._number(f, node, size)
+        return e
+
+    def _function_of(self, f: Frame, node: ast.Call, out: list[Stmt], whole: bool = False) -> Expr:
+        """The value of a call; `whole`: the statement holds nothing else."""
         name = node.func.id  # type: ignore[attr-defined]
+        if name in f.locals or name in f.values or name in f.kinds or name in self.numbers:
+            self._refuse(f, node, f"{name} is a value here and not a function; rename the value")
         if name in self.functions:
             result = Var(self._fresh(name))
-            self._call(f, node, (result,), out)
+            inlined: list[Stmt] = []
+            self._call(f, node, (result,), inlined)
+            if not whole and any(isinstance(s, Assign) and s.target.state for s in statements(tuple(inlined))):
+                self._refuse(f, node, f"{name} sets a state, so its call stands alone, as in y = {name}(...)")
+            out += inlined
             return result
         if name == "ago" and len(node.args) == 2 and not node.keywords:
             if not isinstance(node.args[0], ast.Name) or node.args[0].id != f.input:
@@ -89,6 +135,9 @@ class Phrases:
             n = self._expr(f, node.args[1], out)
             if any(isinstance(e, (Ago, Var)) and (isinstance(e, Ago) or e.state) for e in leaves(n)):
                 self._refuse(f, node, "the lag of ago may not depend on states or the input")
+            if self.beginning:
+                self._refuse(f, node, "begin runs at the first sample, which has no samples before it; use x")
+            self.uses.append((f, node, "lag", n))
             return Ago(n)
         count = (2, 9) if name in ("min", "max") else (1, 1)
         if name not in FUNCTIONS or node.keywords or not count[0] <= len(node.args) <= count[1]:
@@ -128,7 +177,9 @@ class Phrases:
             row = node.value.attr
         if not isinstance(row, str):
             self._refuse(f, node, "only a row of parameters takes an index, p.name[i]")
-        return Param(row, self._expr(f, node.slice, out))
+        index = self._expr(f, node.slice, out)
+        self.uses.append((f, node, "index", index))
+        return Param(row, index)
 
     def _fresh(self, name: str) -> str:
         k, found = 2, name
@@ -140,8 +191,26 @@ class Phrases:
     def _refuse(self, f: Frame, node: ast.AST, why: str = "") -> NoReturn:
         line = getattr(node, "lineno", f.first)
         shown = self.text.splitlines()[line - 1].strip()
+        shown = shown if len(shown) <= 120 else f"{shown[:117]}..."
         said = f"{why}; {_ALLOWED}" if why else _ALLOWED
         raise InputError(f"line {line - f.first + 1} of {f.name}, `{shown}`: {said}")
+
+
+def constant(e: Expr) -> float | None:
+    """The value of an expression of small numbers alone; None for any other."""
+    if isinstance(e, Num):
+        return e.value
+    if not isinstance(e, Op) or e.op not in ("neg", *ARITHMETIC.values()):
+        return None
+    v = [constant(a) for a in e.args]
+    if any(each is None for each in v):
+        return None
+    try:
+        if e.op == "**":
+            v = [float(each) for each in v]  # type: ignore[arg-type]
+        return computed(e.op, *v)  # type: ignore[arg-type]
+    except (ArithmeticError, ValueError):
+        return None
 
 
 def folded(op: str, values: list[Expr]) -> Expr:

@@ -48,7 +48,7 @@ class Written(Block):
         """The functions as the compiler has read them."""
         from sysid.block.compiler.subset import read
 
-        return read(self._text())
+        return read(self._text(), "value" if "value" in self.functions else "step")
 
     def _text(self) -> str:
         return source.text(dict(self.functions))

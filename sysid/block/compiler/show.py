@@ -24,7 +24,11 @@ def show(e: Expr, args: list[str] | None = None, place: bool = False) -> str:
         return where if place else f"theta[{where}]"
     if isinstance(e, Ago):
         return "u" if e.n == Num(0) else f"x[{row(e)}]"
-    return operation(e, [show(a) for a in e.args] if args is None else args)
+    a = [show(each) for each in e.args] if args is None else list(args)
+    if e.op == "**" and not isinstance(e.args[0], (Param, Ago)):  # whole numbers to a negative power, or beyond 2**63
+        base = e.args[0]
+        a[0] = f"{float(base.value)!r}" if isinstance(base, Num) and base.value >= 0 else f"float({a[0]})"
+    return operation(e, a)
 
 
 def row(e: Ago) -> str:

@@ -3,6 +3,7 @@
 import ast
 
 from sysid.base.errors import InputError
+from sysid.block.compiler.checks import LONGEST, Facts, check_depth, whole_count
 from sysid.block.compiler.ir import (
     Ago,
     Assign,
@@ -21,24 +22,45 @@ from sysid.block.compiler.ir import (
     expressions,
     statements,
 )
-from sysid.block.compiler.phrases import ARITHMETIC, DEEPEST, Frame, Phrases, Row, leaves, variables
+from sysid.block.compiler.phrases import (
+    ARITHMETIC,
+    DEEPEST,
+    HINT,
+    LARGEST,
+    Frame,
+    Phrases,
+    Row,
+    leaves,
+    variables,
+)
 
 
-def read(text: str) -> Program:
+def read(text: str, main: str = "step") -> Program:
     """The program of a module text with `step(s, x, p)` and, if it has one, `begin(s, x, p)`; both may take the block.
 
     s holds the states (s.speed), x is the input, p the parameters (p.gain, p.rise[i]), the block its structure.
+    A map's `main` is its value(x, p), without states.
     """
-    return _Reader(text).program()
+    try:
+        program = _Reader(text, main).program()
+        check_depth(program)
+    except RecursionError:
+        raise InputError("the step's text nests too deep; split its expressions") from None
+    return program
 
 
 class _Reader(Phrases):
-    def __init__(self, text: str) -> None:
-        self.text = text
+    def __init__(self, text: str, main: str) -> None:
+        self.text, self.main = text, main
         try:
             tree = ast.parse(text)
         except SyntaxError as e:
             raise InputError(f"line {e.lineno} of the step's text is not valid Python ({e.msg}); correct it") from None
+        except (ValueError, MemoryError) as e:  # a null byte, or far too many brackets
+            raise InputError(f"the step's text is not valid Python ({e}); correct it") from None
+        self.size = 0
+        self.beginning = False
+        self.uses = []
         self.functions: dict[str, ast.FunctionDef] = {}
         self.numbers: dict[str, float] = {}
         for node in tree.body:
@@ -47,16 +69,24 @@ class _Reader(Phrases):
         self.taken: set[str] = set()
 
     def _top(self, node: ast.stmt) -> None:
+        names = [t.id for t in getattr(node, "targets", []) if isinstance(t, ast.Name)]
+        for name in [node.name] if isinstance(node, ast.FunctionDef) else names:
+            if name in self.functions or name in self.numbers:
+                raise InputError(f"line {node.lineno} of the step's text defines {name} a second time; rename one")
         if isinstance(node, ast.FunctionDef):
             self.functions[node.name] = node
         elif isinstance(node, ast.Assign) and len(node.targets) == 1 and isinstance(node.targets[0], ast.Name):
             try:
                 value = ast.literal_eval(node.value)
-            except ValueError:
+            except (ValueError, TypeError):
                 value = None
             if not isinstance(value, (int, float)):
                 raise InputError(
                     f"line {node.lineno} of the step's text assigns no number to {node.targets[0].id}; give a number"
+                )
+            if isinstance(value, int) and abs(value) > LARGEST:
+                raise InputError(
+                    f"line {node.lineno} of the step's text has a whole number beyond 2**31 - 1; write {HINT} for it"
                 )
             self.numbers[node.targets[0].id] = value
         elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
@@ -65,14 +95,17 @@ class _Reader(Phrases):
             )
 
     def program(self) -> Program:
-        if "value" in self.functions:
+        if self.main == "value":
             return self._of((), self._function("value"))
         if "step" not in self.functions:
             raise InputError("the text defines no step; give def step(s, x, p): ... return y")
+        self.beginning = True
         begin = self._function("begin") if "begin" in self.functions else ()
+        self.beginning = False
         return self._of(begin, self._function("step"))
 
     def _of(self, begin: Body, step: Body) -> Program:
+        self._check_uses((*begin, *step))
         found = [*expressions(begin), *expressions(step)]
         params = {e.name for e in found if isinstance(e, Param) and e.index is None}
         rows = {e.name for e in found if isinstance(e, Param) and e.index is not None}
@@ -100,22 +133,39 @@ class _Reader(Phrases):
         self._check(frame, node, body, set())
         return body
 
+    def _check_uses(self, body: Body) -> None:
+        facts = Facts(body)
+        for f, node, use, e in self.uses:
+            if why := facts.against(use, e):
+                self._refuse(f, node, why)
+        for s in facts.growing():
+            raise InputError(
+                f"the whole number {s.target.name} grows by products or sums of itself in a loop and may overflow; "
+                "begin it with a decimal number, such as 1.0"
+            )
+
     def _arguments(self, node: ast.FunctionDef) -> list[str]:
         a = node.args
         if a.posonlyargs or a.kwonlyargs or a.vararg or a.kwarg or a.defaults or node.decorator_list:
             raise InputError(
                 f"{node.name} has decorators, defaults or starred arguments; give plain arguments by place"
             )
-        return [each.arg for each in a.args]
+        names = [each.arg for each in a.args]
+        if len(set(names)) < len(names):
+            raise InputError(f"{node.name} has two arguments of one name, {', '.join(names)}; rename one")
+        return names
 
     def _block(self, f: Frame, body: list[ast.stmt]) -> Body:
         out: list[Stmt] = []
         for i, node in enumerate(body):
             rest = body[i + 1 :]
+            self.size += 1
+            if self.size > LONGEST:
+                self._refuse(f, node, f"the step has over {LONGEST} statements with its helpers put in; shorten it")
             if isinstance(node, ast.If) and _has(node, ast.Return):  # what follows belongs into the branches
                 self._no_loop(f, node)
                 before: list[Stmt] = []
-                test = self._expr(f, node.test, before)
+                test = self._test(f, node.test, before)
                 branches = [
                     self._block(f, branch if _always(branch) else [*branch, *rest])
                     for branch in (node.body, node.orelse)
@@ -139,8 +189,10 @@ class _Reader(Phrases):
             left = ast.copy_location(_loaded(node.target), node)
             self._assign(f, node.target, ast.copy_location(ast.BinOp(left, node.op, node.value), node), out)
         elif isinstance(node, ast.If):
-            test = self._expr(f, node.test, out)
-            out.append(If(test, self._block(f, node.body), self._block(f, node.orelse)))
+            test = self._test(f, node.test, out)
+            branches = self._block(f, node.body), self._block(f, node.orelse)
+            if any(branches):
+                out.append(If(test, *branches))
         elif isinstance(node, ast.For):
             self._loop(f, node, out)
         elif isinstance(node, ast.Break) and f.looping:
@@ -179,6 +231,8 @@ class _Reader(Phrases):
             self._refuse(f, node, "only states (s.name) and names of your own can be set")
         if not isinstance(node, ast.Name):
             self._refuse(f, node, "only states (s.name) and names of your own can be set")
+        if node.id in f.indices:
+            self._refuse(f, node, f"{node.id} counts the loop; give the value another name")
         if node.id in f.kinds or (node.id == f.input):
             self._refuse(f, node, f"{node.id} is an argument; give the value another name")
         f.values.pop(node.id, None)
@@ -196,13 +250,22 @@ class _Reader(Phrases):
             self._refuse(f, node, "a loop is for name in range(n) without else")
         self._no_return(f, node)
         count = self._expr(f, call.args[0], out)  # type: ignore[attr-defined]
-        if not all(isinstance(e, (Num, Const)) for e in leaves(count)):
+        if not all(isinstance(e, (Num, Const)) for e in leaves(count)) or not whole_count(count):
             self._refuse(f, node, "the number of loop passes must be a number or a value of the block's structure")
-        index = self._fresh("k" if node.target.id == "_" else node.target.id)
-        f.locals[node.target.id] = index
+        name = node.target.id
+        if name in f.kinds or name == f.input or (name in f.indices and name != "_"):
+            self._refuse(f, node, f"{name} is an argument or counts a loop around this one; rename it")
+        index = self._fresh("k" if name == "_" else name)
+        around, f.indices = f.indices, (*f.indices, name)
+        f.values.pop(name, None)
+        f.locals[name] = index
         f.looping += 1
-        out.append(For(index, count, self._block(f, node.body)))
+        body = self._block(f, node.body)
         f.looping -= 1
+        f.indices = around
+        f.locals.pop(name, None)  # its last value is gone
+        if body:
+            out.append(For(index, count, body))
 
     def _return(self, f: Frame, node: ast.Return, out: list[Stmt]) -> None:
         self._no_loop(f, node)
@@ -210,12 +273,22 @@ class _Reader(Phrases):
         if f.results is None:
             if len(values) != 1:
                 self._refuse(f, node, "a step returns one output")
-            out.append(Return(self._expr(f, values[0], out)))
+            out.append(Return(self._alone(f, values[0], out)))
+            return
+        if not f.results:  # called for what it sets
+            for v in values:
+                self._alone(f, v, out)
             return
         if len(values) != len(f.results):
             self._refuse(f, node, f"{f.name} returns {len(values)} value(s) where {len(f.results)} are needed")
-        found = [self._expr(f, v, out) for v in values]
+        found = [self._alone(f, values[0], out)] if len(values) == 1 else [self._expr(f, v, out) for v in values]
         out.extend(Assign(r, v) for r, v in zip(f.results, found, strict=True))
+
+    def _alone(self, f: Frame, node: ast.expr, out: list[Stmt]) -> Expr:
+        """The one value of a statement; a helper that sets states may give it."""
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in self.functions:
+            return self._function_of(f, node, out, whole=True)
+        return self._expr(f, node, out)
 
     def _call(self, f: Frame, node: ast.Call, results: tuple[Var, ...], out: list[Stmt]) -> None:
         """A helper's body in place of its call."""

@@ -134,12 +134,35 @@ class Text:
         self.waits = any(isinstance(e, Ago) for e in expressions(self.program.begin))  # for the first input
         self.flag = len(self.program.states)
         self.kept = self.flag + (1 + self.oldest if self.oldest or self.waits else 0)
+        self.named = self._names()
         self.direct = False  # whether states are written where they are kept
         self.moved = {s.target.name for s in statements(step) if isinstance(s, Assign) and s.target.state}
 
+    def _names(self) -> dict[Var, str]:
+        """A name for every state and variable, its own where that is free."""
+        states = [Var(s, True) for s in self.program.states]
+        bodies = (self.program.begin, self.program.step)
+        locals_ = {Var(s.index) for b in bodies for s in statements(b) if isinstance(s, For)}
+        locals_ |= {v for b in bodies for s in statements(b) for v in uses(s) if not v.state}
+        every = [*states, *sorted(locals_, key=lambda v: v.name)]
+        wanted, taken, found = {v.name for v in every}, {*_TAKEN, *(self.table(r) for r in self.rows)}, {}
+        for v in every:
+            name = v.name
+            while name in taken or (name != v.name and name in wanted):
+                name += "_"
+            found[v] = name
+            taken.add(name)
+        return found
+
+    def table(self, row: str) -> str:
+        """The name of a row's table: in capitals, unless another row has these."""
+        return (
+            row if row.upper() != row and any(r != row and r.upper() == row.upper() for r in self.rows) else row.upper()
+        )
+
     def code(self) -> Code:
         """The whole body, with its tables and initial states."""
-        tables = {r.upper(): np.asarray(self.rows[r]) for r in self.program.rows if self._reads(r)}
+        tables = {self.table(r): np.asarray(self.rows[r]) for r in self.program.rows if self._reads(r)}
         return Code("\n".join(self.lines()), self.kept, tables, self._start())
 
     def _reads(self, row: str) -> bool:
@@ -178,11 +201,7 @@ class Text:
     def name(self, v: Var) -> str:
         if v.state and self.direct:
             return f"s[{self.program.states.index(v.name)}]"
-        others = self.program.states if not v.state else ()
-        name = v.name
-        while name in _TAKEN or name in others or name.upper() in {r.upper() for r in self.rows if name.isupper()}:
-            name += "_"
-        return name
+        return self.named[v]
 
     def show(self, e: Expr, rank: int = 0, whole: bool = False) -> str:
         """An expression, in brackets where it binds less than `rank`; `whole` asks for a whole number."""
@@ -192,12 +211,20 @@ class Text:
         if isinstance(e, Var):
             return self.name(e)
         if isinstance(e, Param):
-            return f"{e.name.upper()}[{self.show(e.index, 0, True)}]" if e.index is not None else e.name
+            return e.name if e.index is None else f"{self.table(e.name)}[{self.show(self.inside(e), 0, True)}]"
         if isinstance(e, Ago):
             return self.ago(e.n)
         assert isinstance(e, Op)
         text, own_rank = self.operation(e)
         return f"({text})" if own_rank < rank else text
+
+    def inside(self, e: Param) -> Expr:
+        """The index of a row, kept within it as in the compiled run."""
+        assert e.index is not None
+        last, span = len(self.rows[e.name]) - 1, self.spans.get(e.index.name) if isinstance(e.index, Var) else None
+        if isinstance(e.index, Num) or (isinstance(span, Num) and span.value <= last + 1):
+            return e.index
+        return Op("min", (Op("max", (e.index, Num(0))), Num(last)))
 
     def plain(self, value: float, whole: bool) -> str:
         return str(int(value)) if whole else number(value)

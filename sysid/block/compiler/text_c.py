@@ -5,7 +5,21 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid.block.compiler.ir import Ago, Assign, Body, For, If, Op, Program, Return, Stmt, Var, expressions, statements
+from sysid.block.compiler.ir import (
+    COMPARISONS,
+    Ago,
+    Assign,
+    Body,
+    For,
+    If,
+    Op,
+    Program,
+    Return,
+    Stmt,
+    Var,
+    expressions,
+    statements,
+)
 from sysid.block.compiler.text import Text, home, indented, locals_of, used, uses
 from sysid.block.writing import Code
 
@@ -27,7 +41,7 @@ class _C(Text):
         if whole and e.op in ("min", "max"):
             return f"({args[1]} {'<' if e.op == 'min' else '>'} {args[0]} ? {args[1]} : {args[0]})"
         if e.op == "int":
-            return f"(int)({args[0]})"
+            return f"(long long)({args[0]})"
         names = {"min": "fmin", "max": "fmax", "abs": "fabs", "**": "pow"}
         return f"{names.get(e.op, e.op)}({', '.join(args)})"
 
@@ -72,7 +86,12 @@ class _C(Text):
         return lines
 
     def kind(self, v: Var) -> str:
-        return "int" if v in self.whole else "double"
+        if v not in self.whole:
+            return "double"
+        both = (self.program.begin, self.program.step)
+        values = [s.value for b in both for s in statements(b) if isinstance(s, Assign) and s.target == v]
+        truths = all(isinstance(e, Op) and e.op in ("and", "or", "not", *COMPARISONS) for e in values)
+        return "int" if truths else "long long"  # whole numbers as wide as in the compiled run
 
     def statement(self, s: Stmt, fresh: set[Var], inner: set[Var], around: Body) -> list[str]:
         if isinstance(s, Assign):
