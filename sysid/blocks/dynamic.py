@@ -175,7 +175,7 @@ def _numbers(name: str, value: object) -> tuple[float, ...]:
     try:
         if isinstance(value, str) or np.iscomplexobj(value) or np.ndim(value) > 1:  # type: ignore[arg-type]
             raise ValueError
-        found = tuple(float(v) for v in np.atleast_1d(np.asarray(value, dtype=float)))  # type: ignore[arg-type]
+        found = tuple(float(v) for v in np.atleast_1d(np.asarray(value, dtype=float)))
     except (TypeError, ValueError, OverflowError):
         found = ()
     if not found or not np.all(np.isfinite(found)):

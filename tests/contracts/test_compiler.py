@@ -429,6 +429,9 @@ UNSAID = {  # what Python would run in another way than the compiled block, or n
     BUMP + "    return bump(s) if x > 1.0 else 0.0\n": "bump sets a state",
     BUMP + "    if x > 0.0 and bump(s) > 1.0:\n        return 1.0\n    return 0.0\n": "bump sets a state",
     HEAD + "    return p.row[-1] * x\n": "the index of a row is -1",
+    HEAD + "    y = 0.0\n    for i in range(3):\n        y += p.row[2 * i - 1]\n    return y\n": "becomes negative",
+    HEAD + "    return x / 0\n": "divides by zero",
+    HEAD + "    return x * 0 ** -1\n": "divides by zero",
     HEAD + "    return p.row[1.0] * x\n": "the index of a row is 1.0",
     HEAD + "    return p.row[s.n]\n": "the index of a row is not a whole number",
     HEAD + "    y = x or 1.0\n    return y\n": "line 2 of step, `y = x or 1.0`: and, or give true or false here",
@@ -482,6 +485,11 @@ SAME = {  # by their text, with the parameters
         + "    for i in range(3):\n        pass\n    if x > 0.0:\n        none(s)\n    return p.g * x\n",
         1,
     ),
+    "an index left early": (
+        HEAD + "    y = 0.0\n    for i in range(5):\n        if i > 2:\n            break\n"
+        "        y += p.row[i] * x\n    return y\n",
+        3,
+    ),
     "large whole numbers": (HEAD + "    k = int(x * 1e10)\n    return p.g * x + k\n", 1),
     "tests of tests": (HEAD + "    up = x > 0.0 and not x > 1.0 or x == -1.0\n    return p.g if up or s.b else x\n", 1),
     "names of files": (HEAD + "    out, x_ = p.g * x, s.x\n    out_ = out + x_\n    s.x = out_\n    return out_\n", 1),
@@ -499,11 +507,12 @@ def in_python(text, p, x):
 @pytest.mark.parametrize("name", SAME)
 def test_a_step_runs_as_python_runs_it_and_so_do_its_files(name, tmp_path):
     text, n = SAME[name]
-    block = dynamic(text, {"g": 0.7} if n else {})
+    block = dynamic(text, {"row": (0.1, 0.2, 0.3)} if n == 3 else {"g": 0.7} if n else {})
     x = np.random.default_rng(2).uniform(-2.0, 2.0, 40)
-    expected = in_python(text, SimpleNamespace(g=0.7), x.tolist())
-    np.testing.assert_allclose(block.propagate(np.full(n, 0.7), x, np.empty((40, 0)), 0), expected, rtol=1e-14)
-    fit = made(Chain((block,)), np.full(n, 0.7))
+    theta = np.array(block.first)
+    expected = in_python(text, SimpleNamespace(g=0.7, row=(0.1, 0.2, 0.3)), x.tolist())
+    np.testing.assert_allclose(block.propagate(theta, x, np.empty((40, 0)), 0), expected, rtol=1e-14)
+    fit = made(Chain((block,)), theta)
     agrees(python_run(fit, x), expected)
     agrees(c_run(fit, x, tmp_path), expected)
 

@@ -62,6 +62,8 @@ class Facts:
             return "the lag of ago may not depend on states or the input"
         if use == "lag" and self._lowest(e) < 0:
             return "the lag of ago becomes negative; give a whole number from 0"
+        if use == "index" and self._lowest(e) < 0:
+            return "the index of a row becomes negative; give a whole number from 0"
         return ""
 
     def _lowest(self, e: Expr) -> float:
@@ -116,8 +118,11 @@ def _range(e: Expr, spans: dict[Var, float | None]) -> tuple[float, float] | Non
         return n, n
     if isinstance(e, Var) and (count := spans.get(e)) is not None:
         return 0, count - 1
-    if isinstance(e, Op) and e.op in ("+", "-"):
+    if isinstance(e, Op) and e.op in ("+", "-", "*"):
         a, b = (_range(v, spans) for v in e.args)
+        if a and b and e.op == "*":
+            ends = [p * q for p in a for q in b]
+            return min(ends), max(ends)
         if a and b:
             return (a[0] + b[0], a[1] + b[1]) if e.op == "+" else (a[0] - b[1], a[1] - b[0])
     return None

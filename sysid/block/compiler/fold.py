@@ -76,7 +76,8 @@ class _Folder:
             return Num(float(self.params[e.name]))
         e = rebuilt(e, lambda a: self.expr(a, env))
         if isinstance(e, Param) and isinstance(e.index, Num):
-            return Num(float(self.rows[e.name][int(e.index.value)]))
+            row = self.rows[e.name]  # an index beyond it is kept within, as in the kernels
+            return Num(float(row[min(max(int(e.index.value), 0), len(row) - 1)]))
         return simple(e) if isinstance(e, Op) else e
 
     def body(self, body: Body, env: Env) -> tuple[Body, Env | None]:

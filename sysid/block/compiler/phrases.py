@@ -101,6 +101,8 @@ class Phrases:
     def _sized(self, f: Frame, node: ast.expr, e: Op) -> Expr:
         """The operation; one on whole constants must give a number of the allowed size."""
         v = [constant(a) for a in e.args]
+        if (e.op == "/" and v[1] == 0) or (e.op == "**" and v[0] == 0 and v[1] is not None and v[1] < 0):
+            self._refuse(f, node, "this divides by zero; give another number")
         if v[0] is None or v[1] is None:
             return e
         try:
