@@ -13,6 +13,7 @@ from sysid.block.block import Block, Slot
 from sysid.blocks import TransferFunction
 from sysid.model.gauge import gauge
 
+
 @dataclass(frozen=True)
 class Chain:
     """Blocks in series, u -> blocks[0] -> ... -> y. It holds the structure; the values are a vector theta (P,).
