@@ -7,6 +7,7 @@ from scipy.signal import correlate
 
 from sysid import InputError, residual_tests
 from sysid.base.criteria import TABLE, Criterion, criteria, fit_percent
+from sysid.diagnosis.residuals import _allowed as allowed
 
 
 @pytest.mark.parametrize("name", TABLE)
@@ -96,3 +97,12 @@ def test_a_moving_average_fails_whiteness_and_a_filtered_input_fails_independenc
 def test_too_few_residuals():
     with pytest.raises(InputError, match="more than 50"):
         residual_tests(np.zeros(50), np.zeros(50))
+
+
+def test_how_many_lags_may_lie_outside_and_how_short_a_row_may_be():
+    """Binomial by hand: of 50 lags at 1 % each, P(2 or fewer) = 0.986, P(3 or fewer) = 0.998; of 25, P(1) = 0.974."""
+    assert [allowed(50, 0.99), allowed(25, 0.99)] == [3, 2]
+    e, u = np.random.default_rng(0).standard_normal((2, 51))
+    assert len(residual_tests(e, u).cross_lags) == 51
+    with pytest.raises(InputError, match="give more than 50"):
+        residual_tests(e[:50], u[:50])

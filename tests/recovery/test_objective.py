@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.special import ndtri
 
 import sysid
 from sysid.base.poles import match
-from sysid.estimation.objective import huber
+from sysid.estimation.objective import huber, spread
 from sysid.estimation.problem import ChainProblem
 from sysid.systems import system
 
@@ -100,18 +101,18 @@ def test_ridge_ends_at_the_nominal_point_and_starts_at_least_squares():
     ids=["squares", "huber", "ridge", "weights", "curvature", "all"],
 )
 def test_problem_jacobian_agrees_with_finite_differences(on_top):
-    """What can stand around the free run, alone and at once: two experiments, gaps, Huber's threshold, ridge, weights,
+    """What can stand around the free run, alone and at once: three experiments, gaps, Huber, ridge, weights and
     curvature."""
     rng = np.random.default_rng(3)
     plant = system("textbook")
-    a, b = plant.record(200, 0.1, rng), plant.record(150, 0.1, rng)
+    a, b, c = (plant.record(N, 0.1, rng) for N in (200, 150, 120))
     b = IOData(b.u, b.y, b.Ts, missing=rng.uniform(size=150) < 0.3)
-    start = np.array([plant.theta, plant.theta])
-    problem = ChainProblem(plant.chain, start, (a, b), plant.chain.free, **on_top)
+    start = np.array([plant.theta, plant.theta, plant.theta])
+    problem = ChainProblem(plant.chain, start, (a, b, c), plant.chain.free, **on_top)
     p = 0.01 * rng.normal(size=len(problem.start))
     e, J = problem.linearise(p)
     np.testing.assert_array_equal(e, problem.residual(p))
-    samples = 200 + int(b.observed.sum())
+    samples = 200 + int(b.observed.sum()) + 120
     # A row for each parameter of the ridge, and two kinks of a map of four knots.
     assert len(e) == samples + 16 * ("prior_weight" in on_top) + 2 * ("curvature_weight" in on_top)
     h = 1e-6
@@ -228,3 +229,10 @@ def test_hubers_loss_by_hand_and_its_slope():
     inside = np.abs(e) != 2.0
     numeric = (huber(e + h, 2.0)[0] - huber(e - h, 2.0)[0]) / (2 * h)
     np.testing.assert_allclose(slope[inside], numeric[inside], atol=1e-8)
+
+
+def test_the_spread_of_gaussian_errors_is_their_standard_deviation():
+    """Of exact quantiles, and blind to a tenth of outliers where these lie on both sides."""
+    e = 3.0 * ndtri((np.arange(10_000) + 0.5) / 10_000) + 7.0
+    assert spread(e) == pytest.approx(3.0, rel=1e-3)
+    assert spread(np.concatenate([e, np.full(500, 1e6), np.full(500, -1e6)])) == pytest.approx(3.0, rel=0.15)
