@@ -1,8 +1,9 @@
 """Table: the columns of a file as they were read; a column becomes numbers only when it is used."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,9 @@ class Table:
     `columns[j]` holds the cells of `names[j]`: strings (n,) of a text file, numbers (n,) of a binary one. `rows[j]`
     holds the numbers of those cells in the file, for messages; `place` is the file's word for such a number. A text
     file that has no header gets the names 1, 2, ...
+
+    `units` has the unit of a column as the file writes it, without the columns that name none. `meta` is what the
+    writer said of the whole record. `notes` are sentences about what the reader repaired or left out, with counts.
     """
 
     path: Path
@@ -26,6 +30,9 @@ class Table:
     rows: tuple[Sequence[int], ...]
     place: str = "row"
     decimal: str = "."
+    units: Mapping[str, str] = field(default_factory=dict)
+    meta: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def numbers(self, name: str) -> np.ndarray:
         """Column `name` (n,) as float64; raises InputError that names the first cell that is not finite."""
