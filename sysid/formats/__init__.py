@@ -3,10 +3,12 @@
 A class reads its suffixes and writes those in `written`. Help texts, error messages and tests use these tables.
 """
 
+import json
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -50,6 +52,7 @@ WRITTEN: tuple[str, ...] = tuple(suffix for suffix, each in TABLE.items() if suf
 def read_table(path: str | os.PathLike[str]) -> Table:
     """The columns of the file at `path`, read in the format for its suffix in `TABLE`.
 
+    `meta` of the table holds what the writer said of the record, as far as it is a JSON object.
     Raises InputError with the file name if it is missing, empty, damaged or of an unknown format.
     """
     path = Path(path)
@@ -63,7 +66,8 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     try:
         if path.is_file() and path.stat().st_size == 0:
             raise InputError(f"{path} is empty; give a file with at least one column of input and one of output")
-        return TABLE[path.suffix.lower()]().read(path)
+        table = TABLE[path.suffix.lower()]().read(path)
+        return replace(table, meta={**_meta(read_header(path)), **table.meta})
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror or error}); check that it is a readable file"
@@ -73,6 +77,15 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 def read_header(path: str | os.PathLike[str]) -> str:
     """The header of a file read by `read_table`; empty if it has none."""
     return TABLE[Path(path).suffix.lower()]().header(Path(path))
+
+
+def _meta(header: str) -> dict[str, Any]:
+    """What a header says as a JSON object; nothing if it is none, as in a file of another program."""
+    try:
+        found = json.loads(header)
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def check_written(path: str | os.PathLike[str]) -> Path:

@@ -54,6 +54,7 @@ TEXTS = {
     "semicolon_decimal_comma.csv": rows(";", "u;y", decimal=","),
     "crlf_and_bom.csv": "\ufeff" + rows(",", "u,y", end="\r\n"),
     "tab.txt": rows("\t", "u\ty"),
+    "tab.tsv": rows("\t", "u\ty"),
     "no_header.dat": rows("   ", None).replace("\n", "\n  "),
     "comments.txt": "# recorded on a Monday\n\n% another remark\n" + rows(" ", "u y"),
 }
