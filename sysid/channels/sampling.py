@@ -105,7 +105,7 @@ def _check_lengths(table: Table, names: list[str], columns: list[np.ndarray]) ->
                 "name two of one length"
             )
         if len(values) < 2:
-            raise InputError(f"{table.path}: column {name!r} has {len(values)} sample; at least 2 are needed")
+            raise InputError(f"{table.path}: column {name!r} has {len(values)} sample(s); at least 2 rows are needed")
 
 
 def _rows(table: Table, mapping: ChannelMap, n: int) -> _Rows:

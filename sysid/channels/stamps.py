@@ -40,7 +40,7 @@ def read_stamps(table: Table, clock: Clock, repair: Repair, raw: np.ndarray) -> 
     """
     known = np.flatnonzero(np.isfinite(raw))
     if len(known) < 2:
-        raise InputError(f"{table.path} has {len(known)} sample(s); at least 2 are needed")
+        raise InputError(f"{table.path} has {len(known)} time stamp(s); at least 2 rows are needed")
     values = raw[known]
     resolution = last_digit(values)
     values, wraps = unwrapped(table, clock, values, known)
