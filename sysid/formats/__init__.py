@@ -16,7 +16,9 @@ from sysid.base.errors import InputError
 from sysid.base.files import whole_file
 from sysid.data.table import Table
 from sysid.formats.delimited import Delimited
+from sysid.formats.json_records import JsonRecords
 from sysid.formats.mat import Mat
+from sysid.formats.numpy_arrays import NumpyArrays
 from sysid.formats.parquet import Parquet
 
 
@@ -44,7 +46,7 @@ class Format(Protocol):
         ...
 
 
-FORMATS: tuple[type[Format], ...] = (Delimited, Mat, Parquet)
+FORMATS: tuple[type[Format], ...] = (Delimited, JsonRecords, Mat, NumpyArrays, Parquet)
 TABLE: dict[str, type[Format]] = dict(sorted((suffix, each) for each in FORMATS for suffix in each.suffixes))
 WRITTEN: tuple[str, ...] = tuple(suffix for suffix, each in TABLE.items() if suffix in each.written)
 
@@ -121,7 +123,9 @@ __all__ = [
     "WRITTEN",
     "Delimited",
     "Format",
+    "JsonRecords",
     "Mat",
+    "NumpyArrays",
     "Parquet",
     "check_written",
     "read_header",
