@@ -7,7 +7,6 @@ import numpy as np
 from sysid.channels.names import Header, header
 from sysid.channels.values import soft_numbers
 from sysid.data.table import Table
-from sysid.formats._units import units_of
 
 RISING = 0.9  # of the steps of a clock; the others are repeated stamps, wraps, faults
 ALIKE = 0.9  # of the steps of an unnamed clock are within a tenth of the middle one
@@ -76,16 +75,11 @@ class Look:
         return len(x) > 0 and float(np.ptp(x)) < 0.67 * mean and bool(x.min() * x.max() > 0)
 
 
-def column_units(table: Table) -> dict[str, str]:
-    """The unit of each column that has one: from its reader, else from its name."""
-    return {**units_of(table.names), **table.units}
-
-
 def looks(table: Table) -> dict[str, Look]:
     """Every column that holds numbers, by name."""
-    found, units = {}, column_units(table)
+    found = {}
     for name in table.names:
-        look = Look(header(name, units.get(name, "")), soft_numbers(table, name))
+        look = Look(header(name, table.units.get(name, "")), soft_numbers(table, name))
         if look.numeric:
             found[name] = look
     return found

@@ -86,7 +86,7 @@ class Channel(_Part):
     offset: Number = Field(0.0, description="in the unit of the value")
     sign: Literal[1, -1] = Field(1, description="-1 turns the direction round")
     adc: Adc | None = Field(
-        None, description="counts to values by two points, before scale: {counts = [0, 1023], value = [-2.4, 2.4]}"
+        None, description="counts to values by two points, before scale; bits = 10 stands for counts = [0, 1023]"
     )
     signed: Bits = Field(0, description="bits of a two's complement word that was logged without its sign; 0: none")
     times: Text = Field("", description="column that multiplies the number, such as the supply of a duty")

@@ -74,7 +74,7 @@ def read_record(
     stamps that cannot be made uniform (`sysid.channels`).
     """
     given = Given(input, output, time, time_unit, Ts)
-    _check_given(given, mapping)
+    check_given(given, mapping)
     table = read_table(path)
     if mapping is not None:
         chosen = read_map_of(mapping)
@@ -92,7 +92,8 @@ def read_record(
     return Record(table.path, data, u.column, y.column, signals.mapping.clock.column or None, signals, options)
 
 
-def _check_given(given: Given, mapping: Mapping | None) -> None:
+def check_given(given: Given, mapping: Mapping | None) -> None:
+    """Raises InputError for options that exclude each other, and for a sampling time that is none."""
     if given.Ts is not None and not (np.isfinite(given.Ts) and given.Ts > 0):
         raise InputError(f"--ts is {given.Ts:g}; give the sampling time as a positive number of seconds")
     if given.time_unit is not None and given.time is None:
