@@ -53,7 +53,7 @@ def find_grid(t: np.ndarray, resolution: float, jitter: float, Ts: float | None 
         by_steps = np.all(np.abs(steps - m * step) <= jitter * step)
         allowed = max(2.0 * jitter * step, ROUNDED * rounding, ROUNDED * resolution if near else 0.0)
         if by_steps or np.ptp(t - step * index) <= allowed:
-            exact = near or _exact(t, index, step, rounding)
+            exact = near or _exact(t, index, step, max(rounding, 2.0 * off))
             gaps = np.flatnonzero(m > 1)
             return Grid(exact, int(index[-1]) + 1, index, np.column_stack([gaps, m[gaps] - 1]), median, off)
         if off < RELIABLE * step:
@@ -104,11 +104,11 @@ def _off(t: np.ndarray, index: np.ndarray, step: float) -> float:
     return float(0.5 * np.ptp(left))
 
 
-def _exact(t: np.ndarray, index: np.ndarray, step: float, rounding: float) -> float:
-    """The step [s]: printed times are rounded, their mean is not, and a short number is meant as one."""
+def _exact(t: np.ndarray, index: np.ndarray, step: float, spread: float) -> float:
+    """The step [s]: printed times are rounded, their mean is not, and a short number within their spread is meant."""
     span = float(index[-1])
     mean = float(t[-1] - t[0]) / span
-    uncertain = rounding / span
+    uncertain = spread / span
     for digits in range(1, 9):
         short = float(f"{mean:.{digits}g}")
         if abs(short - mean) <= uncertain and abs(short - step) <= 2.0 * uncertain:

@@ -14,7 +14,6 @@ from sysid.channels.units import convert
 OWN = "time_s"  # in the logs that this program writes
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 STEPS = (2e-4, 10.0)  # [s] between samples of an actuator's log; a unit that gives another step is implausible
-SHORTEST = 0.2  # [s] of a record
 SINCE_1970 = (1e9, 4e9)  # [s] stamps of the years 2001 to 2096
 WRAPS: tuple[Bits, ...] = (16, 32)
 NEAR_WRAP = 20  # steps: a counter that starts again was at most so far from its end
@@ -139,10 +138,7 @@ def _unit(look: Look) -> tuple[str | None, str]:
     for unit, size in {**UNITS, "ns": 1e-9}.items():
         if SINCE_1970[0] <= largest * size <= SINCE_1970[1] and step * size <= STEPS[1]:
             return unit, "its stamps count from 1970"
-    n = len(look.finite)
     fits = [u for u, size in UNITS.items() if STEPS[0] <= step * size <= STEPS[1]]
-    if len(fits) > 1:
-        fits = [u for u in fits if step * UNITS[u] * (n - 1) >= SHORTEST] or fits
     if len(fits) == 1:
         return fits[0], (
             f"it names no unit, and its steps of {step:.6g} are plausible in {fits[0]} alone (a step from "

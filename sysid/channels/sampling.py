@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.channels.cut import cut
-from sysid.channels.grid import Grid, find_grid
+from sysid.channels.grid import LONG, Grid, find_grid
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Range
 from sysid.channels.names import label
 from sysid.channels.rates import at
@@ -165,11 +165,12 @@ def _placed(
     after = np.searchsorted(t, at * (1.0 + 1e-12) + 1e-9 * grid.Ts, side="right")
     before = np.maximum(after - 1, 0)
     placed = x[before] if held else np.interp(at, t, x)
-    ends = np.append(t, np.inf)
-    span = ends[np.minimum(after, len(t))] - t[before]
     usual = _usual(rows)
-    inside = (at - t[before] > 0.5 * usual) & (after < len(t)) & (ends[np.minimum(after, len(t))] - at > 0.5 * usual)
-    return placed, inside & (span > 1.5 * usual)
+    upcoming = np.append(t, np.inf)[after]
+    far = at - t[before] > 0.5 * usual
+    if not held:
+        far &= upcoming - at > 0.5 * usual
+    return placed, far & (after < len(t)) & (upcoming - t[before] > LONG * usual)
 
 
 def _usual(rows: _Rows) -> float:
