@@ -1,6 +1,7 @@
 """What a column looks like: its header, its numbers, whether it rises like a clock."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -24,42 +25,43 @@ class Look:
         """Name of the column."""
         return self.header.name
 
-    @property
+    @cached_property
     def finite(self) -> np.ndarray:
         """The numbers."""
-        return self.values[np.isfinite(self.values)]
+        known = np.isfinite(self.values)
+        return self.values if known.all() else self.values[known]
 
-    @property
+    @cached_property
     def numeric(self) -> bool:
         """Whether most cells are numbers."""
         return len(self.values) > 0 and 2 * len(self.finite) >= len(self.values)
 
-    @property
+    @cached_property
     def constant(self) -> bool:
         """Whether all numbers are one."""
         x = self.finite
         return len(x) == 0 or bool(np.ptp(x) == 0)
 
-    @property
+    @cached_property
     def whole(self) -> bool:
         """Whether all numbers are whole."""
         x = self.finite
         return len(x) > 0 and bool(np.all(x == np.rint(x)))
 
-    @property
+    @cached_property
     def step(self) -> float:
         """The middle step between numbers that rise."""
         steps = np.diff(self.finite)
         rising = steps[steps > 0]
         return float(np.median(rising)) if len(rising) else 0.0
 
-    @property
+    @cached_property
     def rises(self) -> bool:
         """Whether nearly all steps are upwards; stamps may repeat."""
         steps = np.diff(self.finite)
         return len(steps) > 0 and float(np.mean(steps >= 0)) >= RISING and bool(np.any(steps > 0))
 
-    @property
+    @cached_property
     def ticks(self) -> bool:
         """Whether it rises in nearly equal steps, as a clock does and hardly any signal."""
         steps = np.diff(self.finite)
@@ -67,7 +69,7 @@ class Look:
             return False
         return float(np.mean(np.abs(steps - self.step) <= 0.1 * self.step)) >= ALIKE
 
-    @property
+    @cached_property
     def barely_varies(self) -> bool:
         """Whether it keeps its sign and stays within a third of its mean, as a supply does."""
         x = self.finite

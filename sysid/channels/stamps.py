@@ -94,9 +94,14 @@ def unwrapped(table: Table, clock: Clock, values: np.ndarray, rows: np.ndarray) 
 def last_digit(values: np.ndarray) -> float:
     """The step between neighbouring numbers with as many decimals as `values` (n,) have; 0 if they have many."""
     size = 8 * np.spacing(np.abs(values).max())
+
+    def whole(part: np.ndarray, digits: int) -> bool:
+        scaled = part * 10.0**digits
+        return bool(np.all(np.abs(scaled - np.rint(scaled)) <= 1e-6 + size * 10.0**digits))
+
+    few = values[:: max(1, len(values) // 1000)]
     for digits in range(DIGITS + 1):
-        scaled = values * 10.0**digits
-        if np.all(np.abs(scaled - np.rint(scaled)) <= 1e-6 + size * 10.0**digits):
+        if whole(few, digits) and whole(values, digits):
             return float(10.0**-digits)
     return 0.0
 

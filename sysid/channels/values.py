@@ -39,7 +39,7 @@ def soft_numbers(table: Table, name: str) -> np.ndarray:
     """Column `name` (n,) as float64 with nan for every cell that is no number: for looking, not for use."""
     cells = table.columns[table.names.index(name)]
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "biuf":
-        return np.array(cells, dtype=float)
+        return np.asarray(cells, dtype=float)
     texts = [str(cell).replace(",", ".") if table.decimal == "," else str(cell) for cell in cells]
     try:
         return np.array([float(text) for text in texts])
