@@ -15,8 +15,10 @@ from sysid.formats._body import WITH_COMMA, Body
 from sysid.formats._cells import Layout, cells, trimmed
 from sysid.formats._text import blocks, comments, data_lines
 from sysid.formats._units import is_unit, units_of
+from sysid.formats.serial_capture import SerialCapture, looks_like_one
 
 HEADER = "qpal:"
+AMBIGUOUS = (".dat", ".txt")  # of tables and of captures
 SAMPLE = 200  # lines that show the separator and the header
 
 
@@ -46,14 +48,7 @@ class Delimited:
 
     def read(self, path: Path) -> Table:
         """The table in `path`; raises InputError if it is binary, empty or has rows of different lengths."""
-        head = _head(path)
-        body = Body(path, head.names, head.layout, head.start)
-        body.read()
-        if not len(body.rows):
-            raise InputError(f"{path} has no whole row of numbers; give a file with one row a sample")
-        rows = (body.rows,) * len(head.names)
-        columns, notes = tuple(body.columns), tuple(body.notes)
-        return Table(path, head.names, columns, rows, decimal=body.decimal, units=head.units, notes=notes)
+        return _read(path) if path.suffix.lower() not in AMBIGUOUS else _read_either(path)
 
     def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
         """Columns (N,) by name, below the header."""
@@ -66,8 +61,37 @@ class Delimited:
 
     def header(self, path: Path) -> str:
         """The comment lines `# qpal: ...` at the top of the file."""
-        lines = [line.removeprefix(HEADER) for line in comments(path) if line.startswith(HEADER)]
+        try:
+            above = comments(path)
+        except InputError:  # binary bytes among the lines of a capture
+            return ""
+        lines = [line.removeprefix(HEADER) for line in above if line.startswith(HEADER)]
         return "\n".join(line.removeprefix(" ") for line in lines)
+
+
+def _read(path: Path) -> Table:
+    head = _head(path)
+    body = Body(path, head.names, head.layout, head.start)
+    body.read()
+    if not len(body.rows):
+        raise InputError(f"{path} has no whole row of numbers; give a file with one row a sample")
+    rows = (body.rows,) * len(head.names)
+    columns, notes = tuple(body.columns), tuple(body.notes)
+    return Table(path, head.names, columns, rows, decimal=body.decimal, units=head.units, notes=notes)
+
+
+def _read_either(path: Path) -> Table:
+    """The table in a file that may as well be what a microcontroller printed, which its content tells."""
+    with path.open("rb") as file:
+        if looks_like_one(file.read(1 << 16)):
+            return SerialCapture().read(path)
+    try:
+        return _read(path)
+    except InputError as error:
+        try:  # rows of several lengths or binary bytes are few garbled lines in a capture
+            return SerialCapture().read(path)
+        except InputError:
+            raise error from None
 
 
 def _head(path: Path) -> Head:
