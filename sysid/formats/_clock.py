@@ -7,6 +7,7 @@ import numpy as np
 CLOCKS = ("t", "time", "ms", "us", "millis", "micros", "clock", "stamp", "timestamp", "tick", "ticks", "t_ms", "t_us")
 RISING = 0.9  # part of the steps of a clock that rise, whatever was garbled
 GAP = 10.0  # middle steps: a longer one is a gap, and is believed only if the clock goes on from there
+FEW = 3
 SPIKE = 8.0  # how far a lone value stands off, in steps that the signal makes
 RARE = 0.02  # a spike that occurs oftener is the signal's own
 
@@ -29,7 +30,7 @@ def misfits(values: np.ndarray, names: Sequence[str]) -> tuple[int | None, np.nd
             break
         wrong[kept[1:-1][off]] = True
     kept = np.flatnonzero(~wrong)
-    wrong[kept[_astray(t[kept], longest)]] = True
+    wrong[kept[_islands(t[kept], longest)]] = True
     return j, wrong
 
 
@@ -42,12 +43,25 @@ def _clock(values: np.ndarray, names: Sequence[str]) -> int | None:
     return None
 
 
-def _astray(t: np.ndarray, longest: float) -> np.ndarray:
-    """Which stamps neither follow the one before nor are followed by the next two: a gap, wrap or restart goes on."""
-    follows = np.zeros(len(t) + 1, dtype=bool)  # follows[k]: t[k] follows t[k-1]
-    follows[1:-1] = (np.diff(t) >= 0) & (np.diff(t) <= longest)
-    astray = ~follows[:-1] & ~follows[1:]
-    return astray
+def _islands(t: np.ndarray, longest: float) -> np.ndarray:
+    """Which stamps (N,) the clock visits only briefly: up to `FEW` that follow each other, before it goes on as it was.
+
+    A gap, a wrap or a restart goes on from there, so it is no island; a lone stamp at an end is one.
+    """
+    steps = np.diff(t)
+    ends = np.flatnonzero((steps < 0) | (steps > longest)) + 1
+    starts, stops = np.r_[0, ends], np.r_[ends, len(t)]
+    wrong = np.zeros(len(t), dtype=bool)
+    last = None  # the last stamp of the run before that was believed
+    for start, stop in zip(starts.tolist(), stops.tolist(), strict=True):
+        after = t[stop] if stop < len(t) else None
+        lone = stop - start == 1 and (last is None or after is None) and len(starts) > 1
+        back = last is not None and after is not None and 0 <= after - last <= (FEW + 1) * longest
+        if lone or (stop - start <= FEW and back):
+            wrong[start:stop] = True
+        else:
+            last = t[stop - 1]
+    return wrong
 
 
 def misspelt(values: np.ndarray, texts: Sequence[str], signs: bool) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.table import Table, is_number
 from sysid.formats._body import WITH_COMMA, Body
-from sysid.formats._cells import Layout, cells, trimmed
+from sysid.formats._cells import Layout, cells, split, trimmed
 from sysid.formats._text import blocks, comments, data_lines
 from sysid.formats._units import is_unit, units_of
 from sysid.formats.serial_capture import SerialCapture, looks_like_one
@@ -100,7 +100,7 @@ def _head(path: Path) -> Head:
     if not sample:
         raise InputError(f"{path} has no rows; give a file with one row a sample")
     separator = _separator([line for _, line in sample[1:]] or [sample[0][1]])
-    rows = [_split(line, separator) for _, line in sample]
+    rows = [split(path, *sample[0], separator), *(_split(line, separator) for _, line in sample[1:])]
     used = max(map(len, rows))
     while used > 1 and all(len(row) < used or not row[used - 1] for row in rows):
         used -= 1
