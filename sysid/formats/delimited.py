@@ -4,6 +4,7 @@ import csv
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import ClassVar
 
@@ -95,8 +96,8 @@ def _read_either(path: Path) -> Table:
 
 
 def _head(path: Path) -> Head:
-    _, block = next(blocks(path), (1, b""))
-    sample = [(row, line.decode()) for row, line in _first(block)]
+    every = (entry for row, block in blocks(path) for entry in data_lines(row, block))
+    sample = [(row, line.decode()) for row, line in islice(every, SAMPLE)]
     if not sample:
         raise InputError(f"{path} has no rows; give a file with one row a sample")
     separator = _separator([line for _, line in sample[1:]] or [sample[0][1]])
@@ -118,15 +119,6 @@ def _head(path: Path) -> Head:
         units = {name: _bare(cell) for name, cell in zip(names, below, strict=False) if is_unit(_bare(cell))} | units
         start = sample[1][0] + 1
     return Head(tuple(names), units, layout, start)
-
-
-def _first(block: bytes) -> list[tuple[int, bytes]]:
-    found = []
-    for entry in data_lines(1, block):
-        found.append(entry)
-        if len(found) == SAMPLE:
-            break
-    return found
 
 
 def _split(line: str, separator: str | None) -> list[str]:
