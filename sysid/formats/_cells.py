@@ -49,6 +49,16 @@ def cells(line: str, separator: str | None) -> list[str]:
     return [cell.strip() for cell in next(reader)]
 
 
+def split(path: Path, row: int, line: str, separator: str | None) -> list[str]:
+    """The cells of a row of the file; raises InputError with its number if its quotes are wrong."""
+    try:
+        return cells(line, separator)
+    except csv.Error as error:
+        raise InputError(
+            f"{path}, row {row}: found a row that cannot be split into cells ({error}); correct its quotes"
+        ) from None
+
+
 def part(path: Path, row: int, block: bytes, layout: Layout) -> Part:
     """The cells of the lines in `block`, the first of which is `row` of the file.
 
@@ -103,12 +113,7 @@ def _line_by_line(path: Path, rows: Sequence[int], block: bytes, layout: Layout)
 
     found = []
     for number, line in zip(rows, block.decode().split("\n"), strict=False):
-        try:
-            row = trimmed(cells(line, layout.separator), layout.width)
-        except csv.Error as error:
-            raise InputError(
-                f"{path}, row {number}: found a row that cannot be split into cells ({error}); correct its quotes"
-            ) from None
+        row = trimmed(split(path, number, line, layout.separator), layout.width)
         if len(row) != layout.width:
             raise InputError(
                 f"{path}, row {number}: found {len(row)} cells where row {layout.first} has {layout.width}; "

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.formats._mat_check import check
+
 if TYPE_CHECKING:
     import h5py
 
@@ -41,6 +43,7 @@ def is_hdf(path: Path) -> bool:
 
 def variables_of_5(path: Path) -> dict[str, Tree]:
     """The variables of a file up to version 7."""
+    check(path)
     found = {}
     for name, value in load_5(path).items():
         if name == "None":  # objects have no name in their head; the last of them stands for all

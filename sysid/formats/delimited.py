@@ -4,6 +4,7 @@ import csv
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import ClassVar
 
@@ -12,11 +13,13 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.table import Table, is_number
 from sysid.formats._body import WITH_COMMA, Body
-from sysid.formats._cells import Layout, cells, trimmed
+from sysid.formats._cells import Layout, cells, split, trimmed
 from sysid.formats._text import blocks, comments, data_lines
 from sysid.formats._units import is_unit, units_of
+from sysid.formats.serial_capture import SerialCapture, looks_like_one
 
 HEADER = "qpal:"
+AMBIGUOUS = (".dat", ".txt")  # of tables and of captures
 SAMPLE = 200  # lines that show the separator and the header
 
 
@@ -46,14 +49,7 @@ class Delimited:
 
     def read(self, path: Path) -> Table:
         """The table in `path`; raises InputError if it is binary, empty or has rows of different lengths."""
-        head = _head(path)
-        body = Body(path, head.names, head.layout, head.start)
-        body.read()
-        if not len(body.rows):
-            raise InputError(f"{path} has no whole row of numbers; give a file with one row a sample")
-        rows = (body.rows,) * len(head.names)
-        columns, notes = tuple(body.columns), tuple(body.notes)
-        return Table(path, head.names, columns, rows, decimal=body.decimal, units=head.units, notes=notes)
+        return _read(path) if path.suffix.lower() not in AMBIGUOUS else _read_either(path)
 
     def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
         """Columns (N,) by name, below the header."""
@@ -66,17 +62,46 @@ class Delimited:
 
     def header(self, path: Path) -> str:
         """The comment lines `# qpal: ...` at the top of the file."""
-        lines = [line.removeprefix(HEADER) for line in comments(path) if line.startswith(HEADER)]
+        try:
+            above = comments(path)
+        except InputError:  # binary bytes among the lines of a capture
+            return ""
+        lines = [line.removeprefix(HEADER) for line in above if line.startswith(HEADER)]
         return "\n".join(line.removeprefix(" ") for line in lines)
 
 
+def _read(path: Path) -> Table:
+    head = _head(path)
+    body = Body(path, head.names, head.layout, head.start)
+    body.read()
+    if not len(body.rows):
+        raise InputError(f"{path} has no whole row of numbers; give a file with one row a sample")
+    rows = (body.rows,) * len(head.names)
+    columns, notes = tuple(body.columns), tuple(body.notes)
+    return Table(path, head.names, columns, rows, decimal=body.decimal, units=head.units, notes=notes)
+
+
+def _read_either(path: Path) -> Table:
+    """The table in a file that may as well be what a microcontroller printed, which its content tells."""
+    with path.open("rb") as file:
+        if looks_like_one(file.read(1 << 16)):
+            return SerialCapture().read(path)
+    try:
+        return _read(path)
+    except InputError as error:
+        try:  # rows of several lengths or binary bytes are few garbled lines in a capture
+            return SerialCapture().read(path)
+        except InputError:
+            raise error from None
+
+
 def _head(path: Path) -> Head:
-    _, block = next(blocks(path), (1, b""))
-    sample = [(row, line.decode()) for row, line in _first(block)]
+    every = (entry for row, block in blocks(path) for entry in data_lines(row, block))
+    sample = [(row, line.decode()) for row, line in islice(every, SAMPLE)]
     if not sample:
         raise InputError(f"{path} has no rows; give a file with one row a sample")
     separator = _separator([line for _, line in sample[1:]] or [sample[0][1]])
-    rows = [_split(line, separator) for _, line in sample]
+    rows = [split(path, *sample[0], separator), *(_split(line, separator) for _, line in sample[1:])]
     used = max(map(len, rows))
     while used > 1 and all(len(row) < used or not row[used - 1] for row in rows):
         used -= 1
@@ -94,15 +119,6 @@ def _head(path: Path) -> Head:
         units = {name: _bare(cell) for name, cell in zip(names, below, strict=False) if is_unit(_bare(cell))} | units
         start = sample[1][0] + 1
     return Head(tuple(names), units, layout, start)
-
-
-def _first(block: bytes) -> list[tuple[int, bytes]]:
-    found = []
-    for entry in data_lines(1, block):
-        found.append(entry)
-        if len(found) == SAMPLE:
-            break
-    return found
 
 
 def _split(line: str, separator: str | None) -> list[str]:

@@ -258,14 +258,14 @@ def _cells(cells: list[Any]) -> list[str] | np.ndarray:
     """A column as numbers, or as texts if one of its cells is a text."""
     if any(isinstance(cell, str) for cell in cells):
         return ["" if cell is None else cell if isinstance(cell, str) else json.dumps(cell) for cell in cells]
-    return np.array([_float(cell) for cell in cells])
+    return np.array([_float(cell) for cell in cells], dtype=float)
 
 
 def _float(cell: float | None) -> float:
     try:
         return math.nan if cell is None else float(cell)
     except OverflowError:  # a whole number of more than 308 digits
-        return math.copysign(math.inf, cell or 0)
+        return math.inf if cell and cell > 0 else -math.inf
 
 
 def _numeric(cell: str) -> bool:

@@ -1,6 +1,5 @@
 """Arrays saved by NumPy."""
 
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
@@ -50,26 +49,25 @@ def _load(path: Path) -> Any:
     kind = path.suffix.lower().removeprefix(".")
     wrong = f"{path} is not a readable {kind} file"
     try:
-        content = np.load(path, allow_pickle=False)
-        if isinstance(content, np.ndarray) != (kind == "npy"):
-            raise InputError(f"{wrong}: its content is that of the other suffix, .npy or .npz; rename it")
-        if isinstance(content, np.ndarray):
-            return content
-        with content:
-            return {name: content[name] for name in content.files}
+        with path.open("rb") as file:  # numpy leaves a file open that it fails to read
+            content = np.load(file, allow_pickle=False)
+            if isinstance(content, np.ndarray) != (kind == "npy"):
+                raise InputError(f"{wrong}: its content is that of the other suffix, .npy or .npz; rename it")
+            if isinstance(content, np.ndarray):
+                return content
+            with content:
+                return {name: content[name] for name in content.files}
     except InputError:
         raise
-    except (OSError, EOFError, zipfile.BadZipFile) as error:
-        if isinstance(error, FileNotFoundError | PermissionError):
-            raise
-        raise InputError(f"{wrong} (it is cut or damaged); save it again with numpy") from None
     except Exception as error:  # a damaged file fails in many ways inside numpy and zipfile
+        if isinstance(error, OSError) and error.errno:
+            raise
         if "allow_pickle" in str(error):
             raise InputError(
                 f"{path} holds pickled Python objects, which are never loaded because loading them runs code; "
                 "save plain arrays of numbers with np.savez"
             ) from None
-        raise InputError(f"{wrong} ({type(error).__name__}); save it again with numpy") from None
+        raise InputError(f"{wrong} (it is cut or damaged); save it again with numpy") from None
 
 
 def _columns(values: np.ndarray) -> dict[str, np.ndarray]:

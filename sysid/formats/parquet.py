@@ -1,6 +1,9 @@
 """Parquet tables."""
 
-from collections.abc import Mapping
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -33,7 +36,8 @@ class Parquet:
         import polars
 
         try:
-            frame = polars.read_parquet(path, glob=False)  # a name may hold [ or *
+            with _panics_unprinted():
+                frame = polars.read_parquet(path, glob=False)  # a name may hold [ or *
         except OSError:
             raise
         # polars has an exception class of its own for each way of being damaged; a panic of its core is no Exception.
@@ -59,6 +63,23 @@ class Parquet:
         import polars
 
         return polars.read_parquet_metadata(path).get(HEADER, "")
+
+
+@contextmanager
+def _panics_unprinted() -> Iterator[None]:
+    """Keeps from the terminal what polars' core prints of its own when a damaged file makes it panic."""
+    try:
+        own = os.dup(2)
+    except OSError:  # a process without a standard error
+        yield
+        return
+    with tempfile.TemporaryFile() as said:
+        os.dup2(said.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(own, 2)
+            os.close(own)
 
 
 def _add(arrays: Arrays, name: str, column: "polars.Series") -> None:
