@@ -44,8 +44,8 @@ def read_map(path: str | os.PathLike[str]) -> ChannelMap:
     try:
         return ChannelMap.model_validate(document)
     except ValidationError as error:
-        place, said = complaint(error, ChannelMap)
-        raise InputError(f"{source}{_place(text, place)}: {said}") from None
+        entry, said = complaint(error, ChannelMap)
+        raise InputError(f"{source}{_place(text, entry)}: {said}") from None
 
 
 def write_map(mapping: ChannelMap, path: str | os.PathLike[str], title: str = "") -> Path:

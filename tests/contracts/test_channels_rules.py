@@ -186,6 +186,10 @@ def test_empty_cells_are_refused_or_filled():
     np.testing.assert_allclose(made.output[0].values, 0.001 * k, atol=1e-15)
     np.testing.assert_array_equal(np.flatnonzero(made.output[0].missing), [20, 21])
     assert made.counts == {"empty cells": 3, "filled samples": 3}
+    y[:2], u[47:] = np.nan, np.nan
+    made = sample(table(t=k, u=u, y=y), tuy(Clock(column="t"), Repair(empty="fill")))
+    assert (made.N, made.sampling.start) == (45, 2.0)
+    assert made.counts == {"ends": 5, "empty cells": 3, "filled samples": 3}
     y[30:36] = np.nan
     with pytest.raises(InputError, match=r"row 32, column 'y': found no value in 6 samples in a row"):
         sample(table(t=k, u=u, y=y), tuy(Clock(column="t"), Repair(empty="fill")))
