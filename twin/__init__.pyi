@@ -14,6 +14,7 @@ from . import (
 from .ensemble.draws import Draws as Draws
 from .ensemble.ensemble import Ensemble as Ensemble
 from .experiment import Experiment as Experiment
+from .follow import Follower as Follower
 from .log import Log as Log
 from .imperfections import IMPERFECTIONS as IMPERFECTIONS
 from .parameters import JOINTS as JOINTS, Parameters as Parameters
