@@ -36,7 +36,7 @@ FLOORS = {
         ("hardware", "log"),
         ("parameter_file", "plant"),
         ("experiment", "robot", "truth"),
-        ("design", "ensemble", "follow", "signatures", "studies", "view"),
+        ("design", "ensemble", "follow", "pendulum", "signatures", "studies", "view"),
         ("report",),
         ("cli",),
     ),
