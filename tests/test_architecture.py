@@ -37,6 +37,7 @@ FLOORS = {
         ("parameter_file", "plant"),
         ("experiment", "robot", "truth"),
         ("design", "ensemble", "follow", "signatures", "studies", "view"),
+        ("calibrate",),
         ("report",),
         ("cli",),
     ),
