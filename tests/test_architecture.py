@@ -37,7 +37,7 @@ FLOORS = {
         ("parameter_file", "plant"),
         ("experiment", "robot", "truth"),
         ("design", "ensemble", "follow", "fragment", "pendulum", "signatures", "view"),
-        ("studies",),
+        ("calibrate", "studies"),
         ("report",),
         ("cli",),
     ),
