@@ -23,6 +23,7 @@ STOP = {"limited": "true", "solimplimit": "0.999 0.9999 0.0001", "solreflimit": 
 COUPLE = {"solimp": "0.9999 0.9999 0.001", "solref": "0.002 1"}
 # What a model's defaults could set otherwise.
 PLAIN = {"frictionloss": "0", "damping": "0", "stiffness": "0", "armature": "0", "limited": "false"}
+SHORTEST = 0.25  # of a step: a shorter lag is over within the step, and would leave no inertia
 LIGHT = 1e-3  # of the motor's inertia: the link of the model that checks the fragment
 DRAG = 0.05  # of the motor's friction: what holds a link that lies within its play
 # LuGre's bristles: deflection at break-away as a share of the stroke, and damping ratio with the rotor. Of 1e-3 to 3e-5
@@ -59,7 +60,7 @@ class Fragment:
             ("equality", self.equality),
             ("actuator", self.actuator),
         ]
-        ball = LIGHT * self.inertia
+        ball = max(LIGHT * self.inertia, 1e-9)
         link = [
             f'<body name="{self.joint}_link" gravcomp="1"><!-- your link: put the joints below into its body -->',
             *(f"  {line}" for line in self.joints),
@@ -244,7 +245,8 @@ class _Parts:
     def _inertia(self, per_volt: float, link: float) -> float:
         """Inertia whose lag over a simulation step is exactly the identified one, without the link's."""
         braking = per_volt / self.speed
-        found = STEP * braking / np.expm1(STEP / self.lag) - link
+        lag = max(self.lag, SHORTEST * STEP)
+        found = STEP * braking / np.expm1(STEP / lag) - link
         if found <= 0.0:
             raise InputError(
                 f"the link's inertia is {link:.3g} and the identified lag holds {found + link:.3g} in all at this "

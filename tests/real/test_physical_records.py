@@ -56,7 +56,7 @@ def test_servo_with_pendulum_four_tenths_of_a_linear_models_error(records):
 
 
 def test_pendulum_twin_beats_every_chain_on_the_held_out_logs(records):
-    """XL330: 0.059 rad reached by the calibrated MuJoCo twin, at a speed and torque within a tenth of the data sheet."""
+    """XL330: 0.059 rad reached by the MuJoCo twin, with a speed and torque within a tenth of the data sheet's."""
     servo = pytest.importorskip("servo_pendulum")
     logs = models.servo_logs(records / "bam_xl330")
     train = [(f"{kp} {name}", data) for kp, name, data in logs if kp != servo.HELD_OUT]
