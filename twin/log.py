@@ -61,14 +61,14 @@ class Log:
     def save(self, path: str | Path) -> Path:
         """Write a file whose suffix is one of `sysid.formats.WRITTEN`; no half-written file appears.
 
-        Formats with a header also store joint and meta; text tables store only the columns. Raises InputError for
+        Joint and meta stand in the file's header, in a .csv in a comment line at the top. Raises InputError for
         another suffix and for a place that cannot be written to.
         """
         return write_table(path, _columns(self), json.dumps({**self.meta, "joint": self.joint, "Ts": self.Ts}))
 
     @staticmethod
     def load(path: str | Path) -> "Log":
-        """Read what `save` wrote; joint and meta are empty from a text table.
+        """Read what `save` wrote; joint and meta are empty if another program wrote the file.
 
         Raises InputError, which names the place, for a file that is missing, damaged or not sampled uniformly.
         """
