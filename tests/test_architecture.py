@@ -21,7 +21,7 @@ FLOORS = {
         ("base",),
         ("block", "data", "excitations", "solver"),
         ("blocks", "diagnosis", "formats"),
-        ("model",),
+        ("channels", "model"),
         ("estimation",),
         ("export", "nlarx", "uncertainty"),
         ("structures", "validation"),
