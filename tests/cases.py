@@ -299,6 +299,7 @@ FAINT: dict[str, float] = {}
 # model.json of it; --out is added.
 VERBS = {
     "crawl": ["--steps", "4", "--robots", "1", "--duration", "2"],
+    "export": ["model.json", "--c", "--python"],
     "identify": ["log.csv", "--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1"],
     "info": ["--joint", "thigh"],
     "reproduce": ["--duration", "60"],

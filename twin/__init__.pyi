@@ -5,6 +5,7 @@ from . import (
     hardware as hardware,
     imperfections as imperfections,
     parameter_file as parameter_file,
+    pendulum as pendulum,
     plant as plant,
     robot as robot,
     signatures as signatures,
@@ -14,6 +15,7 @@ from . import (
 from .ensemble.draws import Draws as Draws
 from .ensemble.ensemble import Ensemble as Ensemble
 from .experiment import Experiment as Experiment
+from .follow import Follower as Follower
 from .log import Log as Log
 from .imperfections import IMPERFECTIONS as IMPERFECTIONS
 from .parameters import JOINTS as JOINTS, Parameters as Parameters

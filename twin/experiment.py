@@ -234,15 +234,28 @@ def run_all(experiments: Sequence[Experiment], threads: int = 1) -> list[Log]:
 
     The logs equal those of `run` bit for bit.
     """
+    runs = prepared(experiments)
+    shown = step(runs, experiments[0].Ts, SETTLE, threads)
+    return [each.record(run, rows) for each, run, rows in zip(experiments, runs, shown, strict=True)]
+
+
+def prepared(
+    experiments: Sequence[Experiment],
+    u: np.ndarray | None = None,
+    starts: Sequence[Mapping[str, float]] | None = None,
+) -> list[Run]:
+    """The simulations of experiments with the same joint and realisation; each different model is compiled once.
+
+    u and starts [rad] as in `Experiment.prepare`, with one mapping for each experiment.
+    """
     models: dict[tuple, mujoco.MjModel] = {}
     runs = []
-    for each in experiments:
+    for k, each in enumerate(experiments):
         key = (each.joint, each.realisation, each.without, tuple(each.p.values.values()))
         if key not in models:
             models[key] = bench(each.joint, each.p, each.without, each.realisation)
-        runs.append(each.prepare(models[key]))
-    shown = step(runs, experiments[0].Ts, SETTLE, threads)
-    return [each.record(run, rows) for each, run, rows in zip(experiments, runs, shown, strict=True)]
+        runs.append(each.prepare(models[key], u, None if starts is None else starts[k]))
+    return runs
 
 
 def respond(experiment: Experiment, u: np.ndarray, start: Mapping[str, float] | None = None) -> np.ndarray:
