@@ -21,8 +21,8 @@ seconds, worked = time.perf_counter() - begin, time.process_time() - busy
 rows = len(table.columns[0])
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 print(
-    f"{rows} rows: {rows / seconds / 1e6:.2f} million a second, {rows / worked / 1e6:.2f} million a second of processor "
-    f"time, peak {peak:.0f} MiB"
+    f"{rows} rows: {rows / seconds / 1e6:.2f} million a second, {rows / worked / 1e6:.2f} million a second of "
+    f"processor time, peak {peak:.0f} MiB"
 )
 """
 

@@ -143,6 +143,7 @@ def test_parquet_times_booleans_and_nested_columns(tmp_path):
     frame = polars.DataFrame(
         {
             "at": [at, at + datetime.timedelta(microseconds=250), None],
+            "since": [at - datetime.timedelta(seconds=2)] * 3,
             "span": [datetime.timedelta(milliseconds=1.5)] * 3,
             "on": [True, False, True],
             "imu": [{"x": 1.0, "n": 2}] * 3,
@@ -153,14 +154,15 @@ def test_parquet_times_booleans_and_nested_columns(tmp_path):
     )
     frame.write_parquet(tmp_path / "a.parquet")
     table = read_table(tmp_path / "a.parquet")
-    np.testing.assert_array_equal(table.columns[0], [0.0, 0.00025, np.nan])
+    np.testing.assert_array_equal(table.columns[0], [2.0, 2.00025, np.nan])
+    assert table.columns[1].tolist() == [0.0] * 3
     found = {name: np.asarray(values).tolist() for name, values in zip(table.names, table.columns, strict=True)}
-    assert table.names == ("at", "span", "on", "imu.x", "imu.n", "q[0]", "q[1]", "t_ms")
+    assert table.names == ("at", "since", "span", "on", "imu.x", "imu.n", "q[0]", "q[1]", "t_ms")
     assert found["span"] == [0.0015] * 3
     assert found["on"] == [1.0, 0.0, 1.0]
     assert found["q[1]"] == [2.0, 4.0, 6.0]
-    assert table.units == {"at": "s", "span": "s", "t_ms": "ms"}
-    assert table.meta["start"].startswith("2026-03-01T12:00:00")
+    assert table.units == {"at": "s", "since": "s", "span": "s", "t_ms": "ms"}
+    assert table.meta["start"].startswith("2026-03-01T11:59:58")
     assert any("label (String)" in note for note in table.notes)
 
 
