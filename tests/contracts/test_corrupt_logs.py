@@ -295,6 +295,12 @@ CASES: dict[str, tuple[str, bytes, Refused | Kept]] = {
         level_5(opaque(b"log"), vector(b"u", U)),
         ({"u": U}, ["log (timeseries object)", "log.Time"]),
     ),
+    "MAT with an imaginary part that is not there": (
+        "a.mat",
+        level_5(vector(b"u", U, bits=0x08), vector(b"y", Y)),
+        ["not a readable MAT"],
+    ),
+    "MAT with fewer numbers than its size": ("a.mat", level_5(vector(b"u", U, rows=600)), ["not a readable MAT"]),
     "MAT variable twice": ("a.mat", level_5(vector(b"u", U), vector(b"u", Y)), ["not a readable MAT"]),
     "MAT of complex numbers": ("a.mat", mat(z=U + 1j * Y), ["no numeric vector", "z (complex 1x60)"]),
     "NaN in MAT": ("a.mat", mat(u=np.array([1.0, np.nan])), ["element 2, column 'u'", "NaN"]),
