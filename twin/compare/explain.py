@@ -13,7 +13,7 @@ from twin.compare.effects import TABLE
 from twin.compare.intervals import LEVEL, Value, values
 from twin.compare.knobs import END_HIGH, END_LOW, START
 from twin.compare.regimes import noise_of
-from twin.compare.search import Search, fit_all
+from twin.compare.search import Search, again, fit_all
 from twin.compare.trials import Trials
 
 CHANCE = 0.01  # probability of naming an effect where there is none, over all effects together
@@ -84,6 +84,8 @@ def explain(
     alone = [Search(name, TABLE[name].knobs_of(joint)) for name in effects]
     tell("each effect alone")
     fit_all(trials, [base, *alone], y)
+    alone.sort(key=lambda search: _score(search, len(y)))
+    again(trials, alone[:2], y, noise_of(y) ** 2)
     alone.sort(key=lambda search: _score(search, len(y)))
     noise = min(noise_of(y) ** 2, base.cost, *(search.cost for search in alone))
     kept = _kept(base, alone, len(y))

@@ -11,8 +11,9 @@ from twin.compare.trials import Trials
 ROUNDS = 6
 _DAMPED = (0.1, 10.0)  # times the current damping: tried together
 _LARGEST, _SMALLEST = 0.5, 0.05  # step of a finite difference, in typical changes of a knob
-_ENOUGH = 0.5  # a search ends when N times the relative fall of the cost is below this
+_ENOUGH = 1.0  # a search ends when N times the relative fall of the cost is below this
 _BEHIND = (4.0, 2.0, 1.3)  # after each round a search ends if its cost is so many times the least: it names no effect
+_SETTLED = 1.15  # times the noise: a search that ends below this has found what there is
 
 
 @dataclass
@@ -36,6 +37,10 @@ class Search:
 def fit_all(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: int = ROUNDS) -> None:
     """Bring every search to its least mean square error (its `cost` [rad^2]) against y (N,)."""
     _scan(trials, searches, y)
+    _advance(trials, searches, y, rounds)
+
+
+def _advance(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: int) -> None:
     for done in range(rounds):
         active = [search for search in searches if not search.done]
         if not active:
@@ -49,6 +54,23 @@ def fit_all(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: i
         limit = _BEHIND[min(done, len(_BEHIND) - 1)] * min(search.cost for search in searches)
         for search in active:
             search.done = search.done or search.cost > limit
+
+
+def again(trials: Trials, searches: Sequence[Search], y: np.ndarray, noise: float, rounds: int = ROUNDS) -> None:
+    """Search again from the nominal values where a search stopped well above the noise [rad^2]; the better one stays.
+
+    A joint that sticks or does not stick at some voltage makes valleys that a Gauss-Newton step does not leave.
+    """
+    stuck = [search for search in searches if search.cost > _SETTLED * noise]
+    fresh = [Search(search.name, search.knobs) for search in stuck]
+    if not fresh:
+        return
+    for search, cost in zip(fresh, _costs(trials, [{}] * len(fresh), y), strict=True):
+        search.cost = float(cost)
+    _advance(trials, fresh, y, rounds)
+    for search, other in zip(stuck, fresh, strict=True):
+        if other.cost < search.cost:
+            search.state, search.cost, search.last = other.state, other.cost, other.last
 
 
 def differences(trials: Trials, searches: Sequence[Search]) -> list[np.ndarray]:
