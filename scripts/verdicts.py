@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 from joblib import Parallel, delayed
 
-import twin
 from twin.compare.effects import TABLE
 from twin.compare.explain import explain
 from twin.compare.standins import NOTHING, stand_in
 from twin.compare.trials import Trials
+from twin.follow import Follower
+from twin.parameters import Parameters
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "compare.md"
 MARKS = ("<!-- verdicts: made by scripts/verdicts.py -->\n", "<!-- end of verdicts -->")
@@ -23,7 +24,7 @@ MARKS = ("<!-- verdicts: made by scripts/verdicts.py -->\n", "<!-- end of verdic
 def judge(effect: str, seed: int) -> dict:
     """The verdict on one stand-in, beside what was drawn."""
     given = stand_in(effect, seed)
-    verdict = explain(Trials(twin.Follower(given.log, given.joint, threads=1), twin.Parameters()))
+    verdict = explain(Trials(Follower(given.log, given.joint, threads=1), Parameters()))
     found = {
         "effect": effect,
         "seed": seed,

@@ -67,7 +67,9 @@ class Follower:
         """
         runs = len(parameters)
         shifts = np.zeros(runs) if shifts is None else np.asarray(shifts, dtype=float)
-        return np.stack([self.at(row, shift) for row, shift in zip(self.courses(parameters, starts), shifts, strict=True)])
+        return np.stack(
+            [self.at(row, shift) for row, shift in zip(self.courses(parameters, starts), shifts, strict=True)]
+        )
 
     def courses(
         self, parameters: Sequence[Parameters], starts: Sequence[float] | np.ndarray | None = None

@@ -23,7 +23,9 @@ def compare(
     joint: Annotated[str | None, options.name("joint of the log, if the log does not name it", twin.JOINTS)] = None,
     against: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="a saved model (.json) or a second log of the same input; the twin if absent"),
+        typer.Option(
+            metavar="FILE", help="a saved model (.json) or a second log of the same input, instead of the twin"
+        ),
     ] = None,
     align: Annotated[
         str, typer.Option(metavar="A,B", help=f"what of the alignment to apply to the twin, of {', '.join(PARTS)}")

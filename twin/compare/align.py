@@ -1,14 +1,15 @@
 """How a log is read beside the twin: its delay, signs, slope and zero, each with an interval."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sysid.base.errors import unknown
+from twin.compare.explain import Verdict
 from twin.compare.intervals import Value, by_name, values
-from twin.compare.knobs import DELAY, END_HIGH, END_LOW, SLOPE, START, ZERO
-from twin.compare.search import Search, fit_all
+from twin.compare.knobs import DELAY, READ, SLOPE, START, ZERO
+from twin.compare.search import Search, refine
 from twin.compare.trials import Trials
 from twin.follow import Follower
 from twin.log import Log
@@ -16,9 +17,8 @@ from twin.parameters import Parameters
 
 # What `--align` names, and the knob of each.
 PARTS = {"delay": DELAY, "gear": SLOPE, "offset": ZERO, "sign": "sign"}
-# The twin is never quite the leg. These move with the alignment, so that friction and speed do not pass for a delay or
-# a slope; they are not reported.
-_BESIDE = ("JOINT.rated_voltage", "JOINT.coulomb", "JOINT.asymmetry", "JOINT.backlash", "foot_mass")
+# The twin is never quite the leg. These move with the alignment and are not reported.
+_BESIDE = ("JOINT.rated_voltage", "JOINT.coulomb", "JOINT.asymmetry", "JOINT.backlash")
 _TURNED = 0.6  # a sign counts as wrong if turning it leaves less than this share of the error
 _ALIKE = 1.3  # two signs whose errors differ by less than this factor cannot be told apart
 SIGNS = {(1, 1): "", (-1, 1): "input", (1, -1): "output", (-1, -1): "input and output"}
@@ -107,20 +107,17 @@ def turn_back(log: Log, joint: str, which: str) -> Log:
     return Log(on_u * data.u[:, 0], on_y * data.y[:, 0], log.Ts, None, joint, dict(log.meta))
 
 
-def align(trials: Trials, which: str = "", applied: tuple[str, ...] = ()) -> Alignment:
+def align(trials: Trials, verdict: Verdict | None, which: str = "", applied: tuple[str, ...] = ()) -> Alignment:
     """Delay, gear and offset between the log of `trials`, whose signs are turned back, and the twin.
 
-    They are found together with the start and with what the twin may lack (speed, friction, backlash), by least
-    squares in the twin. The delay is continuous.
+    They are found by least squares in the twin, together with the start, with what `verdict` names, and with speed and
+    friction, so that a departure of the twin does not pass for a delay or a slope. The delay is continuous.
     """
     joint, y = trials.follower.joint, trials.follower.y
-    beside = tuple(name.replace("JOINT", joint) for name in _BESIDE)
-    gear, zero = _first_guess(trials)
-    search = Search("alignment", (DELAY, SLOPE, ZERO, *beside))
-    if abs(gear - 1.0) > 0.1:
-        low, high = trials.knobs[END_LOW].nominal, trials.knobs[END_HIGH].nominal
-        search.state = {SLOPE: gear, ZERO: zero, START: float(np.clip((y[0] - zero) / gear, low, high))}
-    fit_all(trials, [search], y)
+    state = {} if verdict is None else dict(verdict.state)
+    beside = (*state, *(name.replace("JOINT", joint) for name in _BESIDE))
+    search = Search("alignment", tuple(dict.fromkeys((*READ, *(name for name in beside if name != START)))), state)
+    refine(trials, search, y)
     found = by_name(values(trials, search, y))
     return Alignment(
         which,
@@ -132,13 +129,4 @@ def align(trials: Trials, which: str = "", applied: tuple[str, ...] = ()) -> Ali
     )
 
 
-def _first_guess(trials: Trials) -> tuple[float, float]:
-    """Slope and zero of the log over the twin's response, from their ranges: a wrong unit shows there."""
-    (row,) = trials.rows([{}])
-    y = trials.follower.y
-    wide = float(np.ptp(row))
-    gear = float(np.ptp(y)) / wide if wide > 0 else 1.0
-    return gear, float(y.min() - gear * row.min())
-
-
-__all__ = ["PARTS", "Alignment", "align", "field", "parts", "turn_back", "turned"]
+__all__ = ["PARTS", "Alignment", "align", "parts", "turn_back", "turned"]

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from sysid.base.criteria import fit_percent
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, unknown
 from sysid.base.json_values import plain
 from sysid.base.versions import versions
-from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from twin.compare.align import Alignment, align, parts, turn_back, turned
 from twin.compare.explain import Verdict, explain
@@ -18,7 +17,7 @@ from twin.compare.joints import Pair, pairs
 from twin.compare.knobs import START
 from twin.compare.regimes import Regime, by_regime, noise_of, regimes
 from twin.compare.repeats import Repeat, repeat
-from twin.compare.search import Search, fit_all
+from twin.compare.search import Search, refine
 from twin.compare.spectra import Spectrum, spectrum
 from twin.compare.trials import Trials
 from twin.follow import Follower
@@ -127,8 +126,6 @@ def compare(
     """
     asked, p = parts(apply), parameters or Parameters()
     if joint not in JOINTS:
-        from sysid.base.errors import unknown
-
         raise unknown("joint", joint, JOINTS)
     options: dict[str, Any] = {
         "without": without,
@@ -137,16 +134,17 @@ def compare(
         "threads": threads,
     }
     check_length(log.N)
-    short = _first(log, seconds)
-    tell("signs and alignment")
-    which = turned(short, joint, p, **options)
+    tell("signs")
+    which = turned(_first(log, seconds), joint, p, **options)
+    right = Trials(Follower(_first(turn_back(log, joint, which), seconds), joint, **options), p)
+    verdict: Verdict | None = explain(right, tell)
+    tell("alignment")
+    alignment = align(right, verdict, which, asked)
     log = turn_back(log, joint, which if "sign" in asked else "")
-    short = _first(turn_back(short, joint, which), seconds)
-    alignment = align(Trials(Follower(short, joint, **options), p), which, asked)
     trials = Trials(Follower(_first(log, seconds), joint, **options), p, alignment.read)
-    verdict = None
-    if not which or "sign" in asked:  # beside a wrong sign no effect means anything
-        tell("the effects")
+    if which and "sign" not in asked:  # beside a wrong sign no effect means anything
+        verdict = None
+    elif alignment.read:
         verdict = explain(trials, tell)
     whole = Follower(log, joint, **options)
     start = _best_start(trials)
@@ -202,7 +200,7 @@ def _first(log: Log, seconds: float) -> Log:
 def _best_start(trials: Trials) -> float:
     """Angle of the drive [rad] at the first sample that fits the log best, all else nominal."""
     base = Search("", ())
-    fit_all(trials, [base], trials.follower.y)
+    refine(trials, base, trials.follower.y)
     return base.state.get(START, trials.knobs[START].nominal)
 
 
@@ -236,4 +234,4 @@ def _finished(
     )
 
 
-__all__ = ["LOG", "MODEL", "TWIN", "Comparison", "IOData", "compare", "compare_log", "compare_model"]
+__all__ = ["LOG", "MODEL", "TWIN", "Comparison", "compare", "compare_log", "compare_model"]

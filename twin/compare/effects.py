@@ -26,7 +26,9 @@ class Effect:
 
     def free_of(self, joint: str) -> tuple[str, ...]:
         """Names of the twin's parameters that a calibration frees."""
-        ends = ("shoulder.lower", "shoulder.upper") if joint == "shoulder" else ("JOINT.retracted_length", "JOINT.stroke")
+        ends = (
+            ("shoulder.lower", "shoulder.upper") if joint == "shoulder" else ("JOINT.retracted_length", "JOINT.stroke")
+        )
         names = ends if self.name == "end_stop" else self.free
         return tuple(name.replace("JOINT", joint) for name in names)
 

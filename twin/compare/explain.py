@@ -3,7 +3,7 @@
 All simulations of a round run in one batch. Shares refer to what noise does not explain.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from twin.compare.effects import TABLE
 from twin.compare.intervals import LEVEL, Value, values
-from twin.compare.knobs import END_HIGH, END_LOW, START
+from twin.compare.knobs import SLOPE, START, ZERO
 from twin.compare.regimes import noise_of
 from twin.compare.search import Search, again, fit_all
 from twin.compare.trials import Trials
@@ -20,6 +20,7 @@ CHANCE = 0.01  # probability of naming an effect where there is none, over all e
 MOST = 3  # effects that are named one after the other
 _WORTH = 0.03  # share of the departure that a further effect must explain
 _ALIKE = 6.0  # a difference of twice the log likelihood below this does not tell two effects apart
+_SCALED = 0.2  # of the range: from here the log's scale is guessed from its range
 _SETTLED = 1.1  # times the noise: a remainder below this needs no further effect
 
 
@@ -49,7 +50,8 @@ class Verdict:
 
     `named`: the effects that explain the departure, in order, each beside those before it. `alike`: effects that
     explain it as well as the first one does on this record. `chance`: the departure is no larger than noise makes it.
-    The departure is that of the first `seconds` [s] of the record, from the best start.
+    The departure is that of the first `seconds` [s] of the record, from the best start. `state`: all knobs that were
+    moved and the start, as they fit best.
     """
 
     rms: float
@@ -60,6 +62,7 @@ class Verdict:
     chance: bool
     seconds: float
     simulations: int
+    state: Mapping[str, float]
 
     @property
     def first(self) -> str | None:
@@ -82,6 +85,9 @@ def explain(
     joint, y = trials.follower.joint, trials.follower.y
     base = Search("", ())
     alone = [Search(name, TABLE[name].knobs_of(joint)) for name in effects]
+    for search in alone:
+        if SLOPE in search.knobs:
+            search.tries = _other_scale(trials)
     tell("each effect alone")
     fit_all(trials, [base, *alone], y)
     alone.sort(key=lambda search: _score(search, len(y)))
@@ -123,7 +129,20 @@ def explain(
         not chosen,
         trials.follower.log.N * trials.follower.log.Ts,
         trials.simulated,
+        dict(chosen[-1].state if chosen else base.state),
     )
+
+
+def _other_scale(trials: Trials) -> tuple[dict[str, float], ...]:
+    """Slope and zero from the ranges of the log and the twin's response, if they differ much: a wrong unit, say."""
+    (row,) = trials.rows([{}])
+    y, wide = trials.follower.y, float(np.ptp(row))
+    slope = float(np.ptp(y)) / wide if wide > 0 else 1.0
+    if not np.isfinite(slope) or abs(slope - 1.0) < _SCALED:
+        return ()
+    zero = float(y.min() - slope * row.min())
+    knob = trials.knobs[START]
+    return ({SLOPE: slope, ZERO: zero, START: float(np.clip((y[0] - zero) / slope, knob.lower, knob.upper))},)
 
 
 def _score(search: Search, N: int) -> float:
@@ -164,4 +183,4 @@ def _changes(trials: Trials, search: Search, y: np.ndarray) -> tuple[Change, ...
     )
 
 
-__all__ = ["END_HIGH", "END_LOW", "LEVEL", "Change", "Share", "Verdict", "explain"]
+__all__ = ["LEVEL", "Change", "Share", "Verdict", "explain"]

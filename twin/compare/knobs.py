@@ -3,8 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from sysid.base.errors import InputError
 from twin.hardware.linkage import end_angles, linkage
 from twin.parameters import TABLE, Parameters
@@ -43,8 +41,8 @@ def knobs(p: Parameters, joint: str, angle: float, largest: float) -> dict[str, 
     found = [
         Knob(START, "rad", angle, low, high, 0.01),
         Knob(DELAY, "s", 0.0, -_LONGEST, _LONGEST, 0.01, (0.02, 0.06, 0.15)),
-        Knob(SLOPE, "1", 1.0, 0.2, 5.0, 0.01),
-        Knob(ZERO, "rad", 0.0, -np.pi, np.pi, 0.01),
+        Knob(SLOPE, "1", 1.0, 0.005, 200.0, 0.01),
+        Knob(ZERO, "rad", 0.0, -1e3, 1e3, 0.01),
         # An end may move past the other joint angle's bounds; the linkage says what it can reach.
         Knob(END_LOW, "rad", low, low - 0.3, high - 0.1, 0.02, (-0.03, 0.03, 0.09)),
         Knob(END_HIGH, "rad", high, low + 0.1, high + 0.3, 0.02, (-0.09, -0.03, 0.03)),

@@ -18,7 +18,7 @@ _SETTLED = 1.15  # times the noise: a search that ends below this has found what
 
 @dataclass
 class Search:
-    """One search: the knobs that it may move besides the start, and where it is now."""
+    """One search: the knobs that it may move besides the start, where it is now, and further places to begin at."""
 
     name: str
     knobs: tuple[str, ...]
@@ -27,6 +27,7 @@ class Search:
     damping: float = 0.01
     last: np.ndarray | None = None  # the last step, in typical changes
     done: bool = False
+    tries: tuple[dict[str, float], ...] = ()
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -38,6 +39,12 @@ def fit_all(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: i
     """Bring every search to its least mean square error (its `cost` [rad^2]) against y (N,)."""
     _scan(trials, searches, y)
     _advance(trials, searches, y, rounds)
+
+
+def refine(trials: Trials, search: Search, y: np.ndarray, rounds: int = ROUNDS) -> None:
+    """Bring one search from its state to its least cost, without trying other places first."""
+    search.cost = float(_costs(trials, [search.state], y)[0])
+    _advance(trials, [search], y, rounds)
 
 
 def _advance(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: int) -> None:
@@ -104,8 +111,9 @@ def _scan(trials: Trials, searches: Sequence[Search], y: np.ndarray) -> None:
     states: list[dict[str, float]] = []
     owners: list[Search] = []
     for search in searches:
-        states.append(dict(search.state))
-        owners.append(search)
+        begins = [dict(search.state), *search.tries]
+        states += begins
+        owners += [search] * len(begins)
         for name in search.knobs:
             knob, value = trials.knobs[name], _value(trials, search.state, name)
             for change in knob.first:
@@ -156,4 +164,4 @@ def _value(trials: Trials, state: Mapping[str, float], name: str) -> float:
     return state.get(name, trials.knobs[name].nominal)
 
 
-__all__ = ["READ", "ROUNDS", "Search", "differences", "fit_all"]
+__all__ = ["READ", "ROUNDS", "Search", "again", "differences", "fit_all", "refine"]

@@ -19,7 +19,7 @@ INVISIBLE = (("thigh", "backlash"), ("shoulder", "load"))
 NOTHING = "nothing"
 DURATION, TS = 40.0, 0.05
 VISIBLE = np.deg2rad(0.05)  # RMS of a departure without noise, a quarter of the noise: draws below it are drawn again
-_EXCITATIONS = (("aprbs", {}), ("sweep", {"jitter": 0.5, "shrink": 0.4}))
+_EXCITATIONS: tuple[tuple[str, dict[str, float]], ...] = (("aprbs", {}), ("sweep", {"jitter": 0.5, "shrink": 0.4}))
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sysid.base.errors import InputError
-from twin.compare.knobs import DELAY, READ, SLOPE, START, ZERO, Knob, knobs, moved
+from twin.compare.knobs import READ, SLOPE, START, ZERO, Knob, knobs, moved
 from twin.follow import Follower
 from twin.parameters import Parameters
 

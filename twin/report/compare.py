@@ -29,12 +29,15 @@ def page(result: Comparison, file: str) -> Page:
         )
     ]
     if result.verdict is not None:
+        picture = Picture("effects", style.png(figures.effects(result.verdict)), _effect_caption(result.verdict))
         sections.append(
             Section(
                 "Physical effects",
                 [_METHOD],
                 tables=[effect_table(result.verdict), *_change_tables(result.verdict)],
-                pictures=[Picture("effects", style.png(figures.effects(result.verdict)), _effect_caption(result.verdict))],
+                pictures=[
+                    Picture("effects", style.png(figures.effects(result.verdict)), _effect_caption(result.verdict))
+                ],
             )
         )
     if result.alignment is not None:
@@ -60,9 +63,9 @@ def page(result: Comparison, file: str) -> Page:
 
 
 _METHOD = (
-    "Each effect's values are moved in the twin until it fits the log best; the share is what vanishes of the departure "
-    "beyond noise. The angle of the drive at the first sample is free throughout. An effect that fell far behind after "
-    "the first steps was not followed to its end: its share may be somewhat larger."
+    "Each effect's values are moved in the twin until it fits the log best; the share is what vanishes of the "
+    "departure beyond noise. The angle of the drive at the first sample is free throughout. An effect that fell far "
+    "behind after the first steps was not followed to its end: its share may be somewhat larger."
 )
 _PAIRS = (
     "The joint grew on the log and was fitted to the twin's own log of the same input, noise included. What this model "
@@ -95,8 +98,8 @@ def verdict_sentences(verdict: Verdict, joint: str, file: str) -> list[str]:
     """What explains the departure, what acts alike, what is left, and what to do next."""
     if verdict.chance:
         return [
-            f"No departure beyond noise: no effect improves the fit by more than chance (error {_deg(verdict.rms)} RMS, "
-            f"noise {_deg(verdict.noise)})."
+            f"No departure beyond noise: no effect improves the fit by more than chance (error {_deg(verdict.rms)} "
+            f"RMS, noise {_deg(verdict.noise)})."
         ]
     found = [_of_share(share, k, verdict) for k, share in enumerate(verdict.named)]
     first = TABLE[verdict.named[0].effect]
@@ -154,9 +157,7 @@ def _of_repeat(result: Comparison) -> list[str]:
     offset, drift = repeat.offset, repeat.drift
     grows = "no drift beyond chance"
     if repeat.drifts:
-        grows = (
-            f"a drift of {_deg(60 * drift[0])} a minute (95 %: {_deg(60 * drift[1])} to {_deg(60 * drift[2])})"
-        )
+        grows = f"a drift of {_deg(60 * drift[0])} a minute (95 %: {_deg(60 * drift[1])} to {_deg(60 * drift[2])})"
     return [
         f"Two logs under one input differ by {_deg(result.rms)} RMS over {repeat.samples} samples: an offset of "
         f"{_deg(offset[0])} (95 %: {_deg(offset[1])} to {_deg(offset[2])}), {grows}, and a spread of "
