@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import savgol_filter
+from scipy.stats import norm
 
 from sysid.diagnosis.signals import rests
 
@@ -13,6 +14,7 @@ BEFORE, AFTER = 0.1, 0.4  # [s] around a reversal that belong to it
 FAST = 0.5  # of the record's fastest motion: above it motion is fast
 STILL = 0.03  # of the fastest motion, at least: below it the joint rests
 LEAST_REST = 0.01  # share of the record at an extreme from which that is an end stop
+_REACH, _LOST = 8, 0.01
 NAMES = ("reversal", "end stop", "rest", "slow", "fast")
 DEFINITIONS = {
     "reversal": f"from {BEFORE:g} s before to {AFTER:g} s after motion starts against the direction of the last motion",
@@ -34,19 +36,22 @@ class Regime:
 
 
 def noise_of(y: np.ndarray) -> float:
-    """Standard deviation of white noise on y (N,), from second differences in the quieter half of the record.
+    """Standard deviation of white noise on y (N,), from second differences in the slower half of the record.
 
-    Second differences of white noise have six times its variance; those of the slower half have little motion.
+    Second differences of white noise have six times its variance. What is slow is seen from other samples than those of
+    a second difference, so that it selects no noise; a hundredth that is largest is left out (lost samples), with what
+    that takes from the variance of a normal number.
     """
     y = np.asarray(y, dtype=float).ravel()
-    second = np.abs(y[2:] - 2.0 * y[1:-1] + y[:-2])
-    wide = max(3, min(9, len(y) // 4) | 1)
-    pace = np.abs(y[2:] - y[:-2])
-    pace = np.convolve(pace, np.ones(wide) / wide, "same")
-    quiet = second[pace <= np.median(pace)]
-    # The mean square without its largest hundredth: a rounded signal has no useful median.
-    kept = quiet[quiet <= np.quantile(quiet, 0.99)]
-    return float(np.sqrt(np.mean(kept**2) / 6.0)) if len(kept) else 0.0
+    reach = min(_REACH, (len(y) - 3) // 2)
+    middle = y[reach : len(y) - reach]
+    second = np.abs(y[reach + 1 : len(y) - reach + 1] - 2.0 * middle + y[reach - 1 : len(y) - reach - 1])
+    pace = np.abs(y[2 * reach :] - y[: len(y) - 2 * reach])
+    slow = second[pace <= np.median(pace)]
+    kept = slow[slow <= np.quantile(slow, 1.0 - _LOST)]
+    z = float(norm.isf(_LOST / 2.0))
+    left = 1.0 - 2.0 * z * float(norm.pdf(z)) / (1.0 - _LOST)
+    return float(np.sqrt(np.mean(kept**2) / (6.0 * left)))
 
 
 def speed_of(y: np.ndarray, Ts: float) -> tuple[np.ndarray, float]:

@@ -48,11 +48,14 @@ def refine(trials: Trials, search: Search, y: np.ndarray, rounds: int = ROUNDS) 
 
 
 def _advance(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: int) -> None:
+    start = None
     for done in range(rounds):
         active = [search for search in searches if not search.done]
         if not active:
             return
-        jacobians = differences(trials, active)
+        if start is None:  # what the start does changes little from search to search, and costs each one a simulation
+            start = differences(trials, [Search("", (), dict(active[0].state))])[0][:, 1]
+        jacobians = differences(trials, active, start)
         proposals = [_proposals(trials, s, J, y) for s, J in zip(active, jacobians, strict=True)]
         costs = _costs(trials, [state for each in proposals for _, state in each], y)
         for search, each in zip(active, proposals, strict=True):
@@ -80,16 +83,19 @@ def again(trials: Trials, searches: Sequence[Search], y: np.ndarray, noise: floa
             search.state, search.cost, search.last = other.state, other.cost, other.last
 
 
-def differences(trials: Trials, searches: Sequence[Search]) -> list[np.ndarray]:
+def differences(trials: Trials, searches: Sequence[Search], start: np.ndarray | None = None) -> list[np.ndarray]:
     """Derivative (N, 1 + free) of each: the response at its state, then differences per typical change.
 
-    A step is about as long as the search's last one: dry friction and stops hide what shorter steps do.
+    A step is about as long as the search's last one: dry friction and stops hide what shorter steps do. `start` (N,) is
+    taken as the derivative by the start if it is given.
     """
     states, steps = [], []
     for search in searches:
         states.append(dict(search.state))
         own = []
         for j, name in enumerate(search.free):
+            if name == START and start is not None:
+                continue
             knob, value = trials.knobs[name], _value(trials, search.state, name)
             size = _LARGEST if search.last is None else float(np.clip(abs(search.last[j]), _SMALLEST, _LARGEST))
             step = size * knob.typical
@@ -101,7 +107,8 @@ def differences(trials: Trials, searches: Sequence[Search]) -> list[np.ndarray]:
     found = []
     for own in steps:
         part, rows = rows[: len(own) + 1], rows[len(own) + 1 :]
-        columns = [(row - part[0]) / step for row, step in zip(part[1:], own, strict=True)]
+        columns = [] if start is None else [start]
+        columns += [(row - part[0]) / step for row, step in zip(part[1:], own, strict=True)]
         found.append(np.nan_to_num(np.column_stack([part[0], *columns])))
     return found
 

@@ -17,7 +17,7 @@ from twin.parameters import JOINTS, Parameters
 # axis: on this stand no record shows these two.
 INVISIBLE = (("thigh", "backlash"), ("shoulder", "load"))
 NOTHING = "nothing"
-DURATION, TS = 40.0, 0.05
+DURATION, TS = 30.0, 0.05
 VISIBLE = np.deg2rad(0.05)  # RMS of a departure without noise, a quarter of the noise: draws below it are drawn again
 _EXCITATIONS: tuple[tuple[str, dict[str, float]], ...] = (("aprbs", {}), ("sweep", {"jitter": 0.5, "shrink": 0.4}))
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from PIL.Image import Image
 
-HEIGHT = 150  # [pixel] of the panel under a frame
+HEIGHT = 190  # [pixel] of the panel under a frame
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def draw_error(axes: Axes, traces: Traces, shown: np.ndarray) -> None:
     """The error in degrees."""
     line(axes, traces.t[shown], np.rad2deg(traces.error[shown]), color=SECOND, linewidth=1.0)
     axes.axhline(0.0, color=INK, linewidth=0.6)
-    axes.set_ylabel("log less\ntwin [deg]")
+    axes.set_ylabel("error [deg]")
     axes.margins(x=0.01)
 
 
