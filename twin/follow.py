@@ -100,9 +100,8 @@ class Follower:
         p, N, Ts = parameters or Parameters(), self.log.N, self.log.Ts
         experiment = replace(self._experiment(p, self._steps), seed=seed, without=self._asked)
         angle = float(np.clip(self.y[0] if start is None else start, *end_angles(p, self.joint)))
-        shown, trouble = attempt(
-            prepared([experiment], self._commands(), [{self.joint: angle}]), TIMESTEP, SETTLE, self.threads
-        )
+        (run,) = prepared([experiment], self._commands(), [{self.joint: angle}])
+        shown, trouble = attempt([replace(run, late=np.zeros(self._steps))], TIMESTEP, SETTLE, self.threads)
         if trouble[0]:
             raise InputError(f"the twin with these parameters cannot follow the log ({trouble[0]}); change --params")
         pot = potentiometer(p, self._asked)

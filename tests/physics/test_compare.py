@@ -42,7 +42,9 @@ def trials_of(log):
     return Trials(twin.Follower(log, log.joint), P)
 
 
-@pytest.mark.parametrize("read", [{"delay": 0.0237}, {"slope": 1.031}, {"zero": 0.02}, {"delay": -0.011, "zero": -0.03}])
+@pytest.mark.parametrize(
+    "read", [{"delay": 0.0237}, {"slope": 1.031}, {"zero": 0.02}, {"delay": -0.011, "zero": -0.03}]
+)
 def test_alignment_finds_what_was_done_to_the_log(read):
     trials = trials_of(log_of(**read))
     found = align(trials, None)

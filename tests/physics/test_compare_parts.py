@@ -43,7 +43,11 @@ def test_regimes_are_a_partition():
 
 
 def test_shares_of_an_error_made_by_hand():
-    at = {"rest": np.array([1, 1, 0, 0], bool), "slow": np.array([0, 0, 1, 0], bool), "fast": np.array([0, 0, 0, 1], bool)}
+    at = {
+        "rest": np.array([1, 1, 0, 0], bool),
+        "slow": np.array([0, 0, 1, 0], bool),
+        "fast": np.array([0, 0, 0, 1], bool),
+    }
     at["reversal"] = np.zeros(4, bool)
     found = {regime.name: regime for regime in by_regime(np.array([3.0, 4.0, 5.0, 0.0]), at)}
     assert found["rest"].rms == pytest.approx(np.sqrt(12.5))

@@ -48,10 +48,10 @@ def compare(
 
     With --against: from a saved model, or from a second log of the same input.
     """
+    parameters = options.parameters(params)
     _check_options(against, align, without, params, pot_side, realisation)
     if not 0 < seconds < float("inf"):
         raise InputError(f"--seconds is {seconds:g}; give a positive number of seconds")
-    parameters = options.parameters(params)
     from sysid.report.page import write
     from twin.report import compare as report
 
