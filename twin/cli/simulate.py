@@ -113,7 +113,7 @@ def _given(context: typer.Context) -> set[str]:
 
 def _follower(
     path: str, given: set[str], joint: str, mode: str, without: tuple[str, ...], pot_side: str, realisation: str
-) -> twin.Follower:
+) -> "twin.Follower":
     """The twin under the input of a log; raises InputError where options and log do not agree."""
     log = twin.Log.load(path)
     if "mode" in given and mode != log.mode:

@@ -18,7 +18,17 @@ from twin.parameters import Parameters
 # What `--align` names, and the knob of each.
 PARTS = {"delay": DELAY, "gear": SLOPE, "offset": ZERO, "sign": "sign"}
 # The twin is never quite the leg. These move with the alignment and are not reported.
-_BESIDE = ("JOINT.rated_voltage", "JOINT.coulomb", "JOINT.asymmetry", "JOINT.backlash")
+_BESIDE = ("JOINT.rated_voltage", "JOINT.coulomb", "JOINT.asymmetry", "JOINT.backlash", "foot_mass")
+# These do not, and the twin has most of them as assumptions: they widen the intervals by a doubt of this share.
+_DOUBTED = (
+    "JOINT.stribeck",
+    "JOINT.stribeck_speed",
+    "JOINT.load_friction",
+    "JOINT.rotor_inertia",
+    "supply_resistance",
+    "dead_band",
+)
+DOUBT = 0.3
 _TURNED = 0.6  # a sign counts as wrong if turning it leaves less than this share of the error
 _ALIKE = 1.3  # two signs whose errors differ by less than this factor cannot be told apart
 SIGNS = {(1, 1): "", (-1, 1): "input", (1, -1): "output", (-1, -1): "input and output"}
@@ -111,14 +121,17 @@ def align(trials: Trials, verdict: Verdict | None, which: str = "", applied: tup
     """Delay, gear and offset between the log of `trials`, whose signs are turned back, and the twin.
 
     They are found by least squares in the twin, together with the start, with what `verdict` names, and with speed and
-    friction, so that a departure of the twin does not pass for a delay or a slope. The delay is continuous.
+    friction, so that a departure of the twin does not pass for a delay or a slope. The delay is continuous. The
+    intervals allow for coloured residuals, and for other parameters of the twin that are wrong by `DOUBT`.
     """
     joint, y = trials.follower.joint, trials.follower.y
     state = {} if verdict is None else dict(verdict.state)
     beside = (*state, *(name.replace("JOINT", joint) for name in _BESIDE))
     search = Search("alignment", tuple(dict.fromkeys((*READ, *(name for name in beside if name != START)))), state)
     refine(trials, search, y)
-    found = by_name(values(trials, search, y))
+    doubted = (name.replace("JOINT", joint) for name in _DOUBTED)
+    doubts = {name: DOUBT * trials.parameters[name] for name in doubted}
+    found = by_name(values(trials, search, y, doubts))
     return Alignment(
         which,
         replace(found[DELAY], name="delay"),

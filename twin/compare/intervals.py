@@ -1,7 +1,7 @@
 """Intervals of what a search found, which allow for residuals that are coloured because the twin is not the leg."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm
@@ -29,14 +29,20 @@ class Value:
         return self.low is not None and self.high is not None and self.low <= truth <= self.high
 
 
-def values(trials: Trials, search: Search, y: np.ndarray, level: float = LEVEL) -> tuple[Value, ...]:
+def values(
+    trials: Trials, search: Search, y: np.ndarray, doubts: Mapping[str, float] | None = None, level: float = LEVEL
+) -> tuple[Value, ...]:
     """What `search` found, by knob.
 
     Covariance A^-1 B A^-1 with A = J'J and B the long-run covariance of the scores J_t e_t (Newey and West,
-    Econometrica 55, 1987), which needs no white residuals.
+    Econometrica 55, 1987), which needs no white residuals. `doubts` are standard uncertainties of knobs that the search
+    did not move: a wrong one moves the result by A^-1 J'J_n, which adds to the covariance.
     """
-    (J,) = differences(trials, [search])
-    spread = sandwich(J[:, 1:], y - J[:, 0])
+    others = {name: std for name, std in (doubts or {}).items() if name not in search.knobs}
+    (J,) = differences(trials, [replace(search, knobs=(*search.knobs, *others), last=None)])
+    own = 1 + len(search.free)
+    scales = [std / trials.knobs[name].typical for name, std in others.items()]
+    spread = sandwich(J[:, 1:own], y - J[:, 0], J[:, own:] * scales)
     factor = float(norm.ppf(0.5 + level / 2))
     found = []
     for name, std in zip(search.free, spread, strict=True):
@@ -48,8 +54,11 @@ def values(trials: Trials, search: Search, y: np.ndarray, level: float = LEVEL) 
     return tuple(found)
 
 
-def sandwich(J: np.ndarray, e: np.ndarray) -> np.ndarray:
-    """Standard deviations (P,) from derivatives J (N, P) and residuals e (N,); infinite where undetermined."""
+def sandwich(J: np.ndarray, e: np.ndarray, doubts: np.ndarray | None = None) -> np.ndarray:
+    """Standard deviations (P,) from derivatives J (N, P) and residuals e (N,); infinite where undetermined.
+
+    doubts (N, q): changes of the response by one standard uncertainty of what is not among the P.
+    """
     size = np.linalg.norm(J, axis=0)
     seen = size > _BLIND * max(float(size.max()), 1e-300)
     out = np.full(J.shape[1], np.inf)
@@ -60,6 +69,8 @@ def sandwich(J: np.ndarray, e: np.ndarray) -> np.ndarray:
     root, _ = long_run_covariance_root(basis * e[:, None], [len(e)], "auto")
     kept = s > 1e-6 * s[0]
     back = (right[kept].T / s[kept]) @ root[kept]
+    if doubts is not None:
+        back = np.hstack([back, (right[kept].T / s[kept]) @ (basis[:, kept].T @ doubts)])
     std = np.linalg.norm(back, axis=1) / size[seen]
     lost = np.abs(right[~kept]).max(axis=0, initial=0.0) > 1e-3
     std[lost] = np.inf

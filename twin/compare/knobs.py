@@ -11,6 +11,7 @@ START, DELAY, SLOPE, ZERO = "start", "delay", "slope", "zero"
 END_LOW, END_HIGH = "end_low", "end_high"
 READ = (DELAY, SLOPE, ZERO)  # these need no simulation of their own: they change how a course is read
 _LONGEST = 1.0  # [s]
+_SCALES = ("load_friction", "rotor_inertia", "stribeck_speed")
 _ROWS = {row.name: row for row in TABLE}
 
 
@@ -55,6 +56,8 @@ def knobs(p: Parameters, joint: str, angle: float, largest: float) -> dict[str, 
         _row(f"{joint}.rated_voltage", p, 0.03 * volts, (-0.08 * volts, 0.08 * volts, 0.2 * volts)),
         # A limit above the largest command does nothing: it is moved from the largest command down.
         Knob("supply_voltage", "V", supply, 3.0, max(supply, 3.0), 0.04 * supply, (-0.1 * supply, -0.25 * supply)),
+        _row("dead_band", p, 0.1),
+        *(_row(f"{joint}.{name}", p, 0.3 * p[f"{joint}.{name}"] or 1.0) for name in _SCALES),
         _row("supply_resistance", p, 1.0, (4.0,)),
     ]
     return {knob.name: knob for knob in found}
