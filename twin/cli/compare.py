@@ -41,6 +41,7 @@ def compare(
         str | None, options.name("how the twin's linear actuators are modelled", REALISATIONS)
     ] = None,
     params: options.Params = None,
+    map: options.Map = None,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
@@ -57,7 +58,7 @@ def compare(
 
     with run_folder(out, "compare") as (folder, scratch), console.progress(6) as step:
         step(f"reading {file}")
-        log = twin.Log.load(file)
+        log = twin.Log.load(file, map)
         which = _joint(file, log, joint)
         if against is None:
             from twin.compare.align import parts
@@ -75,7 +76,7 @@ def compare(
                 tell=step,
             )
         else:
-            result = _against(log, which, against, step)
+            result = _against(log, which, against, map, step)
         step("drawing")
         write(scratch, report.page(result, file), {"file": file, **result.as_dict()})
     console.finish(
@@ -108,7 +109,7 @@ def _joint(file: str, log: twin.Log, joint: str | None) -> str:
     return log.joint
 
 
-def _against(log: twin.Log, joint: str, against: str, step: console.Steps) -> "Comparison":
+def _against(log: twin.Log, joint: str, against: str, map: str | None, step: console.Steps) -> "Comparison":
     from twin.compare.comparison import compare_log, compare_model
 
     name = Path(against).name
@@ -116,4 +117,4 @@ def _against(log: twin.Log, joint: str, against: str, step: console.Steps) -> "C
         import sysid
 
         return compare_model(log, joint, sysid.load(against), name, step)
-    return compare_log(log, twin.Log.load(against), joint, name, step)
+    return compare_log(log, options.second_log(against, map), joint, name, step)

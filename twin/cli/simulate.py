@@ -47,6 +47,7 @@ def simulate(
             metavar="FILE", help="log whose input drives the twin, from its first angle, at its sampling time and mode"
         ),
     ] = None,
+    map: options.Map = None,
     log: Annotated[
         str | None,
         typer.Option(metavar="FILE", help=f"the log: {', '.join(formats.WRITTEN)}; DIR/log.csv if not given"),
@@ -62,9 +63,13 @@ def simulate(
 
     changed = options.parameters(params)
     if input_log is not None:
-        follower = _follower(input_log, _given(context), joint, mode, options.names(without), pot_side, realisation)
+        driver = twin.Log.load(input_log, map)
+        given = _given(context)
+        follower = _follower(input_log, driver, given, joint, mode, options.names(without), pot_side, realisation)
         joint, what = follower.joint, f"the input of {input_log}"
     else:
+        if map is not None:
+            raise InputError("--map is given without --input-log; give the log that it reads, or leave --map out")
         experiment = twin.Experiment(
             joint,
             excitation,
@@ -112,10 +117,16 @@ def _given(context: typer.Context) -> set[str]:
 
 
 def _follower(
-    path: str, given: set[str], joint: str, mode: str, without: tuple[str, ...], pot_side: str, realisation: str
+    path: str,
+    log: twin.Log,
+    given: set[str],
+    joint: str,
+    mode: str,
+    without: tuple[str, ...],
+    pot_side: str,
+    realisation: str,
 ) -> "twin.Follower":
     """The twin under the input of a log; raises InputError where options and log do not agree."""
-    log = twin.Log.load(path)
     if "mode" in given and mode != log.mode:
         raise InputError(f"--mode is {mode} and {path} is a log in {log.mode} mode; leave --mode out")
     which = log.joint if "joint" not in given and log.joint in twin.JOINTS else joint

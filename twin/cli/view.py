@@ -41,6 +41,7 @@ def view(
     ghost: Ghost = None,
     compare: Compare = False,
     params: options.Params = None,
+    map: options.Map = None,
     speed: Annotated[float, options.number("X", "playback speed; 1 is real time")] = 1.0,
     start: Start = None,
     stop: Stop = None,
@@ -63,13 +64,13 @@ def view(
         raise InputError(f"--port is {port} without --web; add --web, or leave --port out")
     traces = None
     if compare or mcap:
-        log, joint, traces = _traces(log, ghost, joint, params, "--mcap" if mcap else "--compare")
+        log, joint, traces = _traces(log, ghost, joint, params, map, "--mcap" if mcap else "--compare")
         if mcap:
             _write_mcap(mcap, traces)
             return
     elif params is not None:
         raise InputError("--params is given without --compare; add --compare, or leave --params out")
-    replay, names = _replay(log, ghost, joint, start, stop)
+    replay, names = _replay(log, ghost, joint, start, stop, map)
     if replay is not None and traces is not None:
         replay, names = _with_twin(replay, traces, params), [*names, "twin"]
     if not (strip or frames or gif):
@@ -91,11 +92,17 @@ def view(
 
 
 def _replay(
-    log: str | None, ghost: str | None, joint: str | None, start: float | None, stop: float | None
+    log: str | None,
+    ghost: str | None,
+    joint: str | None,
+    start: float | None,
+    stop: float | None,
+    map: str | None = None,
 ) -> tuple["Replay | None", list[str]]:
     """The replay and the names of its legs; None without a log."""
     if log is None:
-        for option, given in (("--joint", joint), ("--ghost", ghost), ("--start", start), ("--stop", stop)):
+        given_options = (("--joint", joint), ("--ghost", ghost), ("--map", map), ("--start", start), ("--stop", stop))
+        for option, given in given_options:
             if given is not None:
                 raise InputError(
                     f"{option} is given without a LOG; give the log to replay first: qpal view LOG {option} ..."
@@ -103,11 +110,11 @@ def _replay(
         return None, []
     from twin.view.replay import Replay
 
-    first = twin.Log.load(log)
+    first = twin.Log.load(log, map)
     leg = _movement(log, first, joint)
     shadow = None
     if ghost is not None:
-        second = twin.Log.load(ghost)
+        second = options.second_log(ghost, map)
         alone = next(iter(leg.angles)) if len(leg.angles) == 1 and not second.joint else None
         shadow = _movement(ghost, second, joint or alone)
     parameters = twin.Parameters(first.meta.get("parameters_changed", {}))
@@ -125,7 +132,7 @@ def _movement(path: str, log: twin.Log, joint: str | None) -> "Movement":
 
 
 def _traces(
-    log: str | None, ghost: str | None, joint: str | None, params: str | None, option: str
+    log: str | None, ghost: str | None, joint: str | None, params: str | None, map: str | None, option: str
 ) -> tuple[str, str, "Traces"]:
     """The log, its joint, and its traces beside the twin's; raises InputError where one joint is not known."""
     if log is None:
@@ -135,7 +142,7 @@ def _traces(
     from twin.compare.beside import beside
     from twin.view.traces import Traces
 
-    given = twin.Log.load(log)
+    given = twin.Log.load(log, map)
     which = given.joint if given.joint in twin.JOINTS else joint
     if which is None or (joint is not None and joint != which):
         raise InputError(f"{option} needs one joint that {log} has; give --joint ({', '.join(twin.JOINTS)})")

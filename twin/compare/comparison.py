@@ -134,6 +134,11 @@ def compare(
         "threads": threads,
     }
     check_length(log.N)
+    if log.u_unit != "V":
+        raise InputError(
+            f"the input of the log is in {log.u_unit} and the twin takes volts; scale it to volts of the potentiometer "
+            "in the mapping: qpal info FILE --write-map FILE.toml"
+        )
     tell("signs")
     which = turned(_first(log, seconds), joint, p, **options)
     right = Trials(Follower(_first(turn_back(log, joint, which), seconds), joint, **options), p)
@@ -194,7 +199,10 @@ def check_length(N: int) -> None:
 
 def _first(log: Log, seconds: float) -> Log:
     n = max(min(log.N, round(seconds / log.Ts)), 2 * _LAGS + 1)
-    return Log(log.u[:n], log.y[:n], log.Ts, None, log.joint, dict(log.meta))
+    meta = dict(log.meta)
+    if "filled" in meta:
+        meta["filled"] = [k for k in meta["filled"] if k < n]
+    return Log(log.u[:n], log.y[:n], log.Ts, None, log.joint, meta)
 
 
 def _best_start(trials: Trials) -> float:

@@ -1,0 +1,231 @@
+"""Least squares in the parameters of a simulation: several records, and a Jacobian from one batch for each record."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid.base.errors import InputError
+
+LEVEL = 0.5  # of the noise: RMS change of the response that a step of the Jacobian aims at
+BAND = 5.0  # a step whose change is this factor off the aim is corrected and simulated again
+ROUNDS = 4  # simulations of one Jacobian, at most
+CHANGE = 30.0  # of a step, from one round to the next
+SMALLEST, LARGEST = 1e-5, 2.0  # of a step, in scales
+_NORMAL = 0.6745  # median of the absolute value of a standard normal number
+
+
+@dataclass(frozen=True)
+class Free:
+    """A parameter to calibrate [unit], searched from `start` within `lower` and `upper`.
+
+    `scale` is the size of a change that is plausible before the record is seen. A parameter that cannot be negative is
+    searched in log(1 + value / scale): steps are relative far above the scale, and absolute near 0, so that a friction
+    or a dead zone can leave 0. Others are searched in value / scale. Raises InputError for a start outside the bounds.
+    """
+
+    name: str
+    start: float
+    lower: float
+    upper: float
+    unit: str
+    scale: float
+
+    def __post_init__(self) -> None:
+        if not (self.scale > 0.0 and self.lower < self.upper):
+            raise InputError(
+                f"{self.name}: scale {self.scale:g}, bounds {self.lower:g} to {self.upper:g}; give a range"
+            )
+        if not self.lower <= self.start <= self.upper:
+            raise InputError(
+                f"{self.name} starts at {self.start:g} {self.unit}; give a start from {self.lower:g} to {self.upper:g}"
+            )
+
+    def inner(self, value: float | np.ndarray) -> np.ndarray:
+        """The coordinate of the search."""
+        ratio = np.asarray(value, dtype=float) / self.scale
+        return np.log1p(ratio) if self.lower >= 0.0 else ratio
+
+    def outer(self, z: float | np.ndarray) -> np.ndarray:
+        """The value at a coordinate of the search, within the bounds."""
+        ratio = np.expm1(z) if self.lower >= 0.0 else np.asarray(z, dtype=float)
+        return np.clip(self.scale * ratio, self.lower, self.upper)
+
+    def slope(self, value: float) -> float:
+        """d value / d coordinate at `value`."""
+        return self.scale + value if self.lower >= 0.0 else self.scale
+
+
+@dataclass(frozen=True)
+class Record:
+    """A measured response y (N,), NaN where it is not scored, and the simulation of it.
+
+    `respond` turns parameters (runs, P + own) into responses (runs, N) in the unit of y, all in one batch: the
+    parameters that all records share, then those of this record alone (`own`), for example its initial state. A row of
+    NaN is a failed simulation.
+    """
+
+    name: str
+    y: np.ndarray
+    Ts: float
+    respond: Callable[[np.ndarray], np.ndarray] = field(repr=False)
+    own: tuple[Free, ...] = ()
+
+    @property
+    def scored(self) -> np.ndarray:
+        """Which samples are scored (N,)."""
+        return np.isfinite(self.y)
+
+
+def noise_of(y: np.ndarray) -> float:
+    """Standard deviation of white noise on a slow signal y (N,), from the median size of its second differences.
+
+    A second difference of white noise has the variance 6 sigma^2. A signal that is constant most of the time (rounded
+    by a converter) has no median; its RMS is taken then.
+    """
+    bends = np.diff(y[np.isfinite(y)], 2)
+    middle = float(np.median(np.abs(bends))) / _NORMAL if len(bends) else 0.0
+    spread = middle if middle > 0.0 else float(np.sqrt(np.mean(bends**2))) if len(bends) else 0.0
+    return max(spread / np.sqrt(6.0), 1e-5 * float(np.nanmax(y) - np.nanmin(y)), 1e-12)
+
+
+class Simulations:
+    """A `sysid.solver.iterate.Problem`: the shared parameters, then the own parameters of each record, as coordinates.
+
+    Forward differences, with steps that change the response by `LEVEL` times the noise (RMS over the records in which
+    the parameter acts). A much smaller step would see nothing where dry friction or a stop holds the joint; a much
+    larger one would leave the range of the linear model. The steps adapt from one Jacobian to the next. At a bound, a
+    step points inward.
+    """
+
+    def __init__(self, shared: Sequence[Free], records: Sequence[Record], noise: float | None = None) -> None:
+        if not records:
+            raise InputError("there is no record; give at least one")
+        self.shared, self.records = tuple(shared), tuple(records)
+        self.free = (*self.shared, *(own for record in records for own in record.own))
+        ends = len(self.shared) + np.cumsum([len(record.own) for record in records])
+        self.own = [np.arange(end - len(r.own), end) for r, end in zip(records, ends, strict=True)]
+        self.low, self.high = (
+            np.array([f.inner(getattr(f, bound)) for f in self.free]) for bound in ("lower", "upper")
+        )
+        self.noise = noise if noise is not None else float(np.median([noise_of(record.y) for record in records]))
+        self.steps = np.full(len(self.free), 0.05)
+        self.simulations = 0
+        self._known: dict[bytes, list[np.ndarray]] = {}
+        self._linear: tuple[bytes, np.ndarray] | None = None
+
+    @property
+    def start(self) -> np.ndarray:
+        """Coordinates of the start (n,)."""
+        return np.array([float(f.inner(f.start)) for f in self.free])
+
+    def values(self, p: np.ndarray) -> np.ndarray:
+        """Physical values (n,) at coordinates p (n,)."""
+        return np.array([float(f.outer(z)) for f, z in zip(self.free, p, strict=True)])
+
+    def slopes(self, p: np.ndarray) -> np.ndarray:
+        """d value / d coordinate (n,)."""
+        return np.array([f.slope(value) for f, value in zip(self.free, self.values(p), strict=True)])
+
+    @property
+    def size(self) -> float:
+        """y'y of the scored samples."""
+        return float(sum(np.sum(record.y[record.scored] ** 2) for record in self.records))
+
+    @property
+    def lengths(self) -> list[int]:
+        """Scored samples of each record."""
+        return [int(record.scored.sum()) for record in self.records]
+
+    def responses(self, points: np.ndarray) -> list[np.ndarray]:
+        """Responses (m, N) of each record at coordinates `points` (m, n)."""
+        return [self._respond(k, points) for k in range(len(self.records))]
+
+    def _respond(self, k: int, points: np.ndarray) -> np.ndarray:
+        columns = [*range(len(self.shared)), *self.own[k]]
+        values = np.column_stack([self.free[j].outer(points[:, j]) for j in columns])
+        self.simulations += len(points)
+        return self.records[k].respond(values)
+
+    def at(self, p: np.ndarray) -> list[np.ndarray]:
+        """Responses (N,) of each record at p, simulated once."""
+        key = p.tobytes()
+        if key not in self._known:
+            while len(self._known) > 8:
+                self._known.pop(next(iter(self._known)))
+            self._known[key] = [rows[0] for rows in self.responses(p[None])]
+        return self._known[key]
+
+    def residual(self, p: np.ndarray) -> np.ndarray | None:
+        """y - yhat of the scored samples of all records; None if a simulation failed."""
+        parts = [(r.y - row)[r.scored] for r, row in zip(self.records, self.at(p), strict=True)]
+        e = np.concatenate(parts)
+        return e if np.all(np.isfinite(e)) else None
+
+    def losses(self, points: np.ndarray) -> np.ndarray:
+        """Sum of squares (m,) at coordinates `points` (m, n), in one batch; infinite where a simulation failed."""
+        pairs = zip(self.records, self.responses(points), strict=True)
+        total = sum(np.sum((record.y - rows)[:, record.scored] ** 2, axis=1) for record, rows in pairs)
+        return np.where(np.isfinite(total), total, np.inf)
+
+    def repair(self, p: np.ndarray) -> np.ndarray:
+        """p within the bounds."""
+        return np.clip(p, self.low, self.high)
+
+    def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        """True (n,) where p is at a bound and descent points beyond it; `gradient` is J'e, the direction of descent."""
+        return ((p <= self.low) & (gradient < 0.0)) | ((p >= self.high) & (gradient > 0.0))
+
+    def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """e (N,) and dyhat/dp (N, n) of the scored samples."""
+        e = self.residual(p)
+        assert e is not None  # a search only linearises where it found a loss
+        key = p.tobytes()
+        if self._linear is None or self._linear[0] != key:
+            self._linear = key, self._jacobian(p)
+        return e, self._linear[1]
+
+    def _jacobian(self, p: np.ndarray) -> np.ndarray:
+        """Columns of differences; those whose step changed the response by far too little or too much are redone."""
+        base, n = self.at(p), len(p)
+        J, aim = np.zeros((sum(self.lengths), n)), LEVEL * self.noise
+        todo = list(range(n))
+        for round_ in range(ROUNDS):
+            steps = self._inside(p, todo)
+            changes = self._changes(p, base, todo, steps)
+            found = np.array([self._size(j, column) for j, column in zip(todo, changes.T, strict=True)])
+            J[:, todo] = np.where(np.isfinite(changes), changes, 0.0) / steps
+            ratio = np.where(np.isfinite(found), found, np.inf) / aim
+            factor = np.clip(1.0 / np.maximum(ratio, 1e-9), 1.0 / CHANGE, CHANGE)
+            before = np.abs(steps)
+            self.steps[todo] = np.clip(before * factor, SMALLEST, LARGEST)
+            off = (ratio > BAND) | (ratio < 1.0 / BAND)
+            again = off & (np.abs(np.log(self.steps[todo] / before)) > 0.1) if round_ < ROUNDS - 1 else off & False
+            todo = [j for j, more in zip(todo, again, strict=True) if more]
+            if not todo:
+                break
+        return J
+
+    def _inside(self, p: np.ndarray, columns: Sequence[int]) -> np.ndarray:
+        """Signed steps of the columns; to the side with more room where the bound is near."""
+        h, up, down = self.steps[columns], (self.high - p)[columns], (p - self.low)[columns]
+        sign = np.where((h <= up) | (up >= down), 1.0, -1.0)
+        return sign * np.minimum(h, np.maximum(up, down))
+
+    def _changes(self, p: np.ndarray, base: list[np.ndarray], columns: Sequence[int], steps: np.ndarray) -> np.ndarray:
+        """Changes (N, columns) of the scored responses; 0 in the records in which a parameter does not act."""
+        out = []
+        for k, record in enumerate(self.records):
+            acts = [i for i, j in enumerate(columns) if j < len(self.shared) or j in self.own[k]]
+            change = np.zeros((int(record.scored.sum()), len(columns)))
+            if acts:
+                points = np.repeat(p[None], len(acts), axis=0)
+                points[range(len(acts)), [columns[i] for i in acts]] += steps[acts]
+                change[:, acts] = (self._respond(k, points) - base[k])[:, record.scored].T
+            out.append(change)
+        return np.concatenate(out)
+
+    def _size(self, j: int, column: np.ndarray) -> float:
+        """RMS of a change (N,) over the records in which parameter j acts."""
+        acts = [j < len(self.shared) or j in own for own in self.own]
+        return float(np.sqrt(np.sum(column**2) / sum(N for N, a in zip(self.lengths, acts, strict=True) if a)))
