@@ -55,16 +55,20 @@ class Follower:
         parameters: Sequence[Parameters],
         starts: Sequence[float] | np.ndarray | None = None,
         shifts: Sequence[float] | np.ndarray | None = None,
+        which: Sequence[int] | None = None,
     ) -> np.ndarray:
         """Angles (runs, N) [rad] read by the potentiometer without noise, one row for each of `parameters`.
 
         `starts` (runs,) [rad]: angle of the drive side at the first sample; one outside the stroke is moved to the end.
         `shifts` (runs,) [s]: additional delay of the reading, 0 or more, in addition to the parameter `delay`; it is
-        continuous, where the board sees commands only once in a period. Rows of failed simulations are NaN.
+        continuous, where the board sees commands only once in a period. With `which` (rows,) there is one row for each
+        entry: the simulation of that number with its own shift, so that several shifts of one leg are simulated once.
+        Rows of failed simulations are NaN.
         """
         runs = len(parameters)
+        which = range(runs) if which is None else which
         starts = np.full(runs, self.y[0]) if starts is None else np.asarray(starts, dtype=float)
-        shifts = np.zeros(runs) if shifts is None else np.asarray(shifts, dtype=float)
+        shifts = np.zeros(len(which)) if shifts is None else np.asarray(shifts, dtype=float)
         commands = self._commands()
         experiments = [self._experiment(p, len(commands)) for p in parameters]
         places = [
@@ -74,7 +78,7 @@ class Follower:
         shown, _ = attempt(prepared(experiments, commands, places), TIMESTEP, SETTLE, self.threads)
         read = shown[:, :, 0, slots.READING]
         fine, wanted = np.arange(len(commands)) * TIMESTEP, self.log.t
-        return np.stack([np.interp(wanted - shift, fine, row) for shift, row in zip(shifts, read, strict=True)])
+        return np.stack([np.interp(wanted - shift, fine, read[k]) for shift, k in zip(shifts, which, strict=True)])
 
     def _commands(self) -> np.ndarray:
         """The input (steps, 1) at every simulation step."""
