@@ -1,7 +1,7 @@
 """Calibration of a joint of the twin from logs of the leg: values, intervals, scores, and why the search stopped."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -87,6 +87,38 @@ class Calibration:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     level: float = LEVEL
 
+    def as_dict(self) -> dict[str, Any]:
+        """Values, scores and provenance, ready for JSON."""
+        return {
+            "joint": self.joint,
+            "converged": self.converged,
+            "reason": self.reason,
+            "next_step": self.next_step(),
+            "level": self.level,
+            "parameters": [asdict(value) for value in self.values],
+            "correlation": self.correlation.tolist(),
+            "not_calibrated": dict(self.fixed),
+            "told": [asdict(row) for row in self.told],
+            "scores": [asdict(score) for score in self.scores],
+            "search": {
+                "iterations": self.found.stop.iterations,
+                "descents": self.found.descents,
+                "agreed": self.found.agreed,
+                "rms": [float(np.sqrt(row["loss"])) for row in self.found.history],
+            },
+            "departures": {"noise": self.sizes.noise, **dict(zip(discrepancy.GROUPS, self.sizes.groups, strict=True))},
+            **self.provenance,
+        }
+
+    def next_step(self) -> str:
+        """What to do about a search that did not converge; empty if it did."""
+        if self.converged:
+            return ""
+        return (
+            "Look at the overlay in the report: if the twin moves another way than the leg, check sign and gear of the "
+            "log; otherwise free fewer parameters (--fix), or record both ends and several levels."
+        )
+
     def __getitem__(self, name: str) -> Value:
         for value in self.values:
             if name in (value.name, value.name.rpartition(".")[2]):
@@ -144,8 +176,9 @@ def calibrate(
         found = find(task, np.random.default_rng(seed), progress=lambda k, loss: say(f"iteration {k}"))
         say("intervals")
         e, J = task.linearise(found.p)
-        departures = _departures(task, found)
-        size = discrepancy.sizes(e, J, departures)
+        responses, steps = task.at(found.p), [record.Ts for record in task.records]
+        scored = np.concatenate([record.scored for record in task.records])
+        departures, size = discrepancy.estimate(e, J, responses, steps, scored)
         unsure = [*(row.name for row in told if not row.told), *others]
         cov = discrepancy.covariance(J, departures, size) + _considered(first, task, found, J, unsure)
         values = _values(task, found, cov, J, size, base, level)
@@ -167,7 +200,16 @@ def calibrate(
         size,
         tuple(_score(run) for run in runs),
         runs,
-        {"without": list(without), "fixed": list(fixed), "considered": unsure, "seed": seed, "level": level},
+        {
+            "logs": list(labels[: len(logs)]),
+            "held_out": list(labels[len(logs) :]),
+            "without": list(without),
+            "pot_side": pot_side,
+            "realisation": realisation,
+            "fixed": held,
+            "considered": unsure,
+            "seed": seed,
+        },
         level,
     )
 
@@ -206,14 +248,6 @@ def _narrowed(first: Simulations, J: np.ndarray, task: Simulations) -> Simulatio
     task.steps = first.steps[columns]
     task.known(task.start, first.at(first.start), J[:, columns])
     return task
-
-
-def _departures(task: Simulations, found: Found) -> list[np.ndarray]:
-    """Groups of departures at the scored samples."""
-    responses, Ts = task.at(found.p), [record.Ts for record in task.records]
-    scored = np.concatenate([record.scored for record in task.records])
-    groups = [*discrepancy.repeating(responses, Ts), *discrepancy.drifting(responses, Ts)]
-    return [group[scored] for group in groups]
 
 
 def _considered(first: Simulations, task: Simulations, found: Found, J: np.ndarray, names: Sequence[str]) -> np.ndarray:

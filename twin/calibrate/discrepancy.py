@@ -8,33 +8,38 @@ the parameters could not absorb.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
 
-WIDE = 0.25  # of the range of the response: length over which a departure changes
-BUMPS = 9  # over the range; closer than the length, so that their sum is smooth
+# Names of the groups, in order.
+GROUPS = ("place", "place and direction", "time", "speed")
+WIDTHS = (0.06, 0.12, 0.25)  # of the range of the response: lengths over which a departure may change
 STILL = 0.02  # of the fastest speed: below it the response is at rest
 AT_END = 0.01  # of the range from its ends: there a stop holds the joint, if it rests
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Standard deviations in the unit of the response: of white noise, and of each group of departures."""
+    """Standard deviations of white noise and of each group of departures, their restricted log likelihood, and the
+    length over which the departures change [range of the response]."""
 
     noise: float
     groups: tuple[float, ...]
+    likelihood: float = 0.0
+    width: float = 0.0
 
 
-def bumps(place: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Smooth functions of `place` (N,) as columns (N, BUMPS); the mean square over them is 1 / BUMPS times about 1.
+def bumps(place: np.ndarray, low: float, high: float, width: float) -> np.ndarray:
+    """Smooth functions of `place` (N,) as columns (N, bumps), whose squares sum to 1 everywhere.
 
-    Independent standard normal weights on the columns give a function of variance 1 with the correlation length `WIDE`.
+    Independent standard normal weights on the columns give a function of variance 1 with covariance
+    exp(-d^2 / (2 width^2)) over a distance d in ranges.
     """
     x = (place - low) / (high - low)
-    at = np.linspace(0.0, 1.0, BUMPS)
-    shape = np.exp(-(((x[:, None] - at) / (WIDE / np.sqrt(2.0))) ** 2) / 2.0)
+    at = np.linspace(0.0, 1.0, int(np.ceil(1.5 / width)) + 1)
+    shape = np.exp(-(((x[:, None] - at) / width) ** 2))
     return shape / np.sqrt(np.sum(shape**2, axis=1, keepdims=True))
 
 
@@ -47,7 +52,7 @@ def directions(y: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
     return np.where(way == 0.0, 1.0, way), moves
 
 
-def repeating(responses: Sequence[np.ndarray], Ts: Sequence[float]) -> list[np.ndarray]:
+def repeating(responses: Sequence[np.ndarray], Ts: Sequence[float], width: float) -> list[np.ndarray]:
     """Departures that depend on place, on place and direction, and in time (of a moving joint) on both: three groups.
 
     Each group is (N, columns) over all records. Weights of the third are in seconds.
@@ -55,7 +60,7 @@ def repeating(responses: Sequence[np.ndarray], Ts: Sequence[float]) -> list[np.n
     low, high = min(map(np.min, responses)), max(map(np.max, responses))
     groups: tuple[list, list, list] = ([], [], [])
     for y, step in zip(responses, Ts, strict=True):
-        shape, (way, moves) = bumps(y, low, high), directions(y, step)
+        shape, (way, moves) = bumps(y, low, high, width), directions(y, step)
         late = shape * (np.gradient(y, step) * moves)[:, None]
         for group, columns in zip(
             groups, (shape, shape * way[:, None], np.hstack([late, late * way[:, None]])), strict=True
@@ -64,7 +69,7 @@ def repeating(responses: Sequence[np.ndarray], Ts: Sequence[float]) -> list[np.n
     return [np.vstack(group) for group in groups]
 
 
-def drifting(responses: Sequence[np.ndarray], Ts: Sequence[float]) -> list[np.ndarray]:
+def drifting(responses: Sequence[np.ndarray], Ts: Sequence[float], width: float) -> list[np.ndarray]:
     """Departures of speed by place and direction, and by speed and direction, summed up since the last end stop.
 
     Their weights are in the unit of the response per second.
@@ -76,7 +81,7 @@ def drifting(responses: Sequence[np.ndarray], Ts: Sequence[float]) -> list[np.nd
         speed, (way, moves) = np.gradient(y, step), directions(y, step)
         ahead = moves * way
         # up and down apart: the sum and the difference of the two
-        rate = np.hstack([bumps(y, low, high), bumps(np.abs(speed), 0.0, fastest)]) * moves[:, None]
+        rate = np.hstack([bumps(y, low, high, width), bumps(np.abs(speed), 0.0, fastest, 0.25)]) * moves[:, None]
         rate = np.hstack([rate, rate * ahead[:, None]]) / np.sqrt(2.0)
         end = ~moves & ((y < low + AT_END * (high - low)) | (y > high - AT_END * (high - low)))
         out.append(_since(rate * step, end))
@@ -118,7 +123,18 @@ def sizes(e: np.ndarray, J: np.ndarray, groups: Sequence[np.ndarray]) -> Sizes:
     limits = [(a - 10.0, a + 6.0) for a in first]
     best = minimize(cost, first, method="L-BFGS-B", bounds=limits)
     found = np.exp(best.x)
-    return Sizes(float(found[0]), tuple(float(v) for v in found[1:]))
+    return Sizes(float(found[0]), tuple(float(v) for v in found[1:]), -0.5 * float(best.fun) * len(e))
+
+
+def estimate(
+    e: np.ndarray, J: np.ndarray, responses: Sequence[np.ndarray], Ts: Sequence[float], scored: np.ndarray
+) -> tuple[list[np.ndarray], Sizes]:
+    """Departures at the scored samples, and their sizes, at the width with the largest restricted likelihood."""
+    tried = []
+    for width in WIDTHS:
+        groups = [g[scored] for g in (*repeating(responses, Ts, width), *drifting(responses, Ts, width))]
+        tried.append((groups, replace(sizes(e, J, groups), width=width)))
+    return max(tried, key=lambda each: each[1].likelihood)
 
 
 def covariance(J: np.ndarray, groups: Sequence[np.ndarray], size: Sizes) -> np.ndarray:

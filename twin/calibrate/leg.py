@@ -40,6 +40,21 @@ _GEARED: Mapping[str, float] = {
     **_COMMON,
     "rotor_inertia": 2e-7,
 }
+# First steps of the Jacobian that change the response by about the noise, in coordinates of the search.
+_STEPS: Mapping[str, float] = {
+    "retracted_length": 0.0015,
+    "stroke": 0.01,
+    "lower": 0.05,
+    "upper": 0.02,
+    "no_load_speed": 0.01,
+    "coulomb": 0.02,
+    "asymmetry": 0.1,
+    "rotor_inertia": 0.3,
+    DELAY: 0.4,
+    "backlash": 0.5,
+    "stribeck": 0.1,
+    "load_friction": 0.04,
+}
 _SCALES: Mapping[str, float] = {"dead_band": 0.1, "supply_resistance": 0.5, "pot_linearity": 5e-4, DELAY: 0.01}
 
 
@@ -76,7 +91,8 @@ def free(names: Sequence[str], start: Parameters) -> tuple[Free, ...]:
     found = []
     for name in names:
         row = ROWS[name]
-        found.append(Free(name, start[name], row.lower, row.upper, row.unit, scale(name, row.nominal)))
+        step = _STEPS.get(name.rpartition(".")[2], 0.05)
+        found.append(Free(name, start[name], row.lower, row.upper, row.unit, scale(name, row.nominal), step))
     return tuple(found)
 
 

@@ -14,6 +14,7 @@ BAND = 5.0  # a step whose change is this factor off the aim is corrected and si
 ROUNDS = 4  # simulations of one Jacobian, at most
 CHANGE = 30.0  # of a step, from one round to the next
 SMALLEST, LARGEST = 1e-5, 2.0  # of a step, in scales
+SAME = 0.5  # of the noise: within this RMS change of the response the Jacobian is the same; its own steps are longer
 _NORMAL = 0.6745  # median of the absolute value of a standard normal number
 
 
@@ -23,7 +24,8 @@ class Free:
 
     `scale` is the size of a change that is plausible before the record is seen. A parameter that cannot be negative is
     searched in log(1 + value / scale): steps are relative far above the scale, and absolute near 0, so that a friction
-    or a dead zone can leave 0. Others are searched in value / scale. Raises InputError for a start outside the bounds.
+    or a dead zone can leave 0. Others are searched in value / scale. `step` is the first one of the Jacobian in that
+    coordinate; later ones adapt. Raises InputError for a start outside the bounds.
     """
 
     name: str
@@ -32,6 +34,7 @@ class Free:
     upper: float
     unit: str
     scale: float
+    step: float = 0.05
 
     def __post_init__(self) -> None:
         if not (self.scale > 0.0 and self.lower < self.upper):
@@ -111,17 +114,17 @@ class Simulations:
             np.array([f.inner(getattr(f, bound)) for f in self.free]) for bound in ("lower", "upper")
         )
         self.noise = noise if noise is not None else float(np.median([noise_of(record.y) for record in records]))
-        self.steps = np.full(len(self.free), 0.05)
+        self.steps = np.array([f.step for f in self.free])
         self.central = False
         self.simulations = 0
         self._known: dict[bytes, list[np.ndarray]] = {}
-        self._linear: tuple[bytes, np.ndarray] | None = None
+        self._linear: tuple[bool, list[np.ndarray], np.ndarray] | None = None
 
     def known(self, p: np.ndarray, responses: list[np.ndarray], J: np.ndarray | None = None) -> None:
         """Take over responses, and a Jacobian (N, n), that another problem has simulated at p."""
         self._known[p.tobytes()] = responses
         if J is not None:
-            self._linear = p.tobytes() + bytes([self.central]), J
+            self._linear = self.central, responses, J
 
     @property
     def start(self) -> np.ndarray:
@@ -194,10 +197,17 @@ class Simulations:
         """e (N,) and dyhat/dp (N, n) of the scored samples."""
         e = self.residual(p)
         assert e is not None  # a search only linearises where it found a loss
-        key = p.tobytes() + bytes([self.central])
-        if self._linear is None or self._linear[0] != key:
-            self._linear = key, self.columns(p, range(len(p)))
-        return e, self._linear[1]
+        if self._linear is None or not self._same(p):
+            self._linear = self.central, self.at(p), self.columns(p, range(len(p)))
+        return e, self._linear[2]
+
+    def _same(self, p: np.ndarray) -> bool:
+        """Whether the last Jacobian serves at p too."""
+        assert self._linear is not None
+        central, responses, _ = self._linear
+        pairs = zip(self.records, self.at(p), responses, strict=True)
+        change = sum(float(np.sum((row - old)[r.scored] ** 2)) for r, row, old in pairs)
+        return central == self.central and change <= sum(self.lengths) * (SAME * self.noise) ** 2
 
     def columns(self, p: np.ndarray, which: Sequence[int]) -> np.ndarray:
         """Columns `which` of dyhat/dp (N, which) at p (n,).

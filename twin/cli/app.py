@@ -2,6 +2,7 @@
 
 import typer
 
+from twin.cli.calibrate import calibrate
 from twin.cli.crawl import crawl
 from twin.cli.identify import identify
 from twin.cli.info import info
@@ -9,7 +10,7 @@ from twin.cli.reproduce import reproduce
 from twin.cli.simulate import simulate
 from twin.cli.view import view
 
-VERBS = (reproduce, simulate, identify, info, view, crawl)
+VERBS = (reproduce, simulate, identify, calibrate, info, view, crawl)
 SHOWN = (view,)  # what these make is looked at: they write no report and no summary, and take no --out and --json
 
 
