@@ -8,6 +8,7 @@ from . import (
     bench as bench,
     block as block,
     blocks as blocks,
+    channels as channels,
     data as data,
     diagnosis as diagnosis,
     estimation as estimation,
@@ -29,6 +30,10 @@ from . import (
     workflow as workflow,
 )
 from .base.errors import InputError as InputError
+from .channels.guess import guess as guess
+from .channels.mapping import Channel as Channel, ChannelMap as ChannelMap
+from .channels.reading import read_signals as read_signals
+from .channels.signals import Signals as Signals
 from .data.record import IOData as IOData
 from .diagnosis.advice import Advice as Advice, advise as advise
 from .diagnosis.higher_order import higher_order_tests as higher_order_tests

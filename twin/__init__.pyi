@@ -5,6 +5,7 @@ from . import (
     hardware as hardware,
     imperfections as imperfections,
     parameter_file as parameter_file,
+    pendulum as pendulum,
     plant as plant,
     robot as robot,
     signatures as signatures,

@@ -1,30 +1,42 @@
 """Log: what an excitation experiment recorded, to and from a file of any format of `sysid.formats`."""
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from sysid.channels.guess import guess
+from sysid.channels.mapping import Channel, ChannelMap, Clock
+from sysid.channels.names import REFERENCE, header
+from sysid.channels.reading import Mapping as MapOrFile
+from sysid.channels.reading import read_map_of
+from sysid.channels.sampling import sample
+from sysid.channels.signals import Signal, Signals
 from sysid.data.record import IOData
-from sysid.formats import read_header, read_table, write_table
+from sysid.data.table import Table
+from sysid.formats import read_table, write_table
 from twin.parameters import JOINTS, LEG
 
 TIME = "time_s"
 INPUTS = {"voltage": "voltage", "servo": "reference"}  # name of the input by mode
+UNITS = {"voltage": ("V",), "servo": ("V", "rad")}  # of the input
 
 
 @dataclass(frozen=True)
 class Log:
     """A record of one joint: input u (N,) [V], measured angle y (N,) [rad], sampled every Ts [s].
 
-    u is the commanded voltage or, in servo mode, the reference of the position loop. y[k] is read at t[k] = k Ts,
-    before u[k] is applied over [t[k], t[k+1]). y_true (N,) [rad] is the reading without noise, ADC and dropped samples
-    (the potentiometer's nonlinearity is included), None if unknown. A record of all three joints has joint "leg" and
-    u, y, y_true (N, 3) in the order of `JOINTS`. `meta` can be written as JSON.
+    u is the commanded voltage or, in servo mode, the reference of the position loop in `u_unit`: V of the potentiometer
+    on the bench, rad in most servos. y[k] is read at t[k] = k Ts, before u[k] is applied over [t[k], t[k+1]). y_true
+    (N,) [rad] is the reading without noise, ADC and dropped samples (the potentiometer's nonlinearity is included),
+    None if unknown. A record of all three joints has joint "leg" and u, y, y_true (N, 3) in the order of `JOINTS`.
+    `meta` can be written as JSON. Of a log that another program wrote it
+    holds `channels` (the mapping), `repairs` (counts), `notes`, `filled` (samples whose y was lost) and `file` (what
+    the writer said).
     """
 
     u: np.ndarray
@@ -49,6 +61,11 @@ class Log:
         """The drive mode: "voltage" or "servo"."""
         return str(self.meta.get("mode", "voltage"))
 
+    @property
+    def u_unit(self) -> str:
+        """Unit of the input: "V", or "rad" for the reference of a servo that takes angles."""
+        return str(self.meta.get("u_unit", "V"))
+
     def io(self, joint: str | None = None) -> IOData:
         """Input and measured angle, ready to identify; only those of `joint` if the log has all three joints."""
         u, y = self.u, self.y
@@ -56,76 +73,141 @@ class Log:
             if self.joint != LEG or joint not in JOINTS:
                 raise unknown("joint of this log", joint, JOINTS if self.joint == LEG else (self.joint,))
             u, y = u[:, JOINTS.index(joint)], y[:, JOINTS.index(joint)]
-        return IOData(u, y, self.Ts, INPUTS[self.mode], "angle", "V", "rad")
+        filled = np.zeros(self.N, dtype=bool)
+        filled[list(self.meta.get("filled", ()))] = True
+        missing = filled if filled.any() else None
+        return IOData(u, y, self.Ts, INPUTS[self.mode], "angle", self.u_unit, "rad", missing=missing)
 
     def save(self, path: str | Path) -> Path:
         """Write a file whose suffix is one of `sysid.formats.WRITTEN`; no half-written file appears.
 
-        Formats with a header also store joint and meta; text tables store only the columns. Raises InputError for
+        Joint and meta stand in the file's header, in a .csv in a comment line at the top. Raises InputError for
         another suffix and for a place that cannot be written to.
         """
         return write_table(path, _columns(self), json.dumps({**self.meta, "joint": self.joint, "Ts": self.Ts}))
 
     @staticmethod
-    def load(path: str | Path) -> "Log":
-        """Read what `save` wrote; joint and meta are empty from a text table.
+    def load(path: str | Path, mapping: MapOrFile | None = None, joint: str | None = None) -> "Log":
+        """Read what `save` wrote, or any log whose input is a voltage or a reference and whose output is an angle.
 
-        Raises InputError, which names the place, for a file that is missing, damaged or not sampled uniformly.
+        `mapping`, a ChannelMap or its file, says which columns these are and what is done about gaps; without one they
+        are guessed (`qpal info FILE` shows how). `joint` names the joint of a log that does not, and picks one of a log
+        of all three. Raises InputError, which names the place, for a file that is missing or damaged, for stamps that
+        cannot be made uniform, and for channels in other units, with the line of the mapping to set.
         """
-        path = Path(path)
         table = read_table(path)
-        meta = _meta(read_header(path))
-        joint, mode = _kind(table.names, meta)
-        names = column_names(joint, mode)
-        required = [TIME, *names[0], *names[1]]
-        values = {
-            name: table.numbers(name) for name in (*required, *names[2]) if name in table.names or name in required
-        }
-        t = values[TIME]
-        if len({len(column) for column in values.values()}) > 1 or len(t) < 2:
-            raise InputError(f"{path}: the columns need one length of at least 2 rows; write the file again")
-        steps = np.diff(t)
-        off = np.abs(steps - np.median(steps))
-        if steps.min() <= 0 or off.max() > 1e-3 * np.median(steps):
-            j, k = table.names.index(TIME), int(off.argmax()) + 1
-            raise table.error(j, k, f"found a step of {steps[k - 1]:g} s; resample the record to one step")
-        u, y, true = ([values[name] for name in group if name in values] for group in names)
-        return Log(
-            _joined(u),
-            _joined(y),
-            float(meta.get("Ts", f"{steps.mean():.9g}")),
-            _joined(true) if len(true) == len(y) else None,
-            joint,
-            meta if mode == "voltage" else {**meta, "mode": mode},
-        )
+        meta = dict(table.meta) if table.meta.get("joint") in (*JOINTS, LEG, "") else {}
+        own = _own_map(table, meta) if mapping is None else None
+        if own is not None:
+            signals = sample(table, own)
+        elif mapping is not None:
+            signals = sample(table, read_map_of(mapping))
+        else:
+            found = guess(table)
+            signals = sample(table, found.sure(table), found.why)
+        log = _log(signals, meta, table)
+        return log if joint is None else _of_joint(log, joint, table.path)
 
 
-def column_names(joint: str, mode: str) -> tuple[list[str], list[str], list[str]]:
+def column_names(joint: str, mode: str, unit: str = "V") -> tuple[list[str], list[str], list[str]]:
     """Names of a file's columns of input, measured angle and true angle."""
     parts = [f"_{each}" for each in JOINTS] if joint == LEG else [""]
     return (
-        [f"{INPUTS[mode]}{part}_V" for part in parts],
+        [f"{INPUTS[mode]}{part}_{unit}" for part in parts],
         [f"angle{part}_rad" for part in parts],
         [f"angle_true{part}_rad" for part in parts],
     )
 
 
-def _kind(names: Sequence[str], meta: Mapping[str, Any]) -> tuple[str, str]:
-    """Joint and mode of a log with these columns."""
-    for mode in INPUTS:
+def _own_map(table: Table, meta: Mapping[str, Any]) -> ChannelMap | None:
+    """The mapping of a log that `save` wrote, by its columns; None for another one."""
+    kinds = [(mode, unit) for mode, units in UNITS.items() for unit in units]
+    for mode, unit in kinds:
         for joint in (LEG, str(meta.get("joint", ""))):
-            if column_names(joint, mode)[0][0] in names:
-                return joint, mode
-    return str(meta.get("joint", "")), "voltage"
+            names = column_names(joint, mode, unit)
+            if names[0][0] in table.names and TIME in table.names:
+                true = names[2] if set(names[2]) <= set(table.names) else []
+                groups = [(names[0], unit), (names[1], "rad"), (true, "rad")]
+                u, y, other = (tuple(Channel(column=name, unit=of) for name in group) for group, of in groups)
+                return ChannelMap(clock=Clock(column=TIME), input=u, output=y, other=other)
+    return None
 
 
-def _meta(header: str) -> dict[str, Any]:
-    """The header that `save` wrote; empty if another program wrote the file."""
-    try:
-        found = json.loads(header)
-    except ValueError:
-        return {}
-    return found if isinstance(found, dict) else {}
+def _log(signals: Signals, meta: dict[str, Any], table: Table) -> Log:
+    """The log of signals that have the units of the twin."""
+    u_unit, mode = _check_channels(signals)
+    joint = str(meta.get("joint", LEG if len(signals.output) == len(JOINTS) else ""))
+    own = set(column_names(joint, mode, u_unit)[0]) <= {signal.column for signal in signals.input}
+    true = [signal for signal in signals.other if signal.column.startswith("angle_true")]
+    lost = np.flatnonzero(np.any([signal.missing for signal in signals.output], axis=0))
+    said: dict[str, Any] = dict(meta)
+    if not own:
+        said |= {"file": dict(table.meta)} if table.meta and not meta else {}
+        said |= {"channels": signals.as_dict()["mapping"]}
+    if signals.notes or not own:
+        said |= {"notes": list(signals.notes), "repairs": dict(signals.counts)}
+    if len(lost):
+        said |= {"filled": lost.tolist()}
+    if mode != "voltage":
+        said |= {"mode": mode} | ({"u_unit": u_unit} if u_unit != "V" else {})
+    stated = meta.get("Ts")
+    Ts = float(stated) if stated is not None and abs(stated - signals.Ts) <= 1e-3 * signals.Ts else signals.Ts
+    return Log(
+        _joined([signal.values for signal in signals.input]),
+        _joined([signal.values for signal in signals.output]),
+        Ts,
+        _joined([signal.values for signal in true]) if len(true) == len(signals.output) else None,
+        joint,
+        said,
+    )
+
+
+def _check_channels(signals: Signals) -> tuple[str, str]:
+    """Unit of the inputs and mode; raises InputError for channels that the twin does not have."""
+    n = len(signals.input)
+    if n != len(signals.output) or n not in (1, len(JOINTS)):
+        raise InputError(
+            f"{signals.path}: the mapping has {n} input(s) and {len(signals.output)} output(s); give one of each, or "
+            f"{len(JOINTS)} for {', '.join(JOINTS)}"
+        )
+    for signal in signals.output:
+        if signal.unit != "rad":
+            raise _wrong_unit(signals, signal, "output", "an angle", 'unit = "deg" or "rad", or adc with such a unit')
+    units = {signal.unit for signal in signals.input}
+    if units == {"rad"}:
+        return "rad", "servo"
+    for signal in signals.input:
+        if signal.unit != "V":
+            raise _wrong_unit(
+                signals, signal, "input", "a voltage, or the reference angle of a servo", 'scale and unit = "V"'
+            )
+    return "V", "servo" if all(header(s.column).has(REFERENCE - _COMMANDS) for s in signals.input) else "voltage"
+
+
+_COMMANDS = {"cmd", "command", "commanded"}  # a commanded voltage is a voltage
+
+
+def _wrong_unit(signals: Signals, signal: Signal, role: str, needed: str, line: str) -> InputError:
+    have = f"in {signal.unit}" if signal.unit else "in no known unit"
+    return InputError(
+        f"{signals.path}: the {role} {signal.column!r} is {have}, and the twin needs {needed}; set {line} of "
+        f"[[{role}]] in a mapping (qpal info FILE --write-map MAP.toml) and give it with --map"
+    )
+
+
+def _of_joint(log: Log, joint: str, path: Path) -> Log:
+    """The log with its joint named, or one joint of all three."""
+    if joint not in (*JOINTS, LEG):
+        raise unknown("joint", joint, JOINTS)
+    if log.joint == joint:
+        return log
+    if log.joint == LEG:
+        k = JOINTS.index(joint)
+        true = None if log.y_true is None else log.y_true[:, k]
+        return Log(log.u[:, k], log.y[:, k], log.Ts, true, joint, {**log.meta, "joint": joint})
+    if log.joint or joint == LEG:
+        raise InputError(f"{path}: the log is of {f'the {log.joint}' if log.joint else 'one joint'}, not the {joint}")
+    return replace(log, joint=joint)
 
 
 def _joined(columns: list[np.ndarray]) -> np.ndarray:
@@ -133,7 +215,7 @@ def _joined(columns: list[np.ndarray]) -> np.ndarray:
 
 
 def _columns(log: Log) -> dict[str, np.ndarray]:
-    names = column_names(log.joint, log.mode)
+    names = column_names(log.joint, log.mode, log.u_unit)
     columns = {TIME: np.round(log.t, 9)}  # k Ts in decimals, as it would be written by hand
     for group, values in zip(names, (log.u, log.y, log.y_true), strict=True):
         if values is not None:

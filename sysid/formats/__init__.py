@@ -3,10 +3,12 @@
 A class reads its suffixes and writes those in `written`. Help texts, error messages and tests use these tables.
 """
 
+import json
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -14,8 +16,12 @@ from sysid.base.errors import InputError
 from sysid.base.files import whole_file
 from sysid.data.table import Table
 from sysid.formats.delimited import Delimited
+from sysid.formats.json_records import JsonRecords
 from sysid.formats.mat import Mat
+from sysid.formats.numpy_arrays import NumpyArrays
 from sysid.formats.parquet import Parquet
+from sysid.formats.robot_log import RobotLog
+from sysid.formats.serial_capture import SerialCapture
 
 
 class Format(Protocol):
@@ -42,28 +48,32 @@ class Format(Protocol):
         ...
 
 
-FORMATS: tuple[type[Format], ...] = (Delimited, Mat, Parquet)
+FORMATS: tuple[type[Format], ...] = (Delimited, JsonRecords, Mat, NumpyArrays, Parquet, RobotLog, SerialCapture)
 TABLE: dict[str, type[Format]] = dict(sorted((suffix, each) for each in FORMATS for suffix in each.suffixes))
 WRITTEN: tuple[str, ...] = tuple(suffix for suffix, each in TABLE.items() if suffix in each.written)
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
-    """The columns of the file at `path`, read in the format for its suffix in `TABLE`.
+    """The columns of the file at `path`, or the folder of a bag, read in the format for its suffix in `TABLE`.
 
+    `meta` of the table holds what the writer said of the record, as far as it is a JSON object.
     Raises InputError with the file name if it is missing, empty, damaged or of an unknown format.
     """
     path = Path(path)
     allowed = ", ".join(TABLE)
-    if path.is_dir():
+    bag = path.is_dir() and (path / "metadata.yaml").is_file()  # a folder of rosbag2
+    if path.is_dir() and not bag:
         raise InputError(f"{path} is a folder; give one file ({allowed})")
     if not path.exists():
         raise InputError(f"{path} does not exist; check the name and the current folder")
-    if path.suffix.lower() not in TABLE:
+    if not bag and path.suffix.lower() not in TABLE:
         raise InputError(f"{path}: unknown file suffix {path.suffix!r}; give a file of {allowed}")
     try:
         if path.is_file() and path.stat().st_size == 0:
             raise InputError(f"{path} is empty; give a file with at least one column of input and one of output")
-        return TABLE[path.suffix.lower()]().read(path)
+        kind = RobotLog() if bag else TABLE[path.suffix.lower()]()
+        table = kind.read(path)
+        return replace(table, meta={**_meta(kind.header(path)), **table.meta})
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror or error}); check that it is a readable file"
@@ -73,6 +83,15 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 def read_header(path: str | os.PathLike[str]) -> str:
     """The header of a file read by `read_table`; empty if it has none."""
     return TABLE[Path(path).suffix.lower()]().header(Path(path))
+
+
+def _meta(header: str) -> dict[str, Any]:
+    """What a header says as a JSON object; nothing if it is none, as in a file of another program."""
+    try:
+        found = json.loads(header)
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def check_written(path: str | os.PathLike[str]) -> Path:
@@ -108,8 +127,12 @@ __all__ = [
     "WRITTEN",
     "Delimited",
     "Format",
+    "JsonRecords",
     "Mat",
+    "NumpyArrays",
     "Parquet",
+    "RobotLog",
+    "SerialCapture",
     "check_written",
     "read_header",
     "read_table",

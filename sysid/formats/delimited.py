@@ -1,7 +1,10 @@
 """Text tables with comma, semicolon, tab or white space between the columns, with or without a header."""
 
 import csv
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import ClassVar
 
@@ -9,107 +12,175 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table, is_number
+from sysid.formats._body import WITH_COMMA, Body
+from sysid.formats._cells import Layout, cells, split, trimmed
+from sysid.formats._text import blocks, comments, data_lines
+from sysid.formats._units import is_unit, units_of
+from sysid.formats.serial_capture import SerialCapture, looks_like_one
 
-COMMENT = ("#", "%")
+HEADER = "qpal:"
+AMBIGUOUS = (".dat", ".txt")  # of tables and of captures
+SAMPLE = 200  # lines that show the separator and the header
+
+
+@dataclass(frozen=True)
+class Head:
+    """What the first lines say: names, their units, how rows are split, and the row where the numbers begin."""
+
+    names: tuple[str, ...]
+    units: Mapping[str, str]
+    layout: Layout
+    start: int
 
 
 class Delimited:
-    """Reads .csv, .txt and .dat; writes .csv: names, then one row per sample in full precision, no header text.
+    """Reads .csv, .tsv, .txt and .dat; writes .csv: names, then one row per sample in full precision.
 
-    A first row with a cell that is not a number is the header; without it the columns are called 1, 2, ... Blank lines
+    A first row with a cell that is not a number is the header; without it the columns are called 1, 2, ..., or by the
+    comment line above them that has a name for each. A second row that holds only units gives the units. Blank lines
     and lines that start with # or % are skipped, but count in row numbers. A column without entries (a trailing comma)
-    is dropped. In a file with semicolons or tabs a comma may be the decimal mark.
+    is dropped. A comma inside the cells is the decimal mark. The header of `write` stands in comment lines
+    `# qpal: ...` at the top, which other programs skip or show.
     """
 
-    suffixes: ClassVar[tuple[str, ...]] = (".csv", ".dat", ".txt")
+    suffixes: ClassVar[tuple[str, ...]] = (".csv", ".dat", ".tsv", ".txt")
     written: ClassVar[tuple[str, ...]] = (".csv",)
-    headed: ClassVar[bool] = False
+    headed: ClassVar[bool] = True
 
     def read(self, path: Path) -> Table:
         """The table in `path`; raises InputError if it is binary, empty or has rows of different lengths."""
-        lines = [
-            (number, line)
-            for number, line in enumerate(_text(path).splitlines(), start=1)
-            if line.strip() and not line.lstrip().startswith(COMMENT)
-        ]
-        if not lines:
-            raise InputError(f"{path} has no rows; give a file with one row a sample")
-        separator = _separator(lines[-1][1], lines[0][1])
-        rows = [(number, _cells(line, separator)) for number, line in lines]
-        decimal = "," if separator in (";", "\t") and _has_decimal_commas(rows[-1][1]) else "."
-        header = not all(is_number(cell.replace(decimal, ".")) for cell in rows[0][1] if cell)
-        if header and len(rows) == 1:
-            raise InputError(f"{path} has a header and no rows under it; give a file with one row a sample")
-        rows = _without_empty_columns(rows)
-        _check_widths(path, rows)
-        names = rows[0][1] if header else [str(j + 1) for j in range(len(rows[0][1]))]
-        _check_names(path, names)
-        body = rows[1:] if header else rows
-        numbers = [number for number, _ in body]
-        columns = tuple(list(column) for column in zip(*(cells for _, cells in body), strict=True))
-        return Table(path, tuple(names), columns, (numbers,) * len(names), decimal=decimal)
+        return _read(path) if path.suffix.lower() not in AMBIGUOUS else _read_either(path)
 
     def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
-        """Columns (N,) by name."""
+        """Columns (N,) by name, below the header."""
         import polars
 
-        polars.DataFrame(dict(columns)).write_csv(path)
+        with path.open("wb") as file:
+            for line in header.split("\n") if header else ():
+                file.write(f"# {HEADER} {line}\n".encode())
+            polars.DataFrame(dict(columns)).write_csv(file)
 
     def header(self, path: Path) -> str:
-        """None: a text table has only columns."""
-        return ""
+        """The comment lines `# qpal: ...` at the top of the file."""
+        try:
+            above = comments(path)
+        except InputError:  # binary bytes among the lines of a capture
+            return ""
+        lines = [line.removeprefix(HEADER) for line in above if line.startswith(HEADER)]
+        return "\n".join(line.removeprefix(" ") for line in lines)
 
 
-def _text(path: Path) -> str:
-    raw = path.read_bytes()
-    utf16 = raw.startswith((b"\xff\xfe", b"\xfe\xff"))  # what spreadsheets call "Unicode text"
+def _read(path: Path) -> Table:
+    head = _head(path)
+    body = Body(path, head.names, head.layout, head.start)
+    body.read()
+    if not len(body.rows):
+        raise InputError(f"{path} has no whole row of numbers; give a file with one row a sample")
+    rows = (body.rows,) * len(head.names)
+    columns, notes = tuple(body.columns), tuple(body.notes)
+    return Table(path, head.names, columns, rows, decimal=body.decimal, units=head.units, notes=notes)
+
+
+def _read_either(path: Path) -> Table:
+    """The table in a file that may as well be what a microcontroller printed, which its content tells."""
+    with path.open("rb") as file:
+        if looks_like_one(file.read(1 << 16)):
+            return SerialCapture().read(path)
     try:
-        text = raw.decode("utf-16" if utf16 else "utf-8-sig")
-    except UnicodeDecodeError:
-        text = raw.decode("latin-1")  # an old degree sign in a header is no reason to refuse the numbers
-    strange = next((c for c in text if ord(c) < 32 and c not in "\t\r\n\f\v"), None)
-    if strange is not None or "\x7f" in text:
-        raise InputError(f"{path} is not a text file (it holds binary bytes); give a text table, or correct the suffix")
-    return text
+        return _read(path)
+    except InputError as error:
+        try:  # rows of several lengths or binary bytes are few garbled lines in a capture
+            return SerialCapture().read(path)
+        except InputError:
+            raise error from None
 
 
-def _separator(line: str, first: str) -> str | None:
-    """The separator of the last row, which is always data; None is white space."""
+def _head(path: Path) -> Head:
+    every = (entry for row, block in blocks(path) for entry in data_lines(row, block))
+    sample = [(row, line.decode()) for row, line in islice(every, SAMPLE)]
+    if not sample:
+        raise InputError(f"{path} has no rows; give a file with one row a sample")
+    separator = _separator([line for _, line in sample[1:]] or [sample[0][1]])
+    rows = [split(path, *sample[0], separator), *(_split(line, separator) for _, line in sample[1:])]
+    used = max(map(len, rows))
+    while used > 1 and all(len(row) < used or not row[used - 1] for row in rows):
+        used -= 1
+    layout = Layout(separator, min(len(rows[0]), used), sample[0][0])
+    first, below = trimmed(rows[0], layout.width), rows[1] if len(rows) > 1 else []
+    if not _is_header(first, below):
+        names = _names_in_comment(path, layout) or [str(j + 1) for j in range(layout.width)]
+        return Head(tuple(names), units_of(names), layout, 1)
+    if len(rows) == 1:
+        raise InputError(f"{path} has a header and no rows under it; give a file with one row a sample")
+    names = [name or str(j + 1) for j, name in enumerate(first)]
+    _check_names(path, names)
+    units, start = units_of(names), sample[0][0] + 1
+    if any(is_unit(_bare(cell)) for cell in below) and all(_is_unit_or_blank(cell) for cell in below):
+        units = {name: _bare(cell) for name, cell in zip(names, below, strict=False) if is_unit(_bare(cell))} | units
+        start = sample[1][0] + 1
+    return Head(tuple(names), units, layout, start)
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    try:
+        return cells(line, separator)
+    except csv.Error:  # told with its row when the body is read
+        return line.split(separator)
+
+
+def _separator(lines: list[str]) -> str | None:
+    """The mark that most lines have; None is white space."""
     for mark in (";", "\t", ","):
-        if mark in line.strip() or (mark in first.strip() and mark in line):
-            # A tab or blank between padded numbers is white space, not an empty cell.
-            return None if mark == "\t" and "\t\t" not in line and line != line.strip() else mark
+        having = [line for line in lines if mark in line.strip()]
+        if len(having) * 2 < len(lines) or not having:
+            continue
+        last = having[-1]
+        # A tab or blank between padded numbers is white space, not an empty cell.
+        blank = mark == "\t" and "\t\t" not in last and last != last.strip()
+        # 1,5 2,5 has commas as decimal marks.
+        words = mark == "," and all(_comma_numbers(line) for line in having)
+        return None if blank or words else mark
     return None
 
 
-def _cells(line: str, separator: str | None) -> list[str]:
-    if separator is None:
-        return [cell.strip('"') for cell in line.split()]
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+def _comma_numbers(line: str) -> bool:
+    words = line.split()
+    return len(words) > 1 and all(is_number(word.replace(",", ".")) for word in words)
 
 
-def _has_decimal_commas(cells: list[str]) -> bool:
-    return any("," in cell and is_number(cell.replace(",", ".")) for cell in cells)
+def _is_header(first: Sequence[str], below: Sequence[str]) -> bool:
+    """Whether the first row holds names: it has text, and the row below does not have text in the same places."""
+    texts = [j for j, cell in enumerate(first) if cell and not _is_cell_of_numbers(cell)]
+    if not texts:
+        return False
+    if any(_is_cell_of_numbers(cell) and not cell.isdigit() for cell in first):
+        return False  # 0.5 is no name: the row is one of numbers, with a text in it
+    if any(cell.isdigit() for cell in first):
+        return any(j < len(below) and _is_cell_of_numbers(below[j]) for j in texts)
+    return True
 
 
-def _without_empty_columns(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
-    width = max(len(cells) for _, cells in rows)
-    while width > 1 and all(len(cells) < width or not cells[width - 1] for _, cells in rows):
-        width -= 1
-    return [(number, cells[:width]) for number, cells in rows]
+def _is_cell_of_numbers(cell: str) -> bool:
+    return is_number(cell) or re.match(WITH_COMMA, cell) is not None
 
 
-def _check_widths(path: Path, rows: list[tuple[int, list[str]]]) -> None:
-    expected = len(rows[0][1])
-    for number, cells in rows:
-        if len(cells) != expected:
-            raise InputError(
-                f"{path}, row {number}: found {len(cells)} cells where row {rows[0][0]} has {expected}; "
-                "give every row the same number of columns"
-            )
+def _bare(cell: str) -> str:
+    return cell.strip("[](){} ")
+
+
+def _is_unit_or_blank(cell: str) -> bool:
+    return (_bare(cell) in ("", "-", "1", "–") and not is_number(cell)) or is_unit(_bare(cell))
+
+
+def _names_in_comment(path: Path, layout: Layout) -> list[str] | None:
+    """Names in the last comment above a table without a header, if it has a word for each column."""
+    above = [text for text in comments(path) if not text.startswith(HEADER)]
+    names = _split(above[-1], layout.separator) if above else []
+    named = len(names) == layout.width and len(set(names)) == len(names)
+    return names if named and all(re.match(r"[^\W\d]", name) for name in names) else None
 
 
 def _check_names(path: Path, names: list[str]) -> None:
     for j, name in enumerate(names):
-        if name and name in names[:j]:
+        if name in names[:j]:
             raise InputError(f"{path}: two columns are called {name!r}; rename one of them")

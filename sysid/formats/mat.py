@@ -1,13 +1,15 @@
-"""MATLAB files up to version 7."""
+"""MATLAB files: up to version 7 by scipy, of version 7.3 (HDF5) by h5py."""
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
+from sysid.formats._arrays import Arrays, listed, squeezed
+from sysid.formats._mat_tree import Cells, Opaque, Tree, described, is_hdf, load_5, variables_of_5, variables_of_73
 
 HEADER = "qpal"
 
@@ -15,7 +17,10 @@ HEADER = "qpal"
 class Mat:
     """Reads .mat: every numeric vector is a column; column j (from 1) of a matrix M is called M:j.
 
-    Writes each column as a column vector, and the header as the text `qpal`.
+    A field f of a struct s is called s.f, in a struct array s(k).f, entry k (from 1) of a cell array c{k}. Of what
+    Simulink calls Structure With Time each signal is a column under its label, beside the column s.time. Single numbers
+    and texts are `meta`. Objects such as timeseries are opaque outside MATLAB and are left out with a note on what to
+    do. Writes each column as a column vector, and the header as the text `qpal`.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".mat",)
@@ -23,31 +28,23 @@ class Mat:
     headed: ClassVar[bool] = True
 
     def read(self, path: Path) -> Table:
-        """The vectors in `path`; raises InputError if it is not a MAT file, is of version 7.3, or has no vector."""
-        from scipy.io import loadmat
-
-        try:
-            content = loadmat(path)
-        except NotImplementedError:
-            raise InputError(
-                f"{path} is a MAT file of version 7.3 (HDF5), which is not read here; save it again with -v7"
-            ) from None
-        except OSError:
-            raise
-        except Exception as error:  # a damaged file fails in many ways inside scipy: each of them is the file's fault
-            kind = type(error).__name__
-            raise InputError(
-                f"{path} is not a readable MAT file ({kind}); save it again from MATLAB with -v7"
-            ) from None
-        variables = {name: value for name, value in content.items() if not name.startswith("__")}
-        columns: dict[str, np.ndarray] = {}
-        for name, value in variables.items():
-            columns.update(_vectors(name, value))
-        if not columns:
-            found = ", ".join(f"{name} ({_describe(value)})" for name, value in variables.items()) or "nothing"
-            raise InputError(f"{path} has no numeric vector; found {found}; save input and output as vectors")
-        rows = tuple(range(1, len(values) + 1) for values in columns.values())
-        return Table(path, tuple(columns), tuple(columns.values()), rows, place="element")
+        """The vectors in `path`; raises InputError if it is not a MAT file, is damaged, or has no vector."""
+        hdf = is_hdf(path)
+        variables = _variables(path, hdf)
+        arrays = Arrays(path)
+        for name, tree in variables.items():
+            if name != HEADER:
+                _add(arrays, name, tree)
+        objects = {name: tree.kind for name, tree in variables.items() if isinstance(tree, Opaque)}
+        if objects:
+            name = next(iter(objects))
+            remedy = f"in MATLAB take it apart, as in t = {name}.Time; y = {name}.Data; and save t and y"
+            found = listed({name: f"{kind} object" for name, kind in objects.items()})
+            arrays.notes.append(f"{found} cannot be read outside MATLAB; {remedy}")
+        else:
+            remedy = "save input and output as vectors"
+        found = listed({name: described(tree) for name, tree in variables.items()})
+        return arrays.table("element", f"has no numeric vector; found {found}; {remedy}")
 
     def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
         """Columns (N,) by name, and the header."""
@@ -57,23 +54,78 @@ class Mat:
 
     def header(self, path: Path) -> str:
         """The text `qpal` of the file."""
-        from scipy.io import loadmat
-
-        text = loadmat(path, variable_names=[HEADER]).get(HEADER)
-        return "" if text is None or text.size == 0 else str(text.ravel()[0])
-
-
-def _vectors(name: str, value: object) -> dict[str, np.ndarray]:
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf" or value.ndim != 2 or value.size < 2:
-        return {}
-    if min(value.shape) == 1:
-        return {name: value.ravel()}
-    samples = value if value.shape[0] >= value.shape[1] else value.T
-    return {f"{name}:{j + 1}": samples[:, j] for j in range(samples.shape[1])}
+        if is_hdf(path):
+            return ""  # no file that `write` made
+        text = load_5(path, [HEADER]).get(HEADER)
+        return str(text.ravel()[0]) if isinstance(text, np.ndarray) and text.dtype.kind == "U" and text.size else ""
 
 
-def _describe(value: object) -> str:
-    if not isinstance(value, np.ndarray):
-        return type(value).__name__
-    kind = {"c": "complex", "O": "cell", "V": "struct", "U": "text"}.get(value.dtype.kind, "numeric")
-    return f"{kind} {'x'.join(str(n) for n in value.shape)}"
+def _variables(path: Path, hdf: bool) -> dict[str, Tree]:
+    version = "of version 7.3 " if hdf else ""
+    try:
+        return variables_of_73(path) if hdf else variables_of_5(path)
+    except Exception as error:  # a damaged file fails in many ways inside scipy and h5py: each is the file's fault
+        if isinstance(error, OSError) and error.errno:
+            raise
+        raise InputError(
+            f"{path} is not a readable MAT file {version}({type(error).__name__}); save it again from MATLAB with -v7"
+        ) from None
+
+
+def _add(arrays: Arrays, name: str, tree: Tree) -> None:
+    if isinstance(tree, dict):
+        if not _add_structure_with_time(arrays, name, tree):
+            for field, below in tree.items():
+                _add(arrays, f"{name}.{field}", below)
+    elif isinstance(tree, list):
+        _add_struct_array(arrays, name, tree)
+    elif isinstance(tree, Cells):
+        for k, entry in enumerate(tree.entries, start=1):
+            _add(arrays, f"{name}{{{k}}}", entry)
+    elif isinstance(tree, Opaque):
+        pass  # told once, with what to do
+    elif isinstance(tree, str):
+        arrays.meta[name] = tree
+    else:
+        arrays.add(name, tree)
+
+
+def _add_struct_array(arrays: Arrays, name: str, entries: list[dict[str, Tree]]) -> None:
+    """A list of structs: fields of single numbers are columns, as in a list of samples."""
+    fields = list(entries[0]) if entries else []
+    for field in fields:
+        values = [entry[field] for entry in entries]
+        if all(isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "biuf" for value in values):
+            arrays.add(f"{name}.{field}", np.array([value.ravel()[0] for value in values], dtype=float))
+        else:
+            for k, value in enumerate(values, start=1):
+                _add(arrays, f"{name}({k}).{field}", value)
+
+
+def _add_structure_with_time(arrays: Arrays, name: str, tree: dict[str, Tree]) -> bool:
+    """Adds what Simulink logs as Structure With Time: time (N,), signals with values (N, width) or (w1, w2, N)."""
+    time, signals = tree.get("time"), tree.get("signals")
+    signals = [signals] if isinstance(signals, dict) else signals.entries if isinstance(signals, Cells) else signals
+    if not isinstance(time, np.ndarray) or not isinstance(signals, list) or not signals:
+        return False
+    if any(not isinstance(signal, dict) or "values" not in signal for signal in signals):
+        return False
+    if time.size:  # empty where the model logs without time
+        arrays.column(f"{name}.time", time.ravel())
+        arrays.units[f"{name}.time"] = "s"
+    labels = [_label(signal.get("label"), k, len(signals)) for k, signal in enumerate(signals, start=1)]
+    for k, (label, signal) in enumerate(zip(labels, signals, strict=True), start=1):
+        values = signal["values"]
+        column = f"{name}.{label if labels.count(label) == 1 and label != 'time' else f'signals({k})'}"
+        if isinstance(values, np.ndarray) and values.ndim == 3 and squeezed(values).ndim > 1:
+            values = values.reshape(-1, values.shape[2], order="F").T
+        if isinstance(values, np.ndarray) and values.ndim == 2 and values.shape[1] > 1 and len(values) == time.size:
+            for j in range(values.shape[1]):  # by time, even where fewer samples than signals were taken
+                arrays.column(f"{column}:{j + 1}", values[:, j])
+        else:
+            _add(arrays, column, values)
+    return True
+
+
+def _label(label: Any, k: int, count: int) -> str:
+    return label.strip() if isinstance(label, str) and label.strip() else f"signals({k})" if count > 1 else "signals"

@@ -1,19 +1,31 @@
 """Parquet tables."""
 
-from collections.abc import Mapping
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
+from sysid.formats._arrays import Arrays
+
+if TYPE_CHECKING:
+    import polars
 
 HEADER = "qpal"
 
 
 class Parquet:
-    """Reads .parquet: every numeric column; an empty cell reads as NaN. Writes the header as the metadata `qpal`."""
+    """Reads .parquet: every numeric or boolean column; an empty cell reads as NaN.
+
+    Times are read as seconds, dates as seconds since the first one in the file. A field f of a column c of structs is
+    called c.f; element k (from 0) of a column a of arrays of one length is called a[k]. Writes the header as the
+    metadata `qpal`.
+    """
 
     suffixes: ClassVar[tuple[str, ...]] = (".parquet",)
     written: ClassVar[tuple[str, ...]] = (".parquet",)
@@ -24,18 +36,21 @@ class Parquet:
         import polars
 
         try:
-            frame = polars.read_parquet(path, glob=False)  # a name may hold [ or *
+            with _panics_unprinted():
+                frame = polars.read_parquet(path, glob=False)  # a name may hold [ or *
         except OSError:
             raise
-        except Exception as error:  # polars has an exception class of its own for each way of being damaged
+        # polars has an exception class of its own for each way of being damaged; a panic of its core is no Exception.
+        except (Exception, polars.exceptions.PanicException) as error:
             raise InputError(
                 f"{path} is not a readable Parquet file ({type(error).__name__}); write it again"
             ) from None
-        numeric = [name for name in frame.columns if frame.schema[name].is_numeric()]
-        if not numeric:
-            raise InputError(f"{path} has no numeric column; found {', '.join(frame.columns) or 'nothing'}")
-        columns = tuple(frame[name].cast(polars.Float64).to_numpy() for name in numeric)
-        return Table(path, tuple(numeric), columns, (range(1, frame.height + 1),) * len(numeric))
+        if not frame.height:
+            raise InputError(f"{path} has no rows; give a file with one row a sample")
+        arrays = Arrays(path)
+        for column in frame.iter_columns():
+            _add(arrays, column.name, column)
+        return arrays.table("row", f"has no numeric column; found {', '.join(frame.columns) or 'nothing'}")
 
     def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
         """Columns (N,) by name, and the header."""
@@ -48,3 +63,52 @@ class Parquet:
         import polars
 
         return polars.read_parquet_metadata(path).get(HEADER, "")
+
+
+@contextmanager
+def _panics_unprinted() -> Iterator[None]:
+    """Keeps from the terminal what polars' core prints of its own when a damaged file makes it panic."""
+    try:
+        own = os.dup(2)
+    except OSError:  # a process without a standard error
+        yield
+        return
+    with tempfile.TemporaryFile() as said:
+        os.dup2(said.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(own, 2)
+            os.close(own)
+
+
+def _add(arrays: Arrays, name: str, column: "polars.Series") -> None:
+    import polars
+
+    kind = column.dtype
+    if kind.is_numeric() or kind == polars.Boolean:
+        whole = kind.is_integer() and not column.null_count()
+        arrays.column(name, column.to_numpy() if whole else column.cast(polars.Float64).to_numpy())
+    elif kind in (polars.Date, polars.Datetime):
+        arrays.column(name, column.cast(polars.Datetime("ns")).to_numpy())
+    elif kind in (polars.Duration, polars.Time):
+        arrays.column(name, column.cast(polars.Duration("ns")).to_numpy())
+    elif isinstance(kind, polars.Struct):
+        for field in kind.fields:
+            _add(arrays, f"{name}.{field.name}", column.struct.field(field.name))
+    elif isinstance(kind, polars.Array | polars.List):
+        _add_elements(arrays, name, column)
+    else:
+        arrays.leave_out(name, str(kind))
+
+
+def _add_elements(arrays: Arrays, name: str, column: "polars.Series") -> None:
+    import polars
+
+    rows = column if isinstance(column.dtype, polars.List) else column.arr.to_list()
+    lengths = rows.list.len().unique().to_list()
+    if len(lengths) != 1 or not lengths[0]:
+        arrays.leave_out(name, "lists of several lengths")
+        return
+    for k in range(lengths[0]):
+        _add(arrays, f"{name}[{k}]", rows.list.get(k))

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sysid.base.errors import InputError, unknown
+from sysid.channels.mapping import Range
+from sysid.channels.reading import Mapping
 from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import advise
@@ -42,6 +44,9 @@ def identify_file(
     detrend: str | None = None,
     fitting: Callable[[], None] = lambda: None,
     candidate: Callable[[int, int, str], None] | None = None,
+    mapping: Mapping | None = None,
+    range: Range = Range(),  # noqa: B008 - it is frozen
+    time_unit: str | None = None,
 ) -> Identification:
     """Reads the file, prepares both parts and fits `setting` to the first part; `fitting` is called before the fit.
 
@@ -50,7 +55,7 @@ def identify_file(
     InputError names the file.
     """
     detrend = setting.recipe.detrend(detrend) if isinstance(setting, Setting) else detrend or "mean"
-    record = read_record(path, input, output, Ts, time)
+    record = read_record(path, input, output, Ts, time, mapping, range, time_unit)
     try:
         estimation, validation = quick_start(record.data, split, detrend)
         check_parts(estimation, validation)

@@ -15,7 +15,6 @@ from sysid.structures import ActuatedJoint, HammersteinWiener, NonlinearArx, Out
 from sysid.workflow.evaluation import OVERFITTED
 from sysid.workflow.extrapolation import extrapolated_signals
 from sysid.workflow.identified import Identification, NextStep
-from sysid.workflow.record import OWN
 
 POOR = 80.0  # [%] in validation; a fit below it that leaves more than noise should be tried again
 STARTS, MOST_STARTS = 5, 10  # with fewer, another start may find more; from the second on it rarely does
@@ -171,7 +170,7 @@ def command(
     record, s = result.record, result.evaluation.setting
     auto = result.selection is not None and structure is None
     name = "auto" if auto else structure or s.recipe.name
-    words = ["qpal", "identify", str(record.path), *_columns(result), "--structure", name]
+    words = ["qpal", "identify", str(record.path), *record.options, "--structure", name]
     if structure is None and not auto:
         words += _options(replace(s.recipe, **changed))
     # A structure whose record counts from zero has its own search, and nothing is removed from its record.
@@ -185,17 +184,6 @@ def command(
     ):
         words += [] if value == default else [option, value]
     return shlex.join(words)
-
-
-def _columns(result: Identification) -> list[str]:
-    """The options that read the same columns; none for columns that are detected automatically."""
-    r = result.record
-    words = [] if r.notes else ["--input", r.input, "--output", r.output]
-    if r.time is None:
-        words += ["--ts", f"{r.data.Ts:.9g}"]
-    elif r.time != OWN["time"]:
-        words += ["--time", r.time]
-    return words
 
 
 def _options(recipe: Recipe) -> list[str]:

@@ -33,6 +33,8 @@ def logs(tmp_path, monkeypatch):
     for name, lag in (("thigh.parquet", 0.0), ("thigh.csv", 0.0), ("rig.csv", 0.4)):
         y = low + (high - low) * (1 - np.cos(np.pi * (t - lag))) / 2
         twin.Log(12 * np.sin(t), y, 0.1, joint="thigh").save(tmp_path / name)
+    lines = (tmp_path / "thigh.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    (tmp_path / "plain.csv").write_text("".join(lines[1:]), encoding="utf-8")  # as from a program that keeps no header
     y = np.column_stack([y, y, y])
     twin.Log(np.zeros_like(y), y, 0.1, joint="leg").save(tmp_path / "leg.csv")
     return tmp_path
@@ -50,7 +52,7 @@ def run(arguments: list[str], capsys) -> tuple[int, str, str]:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["thigh.csv", "--joint", "thigh"],
+        ["plain.csv", "--joint", "thigh"],
         ["thigh.parquet", "--ghost", "rig.csv", "--count", "3", "--start", "1", "--stop", "2"],
         ["leg.csv", "--count", "2"],
         [],
@@ -100,8 +102,8 @@ def test_without_a_renderer_it_is_one_sentence_and_no_file(logs, monkeypatch, ca
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("thigh.csv", "give --joint"),
-        ("thigh.csv --joint knee", "shoulder, thigh, shank"),
+        ("plain.csv", "give --joint"),
+        ("plain.csv --joint knee", "shoulder, thigh, shank"),
         ("thigh.parquet --joint shank", "leave --joint out"),
         ("missing.csv --strip a.png", "missing.csv does not exist"),
         ("thigh.parquet --ghost missing.csv --strip a.png", "missing.csv does not exist"),

@@ -53,3 +53,16 @@ def test_servo_with_pendulum_four_tenths_of_a_linear_models_error(records):
     assert joint < 0.080
     assert profile < 0.073
     assert joint < 0.42 * error(sysid.fit(output_error(2, 2, 1), train))
+
+
+def test_pendulum_twin_beats_every_chain_on_the_held_out_logs(records):
+    """XL330: 0.059 rad reached by the MuJoCo twin, with a speed and torque within a tenth of the data sheet's."""
+    servo = pytest.importorskip("servo_pendulum")
+    logs = models.servo_logs(records / "bam_xl330")
+    train = [(f"{kp} {name}", data) for kp, name, data in logs if kp != servo.HELD_OUT]
+    tests = [(name, data) for kp, name, data in logs if kp == servo.HELD_OUT]
+    assert (len(train), len(tests)) == (12, 4)
+    best, _ = servo.calibrated(train, draws=0)
+    assert servo.rms(servo.errors(servo.of_pendulum(best), tests)) < 0.060
+    assert best.no_load_speed == pytest.approx(servo.FIRST.no_load_speed, rel=0.1)
+    assert best.stall_torque == pytest.approx(servo.FIRST.stall_torque, rel=0.1)

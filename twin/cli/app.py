@@ -4,13 +4,14 @@ import typer
 
 from twin.cli.calibrate import calibrate
 from twin.cli.crawl import crawl
+from twin.cli.export import export
 from twin.cli.identify import identify
 from twin.cli.info import info
 from twin.cli.reproduce import reproduce
 from twin.cli.simulate import simulate
 from twin.cli.view import view
 
-VERBS = (reproduce, simulate, identify, calibrate, info, view, crawl)
+VERBS = (reproduce, simulate, identify, calibrate, info, view, crawl, export)
 SHOWN = (view,)  # what these make is looked at: they write no report and no summary, and take no --out and --json
 
 

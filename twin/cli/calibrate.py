@@ -31,6 +31,7 @@ def calibrate(
     pot_side: Annotated[str, options.name("side of the backlash on which the potentiometer sits", SIDES)] = "link",
     realisation: Annotated[str, options.name("how the linear actuators are modelled", REALISATIONS)] = "tendon",
     params: options.Params = None,
+    map: options.Map = None,
     seed: Annotated[int, options.whole("N", "of the drawn starts")] = 0,
     out: options.Out = None,
     as_json: options.Json = False,
@@ -42,7 +43,7 @@ def calibrate(
     from twin.report import calibrate as report
 
     held_out = options.names(hold_out)
-    logs = {file: twin.Log.load(file) for file in (*files, *held_out)}
+    logs = {file: twin.Log.load(file, map, joint) for file in (*files, *held_out)}
     with run_folder(out, "calibrate") as (folder, scratch), console.progress(STEPS) as step:
         result = run(
             [logs[file] for file in files],

@@ -27,6 +27,9 @@ def identify(
     output: options.Output = None,
     ts: options.Ts = None,
     time: options.Time = None,
+    time_unit: options.TimeUnit = None,
+    map: options.Map = None,
+    range: options.Range = None,
     structure: Annotated[
         str, options.name("structure of the model; auto searches for one", [*structures.TABLE, AUTO])
     ] = recipes.DEFAULT,
@@ -48,7 +51,7 @@ def identify(
 ) -> None:
     """Fit a model to a recorded file and write a report.
 
-    Columns are detected in a log of `qpal simulate` and in a file of two columns.
+    Columns and units are detected where that is beyond doubt; qpal info FILE shows how a file is read.
     """
     setting = _setting(structure, settings, search, starts, options.seed(seed), resume)
     from sysid.report import identify as report
@@ -61,7 +64,19 @@ def identify(
         rounds = console.Rounds(step, ROUNDS)
         try:
             result = identify_file(
-                file, setting, input, output, ts, time, split, detrend, lambda: step("fitting"), candidate=rounds
+                file,
+                setting,
+                input,
+                output,
+                ts,
+                time,
+                split,
+                detrend,
+                lambda: step("fitting"),
+                candidate=rounds,
+                mapping=map,
+                range=options.time_range(range),
+                time_unit=time_unit,
             )
         except KeyboardInterrupt:
             if resume is None:

@@ -1,18 +1,30 @@
-"""`qpal info`: the twin's parameters, their sources, and the true properties of each joint."""
+"""`qpal info`: the twin's parameters and the truth of each joint; with a file, what the file holds."""
 
+import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import twin
+from sysid import formats
+from sysid.base.errors import InputError, unknown
+from sysid.base.files import write_text
 from twin.cli import console, options
 from twin.cli.output import check_writable_file, run_folder
 
+if TYPE_CHECKING:
+    from sysid.channels.guess import Given
+    from sysid.workflow.inspection import Inspection
+
+TS = 0.1  # [s] of the truth, if none is given
+File = Annotated[str | None, typer.Argument(metavar="[FILE]", help=f"a recorded table: {', '.join(formats.TABLE)}")]
+
 
 def info(
+    file: File = None,
     joint: Annotated[str | None, options.name("one joint; all joints if not given", twin.JOINTS)] = None,
-    ts: Annotated[float, options.number("S", "sampling time of the truth in seconds")] = 0.1,
+    ts: Annotated[float | None, options.number("S", "sampling time in seconds; of the truth, or of FILE")] = None,
     params: options.Params = None,
     write_params: Annotated[
         str | None, typer.Option(metavar="FILE", help="write all parameters to a .toml or .json file for editing")
@@ -23,10 +35,36 @@ def info(
             "--signatures", help="show the effect and measured size of each imperfection; takes ten seconds more"
         ),
     ] = False,
+    map: options.Map = None,
+    write_map: Annotated[
+        str | None, typer.Option(metavar="FILE.toml", help="write the mapping of FILE for editing")
+    ] = None,
+    input: options.Input = None,
+    output: options.Output = None,
+    time: options.Time = None,
+    time_unit: options.TimeUnit = None,
+    range: options.Range = None,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Show the twin's parameters with their sources, and the true values that an identification should find."""
+    """Show what a recorded FILE holds and how it is read: columns, units, sampling, repairs, the mapping to edit.
+
+    Without FILE, show the twin's parameters with their sources, and the true values that an identification should find.
+    """
+    if file is not None:
+        _none_given(f"with {file}", params=params, write_params=write_params, signatures=signatures or None)
+        _show_file(file, joint, _given(map, input, output, time, time_unit, ts), map, write_map, range, out, as_json)
+        return
+    _none_given(
+        "without a FILE",
+        map=map,
+        write_map=write_map,
+        input=input,
+        output=output,
+        time=time,
+        time_unit=time_unit,
+        range=range,
+    )
     from sysid.report.page import write
     from twin import parameter_file
     from twin.report import info as report
@@ -47,7 +85,7 @@ def info(
         if target is not None and not inside:
             check_writable_file(target)
         step("linearising the joints")
-        result = inform(joint, ts, parameters, params)
+        result = inform(joint, TS if ts is None else ts, parameters, params)
         found = measured(parameters, lambda name: step(f"signature of {name}")) if signatures else ()
         step("drawing")
         summary = result.as_dict() | ({"signatures": [one.as_dict() for one in found]} if found else {})
@@ -58,3 +96,67 @@ def info(
     *tables, made_with = report.terminal_tables(result)
     tables += [drawn.sizes(found)] if found else []
     console.finish(folder, summary, as_json, [*tables, made_with], said)
+
+
+def _show_file(
+    file: str,
+    joint: str | None,
+    given: "Given",
+    map: str | None,
+    write_map: str | None,
+    range: str | None,
+    out: str | None,
+    as_json: bool,
+) -> None:
+    from sysid.channels.mapping_file import check_map_path
+    from sysid.report import inspection as report
+    from sysid.report.page import write
+    from sysid.workflow.inspection import inspect_file
+
+    if joint is not None and joint not in twin.JOINTS:
+        raise unknown("joint", joint, twin.JOINTS)
+    if write_map is not None:
+        check_writable_file(check_map_path(write_map))
+    with run_folder(out, "info") as (folder, scratch), console.progress(2) as step:
+        step(f"reading {file}")
+        result = inspect_file(file, map, given, options.time_range(range), write_map)
+        step("drawing")
+        more = _compare(result, joint)
+        summary = result.as_dict()
+        write(scratch, report.page(result, more), summary)
+        inside = write_map is not None and Path(write_map).parent.resolve() == folder.resolve()
+        if write_map is not None:
+            write_text(scratch / Path(write_map).name if inside else write_map, result.text)
+    said = [*report.sentences(result), *more, *([] if write_map is None else [f"Mapping: {write_map}"])]
+    if not as_json:
+        print(result.text)
+    console.finish(folder, summary, as_json, report.terminal_tables(result), said)
+    if result.signals is None:
+        raise typer.Exit(1)
+
+
+def _given(
+    map: str | None, input: str | None, output: str | None, time: str | None, time_unit: str | None, ts: float | None
+) -> "Given":
+    from sysid.channels.guess import Given
+    from sysid.workflow.record import check_given
+
+    given = Given(input, output, time, time_unit, ts)
+    check_given(given, map)
+    return given
+
+
+def _compare(result: "Inspection", joint: str | None) -> list[str]:
+    """The command that lays the twin beside a leg's log."""
+    named = joint or str(result.meta.get("joint", ""))
+    s = result.signals
+    if named not in twin.JOINTS or s is None or [x.unit for x in s.output] != ["rad"]:
+        return []
+    words = ["qpal", "compare", str(result.path), "--joint", named]
+    return [f"Or, beside the twin: {shlex.join([*words, *result.options])}"]
+
+
+def _none_given(where: str, **values: Any) -> None:
+    for name, value in values.items():
+        if value is not None:
+            raise InputError(f"--{name.replace('_', '-')} is given {where}; leave it out")

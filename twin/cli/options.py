@@ -9,6 +9,7 @@ from sysid.base.errors import InputError
 from sysid.formats import TABLE as FORMATS
 
 if TYPE_CHECKING:
+    from sysid.channels.mapping import Range as TimeRange
     from twin.parameters import Parameters
 
 Out = Annotated[
@@ -55,7 +56,16 @@ RecordFile = Annotated[str, typer.Argument(metavar="FILE", help=f"a table: {', '
 Input = Annotated[str | None, typer.Option("--input", metavar="COL", help="column of the input")]
 Output = Annotated[str | None, typer.Option("--output", metavar="COL", help="column of the output")]
 Ts = Annotated[float | None, number("S", "sampling time in seconds")]
-Time = Annotated[str | None, typer.Option("--time", metavar="COL", help="time column in seconds, instead of --ts")]
+Time = Annotated[str | None, typer.Option("--time", metavar="COL", help="time column, instead of --ts")]
+TimeUnit = Annotated[
+    str | None, typer.Option("--time-unit", metavar="UNIT", help="unit of --time if its name has none: s, ms, us, ns")
+]
+Map = Annotated[
+    str | None, typer.Option("--map", metavar="FILE.toml", help="mapping from columns to channels; see qpal info FILE")
+]
+Range = Annotated[
+    str | None, typer.Option("--range", metavar="A:B", help="part of the record, in seconds after its first sample")
+]
 
 
 def orders(text: str, names: dict[str, int], example: str) -> dict[str, int]:
@@ -101,6 +111,14 @@ def seed(value: int) -> int:
     if value < 0:
         raise InputError(f"--seed is {value}; give a whole number of at least 0")
     return value
+
+
+def time_range(text: str | None) -> "TimeRange":
+    """The part of a record that --range names; all of it if it is not given."""
+    from sysid.channels.mapping import Range
+    from sysid.channels.reading import parse_range
+
+    return Range() if text is None else parse_range(text)
 
 
 def parameters(file: str | None) -> "Parameters | None":

@@ -31,6 +31,7 @@ def view(
     log: File = None,
     joint: Annotated[str | None, options.name("moving joint, if the log does not name it", twin.JOINTS)] = None,
     ghost: Ghost = None,
+    map: options.Map = None,
     speed: Annotated[float, options.number("X", "playback speed; 1 is real time")] = 1.0,
     start: Start = None,
     stop: Stop = None,
@@ -50,7 +51,7 @@ def view(
         raise InputError(f"--speed is {speed:g}; give a number from 0.001 to 1000")
     if port and not web:
         raise InputError(f"--port is {port} without --web; add --web, or leave --port out")
-    replay, names = _replay(log, ghost, joint, start, stop)
+    replay, names = _replay(log, ghost, joint, start, stop, map)
     if not (strip or frames or gif):
         from twin.view.open import show
 
@@ -70,11 +71,17 @@ def view(
 
 
 def _replay(
-    log: str | None, ghost: str | None, joint: str | None, start: float | None, stop: float | None
+    log: str | None,
+    ghost: str | None,
+    joint: str | None,
+    start: float | None,
+    stop: float | None,
+    map: str | None = None,
 ) -> tuple["Replay | None", list[str]]:
     """The replay and the names of its legs; None without a log."""
     if log is None:
-        for option, given in (("--joint", joint), ("--ghost", ghost), ("--start", start), ("--stop", stop)):
+        given_options = (("--joint", joint), ("--ghost", ghost), ("--map", map), ("--start", start), ("--stop", stop))
+        for option, given in given_options:
             if given is not None:
                 raise InputError(
                     f"{option} is given without a LOG; give the log to replay first: qpal view LOG {option} ..."
@@ -82,16 +89,21 @@ def _replay(
         return None, []
     from twin.view.replay import Replay
 
-    first = twin.Log.load(log)
+    first = twin.Log.load(log, map)
     leg = _movement(log, first, joint)
     shadow = None
     if ghost is not None:
-        second = twin.Log.load(ghost)
+        second = twin.Log.load(ghost, _own_map(ghost, map))
         alone = next(iter(leg.angles)) if len(leg.angles) == 1 and not second.joint else None
         shadow = _movement(ghost, second, joint or alone)
     parameters = twin.Parameters(first.meta.get("parameters_changed", {}))
     replay = Replay(leg, shadow, parameters, 0.0 if start is None else start, stop)
     return replay, [Path(path).name for path in (log, ghost) if path is not None]
+
+
+def _own_map(path: str, map: str | None) -> str | None:
+    """The mapping for a second log: none for one that this program wrote."""
+    return None if map is None or "joint" in formats.read_table(path).meta else map
 
 
 def _movement(path: str, log: twin.Log, joint: str | None) -> "Movement":

@@ -1,0 +1,235 @@
+"""A mapping from what a table shows, with the reason for each entry and what remains unclear."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.channels.guess_clock import ClockGuess, clock_of, guess_clock
+from sysid.channels.looks import Look, looks
+from sysid.channels.mapping import Channel, ChannelMap, Clock
+from sysid.channels.names import ASIDE, COUNTERS, INPUT, NEVER, OUTPUT, REFERENCE, label, unit_text
+from sysid.channels.units import COUNTS, convert, seconds
+from sysid.channels.values import numbers
+from sysid.data.table import Table
+
+OWN = ("voltage_V", "angle_rad")  # input and output of the logs that this program writes
+PLAIN_VOLTS = {"voltage", "volt", "volts"}  # of which quantity, another word says: pot_voltage
+STRONG = {"input": {"u", "input"}, "output": {"y", "output"}}
+MANY = 6  # names in a sentence
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A mapping; `why` are sentences for its entries, `unclear` those that a person has to decide.
+
+    `remarks` by entry ("clock.unit") stand beside the entry in the file.
+    """
+
+    mapping: ChannelMap
+    why: tuple[str, ...]
+    unclear: tuple[str, ...] = ()
+    remarks: Mapping[str, str] = field(default_factory=dict)
+
+    def sure(self, table: Table) -> ChannelMap:
+        """The mapping; raises InputError with the first thing that is unclear."""
+        if self.unclear:
+            raise InputError(f"{table.path}: {self.unclear[0]}")
+        return self.mapping
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a person has said already: columns, the unit of the clock, the sampling time [s]."""
+
+    input: str | None = None
+    output: str | None = None
+    time: str | None = None
+    time_unit: str | None = None
+    Ts: float | None = None
+
+
+def guess(table: Table, given: Given = Given()) -> Guess:
+    """Clock, input and output of a table by names, units and numbers, as far as they are not `given`.
+
+    It never picks one of two readings that are equally plausible: it says what is unclear. Raises InputError for a
+    table without columns of numbers and for a given column that it lacks.
+    """
+    columns = looks(table)
+    if not columns:
+        raise InputError(f"{table.path}: no column holds numbers; found {', '.join(table.names) or 'none'}")
+    for name in (given.input, given.output, given.time):
+        if name is not None and name not in columns:
+            numbers(table, name)  # which says what it lacks
+    timed = _clock(table, columns, given)
+    why, unclear, remarks = timed.why, timed.unclear, timed.remarks
+    clock = timed.clock or Clock()
+    rest = {name: look for name, look in columns.items() if name not in (clock.column, timed.aside)}
+    if given.input is None and given.output is None:
+        picked = _pair(table, rest, why, unclear)
+    else:
+        picked = {role: columns.get(getattr(given, role) or "") for role in ("input", "output")}
+        _say_missing(table, picked, unclear)
+    channels = {}
+    for role, look in picked.items():
+        if look is None:
+            remarks[f"{role}.column"] = f"CHOOSE one of {', '.join(rest)}"
+            channels[role] = Channel(column="")
+            continue
+        unit = unit_text(look.header)
+        channels[role] = Channel(column=look.name, unit=unit, name=label(Channel(column=look.name), role, unit))
+        _say_unit(role, look, unit, why, remarks)
+    mapping = ChannelMap(clock=clock, input=(channels["input"],), output=(channels["output"],))
+    return Guess(mapping, tuple(why), tuple(unclear), remarks)
+
+
+def _clock(table: Table, columns: Mapping[str, Look], given: Given) -> ClockGuess:
+    if given.time is not None:
+        try:
+            clock, why = clock_of(columns[given.time], given.time_unit)
+        except InputError as error:
+            raise InputError(f"{table.path}: {error}") from None
+        return ClockGuess(clock, why)
+    timed = guess_clock(columns)
+    if given.Ts is not None:
+        note = _other_step(timed, columns, given.Ts) if not timed.unclear else []
+        aside = timed.clock.column if timed.clock is not None and len(columns) > 2 else ""
+        return ClockGuess(Clock(Ts=given.Ts), note, aside=aside)
+    if timed.clock is None and (Ts := _stated(table)) is not None:
+        return ClockGuess(Clock(Ts=Ts), [f"the sampling time is {Ts:g} s: the file says so"])
+    if timed.clock is None:
+        timed.unclear.append(
+            "no sampling time is given; give it with --ts SECONDS or name a time column with --time (no column is a "
+            "clock)"
+        )
+        timed.remarks["clock.Ts"] = "NEEDED"
+    return timed
+
+
+def _other_step(timed: ClockGuess, columns: Mapping[str, Look], Ts: float) -> list[str]:
+    """A word about a clock that does not say what was given."""
+    if timed.clock is None:
+        return []
+    step = columns[timed.clock.column].step * seconds(timed.clock.unit)
+    if abs(step - Ts) <= 0.01 * Ts:
+        return []
+    return [f"the sampling time is {Ts:g} s as given; column {timed.clock.column!r} steps by {step:.6g} s"]
+
+
+def _say_missing(table: Table, picked: Mapping[str, Look | None], unclear: list[str]) -> None:
+    missing = [role for role in ("input", "output") if picked[role] is None]
+    if missing:
+        wanted = " and one with ".join(f"--{role}" for role in missing)
+        unclear.append(f"found {len(table.names)} columns ({', '.join(table.names)}); name one with {wanted}")
+
+
+def _pair(table: Table, rest: Mapping[str, Look], why: list[str], unclear: list[str]) -> dict[str, Look | None]:
+    """Input and output among the columns that are not the clock; None where it is unclear."""
+    if OWN[0] in rest and OWN[1] in rest:
+        why.append(f"read column {OWN[0]!r} as the input and {OWN[1]!r} as the output: a log of this program")
+        return {"input": rest[OWN[0]], "output": rest[OWN[1]]}
+    found = {role: _one(role, _candidates(rest, role), why, unclear, rest) for role in ("input", "output")}
+    if len(table.names) == 2 and len(rest) == 2:
+        first, second = rest.values()
+        turned = found["input"] is second or found["output"] is first
+        if not unclear and (found["input"] is None or found["input"] is not found["output"]):
+            pair = (second, first) if turned else (first, second)
+            why[:] = [f"read column {pair[0].name!r} as the input and {pair[1].name!r} as the output"]
+            return dict(zip(("input", "output"), pair, strict=True))
+    if unclear:
+        return {"input": None, "output": None} | {role: look for role, look in found.items() if look}
+    for role, other in (("input", "output"), ("output", "input")):
+        if found[role] is None and found[other] is not None:
+            found[role] = _left_over(role, found[other], rest, why)
+    _say_missing(table, found, unclear)
+    return found
+
+
+def _candidates(rest: Mapping[str, Look], role: str) -> list[Look]:
+    """Columns whose names say the role; without one, columns whose units say it."""
+    moving = [look for look in rest.values() if not look.constant] or list(rest.values())
+    named = [look for look in moving if _role(look) == role]
+    strong = [look for look in named if look.header.words <= STRONG[role] and look.header.words]
+    if len(strong) == 1 and not any(look.header.has(REFERENCE) for look in named):
+        return strong
+    if named:
+        return named
+    free = [look for look in moving if _role(look) == "" and look.header.unit]
+    units = ("V", "1") if role == "input" else ("rad",)
+    return [look for look in free if convert(look.header.unit).unit in units]
+
+
+def _role(look: Look) -> str:
+    """What the words of the name say: input, output, both, none of them, or nothing."""
+    head = look.header
+    if head.has(NEVER) or head.base.lower() in COUNTERS:
+        return "none"
+    to, of = head.has(INPUT | REFERENCE), head.has(OUTPUT)
+    if head.has(REFERENCE):
+        return "input"
+    if to and of:
+        return "output" if head.words & INPUT <= PLAIN_VOLTS else "both"
+    if head.has(ASIDE) and not head.has(STRONG["input"] | STRONG["output"]):
+        return "none"
+    return "input" if to else "output" if of else ""
+
+
+def _one(role: str, found: list[Look], why: list[str], unclear: list[str], rest: Mapping[str, Look]) -> Look | None:
+    """The one candidate; None if there is none or several."""
+    both = [look for look in rest.values() if _role(look) == "both"]
+    if both:
+        unclear.append(
+            f"the name {both[0].name!r} fits an input and an output; name the columns with --input and --output"
+        )
+        return None
+    if role == "input" and len(found) > 1:
+        supplies = [look for look in found if look.barely_varies and not look.header.has(REFERENCE)]
+        if supplies and len(supplies) < len(found):
+            names = " and ".join(repr(look.name) for look in supplies)
+            why.append(f"{names} barely varies, so it is taken for a supply and not for the input")
+            found = [look for look in found if look not in supplies]
+    if len(found) > 1:
+        names = ", ".join(repr(look.name) for look in found[:MANY])
+        unclear.append(f"columns {names} may each be the {role}; name one with --{role}")
+        return None
+    if not found:
+        return None
+    look = found[0]
+    by = "name" if _role(look) == role else "unit"
+    what = ", a reference (the record of a servo)" if role == "input" and look.header.has(REFERENCE) else ""
+    why.append(f"column {look.name!r} is the {role}{what}: its {by} says so")
+    return look
+
+
+def _left_over(role: str, taken: Look | None, rest: Mapping[str, Look], why: list[str]) -> Look | None:
+    """The only other column that moves, if its name does not speak against the role."""
+    others = [look for look in rest.values() if look is not taken and not look.constant]
+    if len(others) != 1 or _role(others[0]) == "none" or _role(others[0]) not in ("", role):
+        return None
+    why.append(f"column {others[0].name!r} is the {role}: it is the only other one")
+    return others[0]
+
+
+def _stated(table: Table) -> float | None:
+    """The sampling time [s] in what the writer said of the record."""
+    value = table.meta.get("Ts")
+    usable = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value) and value > 0
+    return float(value) if usable else None
+
+
+def _say_unit(role: str, look: Look, unit: str, why: list[str], remarks: dict[str, str]) -> None:
+    found = convert(unit)
+    entry = f"unit of [[{role}]] in a mapping"
+    if unit == "":
+        why.append(f"column {look.name!r} names no unit: its numbers stay as they are; set {entry} if you know it")
+        remarks[f"{role}.unit"] = "not known: set it"
+    elif unit == COUNTS:
+        why.append(f"column {look.name!r} holds counts: its numbers stay as they are; set adc or scale of [[{role}]]")
+    elif not found.known:
+        why.append(f"column {look.name!r} has the unknown unit {unit!r}: its numbers stay as they are")
+        remarks[f"{role}.unit"] = "not known: the numbers stay as they are"
+    elif found.unit != unit:
+        why.append(
+            f"column {look.name!r} goes from {unit} to {found.unit or 'a plain number'}: its header names {unit}"
+        )

@@ -1,0 +1,167 @@
+"""Which column is the clock, in what unit, and whether it wrapped: by name, by unit, then by the numbers alone."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.channels.looks import Look
+from sysid.channels.mapping import Bits, Clock
+from sysid.channels.names import ASIDE, CLOCK, COUNTERS, INPUT, NEVER, OUTPUT, REFERENCE, UNIT_OF_CLOCK
+from sysid.channels.units import convert
+
+OWN = "time_s"  # in the logs that this program writes
+UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+STEPS = (2e-4, 10.0)  # [s] between samples of an actuator's log; a unit that gives another step is implausible
+SINCE_1970 = (1e9, 4e9)  # [s] stamps of the years 2001 to 2096
+WRAPS: tuple[Bits, ...] = (16, 32)
+NEAR_WRAP = 20  # steps: a counter that starts again was at most so far from its end
+
+
+@dataclass
+class ClockGuess:
+    """The clock, None if there is none; why; what is unclear; and remarks on entries of the mapping.
+
+    `aside` is a column of stamps that are not used.
+    """
+
+    clock: Clock | None = None
+    why: list[str] = field(default_factory=list)
+    unclear: list[str] = field(default_factory=list)
+    remarks: dict[str, str] = field(default_factory=dict)
+    aside: str = ""
+
+
+def guess_clock(columns: Mapping[str, Look]) -> ClockGuess:
+    """The clock among the columns of a table."""
+    found = ClockGuess()
+    named = _named(columns)
+    if not named:
+        _by_numbers(columns, found)
+        return found
+    look = named[0]
+    if len(named) > 1:
+        chosen = _one_of(named)
+        if chosen is None:
+            names = ", ".join(repr(each.name) for each in named)
+            found.unclear.append(f"{names} may each be the clock and do not agree; name one with --time")
+            found.remarks["clock.column"] = f"not sure: one of {names}"
+            found.clock = Clock(column=look.name)
+            return found
+        look = chosen
+        others = ", ".join(repr(each.name) for each in named if each is not look)
+        found.why.append(f"column {look.name!r} is the clock; {others} shows the same time")
+    describe(look, found)
+    return found
+
+
+def describe(look: Look, found: ClockGuess) -> None:
+    """Puts the clock of this column into `found`: its unit, why, and whether it wrapped."""
+    unit, why = _unit(look)
+    if unit is None:
+        found.unclear.append(why)
+        found.remarks["clock.unit"] = "NOT SURE"
+    else:
+        found.why.append(f"column {look.name!r} is the clock, in {unit}: {why}")
+    wrap = _wrap(look)
+    if wrap:
+        found.why.append(f"the clock is a counter of {wrap} bits: it falls from near 2^{wrap} to near 0")
+    found.clock = Clock(column=look.name, unit=unit or "s", wrap=wrap)
+
+
+def clock_of(look: Look, unit: str | None = None) -> tuple[Clock, list[str]]:
+    """The clock of a named column, and why it is read so. Raises InputError if its unit is unclear."""
+    if unit is not None:
+        return Clock(column=look.name, unit=unit, wrap=_wrap(look)), []
+    found = ClockGuess()
+    describe(look, found)
+    if found.unclear:
+        raise InputError(found.unclear[0])
+    assert found.clock is not None
+    return found.clock, found.why
+
+
+def _named(columns: Mapping[str, Look]) -> list[Look]:
+    """Columns that are clocks by name or by unit, and rise."""
+    if OWN in columns:
+        return [columns[OWN]]
+    rising = [look for look in columns.values() if not look.constant and (look.rises or _wrap(look))]
+    by_name = [look for look in rising if look.header.has(CLOCK) or look.header.base.lower() in CLOCK]
+    by_unit = [look for look in rising if look not in by_name and convert(look.header.unit).is_time]
+    return by_name or by_unit
+
+
+def _one_of(named: Sequence[Look]) -> Look | None:
+    """The clock with the finest steps of several that show the same time in known units."""
+    steps = []
+    for look in named:
+        unit, _ = _unit(look)
+        if unit is None:
+            return None
+        steps.append(look.step * convert(unit).factor)
+    if max(steps) > 1.01 * min(steps):
+        return None
+    return max(named, key=lambda look: len(np.unique(look.finite)))
+
+
+def _by_numbers(columns: Mapping[str, Look], found: ClockGuess) -> None:
+    """A column without a telling name that ticks."""
+    spoken_for = INPUT | REFERENCE | OUTPUT | NEVER | ASIDE | COUNTERS
+    ticking = [look for look in columns.values() if look.ticks and not look.header.has(spoken_for)]
+    ticking = [look for look in ticking if not look.header.unit or convert(look.header.unit).is_time]
+    if len(ticking) != 1:
+        return
+    look = ticking[0]
+    if look.step == 1.0 and look.whole:
+        found.unclear.append(
+            f"column {look.name!r} counts by 1: samples, or a clock; give the sampling time with --ts, or name the "
+            "clock with --time and --time-unit"
+        )
+        found.clock = Clock(column=look.name)
+        found.remarks["clock.column"] = "NOT SURE: it may count samples"
+        return
+    found.why.append(f"column {look.name!r} rises in equal steps, as a clock does")
+    describe(look, found)
+
+
+def _unit(look: Look) -> tuple[str | None, str]:
+    """The unit of a clock and why, or None and what is unclear."""
+    if look.header.unit:
+        if convert(look.header.unit).is_time:
+            return look.header.unit, "its header says so"
+        return None, f"column {look.name!r} may be the clock, but its unit {look.header.unit!r} is no unit of time"
+    words = [UNIT_OF_CLOCK[word] for word in look.header.words if word in UNIT_OF_CLOCK]
+    if words:
+        return words[0], "its name says so"
+    largest, step = float(np.abs(look.finite).max()), look.step
+    for unit, size in {**UNITS, "ns": 1e-9}.items():
+        if SINCE_1970[0] <= largest * size <= SINCE_1970[1] and step * size <= STEPS[1]:
+            return unit, "its stamps count from 1970"
+    fits = [u for u, size in UNITS.items() if STEPS[0] <= step * size <= STEPS[1]]
+    if len(fits) == 1:
+        return fits[0], (
+            f"it names no unit, and its steps of {step:.6g} are plausible in {fits[0]} alone (a step from "
+            f"{STEPS[0]:g} to {STEPS[1]:g} s)"
+        )
+    readings = " or ".join(f"{step * UNITS[u]:.6g} s (if in {u})" for u in fits or UNITS)
+    return None, (
+        f"column {look.name!r} names no unit, and its steps of {step:.6g} may be {readings}; say which with "
+        "--time-unit, or as unit of [clock] in a mapping"
+    )
+
+
+def _wrap(look: Look) -> Bits:
+    """Bits of the counter if every fall of the numbers is one of its wraps, else 0."""
+    x = look.finite
+    if len(x) < 3 or not look.whole or x.min() < 0:
+        return 0
+    steps = np.diff(x)
+    falls = steps[steps < 0]
+    if not len(falls) or len(falls) > 0.1 * len(steps):
+        return 0
+    for bits in WRAPS:
+        period = 2.0**bits
+        if x.max() < period and np.all((falls + period > 0) & (falls + period <= NEAR_WRAP * look.step)):
+            return bits
+    return 0

@@ -1,0 +1,164 @@
+"""ChannelMap: which columns of a file are time, input and output, in what units, and what is done about gaps."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from sysid.base.errors import InputError
+from sysid.channels.complaints import MappingError, complaint
+from sysid.channels.units import seconds
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Whole = Annotated[int, Field(strict=True)]
+Text = Annotated[str, Field(strict=True)]
+Pair = tuple[Number, Number]
+Bits = Literal[0, 8, 16, 24, 32]
+
+
+class _Part(BaseModel):
+    """One table of the file; a field's description is its comment there."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def __init__(self, **values: Any) -> None:
+        """Raises InputError with what was found and what is allowed."""
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise MappingError(*complaint(error, type(self))) from None
+
+
+class Clock(_Part):
+    """Where the time of a sample comes from: a column of stamps, or Ts alone."""
+
+    column: Text = Field("", description='column of the time stamps; "" if there is none, then Ts is needed')
+    unit: Text = Field("s", description="unit of the stamps: s, ms, us, ns, min")
+    wrap: Bits = Field(0, description="bits after which the counter starts again at 0: 8, 16, 24, 32; 0: never")
+    Ts: Annotated[Number, Field(gt=0)] | None = Field(
+        None, description="[s] sampling time of the record; left out: that of the stamps"
+    )
+
+    @model_validator(mode="after")
+    def _makes_sense(self) -> Self:
+        try:
+            seconds(self.unit)
+        except InputError as error:
+            raise MappingError(("unit",), f"unit is {error}") from None
+        if not self.column and self.wrap:
+            raise InputError(f"wrap is {self.wrap} and there is no column; name the column of the stamps")
+        return self
+
+
+class Adc(_Part):
+    """A straight line through two points, from counts to values."""
+
+    counts: Pair | None = Field(None, description="two readings [counts], or give bits")
+    bits: Annotated[Whole, Field(ge=1, le=32)] | None = Field(None, description="bits = 10 is counts = [0, 1023]")
+    value: Pair = Field(description="the values at these readings")
+
+    @model_validator(mode="after")
+    def _makes_sense(self) -> Self:
+        if (self.counts is None) == (self.bits is None):
+            raise InputError("an adc needs counts or bits, one of the two: {counts = [0, 1023], value = [-2.4, 2.4]}")
+        if self.counts is not None and self.counts[0] == self.counts[1]:
+            raise InputError(f"counts are [{self.counts[0]:g}, {self.counts[1]:g}]; give two different readings")
+        if self.value[0] == self.value[1]:
+            raise InputError(f"value is [{self.value[0]:g}, {self.value[1]:g}]; give two different values")
+        return self
+
+    def line(self) -> tuple[float, float, float, float]:
+        """Two readings and their values."""
+        low, high = self.counts if self.counts is not None else (0.0, float(2 ** (self.bits or 1) - 1))
+        return low, high, *self.value
+
+
+class Channel(_Part):
+    """How the numbers of a column become a signal.
+
+    value = sign (scale x + offset) in `unit`, where x is the number in the file (after `signed`, `adc` and `times`).
+    Then the value is converted to SI.
+    """
+
+    column: Text = Field(description="column of the file")
+    name: Text = Field("", description="name in reports")
+    unit: Text = Field("", description="unit of the value: V, mV, rad, deg, rev, counts, percent, ...; becomes SI")
+    scale: Number = Field(1.0, description="value = sign * (scale * number + offset)")
+    offset: Number = Field(0.0, description="in the unit of the value")
+    sign: Literal[1, -1] = Field(1, description="-1 turns the direction round")
+    adc: Adc | None = Field(
+        None, description="counts to values by two points, before scale; bits = 10 stands for counts = [0, 1023]"
+    )
+    signed: Bits = Field(0, description="bits of a two's complement word that was logged without its sign; 0: none")
+    times: Text = Field("", description="column that multiplies the number, such as the supply of a duty")
+    between: Literal["", "held", "line"] = Field(
+        "", description='between samples: "held" or "line"; "" is held for an input, a line for an output'
+    )
+
+    @model_validator(mode="after")
+    def _makes_sense(self) -> Self:
+        if self.scale == 0:
+            raise InputError("scale is 0, which makes a constant of the channel; give the value of one unit")
+        return self
+
+
+class Repair(_Part):
+    """What is done about samples that are not where they should be."""
+
+    duplicates: Literal["first", "mean", "refuse"] = Field(
+        "first", description='rows of one stamp: "first" keeps the first, "mean" averages them, or "refuse"'
+    )
+    backward: Literal["refuse", "drop"] = Field(
+        "refuse", description='a stamp that runs back: "refuse", or "drop" its row'
+    )
+    jitter: Annotated[Number, Field(ge=0, lt=0.5)] = Field(
+        0.01, description="part of a step by which stamps may be off and still count as uniform; more is interpolated"
+    )
+    empty: Literal["refuse", "fill"] = Field(
+        "refuse", description='cells without a value: "refuse", or "fill" them like lost samples'
+    )
+    longest_gap: Annotated[Whole, Field(ge=0)] = Field(
+        3, description="lost samples in a row that are filled; a longer gap is refused"
+    )
+    most_lost: Annotated[Number, Field(ge=0, le=1)] = Field(
+        0.1, description="part of the record that may be lost altogether"
+    )
+
+
+class Range(_Part):
+    """The part of the file that is the record."""
+
+    start: Number | None = Field(None, description="[s] after the first stamp; left out: from the first row")
+    stop: Number | None = Field(None, description="[s] after the first stamp; left out: to the last row")
+    active: Text = Field("", description="column that is not 0 while the record lasts: the first such rows are kept")
+
+    @model_validator(mode="after")
+    def _makes_sense(self) -> Self:
+        if self.start is not None and self.stop is not None and not self.start < self.stop:
+            raise InputError(f"start is {self.start:g} s and stop is {self.stop:g} s; give a start before the stop")
+        return self
+
+
+class ChannelMap(_Part):
+    """From the columns of a file to the signals of a record; `other` are kept beside inputs and outputs."""
+
+    clock: Clock = Clock()
+    input: tuple[Channel, ...] = ()
+    output: tuple[Channel, ...] = ()
+    other: tuple[Channel, ...] = ()
+    repair: Repair = Repair()
+    range: Range = Range()
+
+    def columns(self) -> dict[str, str]:
+        """Every column that is read, and the entry of the file that names it."""
+        found = {self.clock.column: "clock.column", self.range.active: "range.active"}
+        for role in ROLES:
+            channels = getattr(self, role)
+            for k, channel in enumerate(channels):
+                where = f"{role}{f' {k + 1}' if len(channels) > 1 else ''}"
+                found.setdefault(channel.column, f"{where}.column")
+                found.setdefault(channel.times, f"{where}.times")
+        found.pop("", None)
+        return found
+
+
+ROLES = ("input", "output", "other")

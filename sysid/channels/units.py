@@ -1,0 +1,154 @@
+"""Units of recorded columns by pint, and what a channel becomes: SI, with the radian as a dimension of its own.
+
+The registry has the units of rigs alone. pint's own has thousands, in which a column `u` is an atomic mass unit, `t` a
+metric ton and a radian the number one.
+"""
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from sysid.base.errors import InputError
+
+SI = ("s", "V", "rad", "rad/s", "A", "m", "m/s", "N", "N*m", "1")  # read as they are, without loading pint
+COUNTS = "counts"  # of a converter or an encoder: numbers without a unit until a calibration gives them one
+DEFINITIONS = """
+nano- = 1e-9 = n-
+micro- = 1e-6 = u-
+milli- = 1e-3 = m-
+centi- = 1e-2 = c-
+kilo- = 1e3 = k-
+second = [time] = s = sec
+minute = 60 * second = min
+hour = 3600 * second = hr
+hertz = 1 / second = Hz
+radian = [angle] = rad
+degree = 0.017453292519943295 * radian = deg
+revolution = 6.283185307179586 * radian = rev = turn
+rpm = revolution / minute
+arcminute = degree / 60 = arcmin
+volt = [voltage] = V
+ampere = [current] = A = amp
+metre = [length] = m = meter
+newton = [force] = N
+kilogram = [mass] = kg
+gram = 1e-3 * kilogram = g
+""".strip()
+WORDS = {  # spellings that are no units of the registry; looked up in small letters where the text itself is none
+    "volt": "V",
+    "volts": "V",
+    "v": "V",
+    "millivolt": "mV",
+    "millivolts": "mV",
+    "amps": "A",
+    "radians": "rad",
+    "radian": "rad",
+    "degrees": "deg",
+    "degree": "deg",
+    "deg": "deg",
+    "rad": "rad",
+    "s": "s",
+    "sec": "s",
+    "secs": "s",
+    "seconds": "s",
+    "ms": "ms",
+    "msec": "ms",
+    "msecs": "ms",
+    "millis": "ms",
+    "milliseconds": "ms",
+    "us": "us",
+    "usec": "us",
+    "usecs": "us",
+    "micros": "us",
+    "microseconds": "us",
+    "nsec": "ns",
+    "nanos": "ns",
+    "nanoseconds": "ns",
+    "rpm": "rpm",
+    "rev/min": "rpm",
+    "rps": "rev/s",
+    "revs": "rev",
+    "nm": "N*m",
+    "%": "percent",
+    "pct": "percent",
+    "percent": "percent",
+    "count": COUNTS,
+    "counts": COUNTS,
+    "cts": COUNTS,
+    "lsb": COUNTS,
+    "ticks": COUNTS,
+    "tick": COUNTS,
+    "-": "1",
+    "": "",
+}
+_SIGNS = str.maketrans({"µ": "u", "μ": "u", "·": "*", "×": "*", "°": "deg", "º": "deg", "²": "^2", "⁻": "-", "¹": "1"})
+_TERM = r"(?:[A-Za-z]+(?:\^?-?[1-9])?|1)"
+_UNIT = re.compile(rf"{_TERM}(?:\s*[*/.]\s*{_TERM}|\s+{_TERM}){{0,3}}")  # nothing that could compute for long
+_TIME = "[time]"
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """Numbers in a unit times `factor` are numbers in `unit`; `known` is False for a unit that stays as it is."""
+
+    unit: str
+    factor: float
+    known: bool = True
+
+    @property
+    def is_time(self) -> bool:
+        """Whether the numbers become seconds."""
+        return self.unit == "s"
+
+
+def convert(text: str) -> Conversion:
+    """What a unit as a file writes it becomes: degrees rad, mV V, rpm rad/s, ms s, percent the number one.
+
+    Counts, no unit and unknown units stay as they are.
+    """
+    return _convert(" ".join(text.split()))
+
+
+def seconds(text: str) -> float:
+    """Seconds in one unit of time. Raises InputError for another unit."""
+    found = convert(text)
+    if not (found.known and found.is_time):
+        raise InputError(f"{text!r} is no unit of time; give s, ms, us, ns or min")
+    return found.factor
+
+
+@cache
+def _convert(text: str) -> Conversion:
+    if text in SI or text == COUNTS:
+        return Conversion(text, 1.0)
+    if text == "":
+        return Conversion("", 1.0, False)
+    plain = text.translate(_SIGNS)
+    found = _by_pint(plain)
+    if found is None:
+        word = WORDS.get(text.lower(), WORDS.get(plain.lower()))
+        if word == "percent":
+            return Conversion("1", 0.01)
+        found = Conversion(word, 1.0) if word in (*SI, COUNTS) else _by_pint(word) if word else None
+    return found or Conversion(text, 1.0, False)
+
+
+def _by_pint(text: str) -> Conversion | None:
+    if not _UNIT.fullmatch(text):
+        return None
+    spelled = re.sub(r"([A-Za-z])(-?[1-9])", r"\1^\2", text).replace(".", "*")
+    try:
+        value = _registry().Quantity(1.0, spelled.replace("^", "**")).to_root_units()
+    except Exception:  # pint has an error of its own for each way of being no unit: each means that it is unknown
+        return None
+    unit = f"{value.units:~}".replace(" ", "").replace("**", "^").replace("m*N", "N*m")
+    return Conversion(unit or "1", float(value.magnitude))
+
+
+@cache
+def _registry() -> Any:
+    """Built on first use: pint takes a quarter of a second to load."""
+    import pint
+
+    return pint.UnitRegistry(DEFINITIONS.splitlines(), on_redefinition="raise")

@@ -1,0 +1,133 @@
+"""The rows of a text table below its header as columns of numbers, block by block, with what its commas mean."""
+
+from array import array
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.formats._cells import Layout, Part, cut, numbers, part
+from sysid.formats._text import blocks
+
+if TYPE_CHECKING:
+    import polars
+
+WITH_COMMA = r"^\s*[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?\s*$"
+WITH_POINT = r"^\s*[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d+)?\s*$"
+THOUSANDS = r"^\s*[+-]?[1-9]\d{0,2},\d{3}\s*$"
+
+
+class Body:
+    """Reads the rows of the columns `names` from row `start` on; `notes` says what it left out or assumed."""
+
+    def __init__(self, path: Path, names: Sequence[str], layout: Layout, start: int) -> None:
+        self.path, self.names, self.layout, self.start = path, names, layout, start
+        self.decimal = "."
+        self.notes: list[str] = []
+        self.rows: Sequence[int] = ()
+        self.columns: list[Sequence[str] | np.ndarray] = []
+
+    def read(self) -> None:
+        """Fills `rows` and `columns`; a column with a cell that is not a number stays text."""
+        comma = self._pass()
+        if comma:  # a comma inside a cell: it is read once more, with the comma as the decimal mark
+            self.decimal = ","
+            self._check_commas(comma)
+            self._pass()
+            self.notes.append(f"read commas as decimal marks, as in {comma[1]!r} in row {comma[0]}")
+
+    def _pass(self) -> tuple[int, str] | None:
+        """Reads all columns; instead row and text of the first number with a comma, if that is not the mark yet."""
+        kept: list[list[np.ndarray] | None] = [[] for _ in range(self.layout.width)]
+        rows: list[Sequence[int]] = []
+        for block in self._parts():
+            rows.append(block.rows)
+            for j, column in enumerate(block.columns):
+                values = numbers(column, self.decimal)
+                if values is None and self.decimal == "." and (k := _first(column, WITH_COMMA)) is not None:
+                    return int(block.rows[k]), column[k]
+                parts = kept[j]
+                if values is None or parts is None:
+                    kept[j] = None
+                else:
+                    parts.append(values)
+        texts = self._texts([j for j, parts in enumerate(kept) if parts is None])
+        self.columns = []
+        for j in range(self.layout.width):
+            parts, kept[j] = kept[j], None  # one column after the other, so that no number is held twice for long
+            self.columns.append(texts[j] if parts is None else np.concatenate(parts) if parts else np.empty(0))
+        self.rows = _joined(rows)
+        return None
+
+    def _texts(self, wanted: list[int]) -> dict[int, list[str]]:
+        found: dict[int, list[str]] = {j: [] for j in wanted}
+        if wanted:
+            for block in self._parts():
+                for j in wanted:
+                    found[j] += block.columns[j].str.strip_chars().to_list()
+        return found
+
+    def _parts(self) -> Iterator[Part]:
+        """The blocks; a last line that was cut is left out and noted."""
+        self.notes = []
+        source = blocks(self.path)
+        after = next(source, None)
+        while after is not None:
+            (row, block), after = after, next(source, None)
+            if row < self.start:
+                block = block.split(b"\n", self.start - row)[-1]
+                row = self.start
+            if after is None and not block.endswith(b"\n"):
+                block = self._without_cut_line(row, block)
+            if block:
+                yield part(self.path, row, block, self.layout)
+
+    def _without_cut_line(self, row: int, block: bytes) -> bytes:
+        last = row + block.count(b"\n")
+        block, was_cut = cut(block, self.layout, self.decimal)
+        if was_cut:
+            self.notes.append(f"left out row {last}, the last, which is cut off")
+        elif was_cut is None:
+            self.notes.append(
+                f"row {last}, the last, has no line end; if the file was cut there, its last number is wrong"
+            )
+        return block
+
+    def _check_commas(self, comma: tuple[int, str]) -> None:
+        """Refuses a file with both marks, and one whose commas may as well part thousands."""
+        clear = self.layout.separator == ";"  # which is the separator because the comma is the mark
+        for block in self._parts():
+            for j, column in enumerate(block.columns):
+                if (k := _first(column, WITH_POINT)) is not None:
+                    raise InputError(
+                        f"{self.path}, row {block.rows[k]}, column {self.names[j]!r}: found {column[k]!r} with a point "
+                        f"where row {comma[0]} has {comma[1]!r} with a comma; write all numbers with a decimal point"
+                    )
+                clear = clear or (column.str.contains(WITH_COMMA) & ~column.str.contains(THOUSANDS)).any()
+        if not clear:
+            raise InputError(
+                f"{self.path}, row {comma[0]}: found {comma[1]!r}, whose comma may be a decimal mark or part "
+                "thousands; write the numbers with a decimal point and without thousands marks"
+            )
+
+
+def _first(column: "polars.Series", pattern: str) -> int | None:
+    """The place of the first cell that matches."""
+    places = column.str.contains(pattern).arg_true()
+    return int(places[0]) if len(places) else None
+
+
+def _joined(rows: list[Sequence[int]]) -> Sequence[int]:
+    """The row numbers of all blocks; one range where no line was skipped."""
+    rows = [each for each in rows if len(each)]
+    if not rows:
+        return ()
+    whole = range(rows[0][0], rows[-1][-1] + 1)
+    if len(whole) == sum(map(len, rows)):
+        return whole
+    found = array("q")
+    for each in rows:
+        found.extend(each)
+    return found

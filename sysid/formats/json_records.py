@@ -1,0 +1,284 @@
+"""JSON: a list of samples, columns as lists, or such lists among what else was said of the record; and JSON lines."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.data.table import Table
+from sysid.formats._units import units_of
+
+LINES = object()  # stands for a file that holds one value a line
+
+
+class JsonRecords:
+    """Reads .json and .jsonl (one sample a line).
+
+    Samples are objects, one column a key: a nested key is called a.b, element k (from 0) of a list a[k]. An object may
+    hold lists of numbers, which are columns, or lists of samples, whose columns are called list.key unless there is but
+    one list. All else in it is `meta`. true and false are 1 and 0; null is no value.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".json", ".jsonl", ".ndjson")
+    written: ClassVar[tuple[str, ...]] = ()
+    headed: ClassVar[bool] = False
+
+    def read(self, path: Path) -> Table:
+        """The columns of `path`; raises InputError if it is no JSON or holds no samples."""
+        try:
+            found = _Found(path)
+            value = _value(path) if path.suffix.lower() == ".json" else LINES
+            if value is LINES:
+                found.take_lines(_lines(path, found.notes))
+            else:
+                found.take(value)
+            return found.table()
+        except RecursionError:
+            raise InputError(
+                f"{path} is not a readable JSON file (nested too deep); save it as a list of samples"
+            ) from None
+
+    def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
+        """Never called: no suffix is written."""
+        raise NotImplementedError
+
+    def header(self, path: Path) -> str:
+        """None: what was said of the record stands beside the samples."""
+        return ""
+
+
+class _Found:
+    """Columns found so far: cells by name, and the numbers of their entries or rows."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.place = "entry"
+        self.columns: dict[str, list[Any]] = {}
+        self.rows: dict[str, Sequence[int]] = {}
+        self.meta: dict[str, Any] = {}
+        self.notes: list[str] = []
+
+    def take(self, value: Any) -> None:
+        """A whole file's value."""
+        if isinstance(value, list):
+            self._list("", value, range(1, len(value) + 1))
+        elif isinstance(value, dict):
+            self._object("", value, self.meta)
+        else:
+            raise InputError(f"{self.path} holds {_short(value)} and no samples; give a list of samples or columns")
+
+    def take_lines(self, lines: list[tuple[int, Any]]) -> None:
+        """The values of the lines of a file, with their row numbers; a first one unlike the others is `meta`."""
+        self.place = "row"
+        if len(lines) > 1 and all(isinstance(value, dict) for _, value in lines[:2]):
+            first, second = (value for _, value in lines[:2])
+            if not set(first) & set(second):
+                self.meta |= first
+                lines = lines[1:]
+        self._list("", [value for _, value in lines], [row for row, _ in lines])
+
+    def _object(self, prefix: str, value: dict[str, Any], meta: dict[str, Any]) -> None:
+        names: list[Any] = value.get("columns") or []
+        data: list[Any] = value.get("data") or []
+        if _all(names, str) and _all(data, list) and all(len(row) == len(names) for row in data):  # as pandas splits it
+            samples = [dict(zip(names, row, strict=True)) for row in data]
+            self._list(prefix, samples, range(1, len(samples) + 1))
+            return
+        value = {key: _numbered(each) for key, each in value.items()}
+        lists = [key for key, each in value.items() if isinstance(each, list) and _is_signal(each)]
+        for key, each in value.items():
+            if key in lists:
+                alone = len(lists) == 1 and isinstance(each[0], dict)
+                self._list(prefix if alone else _joined(prefix, key), each, range(1, len(each) + 1))
+            elif isinstance(each, dict):
+                below: dict[str, Any] = {}
+                self._object(_joined(prefix, key), each, below)
+                if below or not each:
+                    meta[key] = below
+            else:
+                meta[key] = each
+
+    def _list(self, prefix: str, entries: list[Any], rows: Sequence[int]) -> None:
+        if not entries:
+            raise InputError(f"{self.path} has no samples; give a list of at least one")
+        kind = _kind(entries[0])
+        for row, entry in zip(rows, entries, strict=True):
+            if _kind(entry) != kind and entry is not None and entries[0] is not None:
+                raise InputError(
+                    f"{self.path}, {self.place} {row}: found {_short(entry)} where {self.place} {rows[0]} has "
+                    f"{_short(entries[0])}; give every sample the same form"
+                )
+        if kind == "number":
+            self._column(prefix or "1", entries, rows)
+            return
+        if kind == "list":
+            entries, rows = self._rows_of(entries, rows), rows
+            if len(entries) != len(rows):
+                rows = range(1, len(entries) + 1)
+            shown = [{f"{prefix}:{j + 1}" if prefix else str(j + 1): cell for j, cell in enumerate(e)} for e in entries]
+        else:
+            shown = [dict(_flat(prefix, entry or {})) for entry in entries]
+        for name in dict.fromkeys(name for sample in shown for name in sample):
+            self._column(name, [sample.get(name) for sample in shown], rows)
+
+    def _rows_of(self, entries: list[list[Any]], rows: Sequence[int]) -> list[list[Any]]:
+        """A matrix by samples, along its longer side."""
+        for row, entry in zip(rows, entries, strict=True):
+            if len(entry) != len(entries[0]):
+                raise InputError(
+                    f"{self.path}, {self.place} {row}: found {len(entry)} values where {self.place} {rows[0]} has "
+                    f"{len(entries[0])}; give every sample the same number of values"
+                )
+        return entries if len(entries) >= len(entries[0]) else [list(row) for row in zip(*entries, strict=True)]
+
+    def _column(self, name: str, cells: list[Any], rows: Sequence[int]) -> None:
+        if any(isinstance(cell, dict | list) for cell in cells):
+            self.notes.append(f"left out {name!r}, which has no numbers but lists or objects")
+            return
+        if name in self.columns:
+            raise InputError(f"{self.path}: two columns are called {name!r}; rename one of them")
+        self.columns[name], self.rows[name] = cells, rows
+
+    def table(self) -> Table:
+        """The table; raises InputError if no column has a number."""
+        columns = {name: _cells(cells) for name, cells in self.columns.items()}
+        if not any(isinstance(cells, np.ndarray) or any(map(_numeric, cells)) for cells in columns.values()):
+            found = ", ".join([*self.columns, *self.meta]) or "nothing"
+            raise InputError(f"{self.path} has no samples with numbers; found {found[:200]}; give a list of samples")
+        return Table(
+            self.path,
+            tuple(columns),
+            tuple(columns.values()),
+            tuple(self.rows.values()),
+            place=self.place,
+            units=units_of(columns),
+            meta=self.meta,
+            notes=tuple(self.notes),
+        )
+
+
+def _value(path: Path) -> Any:
+    """The value of a file, `LINES` if it is one value a line."""
+    raw = path.read_bytes()
+    try:
+        return json.loads(raw, object_pairs_hook=_unique)
+    except json.JSONDecodeError as error:
+        if error.msg == "Extra data" and error.lineno > 1:
+            return LINES
+        raise _broken(path, error, error.lineno) from None
+    except _TwiceError as error:
+        raise InputError(f"{path}: two entries of one object are called {error.name!r}; rename one of them") from None
+    except ValueError as error:
+        raise _broken(path, error) from None
+
+
+def _lines(path: Path, notes: list[str]) -> list[tuple[int, Any]]:
+    """The values of the lines with their rows; a last line that was cut is left out and noted."""
+    try:
+        lines = path.read_bytes().decode("utf-8-sig").split("\n")
+    except UnicodeDecodeError as error:
+        raise _broken(path, error) from None
+    found = []
+    for row, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            found.append((row, json.loads(line, object_pairs_hook=_unique)))
+        except _TwiceError as error:
+            raise InputError(f"{path}, row {row}: two entries are called {error.name!r}; rename one of them") from None
+        except ValueError as error:
+            if row < len(lines) or not found:
+                raise _broken(path, error, row) from None
+            notes.append(f"left out row {row}, the last, which is cut off")
+    if not found:
+        raise InputError(f"{path} has no samples; give a file with one a row")
+    return found
+
+
+def _broken(path: Path, error: ValueError, row: int | None = None) -> InputError:
+    what = f"{error.msg} at character {error.colno}" if isinstance(error, json.JSONDecodeError) else str(error)
+    place = "" if row is None else f", row {row},"
+    return InputError(f"{path}{place} is not a readable JSON file ({what}); it is cut or damaged; save it again")
+
+
+class _TwiceError(Exception):
+    """Two values of one name in one object, of which the json module would keep the last without a word."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise _TwiceError(next(name for name in names if names.count(name) > 1))
+    return found
+
+
+def _flat(prefix: str, entry: Any) -> Iterator[tuple[str, Any]]:
+    """The cells of one sample by column."""
+    if isinstance(entry, dict):
+        for key, value in entry.items():
+            yield from _flat(_joined(prefix, key), value)
+    elif isinstance(entry, list):
+        for k, value in enumerate(entry):
+            yield from _flat(f"{prefix}[{k}]", value)
+    else:
+        yield prefix, entry
+
+
+def _joined(prefix: str, key: str) -> str:
+    return f"{prefix}.{key}" if prefix else key
+
+
+def _numbered(value: Any) -> Any:
+    """An object with the keys 0, 1, ... as the list that it is."""
+    numbered = isinstance(value, dict) and len(value) > 1 and list(value) == [str(k) for k in range(len(value))]
+    return list(value.values()) if numbered else value
+
+
+def _is_signal(value: list[Any]) -> bool:
+    return bool(value) and (isinstance(value[0], dict | list) or any(isinstance(each, int | float) for each in value))
+
+
+def _all(value: Any, kind: type) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(each, kind) for each in value)
+
+
+def _kind(value: Any) -> str:
+    return "object" if isinstance(value, dict) else "list" if isinstance(value, list) else "number"
+
+
+def _cells(cells: list[Any]) -> list[str] | np.ndarray:
+    """A column as numbers, or as texts if one of its cells is a text."""
+    if any(isinstance(cell, str) for cell in cells):
+        return ["" if cell is None else cell if isinstance(cell, str) else json.dumps(cell) for cell in cells]
+    return np.array([_float(cell) for cell in cells], dtype=float)
+
+
+def _float(cell: float | None) -> float:
+    try:
+        return math.nan if cell is None else float(cell)
+    except OverflowError:  # a whole number of more than 308 digits
+        return math.inf if cell and cell > 0 else -math.inf
+
+
+def _numeric(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, dict):
+        return "an object"
+    if isinstance(value, list):
+        return "a list"
+    return json.dumps(value)[:40]

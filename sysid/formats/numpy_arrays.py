@@ -1,0 +1,77 @@
+"""Arrays saved by NumPy."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.data.table import Table
+from sysid.formats._arrays import Arrays, described, listed
+
+
+class NumpyArrays:
+    """Reads .npz and .npy: every numeric vector is a column, column j (from 1) of a matrix M is called M:j.
+
+    The matrix of a .npy has the columns 1, 2, ... Pickled objects are never loaded, because loading them runs code.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".npy", ".npz")
+    written: ClassVar[tuple[str, ...]] = ()
+    headed: ClassVar[bool] = False
+
+    def read(self, path: Path) -> Table:
+        """The vectors in `path`; raises InputError if it is damaged, or holds pickled objects or no numbers."""
+        content = _load(path)
+        if isinstance(content, np.ndarray):
+            names = content.dtype.names
+            content = {name: content[name] for name in names} if names else _columns(content)
+        arrays = Arrays(path)
+        for name, values in content.items():
+            arrays.add(name, values)
+        found = listed({name: described(np.asarray(values)) for name, values in content.items()})
+        return arrays.table(
+            "element", f"has no numeric vector; found {found}; save input and output as vectors with np.savez"
+        )
+
+    def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
+        """Never called: no suffix is written."""
+        raise NotImplementedError
+
+    def header(self, path: Path) -> str:
+        """None: other programs write these files."""
+        return ""
+
+
+def _load(path: Path) -> Any:
+    """The array of a .npy, or the arrays of a .npz by name."""
+    kind = path.suffix.lower().removeprefix(".")
+    wrong = f"{path} is not a readable {kind} file"
+    try:
+        with path.open("rb") as file:  # numpy leaves a file open that it fails to read
+            content = np.load(file, allow_pickle=False)
+            if isinstance(content, np.ndarray) != (kind == "npy"):
+                raise InputError(f"{wrong}: its content is that of the other suffix, .npy or .npz; rename it")
+            if isinstance(content, np.ndarray):
+                return content
+            with content:
+                return {name: content[name] for name in content.files}
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file fails in many ways inside numpy and zipfile
+        if isinstance(error, OSError) and error.errno:
+            raise
+        if "allow_pickle" in str(error):
+            raise InputError(
+                f"{path} holds pickled Python objects, which are never loaded because loading them runs code; "
+                "save plain arrays of numbers with np.savez"
+            ) from None
+        raise InputError(f"{wrong} (it is cut or damaged); save it again with numpy") from None
+
+
+def _columns(values: np.ndarray) -> dict[str, np.ndarray]:
+    if values.ndim != 2:
+        return {"1": values}
+    samples = values if values.shape[0] >= values.shape[1] else values.T
+    return {str(j + 1): samples[:, j] for j in range(samples.shape[1])}

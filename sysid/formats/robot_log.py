@@ -1,0 +1,230 @@
+"""Logs of robots: MCAP files and ROS bags, whose topics come at rates of their own. Needs the extra `robot`."""
+
+import json
+import math
+from array import array
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.data.table import Table
+from sysid.formats._units import units_of
+
+LONGEST = 64  # elements of a list in a message that become columns; an image or a scan is no signal
+SECOND = 1_000_000_000  # [ns]
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """A point in time inside a message [ns since 1970]."""
+
+    ns: int
+
+
+class Topic:
+    """The messages of one topic: log times [ns] and a column for each number in them."""
+
+    def __init__(self) -> None:
+        self.times = array("q")
+        self.columns: dict[str, array] = {}
+        self.stamps: set[str] = set()
+
+    def add(self, time: int, message: Any) -> None:
+        """Takes one message; a number that it lacks is NaN."""
+        count = len(self.times)
+        self.times.append(time)
+        for name, value in _numbers("", message):
+            if isinstance(value, Stamp):
+                self.stamps.add(name)
+            if name not in self.columns:
+                # Whole nanoseconds since 1970 do not fit a float64.
+                self.columns[name] = array("q", [time] * count) if isinstance(value, Stamp) else _missing(count)
+            column = self.columns[name]
+            if len(column) == count:
+                column.append(value.ns if isinstance(value, Stamp) else value)
+        for name, column in self.columns.items():
+            if len(column) == count:
+                column.append(time if name in self.stamps else math.nan)
+
+
+class RobotLog:
+    """Reads .mcap (messages in JSON, ROS 1 or ROS 2), .db3, .bag and folders of rosbag2: each number of a topic is the
+    column topic.field.
+
+    `topic.time` is the log time of its messages, in seconds since the first message of the file; columns of several
+    topics have several lengths. Element k (from 0) of a list is called field[k], or field[joint] where the message
+    names its joints as JointState does. Lists of more than 64 elements and texts are left out.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".bag", ".db3", ".mcap")
+    written: ClassVar[tuple[str, ...]] = ()
+    headed: ClassVar[bool] = False
+
+    def read(self, path: Path) -> Table:
+        """The numbers in `path`; raises InputError if it is damaged, has none, or the extra is not installed."""
+        topics: dict[str, Topic] = {}
+        notes: list[str] = []
+        left: dict[str, str] = {}
+        messages = _mcap_messages(path, notes, left) if path.suffix.lower() == ".mcap" else _ros_messages(path, left)
+        try:
+            for name, time, message in messages:
+                topics.setdefault(name.removeprefix("/"), Topic()).add(time, message)
+        except (InputError, ImportError):
+            raise
+        except Exception as error:  # each layer of these formats has exceptions of its own
+            if isinstance(error, OSError) and error.errno:
+                raise
+            raise InputError(
+                f"{path} is not a readable robot log ({type(error).__name__}: {str(error)[:80]}); repair it with mcap "
+                "recover or ros2 bag reindex, or record it again"
+            ) from None
+        if left:
+            notes.append(f"left out {', '.join(f'{topic} ({why})' for topic, why in left.items())}")
+        return _table(path, topics, notes)
+
+    def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
+        """Never called: no suffix is written."""
+        raise NotImplementedError
+
+    def header(self, path: Path) -> str:
+        """None: other programs write these files."""
+        return ""
+
+
+def _table(path: Path, topics: dict[str, Topic], notes: list[str]) -> Table:
+    if not any(topic.columns for topic in topics.values()):
+        found = ", ".join(topics) or "no messages"
+        raise InputError(f"{path} has no numbers; found {found} {'; '.join(notes)}; record a topic that has signals")
+    start = min(min(topic.times) for topic in topics.values())
+    columns: dict[str, np.ndarray] = {}
+    seconds = []
+    for name, topic in topics.items():
+        if topic.columns:
+            columns[f"{name}.time"] = (np.array(topic.times) - start) / SECOND
+            seconds.append(f"{name}.time")
+        for field, values in topic.columns.items():
+            column = f"{name}.{field}" if field != "time" else f"{name}.message.time"
+            stamp = field in topic.stamps
+            columns[column] = (np.array(values) - start) / SECOND if stamp else np.array(values)
+            seconds += [column] if stamp else []
+    notes.append(f"times are seconds since the first message, at {start} ns since 1970")
+    return Table(
+        path,
+        tuple(columns),
+        tuple(columns.values()),
+        tuple(range(1, len(values) + 1) for values in columns.values()),
+        place="message",
+        units=units_of(columns) | dict.fromkeys(seconds, "s"),
+        meta={"start_ns": start},
+        notes=tuple(notes),
+    )
+
+
+def _mcap_messages(path: Path, notes: list[str], left: dict[str, str]) -> Iterator[tuple[str, int, Any]]:
+    """Topic, log time [ns] and message. A file that was cut is read up to there, which is noted."""
+    try:
+        from mcap.reader import NonSeekingReader, make_reader
+    except ImportError:
+        raise _needs_extra(path) from None
+    decoders: dict[int, Any] = {}
+    with path.open("rb") as file:
+        reader: Any = make_reader(file, validate_crcs=True)
+        try:
+            whole = reader.get_summary() is not None
+        except Exception:  # the summary stands at the end, which a cut file lacks
+            whole = False
+        if not whole:
+            file.seek(0)
+            reader = NonSeekingReader(file, validate_crcs=True)
+        count = 0
+        try:
+            for schema, channel, message in reader.iter_messages(log_time_order=whole):
+                if channel.id not in decoders:
+                    decoders[channel.id] = _decoder(schema, channel)
+                decoder = decoders[channel.id]
+                if callable(decoder):
+                    yield channel.topic, message.log_time, decoder(message.data)
+                else:
+                    left[channel.topic] = decoder
+                count += 1
+        except Exception as error:  # mcap has no one class for what a cut does
+            if whole or not count:
+                raise
+            notes.append(f"the file is cut off ({type(error).__name__}); kept the {count} messages before")
+
+
+def _decoder(schema: Any, channel: Any) -> Any:
+    """What takes the bytes of a message to the message; a text that says why not, if there is none."""
+    encoding = channel.message_encoding
+    if encoding == "json":
+        return json.loads
+    if encoding not in ("cdr", "ros1") or schema is None:
+        return f"messages in {encoding}"
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    text = schema.data.decode()
+    idl = schema.encoding == "ros2idl"
+    name = schema.name if "/msg/" in schema.name or "/" not in schema.name else schema.name.replace("/", "/msg/", 1)
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_idl(text) if idl else get_types_from_msg(text, name))
+    read = store.deserialize_ros1 if encoding == "ros1" else store.deserialize_cdr
+    return lambda raw: read(raw, name)
+
+
+def _ros_messages(path: Path, left: dict[str, str]) -> Iterator[tuple[str, int, Any]]:
+    """Topic, log time [ns] and message of a bag of ROS 1 or ROS 2."""
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise _needs_extra(path) from None
+    with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+        known = [each for each in reader.connections if each.msgtype in reader.typestore.fielddefs]
+        left |= {each.topic: f"unknown type {each.msgtype}" for each in reader.connections if each not in known}
+        for connection, time, raw in reader.messages(connections=known) if known else ():
+            yield connection.topic, time, reader.deserialize(raw, connection.msgtype)
+
+
+def _needs_extra(path: Path) -> InputError:
+    return InputError(f"{path}: reading robot logs needs mcap and rosbags; install them with pip install 'qpal[robot]'")
+
+
+def _numbers(prefix: str, value: Any) -> Iterator[tuple[str, float | Stamp]]:
+    """The numbers in a message by the name of their field."""
+    if isinstance(value, bool | int | float | np.number | np.bool_):
+        try:
+            yield prefix or "value", float(value)
+        except OverflowError:
+            yield prefix or "value", math.inf
+    elif is_dataclass(value):
+        kind = getattr(value, "__msgtype__", "")
+        if kind.endswith("/Time") and hasattr(value, "nanosec"):
+            yield prefix, Stamp(int(getattr(value, "sec", 0)) * SECOND + int(value.nanosec))
+        else:
+            members = {each.name: getattr(value, each.name) for each in fields(value) if each.name != "__msgtype__"}
+            yield from _members(prefix, members)
+    elif isinstance(value, dict):
+        yield from _members(prefix, value)
+    elif isinstance(value, list | tuple | np.ndarray) and len(value) <= LONGEST:
+        for k, each in enumerate(value):
+            yield from _numbers(f"{prefix}[{k}]", each)
+
+
+def _members(prefix: str, members: Mapping[str, Any]) -> Iterator[tuple[str, float | Stamp]]:
+    joints = members.get("name", ())
+    named = isinstance(joints, list) and bool(joints) and all(isinstance(joint, str) for joint in joints)
+    for name, value in members.items():
+        column = f"{prefix}.{name}" if prefix else str(name)
+        if named and isinstance(value, list | tuple | np.ndarray) and len(value) == len(joints) and name != "name":
+            for joint, each in zip(joints, value, strict=True):
+                yield from _numbers(f"{column}[{joint}]", each)
+        else:
+            yield from _numbers(column, value)
+
+
+def _missing(count: int) -> array:
+    return array("d", [math.nan]) * count

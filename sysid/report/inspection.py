@@ -1,0 +1,166 @@
+"""The report of `qpal info FILE`: columns, mapping, sampling, repairs, advice, and two figures of the record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.base import style
+from sysid.base.style import styled
+from sysid.base.units import shown
+from sysid.base.versions import versions
+from sysid.channels.signals import Signals
+from sysid.report.page import Grid, Listing, Page, Picture, Section
+from sysid.workflow.inspection import Inspection, sampling_facts
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST_PANELS = 6
+BINS = 60
+COLOURS = {"input": style.INPUT, "output": style.INK}
+REPAIRS = {
+    "wraps": "times that the clock's counter started again",
+    "duplicates": "rows with the stamp of the row before",
+    "backward": "rows left out because their stamp runs back",
+    "stamps without a value": "rows left out because they have no stamp",
+    "lost": "samples lost between rows",
+    "empty cells": "cells without a value",
+    "interpolated": "samples interpolated because the stamps are not uniform",
+    "filled samples": "samples of the record that were filled",
+}
+
+
+def page(result: Inspection, more: Sequence[str] = ()) -> Page:
+    """The whole report; `more` are further sentences of the verdict."""
+    s = result.signals
+    size = f"{s.N} samples, Ts {s.Ts:g} s" if s is not None else "not read as a record"
+    return Page(
+        title=f"What {result.path.name} holds",
+        subtitle=f"{len(result.columns)} columns, format {result.format}; {size}",
+        verdict=[*sentences(result), *more],
+        sections=[
+            Section("Columns", [_capital(note) for note in result.reader_notes], [column_grid(result)]),
+            Section(
+                "Mapping",
+                ["How the columns become channels. Save it as a file, edit it, and give it with --map."],
+                listings=[Listing("The mapping as TOML", result.text)],
+            ),
+            *([] if s is None else [_record(s)]),
+            *([Section("Advice", ["The diagnosis of the record."], [advice_grid(result)])] if result.advice else []),
+        ],
+        made_with=versions(),
+    )
+
+
+def sentences(result: Inspection) -> list[str]:
+    """What was assumed and repaired, what is unclear, warnings, and the next command."""
+    said = [
+        _capital(note) for note in (result.signals.notes if result.signals else (*result.reader_notes, *result.why))
+    ]
+    said += [f"Unclear: {_capital(sentence)}" for sentence in result.unclear]
+    if result.problem:
+        said.append(f"Refused as it is: {result.problem}.")
+    if result.repairs:
+        said.append(f"The mapping repairs this: it sets {' and '.join(result.repairs)} in [repair].")
+    said += [f"Warning: {advice}." for advice in result.advice if advice.severity == "warning"]
+    return [*said, f"Next: {result.command}"]
+
+
+def column_grid(result: Inspection) -> Grid:
+    """Name, unit, role and numbers of every column."""
+    rows = [
+        (c.name, c.unit or "–", c.role or "–", c.kind, _plain(c.low), _plain(c.high), str(c.cells), str(c.empty))
+        for c in result.columns
+    ]
+    headings = ("column", "unit", "read as", "", "smallest", "largest", "cells", "no number")
+    return Grid(headings, rows, text_columns=4)
+
+
+def sampling_grid(signals: Signals) -> Grid:
+    """The stamps, the record and the counts of repairs."""
+    facts = sampling_facts(signals)
+    rows = [("sampling time of the record [s]", f"{facts['Ts']:.6g}"), ("samples", str(facts["samples"]))]
+    rows.append(("length [s]", f"{facts['duration']:.6g}"))
+    if facts["median_step"] is not None:
+        rows += [
+            ("middle step of the stamps [s]", f"{facts['median_step']:.6g}"),
+            ("smallest and largest step [s]", f"{facts['smallest_step']:.6g}, {facts['largest_step']:.6g}"),
+            ("largest distance of a stamp from the grid [s]", f"{facts['largest_distance_from_grid']:.2g}"),
+            ("first stamp [s]", f"{facts['first_stamp']:.9g}"),
+        ]
+    rows += [(REPAIRS.get(name, name), str(n)) for name, n in signals.counts.items()]
+    return Grid(("sampling and repairs", ""), rows)
+
+
+def advice_grid(result: Inspection) -> Grid:
+    """The advice, warnings first; what is fine is left out."""
+    rank = {"warning": 0, "note": 1, "fine": 2}
+    ordered = sorted(result.advice, key=lambda a: rank[a.severity])
+    rows = [(a.severity, a.topic, a.sentence.replace("^2", "²"), a.action or "–") for a in ordered]
+    return Grid(("", "topic", "finding", "what to do"), rows, text_columns=4)
+
+
+def terminal_tables(result: Inspection) -> list[Grid]:
+    """The tables that the command prints."""
+    return [column_grid(result), *([sampling_grid(result.signals)] if result.signals is not None else [])]
+
+
+def pictures(signals: Signals) -> list[Picture]:
+    """The channels over time, and the histogram of the steps if there is a clock."""
+    filled = int(signals.missing.sum())
+    caption = "The channels as they are used, in SI (angles in degrees)."
+    caption += f" Marked: {filled} samples that were filled." if filled else ""
+    found = [Picture("channels", style.png(channels(signals)), caption)]
+    if len(signals.sampling.steps):
+        words = "How often each step between time stamps occurs; the dashed line is the sampling time of the record."
+        found.append(Picture("steps", style.png(steps(signals)), words))
+    return found
+
+
+@styled
+def channels(signals: Signals) -> list[Axes]:
+    """Every input and output over time, with filled samples marked."""
+    chosen = [(role, s) for role in ("input", "output", "other") for s in getattr(signals, role)][:MOST_PANELS]
+    panels = style.panels(None, len(chosen), height=0.6 + 1.5 * len(chosen), sharex=True)
+    for k, (axes, (role, signal)) in enumerate(zip(panels, chosen, strict=True)):
+        quantity = shown(signal.name, signal.unit)
+        values = signal.values * quantity.factor
+        style.line(axes, signals.t, values, steps=role == "input", color=COLOURS.get(role, style.SECOND))
+        if signal.missing.any():
+            at = np.flatnonzero(signal.missing)
+            axes.plot(signals.t[at], values[at], "o", ms=3.5, color=style.MODEL, label="filled")
+            style.legend(axes)
+        axes.set(title=f"({chr(97 + k)}) {role}", ylabel=quantity.label)
+    panels[-1].set(xlabel="time [s]")
+    return panels
+
+
+@styled
+def steps(signals: Signals) -> list[Axes]:
+    """Histogram of the steps between stamps."""
+    (axes,) = style.panels(None, 1, height=2.6)
+    ms = 1e3 * signals.sampling.steps
+    middle = float(np.median(ms))
+    if np.ptp(ms) <= 1e-6 * middle:
+        ms, edges = np.full(len(ms), middle), np.linspace(0.5 * middle, 1.5 * middle, BINS + 1)
+    else:
+        edges = np.linspace(ms.min(), ms.max(), BINS + 1)
+    axes.hist(ms, bins=edges, color=style.INPUT)
+    axes.axvline(1e3 * signals.Ts, color=style.MODEL, ls="--", lw=1.0)
+    axes.set(yscale="log", xlabel="step between time stamps [ms]", ylabel="steps [number]")
+    return [axes]
+
+
+def _plain(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value:.5g}".replace("-", "−")
+
+
+def _record(signals: Signals) -> Section:
+    return Section("Record", tables=[sampling_grid(signals)], pictures=pictures(signals))
+
+
+def _capital(sentence: str) -> str:
+    return f"{sentence[0].upper()}{sentence[1:].rstrip('.')}." if sentence else ""

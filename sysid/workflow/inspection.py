@@ -1,0 +1,225 @@
+"""What a file holds and how it would be read: its columns, a mapping, the sampling, the repairs, and advice."""
+
+import os
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.base.versions import versions
+from sysid.channels.guess import Given, guess
+from sysid.channels.mapping import ROLES, ChannelMap, Range
+from sysid.channels.mapping_file import map_text
+from sysid.channels.reading import Mapping, read_map_of
+from sysid.channels.sampling import sample
+from sysid.channels.signals import Signals
+from sysid.channels.values import soft_numbers
+from sysid.data.table import Table
+from sysid.diagnosis.advice import Advice, advise
+from sysid.formats import TABLE, read_table
+
+LONGEST = 20_000  # samples that the advice looks at
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of the file: its unit as it is written, its role, its numbers, and cells that are none."""
+
+    name: str
+    unit: str
+    role: str
+    cells: int
+    empty: int
+    low: float
+    high: float
+
+    @property
+    def kind(self) -> str:
+        """What the numbers are in a word."""
+        if self.empty == self.cells:
+            return "text"
+        return "constant" if self.low == self.high else "varies"
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """A file and its record. `signals` is None if the file is not read so; `problem` then says why.
+
+    `why` are the reasons of the mapping, `unclear` what a person has to decide, `repairs` changes of the mapping that
+    make a record of a file that is refused without them. `text` is the mapping as a file.
+    """
+
+    path: Path
+    format: str
+    columns: tuple[Column, ...]
+    reader_notes: tuple[str, ...]
+    meta: dict[str, Any]
+    mapping: ChannelMap
+    given: bool
+    text: str
+    why: tuple[str, ...] = ()
+    unclear: tuple[str, ...] = ()
+    problem: str = ""
+    repairs: tuple[str, ...] = ()
+    signals: Signals | None = None
+    advice: tuple[Advice, ...] = ()
+    options: tuple[str, ...] = ()
+
+    @property
+    def command(self) -> str:
+        """The command that identifies this record."""
+        return shlex.join(["qpal", "identify", str(self.path), *self.options])
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary of `qpal info FILE`, ready for JSON."""
+        s = self.signals
+        return {
+            "file": str(self.path),
+            "format": self.format,
+            "columns": [vars(column) | {"kind": column.kind} for column in self.columns],
+            "meta": self.meta,
+            "mapping": self.mapping.model_dump(),
+            "why": list(self.why),
+            "unclear": list(self.unclear),
+            "problem": self.problem or None,
+            "suggested_repairs": list(self.repairs),
+            "record": None if s is None else s.as_dict(),
+            "sampling": None if s is None else sampling_facts(s),
+            "advice": [vars(a) for a in self.advice],
+            "next": self.command,
+            "versions": versions(),
+        }
+
+
+def inspect_file(
+    path: str | os.PathLike[str],
+    mapping: Mapping | None = None,
+    given: Given = Given(),  # noqa: B008 - it is frozen
+    range: Range = Range(),  # noqa: B008
+    map_path: str | None = None,
+) -> Inspection:
+    """What the file at `path` holds, and the record that `mapping`, or a guess, makes of it.
+
+    A file that is refused is tried again with repairs, which the mapping of the result then has. `map_path` is where
+    the mapping will be written, for the next command. Raises InputError for a file or mapping that cannot be read.
+    """
+    table = read_table(path)
+    why: tuple[str, ...] = ()
+    unclear: tuple[str, ...] = ()
+    remarks: dict[str, str] = {}
+    if mapping is not None:
+        chosen = read_map_of(mapping)
+    else:
+        found = guess(table, given)
+        chosen, why, unclear, remarks = found.mapping, found.why, found.unclear, dict(found.remarks)
+    if range != Range():
+        chosen = chosen.model_copy(update={"range": range})
+    signals, problem, repairs = None, "", ()
+    if not unclear:
+        signals, problem = _try(table, chosen, why)
+    if problem and mapping is None:
+        chosen, signals, repairs = _repaired(table, chosen, why)
+        remarks |= {f"repair.{entry}": "SUGGESTED for this file" for entry in repairs}
+    title = f"How {Path(path).name} is read; edit it and give it with --map.\n" + "\n".join((*why, *unclear))
+    file = map_path or (None if mapping is None or isinstance(mapping, ChannelMap) else str(mapping))
+    return Inspection(
+        table.path,
+        TABLE[table.path.suffix.lower()].__name__,
+        _columns(table, chosen),
+        table.notes,
+        dict(table.meta),
+        chosen,
+        mapping is not None,
+        map_text(chosen, title, remarks),
+        why,
+        unclear,
+        problem,
+        repairs,
+        signals,
+        _advice(signals),
+        _options(given, range, file, bool(repairs or unclear)),
+    )
+
+
+def sampling_facts(signals: Signals) -> dict[str, Any]:
+    """Ts, number and length of the record, and what the stamps were like; times in seconds."""
+    clock = signals.sampling
+    stamped = len(clock.steps) > 0
+    return {
+        "Ts": signals.Ts,
+        "samples": signals.N,
+        "duration": signals.N * signals.Ts,
+        "median_step": clock.median if stamped else None,
+        "smallest_step": float(clock.steps.min()) if stamped else None,
+        "largest_step": float(clock.steps.max()) if stamped else None,
+        "largest_distance_from_grid": clock.off if stamped else None,
+        "first_stamp": clock.start if stamped else None,
+        "interpolated": clock.interpolated,
+        "repairs": dict(signals.counts),
+    }
+
+
+def _try(table: Table, mapping: ChannelMap, why: tuple[str, ...]) -> tuple[Signals | None, str]:
+    try:
+        return sample(table, mapping, why), ""
+    except InputError as error:
+        return None, str(error)
+
+
+def _repaired(
+    table: Table, mapping: ChannelMap, why: tuple[str, ...]
+) -> tuple[ChannelMap, Signals | None, tuple[str, ...]]:
+    """The mapping with the fewest further repairs that make a record, and their entries; as it was if none do."""
+    for changes in ({"empty": "fill"}, {"backward": "drop"}, {"empty": "fill", "backward": "drop"}):
+        repair = mapping.repair.model_copy(update=changes)
+        changed = mapping.model_copy(update={"repair": repair})
+        signals, _ = _try(table, changed, why)
+        if signals is not None:
+            return changed, signals, tuple(changes)
+    return mapping, None, ()
+
+
+def _columns(table: Table, mapping: ChannelMap) -> tuple[Column, ...]:
+    roles = {mapping.clock.column: "clock", mapping.range.active: "active"}
+    for role in ROLES:
+        for channel in getattr(mapping, role):
+            roles |= {channel.times: f"times {role}", channel.column: role}
+    found = []
+    for name in table.names:
+        values = soft_numbers(table, name)
+        finite = values[np.isfinite(values)]
+        low, high = (float(finite.min()), float(finite.max())) if len(finite) else (float("nan"),) * 2
+        role = roles.get(name, "")
+        found.append(Column(name, table.units.get(name, ""), role, len(values), len(values) - len(finite), low, high))
+    return tuple(found)
+
+
+def _advice(signals: Signals | None) -> tuple[Advice, ...]:
+    """Advice on a record with input and output; none where it cannot be given."""
+    if signals is None or not (signals.input and signals.output):
+        return ()
+    try:
+        data = signals.io()
+        return advise(data.select(0, min(data.N, LONGEST)))
+    except InputError as error:
+        return (Advice("data", str(error), float("nan"), "", "warning"),)
+
+
+def _options(given: Given, range: Range, map_path: str | None, needs_map: bool) -> tuple[str, ...]:
+    if map_path or needs_map:
+        return ("--map", map_path or "MAP.toml")
+    words = []
+    for option, value in (
+        ("--input", given.input),
+        ("--output", given.output),
+        ("--time", given.time),
+        ("--time-unit", given.time_unit),
+        ("--ts", None if given.Ts is None else f"{given.Ts:.9g}"),
+    ):
+        words += [option, value] if value is not None else []
+    if range != Range():
+        words += ["--range", ":".join("" if end is None else f"{end:g}" for end in (range.start, range.stop))]
+    return tuple(words)

@@ -1,0 +1,70 @@
+"""A drawn record in a drawn layout is read by guess: the numbers are the truth, or a sentence says what is unclear."""
+
+import os
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from layouts import Layout, Written, layouts, write
+
+from sysid import InputError, read_signals
+from sysid.channels.signals import Signals
+
+FULL = os.environ.get("QPAL_FULL") == "1"
+SEEN: Counter[str] = Counter()
+
+
+@settings(max_examples=1500 if FULL else 60)
+@given(layout=layouts())
+def test_a_record_is_read_right_or_refused_with_a_sentence(layout):
+    with tempfile.TemporaryDirectory() as folder:
+        made = write(layout, Path(folder))
+        try:
+            signals = read_signals(made.path)
+        except InputError as error:
+            assert "\n" not in str(error)
+            SEEN["refused"] += 1
+            return
+    check(layout, made, signals)
+    SEEN["right"] += 1
+
+
+def check(layout: Layout, made: Written, signals: Signals) -> None:
+    """Every number of the record against the truth, in the unit that the record claims."""
+    roles = [(s.column, s.unit) for s in (*signals.input, *signals.output)]
+    if layout.header:
+        assert roles[0][0] == layout.input, f"input is {roles[0][0]}"
+        assert roles[1][0] == layout.output, f"output is {roles[1][0]}"
+    assert signals.Ts == pytest.approx(layout.Ts, rel=2e-3 if layout.jitter < 0.1 else 1e-2)
+    u, y = signals.input[0], signals.output[0]
+    u_scale, y_scale = scale(u.unit, "V", made.u_factor), scale(y.unit, "rad", made.y_factor)
+    t = signals.t + made.t[0]
+    # Between samples the input is that of the last row, which may be nearly two steps old where steps differ.
+    slack = 0.51 * 10.0**-layout.decimals
+    known = ~signals.missing
+    # A stamp may be off by its last digit or by the tolerated jitter; y then differs by as much as it moves meanwhile.
+    off = signals.sampling.off + 2.0 * layout.jitter * layout.Ts + 1e-9
+    speed = float(np.sum(np.abs(made.truth.waves[:, 0] * made.truth.waves[:, 1])))
+    bow = made.truth.curvature * (2.5 * layout.Ts) ** 2 / 8.0 if signals.sampling.interpolated else 0.0
+    error = np.abs(y.values / y_scale - made.truth.y(t))
+    assert np.all(error[known] <= slack * max(1.0, 1.0 / (made.y_factor or 1.0)) * 10 + speed * off + bow)
+    near = [made.truth.u(t + late) for late in (0.0, off, -off, -2.0 * layout.Ts * signals.sampling.interpolated)]
+    assert np.all(np.min([np.abs(u.values / u_scale - u0) for u0 in near], axis=0)[known] <= 10 * slack)
+
+
+def scale(unit: str, si: str, factor: float | None) -> float:
+    """What the record's numbers are of the truth: 1 in SI; a record that claims no unit has the file's own numbers."""
+    if unit == si:
+        assert factor is not None, f"claims {unit}, which the file does not say"
+        return 1.0
+    assert unit == "", f"claims {unit}"
+    return 1.0 / (factor or 1.0)
+
+
+def test_most_layouts_are_read_and_not_refused():
+    """Runs after the test above: a reader that refuses everything would pass it."""
+    assert sum(SEEN.values()) >= 50
+    assert SEEN["right"] > 0.3 * sum(SEEN.values()), SEEN

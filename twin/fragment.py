@@ -1,0 +1,155 @@
+"""MJCF fragments of identified joints in MuJoCo: rolled out against the fit, and put into a model of the user's."""
+
+import xml.etree.ElementTree as ET
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+from sysid.export.mjcf import STEP, Fragment
+
+SECTIONS = ("tendon", "equality", "actuator")
+ANGLES = ("range", "springref")  # attributes of a hinge that follow the model's unit of angle
+# Attributes of the user's joint that describe the same things as the fragment's, and would count twice.
+REPLACED = ("armature", "damping", "frictionloss", "stiffness", "springref", "range", "limited")
+
+
+@dataclass(frozen=True)
+class Check:
+    """Roll-out of a fragment (N,) beside the free run of its fit (N,), under the same input u (N,)."""
+
+    u: np.ndarray
+    chain: np.ndarray
+    rolled: np.ndarray
+    Ts: float
+
+    @property
+    def share(self) -> float:
+        """RMS of the difference, as a share of the range of the free run."""
+        return float(np.sqrt(np.mean((self.rolled - self.chain) ** 2)) / np.ptp(self.chain))
+
+    @property
+    def worst(self) -> float:
+        """Largest difference, as a share of the range of the free run."""
+        return float(np.abs(self.rolled - self.chain).max() / np.ptp(self.chain))
+
+
+def check(fragment: Fragment, fit: Fit, data: IOData) -> Check:
+    """The fragment against its fit, under the input of `data` from the fit's initial state."""
+    u = data.u[: data.lengths[0], 0]
+    free = fit.model.simulate(fit.theta, data.u[: len(u)]).ravel()
+    return Check(u, free, rollout(fragment, u, data.Ts), data.Ts)
+
+
+def rollout(fragment: Fragment, u: np.ndarray, Ts: float) -> np.ndarray:
+    """The fragment's reading (N,) at k Ts, under u (N,) [V] held from sample to sample."""
+    model = mujoco.MjModel.from_xml_string(fragment.model())
+    data = mujoco.MjData(model)
+    for name, value in fragment.start.items():
+        data.qpos[model.joint(name).qposadr[0]] = value
+    if model.actuator_history[0, 0] > 0:  # a chain takes the input before the record as its first one
+        mujoco.mj_initCtrlHistory(model, data, 0, None, np.full(int(model.actuator_history[0, 0]), u[0]))
+    places = [int(model.joint(name).qposadr[0]) for name in fragment.reading]
+    ends = np.round(np.arange(1, len(u) + 1) * Ts / STEP).astype(int)
+    read, done = np.zeros(len(u)), 0
+    for k, end in enumerate(ends):
+        read[k] = data.qpos[places].sum()
+        data.ctrl[0] = u[k]
+        if end > done:
+            mujoco.mj_step(model, data, int(end - done))
+        done = end
+    if not np.all(np.isfinite(read)) or any(w.number for w in data.warning):
+        raise InputError("the fragment's simulation became unstable; give a larger torque_per_volt or link_inertia")
+    return read
+
+
+def put_into(fragment: Fragment, source: Path) -> str:
+    """The MJCF at `source` with the fragment in place of the properties of its hinge `fragment.joint`, as text.
+
+    The joint keeps its name, place and axis. Its own friction, damping, spring, armature and range are replaced, its
+    actuators are removed. Raises InputError for a file that MuJoCo does not load, before or after, and for another kind
+    of joint.
+    """
+    root = _parsed(source)
+    body, hinge = _hinge(root, fragment.joint, source)
+    place = {name: value for name, value in hinge.attrib.items() if name not in REPLACED}
+    axis = {name: place.get(name, first) for name, first in (("axis", "0 0 1"), ("pos", "0 0 0"))}
+    degrees, at = _in_degrees(root), list(body).index(hinge)
+    body.remove(hinge)
+    for k, text in enumerate(fragment.joints):
+        new = _element(text)
+        _to_unit(new, degrees)
+        new.attrib = {**new.attrib, **(place if k == 0 else {}), **axis}
+        body.insert(at + k, new)
+    for section in root.findall("actuator"):
+        for old in [each for each in section if each.get("joint") == fragment.joint]:
+            section.remove(old)
+    if fragment.rotor:
+        _section(root, "worldbody").append(_element(fragment.rotor))
+    for name in SECTIONS:
+        if content := getattr(fragment, name):
+            _section(root, name).append(_element(content))
+    ET.indent(root)
+    _check_loads(root, source)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _parsed(source: Path) -> ET.Element:
+    try:
+        mujoco.MjModel.from_xml_path(str(source))
+        return _element(source.read_text(encoding="utf-8"))
+    except (ValueError, OSError, ET.ParseError, UnicodeDecodeError) as error:
+        first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+        raise InputError(f"{source}: MuJoCo does not load it ({first}); give the MJCF file of your model") from None
+
+
+def _check_loads(root: ET.Element, source: Path) -> None:
+    """Raises InputError if MuJoCo does not load the model beside `source`, where its meshes and parts are."""
+    copy, here = deepcopy(root), source.resolve().parent
+    if copy.find("compiler") is None:
+        copy.insert(0, ET.Element("compiler"))
+    for compiler in copy.iter("compiler"):
+        for name in ("meshdir", "texturedir", "assetdir"):
+            if name in compiler.attrib or name == "assetdir":
+                compiler.set(name, str(here / compiler.get(name, "")))
+    for part in copy.iter("include"):
+        part.set("file", str(here / part.get("file", "")))
+    try:
+        mujoco.MjModel.from_xml_string(ET.tostring(copy, encoding="unicode"))
+    except ValueError as error:
+        raise InputError(f"{source}: with the joint put in, MuJoCo says: {str(error).splitlines()[0]}") from None
+
+
+def _hinge(root: ET.Element, joint: str, source: Path) -> tuple[ET.Element, ET.Element]:
+    found = [(body, each) for body in root.iter("body") for each in body.findall("joint")]
+    named = {each.get("name", ""): (body, each) for body, each in found}
+    if joint not in named:
+        raise InputError(f"{source}: {unknown('joint', joint, [name for name in named if name])}")
+    body, hinge = named[joint]
+    if hinge.get("type", "hinge") != "hinge":
+        raise InputError(f"{source}: joint {joint!r} is a {hinge.get('type')}; give a hinge")
+    return body, hinge
+
+
+def _in_degrees(root: ET.Element) -> bool:
+    return all(compiler.get("angle", "degree") == "degree" for compiler in root.iter("compiler"))
+
+
+def _to_unit(hinge: ET.Element, degrees: bool) -> None:
+    for name in ANGLES:
+        if degrees and name in hinge.attrib:
+            hinge.set(name, " ".join(f"{np.rad2deg(float(value)):.9g}" for value in hinge.attrib[name].split()))
+
+
+def _section(root: ET.Element, name: str) -> ET.Element:
+    found = root.find(name)
+    return found if found is not None else ET.SubElement(root, name)
+
+
+def _element(text: str) -> ET.Element:
+    return ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))

@@ -1,0 +1,134 @@
+"""A servo with a pendulum on a stand, and its response to a recorded voltage: the twin of a servo's test bench."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields, replace
+
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+from twin.imperfections import IMPERFECTIONS
+from twin.parameters import Parameters
+from twin.plant import slots
+from twin.plant.board import circuit, user_data
+from twin.plant.pendulum import JOINT, pendulum
+from twin.plant.stepping import TIMESTEP, Run, attempt
+
+# A stand has what the servo's voltage log shows; the rest of the leg's imperfections is left out.
+KEPT = ("friction", "load_friction", "stribeck", "sag", "gravity")
+WITHOUT = tuple(name for name in IMPERFECTIONS if name not in KEPT)
+NO_SWITCH = 1e9  # [rad]: a servo without end stops turns on
+GEAR = 288.4  # of an XL330-M288-T; only the rotor's inertia at the output counts
+
+
+@dataclass(frozen=True)
+class Pendulum:
+    """`mass` [kg] at `length` [m] on a servo's horn; angle 0 hangs down.
+
+    The first values are those of a ROBOTIS XL330-M288-T at 5 V (e-manual: 0.52 N m, 103 rev/min, 288.4 : 1); friction,
+    inertia and zero are in no data sheet and are assumptions. no_load_speed [rad/s] and stall_torque [N m] are at
+    `rated_voltage` [V]; rotor_inertia [kg m2] is at the output. Dry friction is coulomb (1 + stribeck exp(-(v /
+    stribeck_speed)^2)) + load_friction |torque on the pendulum| [N m]. `supply_resistance` [Ohm] lowers the voltage
+    with the motor's current, measured against a supply of `supply_voltage` [V]; a record's voltage may not exceed it.
+    `delay` [s] is continuous; `zero` [rad] is what the sensor reads at the lowest point.
+    """
+
+    mass: float
+    length: float
+    rated_voltage: float = 5.0
+    supply_voltage: float = 10.0
+    no_load_speed: float = 10.79
+    stall_torque: float = 0.52
+    rotor_inertia: float = 0.001
+    coulomb: float = 0.01
+    stribeck: float = 0.0
+    stribeck_speed: float = 0.1
+    load_friction: float = 0.1
+    viscous: float = 0.0
+    supply_resistance: float = 0.1
+    delay: float = 0.0
+    zero: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if not np.isfinite(value) or (value < 0.0 and name != "zero"):
+                raise InputError(f"{name} of the pendulum is {value}; give a number of at least 0")
+        self.parameters()  # what the motor cannot be is said here
+
+    def parameters(self) -> Parameters:
+        """The servo in the rows of the leg's geared motor."""
+        same = ("rated_voltage", "no_load_speed", "stall_torque", "coulomb", "stribeck", "stribeck_speed")
+        values = {f"{JOINT}.{name}": getattr(self, name) for name in (*same, "load_friction", "viscous")}
+        return Parameters(
+            {
+                **values,
+                f"{JOINT}.gear_ratio": GEAR,
+                f"{JOINT}.rotor_inertia": self.rotor_inertia / GEAR**2,
+                "supply_voltage": self.supply_voltage,
+                "supply_resistance": self.supply_resistance,
+                "switch_period": TIMESTEP,
+            }
+        )
+
+    def replace(self, **changes: float) -> "Pendulum":
+        """The same pendulum with some values changed; raises InputError for an unknown name."""
+        known = [field.name for field in fields(self)]
+        for name in changes:
+            if name not in known:
+                raise unknown("value of a pendulum", name, known)
+        return replace(self, **changes)
+
+
+def respond(
+    pendulums: Sequence[Pendulum],
+    u: np.ndarray,
+    Ts: float,
+    starts: Sequence[float] | np.ndarray,
+    threads: int = 2,
+) -> np.ndarray:
+    """Angles (runs, N) [rad] that the sensor reads at k Ts, one row for each pendulum, all in one batch.
+
+    u (N,) [V] is held from sample to sample. The pendulums start at rest where the sensor reads `starts` (runs,) [rad].
+    Rows of failed simulations are NaN. Raises InputError for a voltage above the supply.
+    """
+    u = np.asarray(u, dtype=float).ravel()
+    largest = min(p.supply_voltage for p in pendulums)
+    if np.abs(u).max() > largest:
+        raise InputError(
+            f"the record reaches {np.abs(u).max():g} V, the pendulum's supply {largest:g} V; raise supply_voltage"
+        )
+    N, steps = len(u), int(np.ceil(len(u) * Ts / TIMESTEP)) + 1
+    held = np.minimum(np.floor(np.arange(steps) * TIMESTEP / Ts + 1e-9).astype(int), N - 1)
+    commands = u[held][:, None]
+    models: dict[Pendulum, tuple] = {}
+    runs = []
+    for each, start in zip(pendulums, starts, strict=True):
+        same = each.replace(delay=0.0, zero=0.0)  # neither is in the simulation
+        if same not in models:
+            models[same] = _board(same)
+        model, board = models[same]
+        at = np.array([start - each.zero])
+        runs.append(Run(model, _at_rest(board, each, at[0]), at, commands, np.zeros(1), 0.0, np.zeros(steps)))
+    shown, _ = attempt(runs, TIMESTEP, 0.0, threads)
+    fine, wanted = np.arange(steps) * TIMESTEP, np.arange(N) * Ts
+    return np.stack(
+        [
+            each.zero + np.interp(wanted - each.delay, fine, row)
+            for each, row in zip(pendulums, shown[:, :, 0, slots.READING], strict=True)
+        ]
+    )
+
+
+def _board(each: Pendulum) -> tuple:
+    """Model and user data of one pendulum."""
+    p = each.parameters()
+    model = pendulum(p, each.mass, each.length, WITHOUT)
+    board = user_data(model, [circuit(p, JOINT, WITHOUT)])
+    board[slots.HEAD + slots.LOWER], board[slots.HEAD + slots.UPPER] = -NO_SWITCH, NO_SWITCH
+    return model, board
+
+
+def _at_rest(board: np.ndarray, each: Pendulum, angle: float) -> np.ndarray:
+    """The board with the load that has pressed the gears for long at `angle` [rad]."""
+    own = board.copy()
+    own[slots.HEAD + slots.LOAD] = each.mass * each.parameters()["gravity"] * each.length * np.sin(angle)
+    return own

@@ -1,0 +1,133 @@
+"""A fitted model written back: as C99, as Python, or as MJCF that is checked in MuJoCo against the fit."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.base.files import write_text
+from sysid.base.versions import versions
+from sysid.data.record import IOData
+from sysid.estimation.joint_parts import is_joint, motor_of
+from sysid.estimation.result import Fit
+from sysid.estimation.storage import load
+from sysid.excitations.aprbs import Aprbs
+from sysid.export import c, mjcf, python
+from sysid.joint.growth import grow_joint
+from sysid.workflow.record import read_record
+from twin.fragment import Check, check, put_into
+
+PARTS = ("stribeck", "plays")  # of a joint that grows, those that MJCF has elements for
+CLOSE = 0.005  # of the stroke: RMS up to which fragment and fit count as the same
+TURNS = 40  # of a drawn input: crossings of the stroke, about
+
+
+@dataclass(frozen=True)
+class Source:
+    """A fit, the record that MJCF is checked on, and where both come from."""
+
+    fit: Fit
+    data: IOData
+    said: str
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written: file names with what they are, the fragment with its check, and the model it was put into."""
+
+    source: Source
+    files: tuple[tuple[str, str], ...]
+    fragment: mjcf.Fragment | None = None
+    check: Check | None = None
+    into: str | None = None
+
+    @property
+    def close(self) -> bool:
+        """Whether the fragment does what the fit does."""
+        return self.check is None or self.check.share <= CLOSE
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary of `qpal export`, ready for JSON."""
+        found: dict[str, Any] = {"source": self.source.said, "files": [name for name, _ in self.files]}
+        if self.fragment is not None and self.check is not None:
+            found |= {
+                "mjcf": self.fragment.model(),
+                "left_out": list(self.fragment.left_out),
+                "difference_rms_percent_of_stroke": 100 * self.check.share,
+                "difference_worst_percent_of_stroke": 100 * self.check.worst,
+                "into": self.into,
+            }
+        return found | {"versions": versions()}
+
+
+def read_model(
+    path: str, input: str | None, output: str | None, Ts: float | None, time: str | None, fitted: bool
+) -> Source:
+    """The saved fit at `path` with a drawn input, or, if `fitted`, the joint that grows from the log at `path`.
+
+    A joint that is fitted here has only parts with MJCF elements. Raises InputError for a file that is neither.
+    """
+    try:
+        fit = load(path)
+    except InputError as error:
+        if not fitted or not Path(path).exists():
+            raise
+        refused = error
+    else:
+        return Source(fit, _drawn(fit), f"the fit in {path}")
+    try:
+        data = read_record(path, input, output, Ts, time).data
+    except InputError as error:
+        if Path(path).suffix.lower() == ".json":
+            raise InputError(f"{path} is neither a saved fit ({refused}) nor a log ({error})") from None
+        raise
+    return Source(grow_joint(data, parts=PARTS).fit, data, f"a joint fitted to {path}")
+
+
+def _drawn(fit: Fit) -> IOData:
+    """A drawn input, which takes a joint across its stroke many times, and the fit's free run."""
+    if not is_joint(fit.model):
+        levels = np.random.default_rng(0).uniform(-1.0, 1.0, (12, fit.model.channels[0]))
+        u = np.repeat(levels, 20, axis=0)
+        return IOData(u, fit.model.simulate(fit.theta, u), fit.Ts)
+    motor = motor_of(fit.model)
+    own = fit.model.part(fit.theta, motor)
+    value = {name: motor.value(own, name) for name in ("gain", "rise", "fall", "stick", "lower", "upper")}
+    stroke = value["upper"] - value["lower"] if motor.stops else 1.0
+    crossing = 50  # samples
+    amplitude = max(value["rise"], value["fall"]) + value["stick"] + stroke / (crossing * value["gain"])
+    signal = Aprbs(amplitude, hold_min=0.2 * crossing * fit.Ts, hold_max=2 * crossing * fit.Ts)
+    u = signal.generate(TURNS * crossing, fit.Ts, np.random.default_rng(0))
+    return IOData(u, fit.model.simulate(fit.theta, u[:, None]).ravel(), fit.Ts)
+
+
+def write_back(
+    source: Source,
+    ways: Sequence[str],
+    name: str,
+    torque_per_volt: float,
+    link_inertia: float,
+    into: Path | None,
+    folder: Path,
+) -> Written:
+    """Write the fit to `folder` in each of `ways` ("mjcf", "c", "python"); see `sysid.export`."""
+    files = []
+    fit = source.fit
+    if "c" in ways:
+        files.append((c.write(fit, folder / f"{name}.c", name).name, "C99 with a state and a step function"))
+    if "python" in ways:
+        files.append((python.write(fit, folder / f"{name}.py").name, "Python that imports only math"))
+    if "mjcf" not in ways:
+        return Written(source, tuple(files))
+    fragment = mjcf.fragment(fit, name, torque_per_volt, link_inertia)
+    write_text(folder / f"{name}.xml", fragment.model())
+    files.append((f"{name}.xml", "MJCF that loads as it is, with a light link in place of yours"))
+    if into is not None:
+        made = folder / into.name if into.name != f"{name}.xml" else folder / f"with-{into.name}"
+        write_text(made, put_into(fragment, into))
+        files.append((made.name, f"{into.name} with the joint put in"))
+    checked = check(mjcf.fragment(fit, name, torque_per_volt), fit, source.data)
+    return Written(source, tuple(files), fragment, checked, None if into is None else str(into))
