@@ -22,6 +22,7 @@ from twin.parameters import JOINTS, Parameters
 # Rows that no record of voltage and angle tells from friction; their spread is part of the intervals of the others.
 CONSIDERED = ("dead_band",)
 LEVEL = 0.95
+SHORT = 0.5  # standard deviations
 
 
 @dataclass(frozen=True)
@@ -184,8 +185,8 @@ def calibrate(
         values = _values(task, found, cov, J, size, base, level)
         after = leg.parameters(task.values(found.p)[: len(kept)])
         runs = _runs(Leg(joint, base, (), *settings), leg, task, found, logs, held_out, labels)
+    converged, reason = _verdict(found, e, J, cov)
     cov = cov[: len(kept), : len(kept)]
-    converged, reason = _verdict(found)
     std = np.sqrt(np.diag(cov))
     return Calibration(
         joint,
@@ -316,5 +317,13 @@ def _score(run: Run) -> Score:
     return Score(run.name, run.held_out, rms(run.before), rms(run.after), fit(run.before), fit(run.after))
 
 
-def _verdict(found: Found) -> tuple[bool, str]:
-    return found.stop.converged, found.stop.reason
+def _verdict(found: Found, e: np.ndarray, J: np.ndarray, cov: np.ndarray) -> tuple[bool, str]:
+    """Whether the search ended at a minimum, and why it ended.
+
+    The response of a joint that trips limit switches jumps a little, so that the last steps may find no descent. That
+    is good enough if what is left of the way is short beside the standard deviations.
+    """
+    left = float(np.max(np.abs(np.linalg.lstsq(J, e)[0]) / np.sqrt(np.diag(cov)), initial=0.0))
+    if found.stop.converged or left > SHORT:
+        return found.stop.converged, found.stop.reason
+    return True, f"no step lowers the error, and the next one would be at most {left:.2f} standard deviations long"

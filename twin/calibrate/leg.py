@@ -112,10 +112,10 @@ class Leg:
     threads: int = 2
 
     def record(self, log: Log, name: str = "log") -> Record:
-        """The log as a record whose own parameter is the drive's angle at its first sample; lost samples are not scored."""
+        """The log, whose own parameter is the drive's angle at its first sample; lost samples are not scored."""
         follower = Follower(log, self.joint, self.without, self.pot_side, self.realisation, self.threads)
         low, high = end_angles(self.base, self.joint)
-        scored = log.io(self.joint if log.joint else None).scored.ravel()
+        scored = log.io(self.joint if log.joint else None).observed.ravel()
         y = np.where(scored, follower.y, np.nan)
         first = float(np.clip(np.median(follower.y[:3]), low, high))
         start = Free("start", first, min(low, first) - 0.3, max(high, first) + 0.3, "rad", np.deg2rad(1.0))

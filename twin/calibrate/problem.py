@@ -15,6 +15,7 @@ ROUNDS = 4  # simulations of one Jacobian, at most
 CHANGE = 30.0  # of a step, from one round to the next
 SMALLEST, LARGEST = 1e-5, 2.0  # of a step, in scales
 SAME = 0.5  # of the noise: within this RMS change of the response the Jacobian is the same; its own steps are longer
+KEPT = 0.5  # of the promised fall of the loss
 _NORMAL = 0.6745  # median of the absolute value of a standard normal number
 
 
@@ -175,8 +176,7 @@ class Simulations:
 
     def residual(self, p: np.ndarray) -> np.ndarray | None:
         """y - yhat of the scored samples of all records; None if a simulation failed."""
-        parts = [(r.y - row)[r.scored] for r, row in zip(self.records, self.at(p), strict=True)]
-        e = np.concatenate(parts)
+        e = self._residuals(self.at(p))
         return e if np.all(np.isfinite(e)) else None
 
     def losses(self, points: np.ndarray) -> np.ndarray:
@@ -202,12 +202,19 @@ class Simulations:
         return e, self._linear[2]
 
     def _same(self, p: np.ndarray) -> bool:
-        """Whether the last Jacobian serves at p too."""
+        """Whether the last Jacobian serves at p too: p is near, and the loss has fallen as it promised."""
         assert self._linear is not None
-        central, responses, _ = self._linear
-        pairs = zip(self.records, self.at(p), responses, strict=True)
-        change = sum(float(np.sum((row - old)[r.scored] ** 2)) for r, row, old in pairs)
-        return central == self.central and change <= sum(self.lengths) * (SAME * self.noise) ** 2
+        central, responses, J = self._linear
+        if central != self.central:
+            return False
+        old, e = self._residuals(responses), self._residuals(self.at(p))
+        if np.sum((e - old) ** 2) > len(e) * (SAME * self.noise) ** 2:
+            return False
+        promised = np.sum((np.linalg.qr(J)[0].T @ old) ** 2)
+        return bool(old @ old - e @ e >= KEPT * promised)
+
+    def _residuals(self, responses: list[np.ndarray]) -> np.ndarray:
+        return np.concatenate([(r.y - row)[r.scored] for r, row in zip(self.records, responses, strict=True)])
 
     def columns(self, p: np.ndarray, which: Sequence[int]) -> np.ndarray:
         """Columns `which` of dyhat/dp (N, which) at p (n,).

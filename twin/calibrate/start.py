@@ -18,7 +18,11 @@ from twin.log import Log
 from twin.parameters import Parameters
 from twin.truth import arm, linear_bench, link_inertia, load
 
-SURE = 0.1  # a value whose interval is wider than this share of it, or of the stroke for an end, is not taken over
+SURE = 0.1  # of the stroke: an end with a wider interval to each side is not taken over
+ROUGH = 0.5  # of the value, the same for speed and friction
+NEAR = 0.03  # of the range from its ends
+PUSH = 0.1  # of the friction: a voltage above it by this much would drive the joint on
+RESTS = 2.0  # times the time in which the joint would pass
 
 
 @dataclass(frozen=True)
@@ -42,8 +46,33 @@ def from_joint(logs: Sequence[Log], joint: str, base: Parameters, names: Sequenc
     record = IOData.merge(*data) if same and len(data) > 1 else longest
     fit = fit_chain(actuated_joint(play=False), record, search="lm", starts=4, seed=seed)
     values = joint_values(fit)
-    mapped = mapped_rows(joint, base, {v.name: v for v in values}, names)
+    by_name = {value.name: value for value in values}
+    for end in _not_struck(data, by_name):
+        del by_name[end]
+    mapped = mapped_rows(joint, base, by_name, names)
     return Start(base.replace(mapped), values, mapped, float(np.sqrt(fit.criteria.mse)))
+
+
+def _not_struck(data: Sequence[IOData], values: Mapping[str, JointValue]) -> list[str]:
+    """Ends at which no log rests under a voltage that would drive the joint on.
+
+    The fitted joint may put a stop where a log merely turns round. Without a stop, the joint would pass the last part
+    of its range at its speed.
+    """
+    low, high = (float(of([of(one.y) for one in data])) for of in (np.min, np.max))
+    part, speed, lost = NEAR * (high - low), values["speed_per_volt"].value, []
+    for end, outward, name in (("end_low", -1.0, "coulomb_down"), ("end_high", 1.0, "coulomb_up")):
+        needed, rests = outward * values[name].value, 0.0
+        for one in data:
+            push = outward * one.u.ravel() - max(needed, 0.0)
+            away = one.y.ravel() - low if outward < 0.0 else high - one.y.ravel()
+            driven = (away < part) & (push > PUSH * max(needed, 0.0) + 0.1)
+            passing = part / (speed * float(push[driven].mean())) if driven.any() and speed > 0.0 else np.inf
+            ends = np.flatnonzero(np.diff(np.concatenate([[0], driven.astype(int), [0]])))
+            rests = max(rests, one.Ts * float(np.max(ends[1::2] - ends[::2], initial=0)) / passing)
+        if end in values and rests < RESTS:
+            lost.append(end)
+    return lost
 
 
 def mapped_rows(
@@ -71,11 +100,11 @@ def _valid(p: Parameters, joint: str) -> bool:
     return True
 
 
-def _sure(value: JointValue | None, size: float) -> bool:
-    """Whether the fitted joint determines the value."""
+def _sure(value: JointValue | None, half: float) -> bool:
+    """Whether the fitted joint determines the value to within `half` to each side."""
     if value is None or value.low is None or value.high is None:
         return False
-    return value.high - value.low < 2.0 * SURE * abs(size)
+    return value.high - value.low < 2.0 * half
 
 
 Values = Mapping[str, JointValue]
@@ -84,25 +113,26 @@ Values = Mapping[str, JointValue]
 def _ends(joint: str, p: Parameters, values: Values) -> dict[str, float]:
     """Ends of the drive from those of the link; without the weight of a link half the backlash lies between them."""
     low, high = end_angles(p, joint)
-    size = high - low
-    lower, upper = (values[n].value if _sure(values.get(n), size) else None for n in ("end_low", "end_high"))
+    lower, upper = (
+        values[n].value if _sure(values.get(n), SURE * (high - low)) else None for n in ("end_low", "end_high")
+    )
     if joint == "shoulder":
         half = p["shoulder.backlash"] / 2
         pairs = (("shoulder.lower", lower, half), ("shoulder.upper", upper, -half))
         return {name: value + shift for name, value, shift in pairs if value is not None}
     triangle = linkage(p, joint)
-    first = p[f"{joint}.retracted_length"] if lower is None else float(triangle.length(lower))
-    found = {} if lower is None else {f"{joint}.retracted_length": first}
-    last = p[f"{joint}.retracted_length"] + p[f"{joint}.stroke"] if upper is None else float(triangle.length(upper))
-    if lower is not None or upper is not None:
-        found[f"{joint}.stroke"] = last - first
+    found, first = dict[str, float](), p[f"{joint}.retracted_length"]
+    if lower is not None:
+        first = found[f"{joint}.retracted_length"] = float(triangle.length(lower))
+    if upper is not None:
+        found[f"{joint}.stroke"] = float(triangle.length(upper)) - first
     return found
 
 
 def _speed(joint: str, p: Parameters, values: Values) -> dict[str, float]:
     """no_load_speed v0 from speed per volt s: s = (F0 / U) / (F0 / v0 + viscous friction), all at the drive."""
     value = values.get("speed_per_volt")
-    if value is None or value.value <= 0.0:
+    if value is None or value.value <= 0.0 or not _sure(value, ROUGH * value.value):
         return {}
     r = abs(arm(joint, p))
     stall = p[f"{joint}.stall_torque" if joint == "shoulder" else f"{joint}.stall_force"]
@@ -113,8 +143,9 @@ def _speed(joint: str, p: Parameters, values: Values) -> dict[str, float]:
 
 def _friction(joint: str, p: Parameters, values: Values) -> dict[str, float]:
     """coulomb and asymmetry from the volts at which it moves up and down, less dead zone, weight and bearing."""
-    if not {"coulomb_up", "coulomb_down"} <= set(values):
-        return {}
+    for name in ("coulomb_up", "coulomb_down"):
+        if name not in values or not _sure(values[name], ROUGH * abs(values[name].value)):
+            return {}
     held = load(joint, p, *linear_bench(joint, p))
     per_volt, lost = motor(p, joint).force_per_volt, drive(p, joint).dead_band
     dry = []
