@@ -1,5 +1,6 @@
 """The rows of a table that its mapping's range keeps."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,16 +40,21 @@ def cut(table: Table, mapping: ChannelMap) -> tuple[Table, str]:
             raise InputError(f"{table.path}: column {part.active!r} is 0 in all rows; leave active of [range] out")
         keep = np.zeros(n, dtype=bool)
         keep[slice(*stretches[0])] = True
+    fresh = kept(table, keep)
+    return fresh, f"used rows {fresh.rows[0][0]} to {fresh.rows[0][-1]}, {int(keep.sum())} of {n}, as the range says"
+
+
+def kept(table: Table, keep: np.ndarray) -> Table:
+    """The table with the marked rows (n,) alone; columns of another length are left out."""
     chosen = np.flatnonzero(keep)
-    columns = tuple(
-        [cells[k] for k in chosen] if not isinstance(cells, np.ndarray) else cells[chosen]
-        for cells in (c if len(c) == n else np.asarray(c) for c in table.columns)
-        if len(cells) == n
-    )
-    names = tuple(name for name, c in zip(table.names, table.columns, strict=True) if len(c) == n)
-    rows = tuple([r[k] for k in chosen.tolist()] for r, c in zip(table.rows, table.columns, strict=True) if len(c) == n)
-    cut = replace(table, names=names, columns=columns, rows=rows)
-    return cut, f"used rows {cut.rows[0][0]} to {cut.rows[0][-1]}, {len(chosen)} of {n}, as the range says"
+    whole = [j for j, cells in enumerate(table.columns) if len(cells) == len(keep)]
+    columns = tuple(_picked(table.columns[j], chosen) for j in whole)
+    rows = tuple(np.asarray(table.rows[j])[chosen].tolist() for j in whole)
+    return replace(table, names=tuple(table.names[j] for j in whole), columns=columns, rows=rows)
+
+
+def _picked(cells: Sequence[str] | np.ndarray, chosen: np.ndarray) -> Sequence[str] | np.ndarray:
+    return cells[chosen] if isinstance(cells, np.ndarray) else [cells[k] for k in chosen.tolist()]
 
 
 def _span(start: float | None, stop: float | None) -> str:

@@ -214,8 +214,9 @@ def _left_over(role: str, taken: Look | None, rest: Mapping[str, Look], why: lis
 def _stated(table: Table) -> float | None:
     """The sampling time [s] in what the writer said of the record."""
     value = table.meta.get("Ts")
-    usable = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value) and value > 0
-    return float(value) if usable else None
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    return float(value) if np.isfinite(value) and value > 0 else None
 
 
 def _say_unit(role: str, look: Look, unit: str, why: list[str], remarks: dict[str, str]) -> None:

@@ -31,11 +31,11 @@ class _Part(BaseModel):
 class Clock(_Part):
     """Where the time of a sample comes from: a column of stamps, or Ts alone."""
 
-    column: Text = Field("", description='column of the time stamps; "" if there is none, then Ts is needed')
-    unit: Text = Field("s", description="unit of the stamps: s, ms, us, ns, min")
-    wrap: Bits = Field(0, description="bits after which the counter starts again at 0: 8, 16, 24, 32; 0: never")
+    column: Text = Field(default="", description='column of the time stamps; "" if there is none, then Ts is needed')
+    unit: Text = Field(default="s", description="unit of the stamps: s, ms, us, ns, min")
+    wrap: Bits = Field(default=0, description="bits after which the counter starts again at 0: 8, 16, 24, 32; 0: never")
     Ts: Annotated[Number, Field(gt=0)] | None = Field(
-        None, description="[s] sampling time of the record; left out: that of the stamps"
+        default=None, description="[s] sampling time of the record; left out: that of the stamps"
     )
 
     @model_validator(mode="after")
@@ -52,8 +52,10 @@ class Clock(_Part):
 class Adc(_Part):
     """A straight line through two points, from counts to values."""
 
-    counts: Pair | None = Field(None, description="two readings [counts], or give bits")
-    bits: Annotated[Whole, Field(ge=1, le=32)] | None = Field(None, description="bits = 10 is counts = [0, 1023]")
+    counts: Pair | None = Field(default=None, description="two readings [counts], or give bits")
+    bits: Annotated[Whole, Field(ge=1, le=32)] | None = Field(
+        default=None, description="bits = 10 is counts = [0, 1023]"
+    )
     value: Pair = Field(description="the values at these readings")
 
     @model_validator(mode="after")
@@ -80,18 +82,23 @@ class Channel(_Part):
     """
 
     column: Text = Field(description="column of the file")
-    name: Text = Field("", description="name in reports")
-    unit: Text = Field("", description="unit of the value: V, mV, rad, deg, rev, counts, percent, ...; becomes SI")
-    scale: Number = Field(1.0, description="value = sign * (scale * number + offset)")
-    offset: Number = Field(0.0, description="in the unit of the value")
-    sign: Literal[1, -1] = Field(1, description="-1 turns the direction round")
-    adc: Adc | None = Field(
-        None, description="counts to values by two points, before scale; bits = 10 stands for counts = [0, 1023]"
+    name: Text = Field(default="", description="name in reports")
+    unit: Text = Field(
+        default="", description="unit of the value: V, mV, rad, deg, rev, counts, percent, ...; becomes SI"
     )
-    signed: Bits = Field(0, description="bits of a two's complement word that was logged without its sign; 0: none")
-    times: Text = Field("", description="column that multiplies the number, such as the supply of a duty")
+    scale: Number = Field(default=1.0, description="value = sign * (scale * number + offset)")
+    offset: Number = Field(default=0.0, description="in the unit of the value")
+    sign: Literal[1, -1] = Field(default=1, description="-1 turns the direction round")
+    adc: Adc | None = Field(
+        default=None,
+        description="counts to values by two points, before scale; bits = 10 stands for counts = [0, 1023]",
+    )
+    signed: Bits = Field(
+        default=0, description="bits of a two's complement word that was logged without its sign; 0: none"
+    )
+    times: Text = Field(default="", description="column that multiplies the number, such as the supply of a duty")
     between: Literal["", "held", "line"] = Field(
-        "", description='between samples: "held" or "line"; "" is held for an input, a line for an output'
+        default="", description='between samples: "held" or "line"; "" is held for an input, a line for an output'
     )
 
     @model_validator(mode="after")
@@ -105,31 +112,34 @@ class Repair(_Part):
     """What is done about samples that are not where they should be."""
 
     duplicates: Literal["first", "mean", "refuse"] = Field(
-        "first", description='rows of one stamp: "first" keeps the first, "mean" averages them, or "refuse"'
+        default="first", description='rows of one stamp: "first" keeps the first, "mean" averages them, or "refuse"'
     )
     backward: Literal["refuse", "drop"] = Field(
-        "refuse", description='a stamp that runs back: "refuse", or "drop" its row'
+        default="refuse", description='a stamp that runs back: "refuse", or "drop" its row'
     )
     jitter: Annotated[Number, Field(ge=0, lt=0.5)] = Field(
-        0.01, description="part of a step by which stamps may be off and still count as uniform; more is interpolated"
+        default=0.01,
+        description="part of a step by which stamps may be off and still count as uniform; more is interpolated",
     )
     empty: Literal["refuse", "fill"] = Field(
-        "refuse", description='cells without a value: "refuse", or "fill" them like lost samples'
+        default="refuse", description='cells without a value: "refuse", or "fill" them like lost samples'
     )
     longest_gap: Annotated[Whole, Field(ge=0)] = Field(
-        3, description="lost samples in a row that are filled; a longer gap is refused"
+        default=3, description="lost samples in a row that are filled; a longer gap is refused"
     )
     most_lost: Annotated[Number, Field(ge=0, le=1)] = Field(
-        0.1, description="part of the record that may be lost altogether"
+        default=0.1, description="part of the record that may be lost altogether"
     )
 
 
 class Range(_Part):
     """The part of the file that is the record."""
 
-    start: Number | None = Field(None, description="[s] after the first stamp; left out: from the first row")
-    stop: Number | None = Field(None, description="[s] after the first stamp; left out: to the last row")
-    active: Text = Field("", description="column that is not 0 while the record lasts: the first such rows are kept")
+    start: Number | None = Field(default=None, description="[s] after the first stamp; left out: from the first row")
+    stop: Number | None = Field(default=None, description="[s] after the first stamp; left out: to the last row")
+    active: Text = Field(
+        default="", description="column that is not 0 while the record lasts: the first such rows are kept"
+    )
 
     @model_validator(mode="after")
     def _makes_sense(self) -> Self:

@@ -44,8 +44,8 @@ def read_map(path: str | os.PathLike[str]) -> ChannelMap:
     try:
         return ChannelMap.model_validate(document)
     except ValidationError as error:
-        place, said = complaint(error, ChannelMap)
-        raise InputError(f"{source}{_place(text, place)}: {said}") from None
+        entry, said = complaint(error, ChannelMap)
+        raise InputError(f"{source}{_place(text, entry)}: {said}") from None
 
 
 def write_map(mapping: ChannelMap, path: str | os.PathLike[str], title: str = "") -> Path:
@@ -65,7 +65,7 @@ def check_map_path(path: str | os.PathLike[str]) -> Path:
 
 def map_text(mapping: ChannelMap, title: str = "", remarks: Mapping[str, str] | None = None) -> str:
     """The file's text; `remarks` by entry ("clock.unit", "output.column") stand before an entry's own comment."""
-    lines = [f"# {line}" for line in title.splitlines()]
+    lines = [f"# {_plain(line)}" for line in title.splitlines()]
     said = remarks or {}
     for name in ("clock", *ROLES, "repair", "range"):
         part = getattr(mapping, name)
@@ -80,8 +80,13 @@ def _entries(table: str, entry: BaseModel, remarks: Mapping[str, str]) -> Iterat
     for name, field in type(entry).model_fields.items():
         value = getattr(entry, name)
         line = f"# {name} = {EXAMPLES[name]}" if value is None else f"{name} = {_toml(value)}"
-        comment = ". ".join(filter(None, [remarks.get(f"{table}.{name}", ""), field.description or ""]))
+        comment = ". ".join(filter(None, [_plain(remarks.get(f"{table}.{name}", "")), field.description or ""]))
         yield f"{line:<{WIDTH}}  # {comment}"
+
+
+def _plain(text: str) -> str:
+    """A text that may stand in a comment: a column's name may hold anything."""
+    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def _toml(value: Any) -> str:

@@ -38,9 +38,9 @@ def _refined(record: Signals, Ts: float) -> Signals:
         for role in ROLES
         for c in getattr(record.mapping, role)
     }
-    parts = {role: tuple(moved(s, held[s.column]) for s in getattr(record, role)) for role in ROLES}
+    u, y, other = (tuple(moved(s, held[s.column]) for s in getattr(record, role)) for role in ROLES)
     note = f"resampled from {record.Ts:g} to {Ts:g} s, inputs held, outputs by straight lines"
-    return replace(record, Ts=Ts, notes=(*record.notes, note), **parts)
+    return replace(record, Ts=Ts, notes=(*record.notes, note), input=u, output=y, other=other)
 
 
 def _coarser(signals: Signals, Ts: float) -> Signals:
@@ -62,7 +62,7 @@ def _coarser(signals: Signals, Ts: float) -> Signals:
     def filled(signal: Signal, n: int) -> np.ndarray:
         parts = np.zeros(n * down, dtype=bool)
         parts[: signals.N] = signal.missing
-        return parts.reshape(n, down).any(axis=1)
+        return np.any(parts.reshape(n, down), axis=1, keepdims=False)
 
     n = found.data.N
     u = [replace(s, values=found.data.u[:, k], missing=filled(s, n)) for k, s in enumerate(held)]

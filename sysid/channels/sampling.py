@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.channels.cut import cut
+from sysid.channels.cut import cut, kept
+from sysid.channels.gaps import check_gaps
 from sysid.channels.grid import LONG, Grid, find_grid
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Range
 from sysid.channels.names import label
@@ -16,8 +17,6 @@ from sysid.channels.values import channel_values, numbers
 from sysid.data.missing import fill as filled
 from sysid.data.missing import runs
 from sysid.data.table import Table
-
-MOST_PIECES = 4  # that a message lists
 
 
 @dataclass(frozen=True)
@@ -44,8 +43,10 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     ]
     found = [channel_values(table, channel, entry, fill) for _, channel, entry in channels]
     _check_lengths(table, [channel.column for _, channel, _ in channels], [values for values, _ in found])
-    rows = _rows(table, mapping, len(found[0][0]))
-    counts = _counts(rows, len(found[0][0]))
+    table, whole, ends = _without_empty_ends(table, [values for values, _ in found])
+    found = [(x, unit) for x, (_, unit) in zip(whole, found, strict=True)]
+    rows = _rows(table, mapping, len(whole[0]))
+    counts = _counts(rows) | {"ends": ends}
     signals: dict[str, list[Signal]] = {role: [] for role in ROLES}
     for (role, channel, _), (values, unit) in zip(channels, found, strict=True):
         held = channel.between == "held" or (channel.between == "" and role == "input")
@@ -57,7 +58,9 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
         table.path,
         mapping,
         rows.grid.Ts,
-        *(tuple(signals[role]) for role in ROLES),
+        tuple(signals["input"]),
+        tuple(signals["output"]),
+        tuple(signals["other"]),
         notes=(*notes, *table.notes),
         counts=counts,
         sampling=_sampling(rows),
@@ -75,9 +78,8 @@ def _entry(mapping: ChannelMap, role: str, k: int) -> str:
 
 def _check_mapping(table: Table, mapping: ChannelMap) -> None:
     for column, entry in mapping.columns().items():
-        numbers_of = table.names
-        if column not in numbers_of:
-            numbers(table, column, entry)
+        if column not in table.names:
+            numbers(table, column, entry)  # which says what is like it
     if not any(getattr(mapping, role) for role in ROLES):
         raise InputError(f"{table.path}: the mapping has no channel; add a table [[input]] and one [[output]]")
     for role in ROLES:
@@ -108,6 +110,17 @@ def _check_lengths(table: Table, names: list[str], columns: list[np.ndarray]) ->
             raise InputError(f"{table.path}: column {name!r} has {len(values)} sample(s); at least 2 rows are needed")
 
 
+def _without_empty_ends(table: Table, columns: list[np.ndarray]) -> tuple[Table, list[np.ndarray], int]:
+    """Without the rows at both ends in which a channel has no value: there is nothing to fill them from."""
+    known = np.flatnonzero(np.all([np.isfinite(values) for values in columns], axis=0))
+    n = len(columns[0])
+    if not len(known) or (known[0] == 0 and known[-1] == n - 1):
+        return table, columns, 0
+    inside = np.zeros(n, dtype=bool)
+    inside[known[0] : known[-1] + 1] = True
+    return kept(table, inside), [values[inside] for values in columns], int(n - inside.sum())
+
+
 def _rows(table: Table, mapping: ChannelMap, n: int) -> _Rows:
     clock, repair = mapping.clock, mapping.repair
     if not clock.column:
@@ -127,7 +140,7 @@ def _rows(table: Table, mapping: ChannelMap, n: int) -> _Rows:
             f"{np.diff(stamps.t).min():g} to {np.diff(stamps.t).max():g} s, too coarse to tell a lost sample from "
             "rounding; give the sampling time with --ts instead, or in [clock] of a mapping without a column"
         )
-    _check_gaps(table, mapping, stamps, grid)
+    check_gaps(table, mapping, stamps, grid)
     return _Rows(stamps, grid, stamps.rows)
 
 
@@ -199,40 +212,6 @@ def _check_open(table: Table, channel: Channel, rows: _Rows, open_: np.ndarray, 
     )
 
 
-def _check_gaps(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid) -> None:
-    repair, gaps = mapping.repair, grid.gaps
-    worst = int(gaps[:, 1].max()) if len(gaps) else 0
-    if worst > repair.longest_gap:
-        first = int(np.argmax(gaps[:, 1] > repair.longest_gap))
-        raise _gap_error(table, mapping, stamps, grid, first, f"at most {repair.longest_gap} in a row are filled")
-    if grid.lost > repair.most_lost * grid.N:
-        first = int(np.argmax(gaps[:, 1]))
-        part = f"{grid.lost} of {grid.N} samples are lost, and at most {repair.most_lost:.0%} are filled"
-        raise _gap_error(table, mapping, stamps, grid, first, part)
-
-
-def _gap_error(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid, gap: int, said: str) -> InputError:
-    k = int(grid.gaps[gap, 0])
-    step = stamps.t[k + 1] - stamps.t[k]
-    tolerance = f" (within {mapping.repair.jitter:.0%})" if grid.index is not None else ""
-    return table.error(
-        table.names.index(mapping.clock.column),
-        int(stamps.rows[k + 1]),
-        f"found a step of {step:.4g} s where most are {grid.median:.4g} s{tolerance}; {said}: "
-        f"{_pieces(mapping, stamps, grid)}, or set longest_gap and most_lost in [repair] of a mapping",
-    )
-
-
-def _pieces(mapping: ChannelMap, stamps: Stamps, grid: Grid) -> str:
-    """The pieces between long gaps, as times to give."""
-    limit = min(mapping.repair.longest_gap, int(grid.gaps[:, 1].max()) - 1)
-    cuts = grid.gaps[grid.gaps[:, 1] > limit, 0]
-    starts, stops = np.concatenate([[0], cuts + 1]), np.concatenate([cuts, [len(stamps.t) - 1]])
-    long = np.argsort(stops - starts)[::-1][:MOST_PIECES]
-    texts = [f"{stamps.t[starts[k]]:.6g}:{stamps.t[stops[k]]:.6g}" for k in sorted(long) if stops[k] > starts[k]]
-    return f"cut it and keep one piece with --range {' or '.join(texts)}"
-
-
 def _check_lost(table: Table, mapping: ChannelMap, rows: _Rows, record: Signals) -> None:
     share = float(record.missing.mean())
     if share > mapping.repair.most_lost:
@@ -242,7 +221,7 @@ def _check_lost(table: Table, mapping: ChannelMap, rows: _Rows, record: Signals)
         )
 
 
-def _counts(rows: _Rows, n: int) -> dict[str, int]:
+def _counts(rows: _Rows) -> dict[str, int]:
     stamps = rows.stamps
     counts = {"wraps": 0, "duplicates": 0, "backward": 0, "stamps without a value": 0}
     if stamps is not None:
@@ -274,6 +253,8 @@ def _sentences(rows: _Rows, counts: dict[str, int], mapping: ChannelMap) -> list
         said.append(f"{counts['backward']} row(s) whose stamp runs back left out")
     if counts["stamps without a value"]:
         said.append(f"{counts['stamps without a value']} row(s) without a stamp left out")
+    if counts["ends"]:
+        said.append(f"{counts['ends']} row(s) without values at the ends left out")
     if counts["lost"] or counts["empty cells"]:
         said.append(
             f"{counts['lost']} lost sample(s) and {counts['empty cells']} empty cell(s) filled: inputs held, outputs "

@@ -27,6 +27,7 @@ REPAIRS = {
     "backward": "rows left out because their stamp runs back",
     "stamps without a value": "rows left out because they have no stamp",
     "lost": "samples lost between rows",
+    "ends": "rows without values left out at the ends",
     "empty cells": "cells without a value",
     "interpolated": "samples interpolated because the stamps are not uniform",
     "filled samples": "samples of the record that were filled",
@@ -148,7 +149,7 @@ def steps(signals: Signals) -> list[Axes]:
         ms, edges = np.full(len(ms), middle), np.linspace(0.5 * middle, 1.5 * middle, BINS + 1)
     else:
         edges = np.linspace(ms.min(), ms.max(), BINS + 1)
-    axes.hist(ms, bins=edges, color=style.INPUT)
+    axes.hist(ms, bins=edges.tolist(), color=style.INPUT)
     axes.axvline(1e3 * signals.Ts, color=style.MODEL, ls="--", lw=1.0)
     axes.set(yscale="log", xlabel="step between time stamps [ms]", ylabel="steps [number]")
     return [axes]

@@ -117,7 +117,8 @@ def inspect_file(
         chosen, why, unclear, remarks = found.mapping, found.why, found.unclear, dict(found.remarks)
     if range != Range():
         chosen = chosen.model_copy(update={"range": range})
-    signals, problem, repairs = None, "", ()
+    signals, problem = None, ""
+    repairs: tuple[str, ...] = ()
     if not unclear:
         signals, problem = _try(table, chosen, why)
     if problem and mapping is None:

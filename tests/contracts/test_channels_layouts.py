@@ -14,22 +14,28 @@ from sysid import InputError, read_signals
 from sysid.channels.signals import Signals
 
 FULL = os.environ.get("QPAL_FULL") == "1"
-SEEN: Counter[str] = Counter()
 
 
-@settings(max_examples=1500 if FULL else 60)
-@given(layout=layouts())
-def test_a_record_is_read_right_or_refused_with_a_sentence(layout):
-    with tempfile.TemporaryDirectory() as folder:
-        made = write(layout, Path(folder))
-        try:
-            signals = read_signals(made.path)
-        except InputError as error:
-            assert "\n" not in str(error)
-            SEEN["refused"] += 1
-            return
-    check(layout, made, signals)
-    SEEN["right"] += 1
+def test_a_record_is_read_right_or_refused_with_a_sentence():
+    """Wrong: none. Refused: not most, for a reader that refuses everything is right too (measured: 44 %)."""
+    seen: Counter[str] = Counter()
+
+    @settings(max_examples=1500 if FULL else 80)
+    @given(layout=layouts())
+    def read(layout):
+        with tempfile.TemporaryDirectory() as folder:
+            made = write(layout, Path(folder))
+            try:
+                signals = read_signals(made.path)
+            except InputError as error:
+                seen["refused"] += 1
+                assert "\n" not in str(error)  # noqa: PT017 - most draws raise none
+                return
+        check(layout, made, signals)
+        seen["right"] += 1
+
+    read()
+    assert seen["right"] > (0.4 if FULL else 0.25) * sum(seen.values()), seen
 
 
 def check(layout: Layout, made: Written, signals: Signals) -> None:
@@ -62,9 +68,3 @@ def scale(unit: str, si: str, factor: float | None) -> float:
         return 1.0
     assert unit == "", f"claims {unit}"
     return 1.0 / (factor or 1.0)
-
-
-def test_most_layouts_are_read_and_not_refused():
-    """Runs after the test above: a reader that refuses everything would pass it."""
-    assert sum(SEEN.values()) >= 50
-    assert SEEN["right"] > 0.3 * sum(SEEN.values()), SEEN

@@ -186,6 +186,10 @@ def test_empty_cells_are_refused_or_filled():
     np.testing.assert_allclose(made.output[0].values, 0.001 * k, atol=1e-15)
     np.testing.assert_array_equal(np.flatnonzero(made.output[0].missing), [20, 21])
     assert made.counts == {"empty cells": 3, "filled samples": 3}
+    y[:2], u[47:] = np.nan, np.nan
+    made = sample(table(t=k, u=u, y=y), tuy(Clock(column="t"), Repair(empty="fill")))
+    assert (made.N, made.sampling.start) == (45, 2.0)
+    assert made.counts == {"ends": 5, "empty cells": 3, "filled samples": 3}
     y[30:36] = np.nan
     with pytest.raises(InputError, match=r"row 32, column 'y': found no value in 6 samples in a row"):
         sample(table(t=k, u=u, y=y), tuy(Clock(column="t"), Repair(empty="fill")))
@@ -195,19 +199,14 @@ def test_empty_cells_are_refused_or_filled():
         sample(table(t=k, u=words, y=k), tuy(Clock(column="t"), Repair(empty="fill")))
 
 
-@pytest.mark.parametrize("Ts", [1 / 300, 0.0025, 0.0017])
+@pytest.mark.parametrize("Ts", [1 / 300, 0.0047, 1 / 130])
 def test_stamps_rounded_to_a_millisecond_keep_their_samples(Ts):
     """A counter of milliseconds below a step that is no whole number of them, with two samples lost."""
     k = np.delete(np.arange(2000), [500, 1200])
     u, y = ramp(k)
     stamps = np.floor(1e3 * Ts * k + 0.3)
-    try:
-        made = sample(table(t=stamps, u=u, y=y), tuy(Clock(column="t", unit="ms")))
-    except InputError as error:
-        assert "too coarse" in str(error)
-        assert Ts < 0.003
-        return
-    assert made.Ts == pytest.approx(Ts, rel=1e-3)
+    made = sample(table(t=stamps, u=u, y=y), tuy(Clock(column="t", unit="ms")))
+    assert made.Ts == pytest.approx(Ts, rel=1e-3 / Ts / 1998)  # the last stamp is a millisecond off at most
     assert not made.sampling.interpolated
     np.testing.assert_array_equal(np.flatnonzero(made.missing), [500, 1200])
     np.testing.assert_allclose(made.output[0].values, 0.001 * np.arange(2000), atol=1e-12)
@@ -356,7 +355,7 @@ def test_what_has_two_readings_is_refused(names, units, said):
             moves[clock] = 0.01 * K if clock == "t" else K
     found = guess(table(units, **moves))
     assert said in found.unclear[0]
-    with pytest.raises(InputError, match="rig.csv: "):
+    with pytest.raises(InputError, match=r"rig\.csv: "):
         found.sure(table(**moves))
 
 
