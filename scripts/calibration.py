@@ -78,9 +78,7 @@ def holds(value):
 
 def tables(rows):
     """Markdown: scores by joint and kind, then intervals by parameter."""
-    out = [
-        "| joint | structure | n | inside 95 % | worst loss | median | times closer, worst | CPU s | converged |"
-    ]
+    out = ["| joint | structure | n | inside 95 % | worst loss | median | times closer, worst | CPU s | converged |"]
     out.append("| :-- | :-- | --: | --: | --: | --: | --: | --: | --: |")
     for kind in KINDS:
         for joint in (*twin.JOINTS, "all"):

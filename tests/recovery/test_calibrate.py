@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import standin
 from standin import LACKS, StandIn
 
 import twin
@@ -148,6 +149,19 @@ def test_what_to_record_names_commands_that_exist(joint, tmp_path, monkeypatch):
     for k, command in enumerate(commands):
         assert main([*command, "--duration", "2", "--out", str(tmp_path / str(k))]) == 0
     assert ROWS
+
+
+def test_a_capture_with_garbled_lines_is_the_log(tmp_path):
+    """Every sample of a capture that was not garbled comes back to a code and a duty count; the others are filled."""
+    rig = StandIn("shoulder", 501)
+    (ends, _), _, mapping = standin.written(rig, tmp_path)
+    log, back = rig.calibration()[0], twin.Log.load(ends, str(mapping), "shoulder")
+    assert back.N == log.N
+    filled = list(back.meta["filled"])
+    assert len(filled) == log.N // 200
+    whole = np.setdiff1d(np.arange(log.N), filled)
+    np.testing.assert_allclose(back.y[whole], log.y[whole], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(back.u[whole], log.u[whole], rtol=0, atol=1e-9)
 
 
 @pytest.mark.slow
