@@ -300,6 +300,7 @@ FAINT: dict[str, float] = {}
 # model.json of it; --out is added.
 LOGS = Path(__file__).parent / "saved" / "logs"  # two logs of one experiment on the shoulder
 VERBS = {
+    "calibrate": ["leg.csv", "--joint", "shoulder", "--free", "upper,no_load_speed"],
     "compare": [str(LOGS / "one.csv"), "--joint", "shoulder", "--against", str(LOGS / "two.csv")],
     "crawl": ["--steps", "4", "--robots", "1", "--duration", "2"],
     "export": ["model.json", "--c", "--python"],

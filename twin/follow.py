@@ -58,18 +58,20 @@ class Follower:
         parameters: Sequence[Parameters],
         starts: Sequence[float] | np.ndarray | None = None,
         shifts: Sequence[float] | np.ndarray | None = None,
+        which: Sequence[int] | None = None,
     ) -> np.ndarray:
         """Angles (runs, N) [rad] read by the potentiometer without noise, one row for each of `parameters`.
 
         `starts` (runs,) [rad]: angle of the drive side at the first sample; one outside the stroke is moved to the end.
         `shifts` (runs,) [s]: additional delay of the reading, 0 or more, in addition to the parameter `delay`; it is
-        continuous, where the board sees commands only once in a period. Rows of failed simulations are NaN.
+        continuous, where the board sees commands only once in a period. With `which` (rows,) there is one row for each
+        entry: the simulation of that number with its own shift, so that several shifts of one leg are simulated once.
+        Rows of failed simulations are NaN.
         """
-        runs = len(parameters)
-        shifts = np.zeros(runs) if shifts is None else np.asarray(shifts, dtype=float)
-        return np.stack(
-            [self.at(row, shift) for row, shift in zip(self.courses(parameters, starts), shifts, strict=True)]
-        )
+        which = range(len(parameters)) if which is None else which
+        shifts = np.zeros(len(which)) if shifts is None else np.asarray(shifts, dtype=float)
+        courses = self.courses(parameters, starts)
+        return np.stack([self.at(courses[k], shift) for k, shift in zip(which, shifts, strict=True)])
 
     def courses(
         self, parameters: Sequence[Parameters], starts: Sequence[float] | np.ndarray | None = None

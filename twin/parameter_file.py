@@ -13,7 +13,7 @@ import math
 import os
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn
@@ -63,14 +63,13 @@ def write(parameters: Parameters, path: str | os.PathLike[str], all: bool = Fals
     InputError for a path that cannot be written or for another suffix.
     """
     target = Path(path)
-    kept = parameters.values if all else parameters.changed()
-    tables: dict[str, dict[str, float]] = {
-        "": {}
-    }  # names at the top level come first: after a header they would belong to its table
-    for name, value in kept.items():
-        table, _, key = name.rpartition(".")
-        tables.setdefault(table, {})[key] = value
+    tables = _tables_of(parameters.values if all else parameters.changed())
     return write_text(target, _to_toml(tables) if check_suffix(target) == ".toml" else _to_json(tables))
+
+
+def to_toml(parameters: Parameters, head: Sequence[str], comments: Mapping[str, str]) -> str:
+    """The values that differ from nominal as TOML, under the comment lines `head`, with comments by name."""
+    return _to_toml(_tables_of(parameters.changed()), head, comments)
 
 
 def check_suffix(path: Path) -> str:
@@ -229,14 +228,29 @@ def _brief(value: Any) -> str:
     return text if len(text) <= 40 else text[:37] + "..."
 
 
-def _to_toml(tables: Mapping[str, Mapping[str, float]]) -> str:
-    lines = ["# Parameters of the twin in SI units; parameters not named are nominal."]
+def _tables_of(kept: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    # Names at the top level come first: after a header they would belong to its table.
+    tables: dict[str, dict[str, float]] = {"": {}}
+    for name, value in kept.items():
+        table, _, key = name.rpartition(".")
+        tables.setdefault(table, {})[key] = value
+    return tables
+
+
+_HEAD = ("Parameters of the twin in SI units; parameters not named are nominal.",)
+
+
+def _to_toml(
+    tables: Mapping[str, Mapping[str, float]], head: Sequence[str] = _HEAD, comments: Mapping[str, str] | None = None
+) -> str:
+    lines = [f"# {' '.join(line.split())}" for line in head]
     for table, entries in tables.items():
         if table:
             lines += ["", f"[{table}]"]
         for key, value in entries.items():
-            row = ROWS[f"{table}.{key}" if table else key]
-            lines.append(f"{key} = {value!r}  # {_comment(row, value)}")
+            name = f"{table}.{key}" if table else key
+            said = (comments or {}).get(name) or _comment(ROWS[name], value)
+            lines.append(f"{key} = {value!r}  # {' '.join(said.split())}")
     return "\n".join(lines) + "\n"
 
 

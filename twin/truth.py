@@ -73,7 +73,7 @@ def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mod
     if mode not in MODES:
         raise unknown("mode", mode, MODES)
     p = parameters or Parameters()
-    model, data = _linear_bench(joint, p)
+    model, data = linear_bench(joint, p)
     h = model.opt.timestep
     steps = Ts / h if isinstance(Ts, int | float) and 0 < Ts < np.inf else 0.0
     if round(steps) < 1 or abs(steps - round(steps)) > 1e-6 * steps:
@@ -116,7 +116,7 @@ def _until_seen(delay: float, period: float, h: float) -> float:
     return -(-round(delay / h) // tick) * tick * h
 
 
-def _linear_bench(joint: str, p: Parameters) -> tuple[mujoco.MjModel, mujoco.MjData]:
+def linear_bench(joint: str, p: Parameters) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """The bench without its nonlinear parts, at rest at mid stroke."""
     model = bench(joint, p.replace({f"{joint}.coulomb": 0.0, f"{joint}.bearing_coulomb": 0.0}), LINEAR)
     data = mujoco.MjData(model)
@@ -232,7 +232,7 @@ def breakaway(joint: str, p: Parameters) -> tuple[float, float]:
 
     The drive must overcome the link's weight and bearing friction, and its own static friction under that load.
     """
-    held = load(joint, p, *_linear_bench(joint, p))
+    held = load(joint, p, *linear_bench(joint, p))
     bearing = p[f"{joint}.bearing_coulomb"] / abs(arm(joint, p))
     constants, dry, board = motor(p, joint), dry_friction(p, joint), drive(p, joint)
     volts = []

@@ -3,6 +3,7 @@
 import inspect
 import json
 import re
+from functools import cache
 from typing import get_args
 
 import numpy as np
@@ -11,6 +12,7 @@ import typer
 from cases import VERBS
 
 import sysid
+import twin
 from twin.cli import app, main
 
 COMMANDS = typer.main.get_command(app.build()).commands
@@ -29,7 +31,13 @@ def folder(tmp_path, monkeypatch):
     rows = "".join(f"{a!r},{b!r}\n" for a, b in zip(u.tolist(), y.tolist(), strict=True))
     (tmp_path / "log.csv").write_text("u,y\n" + rows)
     sysid.fit(sysid.structures.output_error(1, 1, 1), sysid.IOData(u, y, 0.1)).save("model.json")
+    leg().save("leg.csv")
     return tmp_path
+
+
+@cache
+def leg():
+    return twin.Experiment("shoulder", "sweep", 8.0, 0.05, options={"half_period": 2.0}).run()
 
 
 def options_of(verb):
@@ -64,7 +72,7 @@ def test_a_good_run_leaves_a_report_and_prints_its_summary(verb, folder, capsys)
     assert figures
     assert html.count("<img ") == len(figures)
     assert not re.findall(r"""(?:src|href)=["'](?!data:image/png;base64,|#)""", html)  # it needs no network
-    assert {path.name for path in folder.iterdir()} == {"log.csv", "model.json", "made"}
+    assert {path.name for path in folder.iterdir()} == {"log.csv", "leg.csv", "model.json", "made"}
 
 
 @pytest.mark.parametrize("verb", [verb.__name__ for verb in app.VERBS])

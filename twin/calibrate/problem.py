@@ -7,11 +7,15 @@ import numpy as np
 
 from sysid.base.errors import InputError
 
-LEVEL = 0.5  # of the noise: RMS change of the response that a step of the Jacobian aims at
+# RMS change of the response that a step of the Jacobian aims at, in multiples of the noise. The shoulder's response
+# jumps by 0.03 degrees RMS, because the board reads limit switches once in 10 ms; below 0.2 they hide the slope.
+LEVEL = 1.5
 BAND = 5.0  # a step whose change is this factor off the aim is corrected and simulated again
 ROUNDS = 4  # simulations of one Jacobian, at most
 CHANGE = 30.0  # of a step, from one round to the next
 SMALLEST, LARGEST = 1e-5, 2.0  # of a step, in scales
+SAME = 0.5  # of the noise: within this RMS change of the response the Jacobian is the same; its own steps are longer
+KEPT = 0.5  # of the promised fall of the loss
 _NORMAL = 0.6745  # median of the absolute value of a standard normal number
 
 
@@ -21,7 +25,8 @@ class Free:
 
     `scale` is the size of a change that is plausible before the record is seen. A parameter that cannot be negative is
     searched in log(1 + value / scale): steps are relative far above the scale, and absolute near 0, so that a friction
-    or a dead zone can leave 0. Others are searched in value / scale. Raises InputError for a start outside the bounds.
+    or a dead zone can leave 0. Others are searched in value / scale. `step` is the first one of the Jacobian in that
+    coordinate; later ones adapt. Raises InputError for a start outside the bounds.
     """
 
     name: str
@@ -30,6 +35,7 @@ class Free:
     upper: float
     unit: str
     scale: float
+    step: float = 0.05
 
     def __post_init__(self) -> None:
         if not (self.scale > 0.0 and self.lower < self.upper):
@@ -92,10 +98,10 @@ def noise_of(y: np.ndarray) -> float:
 class Simulations:
     """A `sysid.solver.iterate.Problem`: the shared parameters, then the own parameters of each record, as coordinates.
 
-    Forward differences, with steps that change the response by `LEVEL` times the noise (RMS over the records in which
-    the parameter acts). A much smaller step would see nothing where dry friction or a stop holds the joint; a much
-    larger one would leave the range of the linear model. The steps adapt from one Jacobian to the next. At a bound, a
-    step points inward.
+    Forward differences, or central ones if `central`. Their steps change the response by `LEVEL` times the noise (RMS
+    over the records in which the parameter acts). A much smaller step would see nothing where dry friction or a stop
+    holds the joint; a much larger one would leave the range of the linear model. The steps adapt from one Jacobian to
+    the next. At a bound, a step points inward.
     """
 
     def __init__(self, shared: Sequence[Free], records: Sequence[Record], noise: float | None = None) -> None:
@@ -109,10 +115,17 @@ class Simulations:
             np.array([f.inner(getattr(f, bound)) for f in self.free]) for bound in ("lower", "upper")
         )
         self.noise = noise if noise is not None else float(np.median([noise_of(record.y) for record in records]))
-        self.steps = np.full(len(self.free), 0.05)
+        self.steps = np.array([f.step for f in self.free])
+        self.central = False
         self.simulations = 0
         self._known: dict[bytes, list[np.ndarray]] = {}
-        self._linear: tuple[bytes, np.ndarray] | None = None
+        self._linear: tuple[bool, list[np.ndarray], np.ndarray] | None = None
+
+    def known(self, p: np.ndarray, responses: list[np.ndarray], J: np.ndarray | None = None) -> None:
+        """Take over responses, and a Jacobian (N, n), that another problem has simulated at p."""
+        self._known[p.tobytes()] = responses
+        if J is not None:
+            self._linear = self.central, responses, J
 
     @property
     def start(self) -> np.ndarray:
@@ -131,6 +144,11 @@ class Simulations:
     def size(self) -> float:
         """y'y of the scored samples."""
         return float(sum(np.sum(record.y[record.scored] ** 2) for record in self.records))
+
+    @property
+    def spread(self) -> float:
+        """Sum of squares of the scored samples about the mean of their record."""
+        return float(sum(np.sum((r.y[r.scored] - r.y[r.scored].mean()) ** 2) for r in self.records))
 
     @property
     def lengths(self) -> list[int]:
@@ -158,8 +176,7 @@ class Simulations:
 
     def residual(self, p: np.ndarray) -> np.ndarray | None:
         """y - yhat of the scored samples of all records; None if a simulation failed."""
-        parts = [(r.y - row)[r.scored] for r, row in zip(self.records, self.at(p), strict=True)]
-        e = np.concatenate(parts)
+        e = self._residuals(self.at(p))
         return e if np.all(np.isfinite(e)) else None
 
     def losses(self, points: np.ndarray) -> np.ndarray:
@@ -180,37 +197,74 @@ class Simulations:
         """e (N,) and dyhat/dp (N, n) of the scored samples."""
         e = self.residual(p)
         assert e is not None  # a search only linearises where it found a loss
-        key = p.tobytes()
-        if self._linear is None or self._linear[0] != key:
-            self._linear = key, self._jacobian(p)
-        return e, self._linear[1]
+        if self._linear is None or not self._same(p):
+            self._linear = self.central, self.at(p), self.columns(p, range(len(p)))
+        return e, self._linear[2]
 
-    def _jacobian(self, p: np.ndarray) -> np.ndarray:
-        """Columns of differences; those whose step changed the response by far too little or too much are redone."""
-        base, n = self.at(p), len(p)
-        J, aim = np.zeros((sum(self.lengths), n)), LEVEL * self.noise
-        todo = list(range(n))
+    def _same(self, p: np.ndarray) -> bool:
+        """Whether the last Jacobian serves at p too: p is near, and the loss has fallen as it promised."""
+        assert self._linear is not None
+        central, responses, J = self._linear
+        if central != self.central:
+            return False
+        old, e = self._residuals(responses), self._residuals(self.at(p))
+        if np.sum((e - old) ** 2) > len(e) * (SAME * self.noise) ** 2:
+            return False
+        promised = np.sum((np.linalg.qr(J)[0].T @ old) ** 2)
+        return bool(old @ old - e @ e >= KEPT * promised)
+
+    def _residuals(self, responses: list[np.ndarray]) -> np.ndarray:
+        return np.concatenate([(r.y - row)[r.scored] for r, row in zip(self.records, responses, strict=True)])
+
+    def columns(self, p: np.ndarray, which: Sequence[int]) -> np.ndarray:
+        """Columns `which` of dyhat/dp (N, which) at p (n,).
+
+        Those whose step changed the response by far too little or too much are simulated again.
+        """
+        base, todo, aim = self.at(p), list(which), LEVEL * self.noise
+        J = np.zeros((sum(self.lengths), len(p)))
         for round_ in range(ROUNDS):
             steps = self._inside(p, todo)
             changes = self._changes(p, base, todo, steps)
+            if self.central:
+                steps, changes = self._both_sides(p, base, todo, steps, changes)
             found = np.array([self._size(j, column) for j, column in zip(todo, changes.T, strict=True)])
             J[:, todo] = np.where(np.isfinite(changes), changes, 0.0) / steps
-            ratio = np.where(np.isfinite(found), found, np.inf) / aim
+            wide = np.abs(steps) / self.steps[todo]  # about 2 for central differences, less near a bound
+            ratio = np.where(np.isfinite(found), found, np.inf) / (aim * wide)
             factor = np.clip(1.0 / np.maximum(ratio, 1e-9), 1.0 / CHANGE, CHANGE)
-            before = np.abs(steps)
+            before = self.steps[todo]
             self.steps[todo] = np.clip(before * factor, SMALLEST, LARGEST)
             off = (ratio > BAND) | (ratio < 1.0 / BAND)
             again = off & (np.abs(np.log(self.steps[todo] / before)) > 0.1) if round_ < ROUNDS - 1 else off & False
             todo = [j for j, more in zip(todo, again, strict=True) if more]
             if not todo:
                 break
-        return J
+        return J[:, list(which)]
 
     def _inside(self, p: np.ndarray, columns: Sequence[int]) -> np.ndarray:
         """Signed steps of the columns; to the side with more room where the bound is near."""
         h, up, down = self.steps[columns], (self.high - p)[columns], (p - self.low)[columns]
         sign = np.where((h <= up) | (up >= down), 1.0, -1.0)
         return sign * np.minimum(h, np.maximum(up, down))
+
+    def _both_sides(
+        self,
+        p: np.ndarray,
+        base: list[np.ndarray],
+        columns: Sequence[int],
+        steps: np.ndarray,
+        changes: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Steps and changes from the point as far on the other side; one-sided where a bound leaves no room for it."""
+        room = np.where(steps > 0.0, (p - self.low)[columns], (self.high - p)[columns])
+        back = -np.sign(steps) * np.minimum(np.abs(steps), room)
+        two = np.flatnonzero(np.abs(back) > 0.5 * np.abs(steps))
+        if len(two):
+            behind = self._changes(p, base, [columns[i] for i in two], back[two])
+            steps, changes = steps.copy(), changes.copy()
+            steps[two], changes[:, two] = steps[two] - back[two], changes[:, two] - behind
+        return steps, changes
 
     def _changes(self, p: np.ndarray, base: list[np.ndarray], columns: Sequence[int], steps: np.ndarray) -> np.ndarray:
         """Changes (N, columns) of the scored responses; 0 in the records in which a parameter does not act."""

@@ -10,9 +10,10 @@ from sysid.solver.searches import search
 from twin.calibrate.problem import Simulations
 
 AGREE = 1.02  # descents whose loss is at most this times the best one's have found the same place
-GOOD = 4.0  # times the noise: from a start with a smaller residual no other starts are tried
+GOOD = 0.1  # of the standard deviation of the output: from a start with a smaller residual no others are tried
 ITERATIONS = 15
-TOLERANCE = 0.02  # [%] of the loss
+COARSE, TOLERANCE = 1.0, 0.02  # [%] of the loss: expected improvement that ends the search
+TRIES = 2  # radii tried for a step are twice this: where none of them descends, the response jumps and no other would
 
 
 @dataclass(frozen=True)
@@ -35,18 +36,18 @@ def find(
     problem: Simulations,
     rng: np.random.Generator,
     draws: int = 24,
-    descents: int = 3,
+    descents: int = 2,
     progress: Callable[[int, float], None] | None = None,
 ) -> Found:
-    """Levenberg-Marquardt from the start and, if the residual there is large, from the best of `draws` drawn ones.
+    """A trust region from the start and, if the residual there is large, from the best of `draws` drawn ones.
 
     Starts are drawn one scale around the first one, in one batch, and the best `descents` of all are followed; the loss
     of a joint between stops has other minima than the best, where a stop is reached too late or too early.
     """
     points = problem.start[None]
-    first = float(problem.losses(points)[0])
-    N = sum(problem.lengths)
-    if not first < N * (GOOD * problem.noise) ** 2 and draws:
+    e = problem.residual(problem.start)
+    first = np.inf if e is None else float(e @ e)
+    if not first < GOOD**2 * problem.spread and draws:
         away = problem.repair(problem.start + rng.standard_normal((draws, len(problem.free))))
         points = np.concatenate([points, away])
         losses = problem.losses(points)
@@ -58,4 +59,9 @@ def find(
 
 
 def _descend(problem: Simulations, p: np.ndarray, progress: Callable[[int, float], None] | None) -> Outcome:
-    return iterate(problem, p, search("lm"), Options(ITERATIONS, TOLERANCE, 12), progress)
+    """Forward differences as far as they lead, then central ones: near-equal columns need slopes without curvature."""
+    method = search("trust_region")
+    problem.central = False
+    coarse = iterate(problem, p, method, Options(ITERATIONS, COARSE, TRIES), progress)
+    problem.central = True
+    return coarse.then(iterate(problem, coarse.p, method, Options(ITERATIONS, TOLERANCE, TRIES), progress))

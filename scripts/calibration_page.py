@@ -1,0 +1,33 @@
+"""The story of docs/calibrate.md: a stand-in's captures, `qpal calibrate`, and the pictures of its report."""
+
+import json
+import os
+import tempfile
+from pathlib import Path
+
+import standin
+
+from twin.cli import main
+
+JOINT, SEED = "thigh", 7
+PICTURES = {
+    "overlay-3": "calibrate-held-out",
+    "residuals": "calibrate-residuals",
+    "correlation": "calibrate-correlation",
+}
+
+
+def story(docs: Path) -> None:
+    """Write the pictures into `docs` and print what the console shows and the parameter file."""
+    with tempfile.TemporaryDirectory() as made:
+        os.chdir(made)
+        used, fresh, mapping = standin.written(standin.StandIn(JOINT, SEED), Path())
+        command = ["calibrate", *map(str, used), "--joint", JOINT, "--map", str(mapping), "--hold-out", str(fresh)]
+        print("$ qpal", *command, "--out run")
+        print("exit code", main([*command, "--out", "run"]))
+        print(Path(f"run/{JOINT}.toml").read_text(encoding="utf-8"))
+        true = standin.hidden(JOINT, SEED)
+        for value in json.loads(Path("run/summary.json").read_text(encoding="utf-8"))["parameters"]:
+            print(value["name"], "true", true[value["name"]], "found", value["low"], value["value"], value["high"])
+        for figure, name in PICTURES.items():
+            (docs / f"{name}.png").write_bytes(Path(f"run/figures/{figure}.png").read_bytes())

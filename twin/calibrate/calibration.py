@@ -1,0 +1,329 @@
+"""Calibration of a joint of the twin from logs of the leg: values, intervals, scores, and why the search stopped."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+
+from sysid.base.errors import InputError, unknown
+from sysid.base.threads import available, one_blas_thread
+from twin.calibrate import discrepancy
+from twin.calibrate.leg import Leg, free, row_name, usual
+from twin.calibrate.problem import Simulations
+from twin.calibrate.search import Found, find
+from twin.calibrate.start import from_joint
+from twin.calibrate.tellable import Told, tell
+from twin.imperfections import TABLE as IMPERFECTIONS
+from twin.log import Log
+from twin.parameters import JOINTS, Parameters
+
+# Rows that no record of voltage and angle tells from friction; their spread is part of the intervals of the others.
+CONSIDERED = ("dead_band",)
+LEVEL = 0.95
+SHORT = 0.5  # standard deviations
+
+
+@dataclass(frozen=True)
+class Value:
+    """A calibrated row: nominal and starting value, the value found and its interval [unit], its standard deviation
+    from noise alone and in all, in coordinates of the search, and its scale."""
+
+    name: str
+    unit: str
+    nominal: float
+    start: float
+    value: float
+    low: float
+    high: float
+    noise_share: float
+
+    def holds(self, truth: float) -> bool:
+        """Whether the interval contains `truth`."""
+        return self.low <= truth <= self.high
+
+
+@dataclass(frozen=True)
+class Score:
+    """Free run over one log: RMS error [rad] and fit [%] of the uncalibrated and of the calibrated twin."""
+
+    log: str
+    held_out: bool
+    rms_before: float
+    rms_after: float
+    fit_before: float
+    fit_after: float
+
+
+@dataclass(frozen=True)
+class Run:
+    """A log with both free runs: t, u, y, before and after (N,)."""
+
+    name: str
+    held_out: bool
+    Ts: float
+    u: np.ndarray
+    y: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A joint of the twin, calibrated: `parameters` is the whole twin with `values` in it."""
+
+    joint: str
+    parameters: Parameters
+    values: tuple[Value, ...]
+    correlation: np.ndarray
+    told: tuple[Told, ...]
+    fixed: Mapping[str, str]
+    found: Found
+    converged: bool
+    reason: str
+    sizes: discrepancy.Sizes
+    scores: tuple[Score, ...]
+    runs: tuple[Run, ...] = field(repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    level: float = LEVEL
+
+    def as_dict(self) -> dict[str, Any]:
+        """Values, scores and provenance, ready for JSON."""
+        return {
+            "joint": self.joint,
+            "converged": self.converged,
+            "reason": self.reason,
+            "next_step": self.next_step(),
+            "level": self.level,
+            "parameters": [asdict(value) for value in self.values],
+            "correlation": self.correlation.tolist(),
+            "not_calibrated": dict(self.fixed),
+            "told": [asdict(row) for row in self.told],
+            "scores": [asdict(score) for score in self.scores],
+            "search": {
+                "iterations": self.found.stop.iterations,
+                "descents": self.found.descents,
+                "agreed": self.found.agreed,
+                "rms": [float(np.sqrt(row["loss"])) for row in self.found.history],
+            },
+            "departures": {"noise": self.sizes.noise, **dict(zip(discrepancy.GROUPS, self.sizes.groups, strict=True))},
+            **self.provenance,
+        }
+
+    def next_step(self) -> str:
+        """What to do about a search that did not converge; empty if it did."""
+        if self.converged:
+            return ""
+        return (
+            "Look at the overlay in the report: if the twin moves another way than the leg, check sign and gear of the "
+            "log; otherwise free fewer parameters (--fix), or record both ends and several levels."
+        )
+
+    def __getitem__(self, name: str) -> Value:
+        for value in self.values:
+            if name in (value.name, value.name.rpartition(".")[2]):
+                return value
+        raise unknown("calibrated parameter", name, [value.name for value in self.values])
+
+
+def calibrate(
+    logs: Sequence[Log],
+    joint: str,
+    base: Parameters | None = None,
+    names: Sequence[str] | None = None,
+    fixed: Sequence[str] = (),
+    held_out: Sequence[Log] = (),
+    without: Sequence[str] = (),
+    pot_side: str = "link",
+    realisation: str = "tendon",
+    level: float = LEVEL,
+    seed: int = 0,
+    threads: int | None = None,
+    labels: Sequence[str] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Calibration:
+    """Fit the twin's `joint` to `logs`, from `base` (nominal if None).
+
+    `names` are the rows to free (those that records of voltage and angle usually tell, if None); rows in `fixed` are
+    known and keep their values. What the logs cannot tell is fixed too, with a sentence in `fixed`. Raises InputError
+    for unknown names, and if nothing is left to calibrate.
+    """
+    say = progress or (lambda text: None)
+    if joint not in JOINTS:
+        raise unknown("joint", joint, JOINTS)
+    if not logs:
+        raise InputError("there is no log to calibrate from; give at least one")
+    base = base or Parameters()
+    rows, held = chosen(joint, names, fixed, without), [row_name(joint, name) for name in fixed]
+    labels = labels or [f"log {k + 1}" for k in range(len(logs) + len(held_out))]
+    settings = (tuple(without), pot_side, realisation, threads or available())
+    with one_blas_thread():
+        say("actuated joint as a start")
+        start = from_joint(logs, joint, base, rows, seed)
+        say("what the logs can tell")
+        others = [row for row in CONSIDERED if row not in (*rows, *held) and row not in switched_off(without)]
+        first = _problem(Leg(joint, start.parameters, (*rows, *others), *settings), logs, labels)
+        _, J = first.linearise(first.start)
+        told = tell(first, J, max(first.noise, start.rms), rows)
+        kept = tuple(row.name for row in told if row.told)
+        if not kept:
+            raise InputError(
+                f"these logs tell none of {', '.join(rows)}; record the {joint} from end to end at several voltages"
+            )
+        say(f"search over {len(kept)} parameters")
+        leg = Leg(joint, start.parameters, kept, *settings)
+        task = _narrowed(first, J, _problem(leg, logs, labels))
+        found = find(task, np.random.default_rng(seed), progress=lambda k, loss: say(f"iteration {k}"))
+        say("intervals")
+        e, J = task.linearise(found.p)
+        responses, steps = task.at(found.p), [record.Ts for record in task.records]
+        scored = np.concatenate([record.scored for record in task.records])
+        departures, size = discrepancy.estimate(e, J, responses, steps, scored)
+        unsure = [*(row.name for row in told if not row.told), *others]
+        cov = discrepancy.covariance(J, departures, size) + _considered(first, task, found, J, unsure)
+        values = _values(task, found, cov, J, size, base, level)
+        after = leg.parameters(task.values(found.p)[: len(kept)])
+        runs = _runs(Leg(joint, base, (), *settings), leg, task, found, logs, held_out, labels)
+    converged, reason = _verdict(found, e, J, cov)
+    cov = cov[: len(kept), : len(kept)]
+    std = np.sqrt(np.diag(cov))
+    return Calibration(
+        joint,
+        after,
+        values,
+        cov / np.outer(std, std),
+        told,
+        {row.name: row.sentence() for row in told if not row.told},
+        found,
+        converged,
+        reason,
+        size,
+        tuple(_score(run) for run in runs),
+        runs,
+        {
+            "logs": list(labels[: len(logs)]),
+            "held_out": list(labels[len(logs) :]),
+            "without": list(without),
+            "pot_side": pot_side,
+            "realisation": realisation,
+            "fixed": held,
+            "considered": unsure,
+            "seed": seed,
+        },
+        level,
+    )
+
+
+def chosen(joint: str, names: Sequence[str] | None, fixed: Sequence[str], without: Sequence[str]) -> tuple[str, ...]:
+    """The rows to free, in order; raises InputError for unknown names and for rows of a switched-off imperfection."""
+    off, held = switched_off(without), [row_name(joint, name) for name in fixed]
+    if names is None:
+        return tuple(row for row in usual(joint) if row.replace(joint, "JOINT") not in off and row not in held)
+    rows = tuple(dict.fromkeys(row_name(joint, name) for name in names))
+    for row in rows:
+        if row.replace(joint, "JOINT") in off:
+            raise InputError(f"{row} is free, but its imperfection is left out; leave it out of --free or --without")
+        if row in held:
+            raise InputError(f"{row} is both free and fixed; name it once")
+    return rows
+
+
+def switched_off(without: Sequence[str]) -> set[str]:
+    """Rows, with JOINT for the joint, that have no effect without these imperfections."""
+    for name in without:
+        if name not in IMPERFECTIONS:
+            raise unknown("imperfection", name, IMPERFECTIONS)
+    return {row for name in without for row in IMPERFECTIONS[name].ideal}
+
+
+def _problem(leg: Leg, logs: Sequence[Log], labels: Sequence[str]) -> Simulations:
+    records = [leg.record(log, label) for log, label in zip(logs, labels, strict=False)]
+    return Simulations(free(leg.names, leg.base), records)
+
+
+def _narrowed(first: Simulations, J: np.ndarray, task: Simulations) -> Simulations:
+    """`task`, which has fewer shared parameters, with what `first` has simulated at the same start."""
+    names = [f.name for f in task.shared]
+    columns = [j for j, f in enumerate(first.free) if j >= len(first.shared) or f.name in names]
+    task.steps = first.steps[columns]
+    task.known(task.start, first.at(first.start), J[:, columns])
+    return task
+
+
+def _considered(first: Simulations, task: Simulations, found: Found, J: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """Covariance (n, n) of the estimate from rows that keep a value which may be a scale off (Schmidt's considered
+    parameters): (J+ J_c S)(J+ J_c S)' with their columns J_c, and their scales S as coordinates."""
+    shared = {f.name: j for j, f in enumerate(first.shared)}
+    p = first.start
+    p[[shared[f.name] for f in task.shared]] = found.p[: len(task.shared)]
+    p[len(first.shared) :] = found.p[len(task.shared) :]
+    first.known(p, task.at(found.p))
+    which = [shared[name] for name in names]
+    spread = np.array([first.free[j].scale / first.free[j].slope(first.free[j].start) for j in which])
+    moved = np.linalg.pinv(J) @ (first.columns(p, which) * spread)
+    return moved @ moved.T
+
+
+def _values(
+    task: Simulations,
+    found: Found,
+    cov: np.ndarray,
+    J: np.ndarray,
+    size: discrepancy.Sizes,
+    base: Parameters,
+    level: float,
+) -> tuple[Value, ...]:
+    """Values with intervals that are symmetric in the coordinates of the search, and so stay within the bounds."""
+    wide = float(norm.ppf(0.5 + level / 2))
+    white = size.noise**2 * np.diag(np.linalg.pinv(J.T @ J))
+    out = []
+    for j, f in enumerate(task.shared):
+        z, spread = found.p[j], wide * np.sqrt(cov[j, j])
+        low, value, high = (float(f.outer(at)) for at in (z - spread, z, z + spread))
+        out.append(Value(f.name, f.unit, base[f.name], f.start, value, low, high, float(np.sqrt(white[j] / cov[j, j]))))
+    return tuple(out)
+
+
+def _runs(
+    before: Leg,
+    after: Leg,
+    task: Simulations,
+    found: Found,
+    logs: Sequence[Log],
+    held_out: Sequence[Log],
+    labels: Sequence[str],
+) -> tuple[Run, ...]:
+    """Free runs of the uncalibrated and the calibrated twin over all logs; a held-out one starts at its first angle."""
+    values, shared, out = task.values(found.p), len(task.shared), []
+    for k, log in enumerate((*logs, *held_out)):
+        held = k >= len(logs)
+        old, new = before.record(log, labels[k]), after.record(log, labels[k])
+        start = new.own[0].start if held else float(values[task.own[k]][0])
+        nominal = old.respond(np.array([[old.own[0].start]]))[0]
+        found_run = new.respond(np.append(values[:shared], start)[None])[0]
+        u = log.io(before.joint if log.joint else None).u.ravel()
+        out.append(Run(labels[k], held, log.Ts, u, new.y, nominal, found_run))
+    return tuple(out)
+
+
+def _score(run: Run) -> Score:
+    def rms(of: np.ndarray) -> float:
+        return float(np.sqrt(np.nanmean((run.y - of) ** 2)))
+
+    def fit(of: np.ndarray) -> float:
+        return float(100.0 * (1.0 - rms(of) / np.nanstd(run.y)))
+
+    return Score(run.name, run.held_out, rms(run.before), rms(run.after), fit(run.before), fit(run.after))
+
+
+def _verdict(found: Found, e: np.ndarray, J: np.ndarray, cov: np.ndarray) -> tuple[bool, str]:
+    """Whether the search ended at a minimum, and why it ended.
+
+    The response of a joint that trips limit switches jumps a little, so that the last steps may find no descent. That
+    is good enough if what is left of the way is short beside the standard deviations.
+    """
+    left = float(np.max(np.abs(np.linalg.lstsq(J, e)[0]) / np.sqrt(np.diag(cov)), initial=0.0))
+    if found.stop.converged or left > SHORT:
+        return found.stop.converged, found.stop.reason
+    return True, f"no step lowers the error, and the next one would be at most {left:.2f} standard deviations long"

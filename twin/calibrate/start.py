@@ -1,0 +1,173 @@
+"""The start of a calibration: an actuated joint fitted to the logs, its physical values as parameters of the twin."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.data.record import IOData
+from sysid.estimation.fit import fit_chain
+from sysid.joint.values import JointValue, joint_values
+from sysid.structures import actuated_joint
+from twin.calibrate.leg import DELAY, ROWS
+from twin.hardware.drive import drive
+from twin.hardware.linkage import end_angles, linkage
+from twin.hardware.motor import check_rotor, motor
+from twin.log import Log
+from twin.parameters import Parameters
+from twin.truth import arm, linear_bench, link_inertia, load
+
+SURE = 0.1  # of the stroke: an end with a wider interval to each side is not taken over
+ROUGH = 0.5  # of the value, the same for speed and friction
+NEAR = 0.03  # of the range from its ends
+PUSH = 0.1  # of the friction: a voltage above it by this much would drive the joint on
+RESTS = 2.0  # times the time in which the joint would pass
+
+
+@dataclass(frozen=True)
+class Start:
+    """Parameters to start from, the values of the fitted joint, and those taken over, by row."""
+
+    parameters: Parameters
+    values: tuple[JointValue, ...]
+    taken: Mapping[str, float] = field(default_factory=dict)
+    rms: float = np.inf
+
+
+def from_joint(logs: Sequence[Log], joint: str, base: Parameters, names: Sequence[str], seed: int = 0) -> Start:
+    """Start at the values of an actuated joint fitted to the logs (to the longest one if their Ts differ).
+
+    Rows not in `names` keep their values, and so do those that the fitted joint does not determine.
+    """
+    data = [log.io(joint if log.joint else None) for log in logs]
+    longest = max(data, key=lambda one: len(one.y))
+    same = all(one.Ts == longest.Ts for one in data)
+    record = IOData.merge(*data) if same and len(data) > 1 else longest
+    fit = fit_chain(actuated_joint(play=False), record, search="lm", starts=4, seed=seed)
+    values = joint_values(fit)
+    by_name = {value.name: value for value in values}
+    for end in _not_struck(data, by_name):
+        del by_name[end]
+    mapped = mapped_rows(joint, base, by_name, names)
+    return Start(base.replace(mapped), values, mapped, float(np.sqrt(fit.criteria.mse)))
+
+
+def _not_struck(data: Sequence[IOData], values: Mapping[str, JointValue]) -> list[str]:
+    """Ends at which no log rests under a voltage that would drive the joint on.
+
+    The fitted joint may put a stop where a log merely turns round. Without a stop, the joint would pass the last part
+    of its range at its speed.
+    """
+    low, high = (float(of([of(one.y) for one in data])) for of in (np.min, np.max))
+    part, speed, lost = NEAR * (high - low), values["speed_per_volt"].value, []
+    for end, outward, name in (("end_low", -1.0, "coulomb_down"), ("end_high", 1.0, "coulomb_up")):
+        needed, rests = outward * values[name].value, 0.0
+        for one in data:
+            push = outward * one.u.ravel() - max(needed, 0.0)
+            away = one.y.ravel() - low if outward < 0.0 else high - one.y.ravel()
+            driven = (away < part) & (push > PUSH * max(needed, 0.0) + 0.1)
+            passing = part / (speed * float(push[driven].mean())) if driven.any() and speed > 0.0 else np.inf
+            ends = np.flatnonzero(np.diff(np.concatenate([[0], driven.astype(int), [0]])))
+            rests = max(rests, one.Ts * float(np.max(ends[1::2] - ends[::2], initial=0)) / passing)
+        if end in values and rests < RESTS:
+            lost.append(end)
+    return lost
+
+
+def mapped_rows(
+    joint: str, base: Parameters, values: Mapping[str, JointValue], names: Sequence[str]
+) -> dict[str, float]:
+    """Values of the rows `names` at which the twin has the joint's physical values, within the rows' bounds."""
+    p, found = base, dict[str, float]()
+    for rule in (_ends, _speed, _friction, _lag, _delay):
+        for name, value in rule(joint, p, values).items():
+            row = ROWS[name]
+            if name in names and np.isfinite(value):
+                one = {name: float(np.clip(value, row.lower, row.upper))}
+                if _valid(p.replace(one), joint):
+                    found |= one
+                    p = p.replace(one)
+    return found
+
+
+def _valid(p: Parameters, joint: str) -> bool:
+    try:
+        end_angles(p, joint)
+        check_rotor(p, joint)
+    except InputError:
+        return False
+    return True
+
+
+def _sure(value: JointValue | None, half: float) -> bool:
+    """Whether the fitted joint determines the value to within `half` to each side."""
+    if value is None or value.low is None or value.high is None:
+        return False
+    return value.high - value.low < 2.0 * half
+
+
+Values = Mapping[str, JointValue]
+
+
+def _ends(joint: str, p: Parameters, values: Values) -> dict[str, float]:
+    """Ends of the drive from those of the link; without the weight of a link half the backlash lies between them."""
+    low, high = end_angles(p, joint)
+    lower, upper = (
+        values[n].value if _sure(values.get(n), SURE * (high - low)) else None for n in ("end_low", "end_high")
+    )
+    if joint == "shoulder":
+        half = p["shoulder.backlash"] / 2
+        pairs = (("shoulder.lower", lower, half), ("shoulder.upper", upper, -half))
+        return {name: value + shift for name, value, shift in pairs if value is not None}
+    triangle = linkage(p, joint)
+    found, first = dict[str, float](), p[f"{joint}.retracted_length"]
+    if lower is not None:
+        first = found[f"{joint}.retracted_length"] = float(triangle.length(lower))
+    if upper is not None:
+        found[f"{joint}.stroke"] = float(triangle.length(upper)) - first
+    return found
+
+
+def _speed(joint: str, p: Parameters, values: Values) -> dict[str, float]:
+    """no_load_speed v0 from speed per volt s: s = (F0 / U) / (F0 / v0 + viscous friction), all at the drive."""
+    value = values.get("speed_per_volt")
+    if value is None or value.value <= 0.0 or not _sure(value, ROUGH * value.value):
+        return {}
+    r = abs(arm(joint, p))
+    stall = p[f"{joint}.stall_torque" if joint == "shoulder" else f"{joint}.stall_force"]
+    drag = p[f"{joint}.viscous"] + p[f"{joint}.bearing_viscous"] / r**2
+    braking = stall / p[f"{joint}.rated_voltage"] / (value.value * r) - drag
+    return {f"{joint}.no_load_speed": stall / braking if braking > 0.0 else np.nan}
+
+
+def _friction(joint: str, p: Parameters, values: Values) -> dict[str, float]:
+    """coulomb and asymmetry from the volts at which it moves up and down, less dead zone, weight and bearing."""
+    for name in ("coulomb_up", "coulomb_down"):
+        if name not in values or not _sure(values[name], ROUGH * abs(values[name].value)):
+            return {}
+    held = load(joint, p, *linear_bench(joint, p))
+    per_volt, lost = motor(p, joint).force_per_volt, drive(p, joint).dead_band
+    dry = []
+    for name, direction in (("coulomb_up", 1), ("coulomb_down", -1)):
+        volts = values[name].value * direction - lost
+        bearing = p[f"{joint}.bearing_coulomb"] / abs(arm(joint, p))
+        dry.append(volts * per_volt - direction * held - bearing - p[f"{joint}.load_friction"] * abs(held))
+    mean = (dry[0] + dry[1]) / 2
+    tilt = (dry[0] - dry[1]) / 2 / mean if mean > 0.0 else 0.0
+    return {f"{joint}.coulomb": max(mean, 0.0), f"{joint}.asymmetry": tilt}
+
+
+def _lag(joint: str, p: Parameters, values: Values) -> dict[str, float]:
+    """rotor_inertia from the time constant: inertia over damping, both at the drive."""
+    value = values.get("time_constant")
+    if value is None or value.value <= 0.0:
+        return {}
+    constants, r = motor(p, joint), abs(arm(joint, p))
+    drag = constants.damping + p[f"{joint}.viscous"] + p[f"{joint}.bearing_viscous"] / r**2
+    mass = value.value * drag - link_inertia(joint, *linear_bench(joint, p)) / r**2
+    return {f"{joint}.rotor_inertia": mass / constants.gear**2}
+
+
+def _delay(joint: str, p: Parameters, values: Values) -> dict[str, float]:
+    return {DELAY: values["delay"].value} if "delay" in values else {}

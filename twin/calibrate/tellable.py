@@ -1,0 +1,89 @@
+"""Which parameters records can tell, before the search: expected intervals, and parameters that act alike."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.calibrate.problem import Free, Simulations
+
+# Of its scale: a parameter with a larger expected standard deviation is not told. Expected are white residuals; what
+# the twin lacks makes the true deviation several times larger.
+LIMIT = 0.06
+ALIKE = 0.9  # correlation from which two parameters are said to act alike
+
+
+@dataclass(frozen=True)
+class Told:
+    """A parameter, the standard deviation that the records promise [unit], its scale, and those that act alike.
+
+    `told` is false where the deviation is above `LIMIT` of the scale, with all parameters kept so far free.
+    """
+
+    name: str
+    unit: str
+    expected: float
+    scale: float
+    told: bool
+    alike: tuple[str, ...] = ()
+
+    def sentence(self) -> str:
+        """Why it is not told; empty for a parameter that is."""
+        if self.told:
+            return ""
+        if self.alike:
+            return (
+                f"{self.name} and {' and '.join(self.alike)} act alike in these records; {self.name} keeps its value."
+            )
+        return f"These records hardly show {self.name}; it keeps its value."
+
+
+def promised(J: np.ndarray, noise: float) -> np.ndarray:
+    """Covariance (n, n) of coordinates from a Jacobian (N, n) and white noise; infinite variance without any effect."""
+    size = np.linalg.norm(J, axis=0)
+    acts = size > 1e-9 * size.max(initial=0.0)
+    out = np.diag(np.full(J.shape[1], np.inf))
+    if acts.any():
+        scaled = J[:, acts] / size[acts]
+        inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True)
+        out[np.ix_(acts, acts)] = noise**2 * inverse / np.outer(size[acts], size[acts])
+    return out
+
+
+def tell(problem: Simulations, J: np.ndarray, noise: float, order: Sequence[str]) -> tuple[Told, ...]:
+    """What the Jacobian J (N, n) at the start promises for the parameters `order`, for residuals of size `noise`.
+
+    As long as a parameter is not told, the one that comes last in `order` among those not told is fixed, which may
+    leave the others well told.
+    """
+    p, shared = problem.start, len(problem.shared)
+    slopes = problem.slopes(p)
+    kept = [j for j, f in enumerate(problem.free) if j >= shared or f.name in order]
+    verdicts = dict[str, Told]()
+    while True:
+        cov = promised(J[:, kept], noise)
+        std = np.sqrt(np.diag(cov))
+        rows = [
+            _told(problem.free[j], float(std[i] * slopes[j]), _alike(problem.free, cov, kept, i, shared))
+            for i, j in enumerate(kept)
+            if j < shared
+        ]
+        doubtful = [row for row in rows if not row.told]
+        if not doubtful:
+            break
+        last = max(doubtful, key=lambda row: order.index(row.name))
+        verdicts[last.name] = last
+        kept = [j for j in kept if problem.free[j].name != last.name]
+    verdicts |= {row.name: row for row in rows}
+    return tuple(verdicts[name] for name in order)
+
+
+def _told(free: Free, expected: float, alike: tuple[str, ...]) -> Told:
+    return Told(free.name, free.unit, expected, free.scale, bool(expected <= LIMIT * free.scale), alike)
+
+
+def _alike(free: Sequence[Free], cov: np.ndarray, kept: Sequence[int], i: int, shared: int) -> tuple[str, ...]:
+    """Names of the shared parameters whose estimate would follow that of parameter i."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        r = cov[i] / np.sqrt(cov[i, i] * np.diag(cov))
+    return tuple(free[j].name for k, j in enumerate(kept) if k != i and j < shared and abs(r[k]) > ALIKE)
