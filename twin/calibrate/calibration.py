@@ -10,7 +10,7 @@ from scipy.stats import norm
 from sysid.base.errors import InputError, unknown
 from sysid.base.threads import available, one_blas_thread
 from twin.calibrate import discrepancy
-from twin.calibrate.leg import Leg, free, row_name, usual
+from twin.calibrate.leg import DELAY, ROWS, Leg, free, row_name, usual
 from twin.calibrate.problem import Simulations
 from twin.calibrate.search import Found, find
 from twin.calibrate.start import from_joint
@@ -172,8 +172,10 @@ def calibrate(
                 f"these logs tell none of {', '.join(rows)}; record the {joint} from end to end at several voltages"
             )
         say(f"search over {len(kept)} parameters")
-        leg = Leg(joint, start.parameters, kept, *settings)
-        task = _narrowed(first, J, _problem(leg, logs, labels))
+        begun = start.parameters.replace({row: base[row] for row in rows if row not in kept})
+        leg = Leg(joint, begun, kept, *settings)
+        task = _problem(leg, logs, labels)
+        _take_over(first, J, task, begun == start.parameters)
         found = find(task, np.random.default_rng(seed), progress=lambda k, loss: say(f"iteration {k}"))
         say("intervals")
         e, J = task.linearise(found.p)
@@ -181,9 +183,11 @@ def calibrate(
         scored = np.concatenate([record.scored for record in task.records])
         departures, size = discrepancy.estimate(e, J, responses, steps, scored)
         unsure = [*(row.name for row in told if not row.told), *others]
-        cov = discrepancy.covariance(J, departures, size) + _considered(first, task, found, J, unsure)
+        wide = _problem(Leg(joint, begun, (*rows, *others), *settings), logs, labels)
+        wide.steps = first.steps.copy()
+        cov = discrepancy.covariance(J, departures, size) + _considered(wide, task, found, J, unsure)
         values = _values(task, found, cov, J, size, base, level)
-        after = leg.parameters(task.values(found.p)[: len(kept)])
+        after = _as_board_sees(leg.parameters(task.values(found.p)[: len(kept)]))
         runs = _runs(Leg(joint, base, (), *settings), leg, task, found, logs, held_out, labels)
     converged, reason = _verdict(found, e, J, cov)
     cov = cov[: len(kept), : len(kept)]
@@ -237,18 +241,24 @@ def switched_off(without: Sequence[str]) -> set[str]:
     return {row for name in without for row in IMPERFECTIONS[name].ideal}
 
 
+def _as_board_sees(p: Parameters) -> Parameters:
+    """The delay in whole periods of the board, which reads commands no more often."""
+    period = p["switch_period"]
+    return p.replace({DELAY: min(round(p[DELAY] / period) * period, ROWS[DELAY].upper)})
+
+
 def _problem(leg: Leg, logs: Sequence[Log], labels: Sequence[str]) -> Simulations:
     records = [leg.record(log, label) for log, label in zip(logs, labels, strict=False)]
     return Simulations(free(leg.names, leg.base), records)
 
 
-def _narrowed(first: Simulations, J: np.ndarray, task: Simulations) -> Simulations:
-    """`task`, which has fewer shared parameters, with what `first` has simulated at the same start."""
+def _take_over(first: Simulations, J: np.ndarray, task: Simulations, same: bool) -> None:
+    """Give `task`, which has fewer shared parameters, the steps of `first`, and its simulations at the `same` start."""
     names = [f.name for f in task.shared]
     columns = [j for j, f in enumerate(first.free) if j >= len(first.shared) or f.name in names]
     task.steps = first.steps[columns]
-    task.known(task.start, first.at(first.start), J[:, columns])
-    return task
+    if same:
+        task.known(task.start, first.at(first.start), J[:, columns])
 
 
 def _considered(first: Simulations, task: Simulations, found: Found, J: np.ndarray, names: Sequence[str]) -> np.ndarray:
