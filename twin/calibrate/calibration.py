@@ -11,7 +11,7 @@ from sysid.base.errors import InputError, unknown
 from sysid.base.threads import available, one_blas_thread
 from twin.calibrate import discrepancy
 from twin.calibrate.leg import DELAY, ROWS, Leg, free, row_name, usual
-from twin.calibrate.problem import Simulations
+from twin.calibrate.problem import Record, Simulations
 from twin.calibrate.search import Found, find
 from twin.calibrate.start import from_joint
 from twin.calibrate.tellable import Told, tell
@@ -22,6 +22,7 @@ from twin.parameters import JOINTS, Parameters
 # Rows that no record of voltage and angle tells from friction; their spread is part of the intervals of the others.
 CONSIDERED = ("dead_band",)
 LEVEL = 0.95
+FIRST = 3  # samples that give the first angle of a log
 SHORT = 0.5  # standard deviations
 
 
@@ -304,17 +305,33 @@ def _runs(
     held_out: Sequence[Log],
     labels: Sequence[str],
 ) -> tuple[Run, ...]:
-    """Free runs of the uncalibrated and the calibrated twin over all logs; a held-out one starts at its first angle."""
+    """Free runs of the uncalibrated and the calibrated twin over all logs.
+
+    The uncalibrated twin and held-out logs start at the log's first angle.
+    """
     values, shared, out = task.values(found.p), len(task.shared), []
     for k, log in enumerate((*logs, *held_out)):
         held = k >= len(logs)
         old, new = before.record(log, labels[k]), after.record(log, labels[k])
-        start = new.own[0].start if held else float(values[task.own[k]][0])
-        nominal = old.respond(np.array([[old.own[0].start]]))[0]
-        found_run = new.respond(np.append(values[:shared], start)[None])[0]
+        nominal = _from_first_angle(old, np.empty(0))
+        if held:
+            found_run = _from_first_angle(new, values[:shared])
+        else:
+            found_run = new.respond(np.append(values[:shared], values[task.own[k]])[None])[0]
         u = log.io(before.joint if log.joint else None).u.ravel()
         out.append(Run(labels[k], held, log.Ts, u, new.y, nominal, found_run))
     return tuple(out)
+
+
+def _from_first_angle(record: Record, values: np.ndarray) -> np.ndarray:
+    """The free run (N,) that begins at the median of the log's first angles.
+
+    The drive is not where the link is read: the backlash and the sensor lie between. What a first run begins with is
+    subtracted.
+    """
+    first = float(np.nanmedian(record.y[:FIRST]))
+    run = record.respond(np.append(values, first)[None])[0]
+    return record.respond(np.append(values, 2.0 * first - run[0])[None])[0]
 
 
 def _score(run: Run) -> Score:

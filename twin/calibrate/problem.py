@@ -261,7 +261,7 @@ class Simulations:
         back = -np.sign(steps) * np.minimum(np.abs(steps), room)
         two = np.flatnonzero(np.abs(back) > 0.5 * np.abs(steps))
         if len(two):
-            behind = self._changes(p, base, [columns[i] for i in two], back[two])
+            behind = self._changes(p, base, [columns[int(i)] for i in two], back[two])
             steps, changes = steps.copy(), changes.copy()
             steps[two], changes[:, two] = steps[two] - back[two], changes[:, two] - behind
         return steps, changes
