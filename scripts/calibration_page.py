@@ -10,11 +10,7 @@ import standin
 from twin.cli import main
 
 JOINT, SEED = "thigh", 7
-PICTURES = {
-    "overlay-3": "calibrate-held-out",
-    "residuals": "calibrate-residuals",
-    "correlation": "calibrate-correlation",
-}
+SHOWN = {"overlay-3": "held-out", "residuals": "residuals", "correlation": "correlation"}
 
 
 def story(docs: Path) -> None:
@@ -29,5 +25,5 @@ def story(docs: Path) -> None:
         true = standin.hidden(JOINT, SEED)
         for value in json.loads(Path("run/summary.json").read_text(encoding="utf-8"))["parameters"]:
             print(value["name"], "true", true[value["name"]], "found", value["low"], value["value"], value["high"])
-        for figure, name in PICTURES.items():
-            (docs / f"{name}.png").write_bytes(Path(f"run/figures/{figure}.png").read_bytes())
+        for figure, name in SHOWN.items():
+            (docs / f"calibrate-{name}.png").write_bytes(Path(f"run/figures/{figure}.png").read_bytes())

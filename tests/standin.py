@@ -106,8 +106,8 @@ class StandIn:
 
     def fresh(self) -> Log:
         """A held-out record with another excitation."""
-        half = {"shoulder": 1.0}.get(self.joint, 4.0)
-        return self.log("staircase", 60.0, 3, hold=half)
+        low, high = (0.1, 1.0) if self.joint == "shoulder" else (0.05, 0.3)
+        return self.log("chirp", 60.0, 3, f_min=low, f_max=high)
 
 
 # How a capture is read: duty counts of the bridge on 12 V, and codes of the converter over 270 degrees.

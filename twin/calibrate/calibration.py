@@ -10,8 +10,8 @@ from scipy.stats import norm
 from sysid.base.errors import InputError, unknown
 from sysid.base.threads import available, one_blas_thread
 from twin.calibrate import discrepancy
-from twin.calibrate.leg import Leg, free, row_name, usual
-from twin.calibrate.problem import Simulations
+from twin.calibrate.leg import DELAY, ROWS, Leg, free, row_name, usual
+from twin.calibrate.problem import Record, Simulations
 from twin.calibrate.search import Found, find
 from twin.calibrate.start import from_joint
 from twin.calibrate.tellable import Told, tell
@@ -22,6 +22,7 @@ from twin.parameters import JOINTS, Parameters
 # Rows that no record of voltage and angle tells from friction; their spread is part of the intervals of the others.
 CONSIDERED = ("dead_band",)
 LEVEL = 0.95
+FIRST = 3  # samples that give the first angle of a log
 SHORT = 0.5  # standard deviations
 
 
@@ -172,8 +173,10 @@ def calibrate(
                 f"these logs tell none of {', '.join(rows)}; record the {joint} from end to end at several voltages"
             )
         say(f"search over {len(kept)} parameters")
-        leg = Leg(joint, start.parameters, kept, *settings)
-        task = _narrowed(first, J, _problem(leg, logs, labels))
+        begun = start.parameters.replace({row: base[row] for row in rows if row not in kept})
+        leg = Leg(joint, begun, kept, *settings)
+        task = _problem(leg, logs, labels)
+        _take_over(first, J, task, begun == start.parameters)
         found = find(task, np.random.default_rng(seed), progress=lambda k, loss: say(f"iteration {k}"))
         say("intervals")
         e, J = task.linearise(found.p)
@@ -181,9 +184,11 @@ def calibrate(
         scored = np.concatenate([record.scored for record in task.records])
         departures, size = discrepancy.estimate(e, J, responses, steps, scored)
         unsure = [*(row.name for row in told if not row.told), *others]
-        cov = discrepancy.covariance(J, departures, size) + _considered(first, task, found, J, unsure)
+        wide = _problem(Leg(joint, begun, (*rows, *others), *settings), logs, labels)
+        wide.steps = first.steps.copy()
+        cov = discrepancy.covariance(J, departures, size) + _considered(wide, task, found, J, unsure)
         values = _values(task, found, cov, J, size, base, level)
-        after = leg.parameters(task.values(found.p)[: len(kept)])
+        after = _as_board_sees(leg.parameters(task.values(found.p)[: len(kept)]))
         runs = _runs(Leg(joint, base, (), *settings), leg, task, found, logs, held_out, labels)
     converged, reason = _verdict(found, e, J, cov)
     cov = cov[: len(kept), : len(kept)]
@@ -237,18 +242,24 @@ def switched_off(without: Sequence[str]) -> set[str]:
     return {row for name in without for row in IMPERFECTIONS[name].ideal}
 
 
+def _as_board_sees(p: Parameters) -> Parameters:
+    """The delay in whole periods of the board, which reads commands no more often."""
+    period = p["switch_period"]
+    return p.replace({DELAY: min(round(p[DELAY] / period) * period, ROWS[DELAY].upper)})
+
+
 def _problem(leg: Leg, logs: Sequence[Log], labels: Sequence[str]) -> Simulations:
     records = [leg.record(log, label) for log, label in zip(logs, labels, strict=False)]
     return Simulations(free(leg.names, leg.base), records)
 
 
-def _narrowed(first: Simulations, J: np.ndarray, task: Simulations) -> Simulations:
-    """`task`, which has fewer shared parameters, with what `first` has simulated at the same start."""
+def _take_over(first: Simulations, J: np.ndarray, task: Simulations, same: bool) -> None:
+    """Give `task`, which has fewer shared parameters, the steps of `first`, and its simulations at the `same` start."""
     names = [f.name for f in task.shared]
     columns = [j for j, f in enumerate(first.free) if j >= len(first.shared) or f.name in names]
     task.steps = first.steps[columns]
-    task.known(task.start, first.at(first.start), J[:, columns])
-    return task
+    if same:
+        task.known(task.start, first.at(first.start), J[:, columns])
 
 
 def _considered(first: Simulations, task: Simulations, found: Found, J: np.ndarray, names: Sequence[str]) -> np.ndarray:
@@ -294,17 +305,33 @@ def _runs(
     held_out: Sequence[Log],
     labels: Sequence[str],
 ) -> tuple[Run, ...]:
-    """Free runs of the uncalibrated and the calibrated twin over all logs; a held-out one starts at its first angle."""
+    """Free runs of the uncalibrated and the calibrated twin over all logs.
+
+    The uncalibrated twin and held-out logs start at the log's first angle.
+    """
     values, shared, out = task.values(found.p), len(task.shared), []
     for k, log in enumerate((*logs, *held_out)):
         held = k >= len(logs)
         old, new = before.record(log, labels[k]), after.record(log, labels[k])
-        start = new.own[0].start if held else float(values[task.own[k]][0])
-        nominal = old.respond(np.array([[old.own[0].start]]))[0]
-        found_run = new.respond(np.append(values[:shared], start)[None])[0]
+        nominal = _from_first_angle(old, np.empty(0))
+        if held:
+            found_run = _from_first_angle(new, values[:shared])
+        else:
+            found_run = new.respond(np.append(values[:shared], values[task.own[k]])[None])[0]
         u = log.io(before.joint if log.joint else None).u.ravel()
         out.append(Run(labels[k], held, log.Ts, u, new.y, nominal, found_run))
     return tuple(out)
+
+
+def _from_first_angle(record: Record, values: np.ndarray) -> np.ndarray:
+    """The free run (N,) that begins at the median of the log's first angles.
+
+    The drive is not where the link is read: the backlash and the sensor lie between. What a first run begins with is
+    subtracted.
+    """
+    first = float(np.nanmedian(record.y[:FIRST]))
+    run = record.respond(np.append(values, first)[None])[0]
+    return record.respond(np.append(values, 2.0 * first - run[0])[None])[0]
 
 
 def _score(run: Run) -> Score:

@@ -6,6 +6,7 @@ from pathlib import Path
 from sysid.base.files import write_text
 from sysid.base.units import number
 from twin.calibrate.calibration import Calibration, Value
+from twin.calibrate.leg import DELAY
 from twin.parameter_file import to_toml
 
 
@@ -21,6 +22,8 @@ def comment(value: Value, level: float) -> str:
     factor, shown = (180.0 / math.pi, "deg") if value.unit == "rad" else (1.0, "")
     low, high = (number(factor * bound, 5) for bound in (value.low, value.high))
     nominal = number(value.nominal, 4)
+    if value.name == DELAY:
+        unit += f", found {number(value.value, 4)} and rounded to whole periods of the board"
     return f"{unit}; {100 * level:g} % interval {low} to {high}{f' {shown}' if shown else ''}; was {nominal}"
 
 
