@@ -62,7 +62,7 @@ def test_a_joint_is_written_as_json_c_python_and_text(plain_log, tmp_path):
     assert dict(zip(fit.model.names, fit.theta.tolist(), strict=True)) == {
         p["name"]: p["value"] for p in summary["parameters"]
     }
-    volts = np.loadtxt(plain_log, delimiter=",", skiprows=1)[:, 1]
+    volts = np.loadtxt(plain_log, delimiter=",", skiprows=2)[:, 1]
     simulate = runpy.run_path(str(out / "model.py"))["simulate"]
     agrees(simulate(volts.tolist()), fit.simulate(volts))  # both from where the record began
     assert (out / "model.c").read_text(encoding="utf-8") == export_c.source(fit)
