@@ -49,9 +49,10 @@ def trials_of(log):
 def test_alignment_finds_what_was_done_to_the_log(read):
     trials = trials_of(log_of(**read))
     found = align(trials, None)
-    assert found.delay.value == pytest.approx(read.get("delay", 0.0), abs=3e-4)
-    assert found.gear.value == pytest.approx(read.get("slope", 1.0), abs=2e-3)
-    assert found.offset.value == pytest.approx(read.get("zero", 0.0), abs=1e-3)
+    assert found.delay.value == pytest.approx(read.get("delay", 0.0), abs=2e-3)  # a tenth of a sample
+    assert found.gear.value == pytest.approx(read.get("slope", 1.0), abs=5e-3)
+    assert found.offset.value == pytest.approx(read.get("zero", 0.0), abs=3e-3)
+    assert (found.delay.low, found.delay.high) != (None, None)
     assert found.read == {}
 
 
