@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import polars
@@ -297,8 +298,10 @@ OTHER_SIZES = {
 FAINT: dict[str, float] = {}
 # A short good run of every verb that reports, in a folder with a record log.csv of columns u and y and a saved
 # model.json of it; --out is added.
+LOGS = Path(__file__).parent / "saved" / "logs"  # two logs of one experiment on the shoulder
 VERBS = {
     "calibrate": ["leg.csv", "--joint", "shoulder", "--free", "upper,no_load_speed"],
+    "compare": [str(LOGS / "one.csv"), "--joint", "shoulder", "--against", str(LOGS / "two.csv")],
     "crawl": ["--steps", "4", "--robots", "1", "--duration", "2"],
     "export": ["model.json", "--c", "--python"],
     "identify": ["log.csv", "--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1"],

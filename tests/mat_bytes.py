@@ -24,6 +24,8 @@ def opaque(name: bytes) -> bytes:
     return elements(14, content + elements(1, b"timeseries") + elements(14, reference))
 
 
-def vector(name: bytes, values: np.ndarray) -> bytes:
-    content = elements(6, struct.pack("<II", 6, 0)) + elements(5, struct.pack("<ii", len(values), 1))
+def vector(name: bytes, values: np.ndarray, bits: int = 0, rows: int = 0) -> bytes:
+    """A column of doubles; `bits` are its flags, `rows` the number of rows that it claims if not its own."""
+    content = elements(6, struct.pack("<II", 6 | bits << 8, 0))
+    content += elements(5, struct.pack("<ii", rows or len(values), 1))
     return elements(14, content + elements(1, name) + elements(9, values.astype("<f8").tobytes()))

@@ -1,6 +1,7 @@
 """Every public name of twin and where it is defined: `twin/__init__.py` reads this, and so do type checkers."""
 
 from . import (
+    compare as compare,
     design as design,
     hardware as hardware,
     imperfections as imperfections,
@@ -12,6 +13,7 @@ from . import (
     studies as studies,
     view as view,
 )
+from .compare.comparison import Comparison as Comparison
 from .ensemble.draws import Draws as Draws
 from .ensemble.ensemble import Ensemble as Ensemble
 from .experiment import Experiment as Experiment

@@ -164,6 +164,10 @@ class Experiment:
         pairs = zip(self.signals(), draws, strict=True)
         return np.column_stack([signal.generate(self.N, self.Ts, rng) for signal, rng in pairs])
 
+    def generator(self, what: str) -> np.random.Generator:
+        """The generator of the first driven joint's "excitation", "noise" or "sampling"."""
+        return self._generators(what)[0]
+
     def _generators(self, what: str) -> list[np.random.Generator]:
         """One generator for each driven joint; it does not depend on which other joints are driven."""
         roots = np.random.SeedSequence(self.seed).spawn(len(_DRAWS))[_DRAWS.index(what)]
@@ -206,9 +210,10 @@ class Experiment:
         u, y, y_true = run.commands, np.column_stack(read), clean
         if self.joint in JOINTS:
             u, y, y_true = u[:, 0], y[:, 0], y_true[:, 0]
-        return Log(u, y, self.Ts, y_true, self.joint, self._meta())
+        return Log(u, y, self.Ts, y_true, self.joint, self.meta())
 
-    def _meta(self) -> dict:
+    def meta(self) -> dict:
+        """What a log keeps of the experiment."""
         return {
             "source": "twin",
             "joint": self.joint,

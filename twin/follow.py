@@ -1,13 +1,14 @@
 """The twin driven with the input of a log, from the state in which the log begins."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
 from twin.experiment import SETTLE, Experiment, prepared
 from twin.hardware.linkage import end_angles
+from twin.hardware.potentiometer import potentiometer
 from twin.imperfections import of_group
 from twin.log import Log
 from twin.parameters import JOINTS, Parameters
@@ -36,6 +37,7 @@ class Follower:
     threads: int = 2
     u: np.ndarray = field(init=False, repr=False)
     y: np.ndarray = field(init=False, repr=False)
+    _asked: tuple[str, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.joint not in JOINTS:
@@ -43,6 +45,7 @@ class Follower:
         data = self.log.io(self.joint if self.log.joint else None)
         object.__setattr__(self, "u", data.u.ravel())
         object.__setattr__(self, "y", data.y.ravel())
+        object.__setattr__(self, "_asked", tuple(self.without))
         object.__setattr__(self, "without", tuple(dict.fromkeys((*self.without, *QUIET))))
         if self.log.Ts < TIMESTEP:
             raise InputError(
@@ -65,10 +68,17 @@ class Follower:
         entry: the simulation of that number with its own shift, so that several shifts of one leg are simulated once.
         Rows of failed simulations are NaN.
         """
-        runs = len(parameters)
-        which = range(runs) if which is None else which
-        starts = np.full(runs, self.y[0]) if starts is None else np.asarray(starts, dtype=float)
+        which = range(len(parameters)) if which is None else which
         shifts = np.zeros(len(which)) if shifts is None else np.asarray(shifts, dtype=float)
+        courses = self.courses(parameters, starts)
+        return np.stack([self.at(courses[k], shift) for k, shift in zip(which, shifts, strict=True)])
+
+    def courses(
+        self, parameters: Sequence[Parameters], starts: Sequence[float] | np.ndarray | None = None
+    ) -> np.ndarray:
+        """The same readings (runs, steps) [rad] at every simulation step; `at` takes those at the log's samples."""
+        runs = len(parameters)
+        starts = np.full(runs, self.y[0]) if starts is None else np.asarray(starts, dtype=float)
         commands = self._commands()
         experiments = [self._experiment(p, len(commands)) for p in parameters]
         places = [
@@ -76,14 +86,40 @@ class Follower:
             for p, start in zip(parameters, starts, strict=True)
         ]
         shown, _ = attempt(prepared(experiments, commands, places), TIMESTEP, SETTLE, self.threads)
-        read = shown[:, :, 0, slots.READING]
-        fine, wanted = np.arange(len(commands)) * TIMESTEP, self.log.t
-        return np.stack([np.interp(wanted - shift, fine, read[k]) for shift, k in zip(shifts, which, strict=True)])
+        return shown[:, :, 0, slots.READING]
+
+    def at(self, course: np.ndarray, shift: float = 0.0) -> np.ndarray:
+        """Readings (N,) [rad] at the log's samples from one of `courses` (steps,), `shift` [s] later; the first and
+        the last reading stand beyond the ends."""
+        return np.interp(self.log.t - shift, np.arange(len(course)) * TIMESTEP, course)
+
+    def record(self, parameters: Parameters | None = None, seed: int = 1, start: float | None = None) -> Log:
+        """The log that the twin itself writes under this input: with noise, ADC, jitter and lost samples of `seed`.
+
+        Imperfections in `without` as the follower was given it; `start` as in `readings`. With the parameters, the seed
+        and the start of an `Experiment`, its log comes back.
+        """
+        p, N, Ts = parameters or Parameters(), self.log.N, self.log.Ts
+        experiment = replace(self._experiment(p, self._steps), seed=seed, without=self._asked)
+        angle = float(np.clip(self.y[0] if start is None else start, *end_angles(p, self.joint)))
+        (run,) = prepared([experiment], self._commands(), [{self.joint: angle}])
+        shown, trouble = attempt([replace(run, late=np.zeros(self._steps))], TIMESTEP, SETTLE, self.threads)
+        if trouble[0]:
+            raise InputError(f"the twin with these parameters cannot follow the log ({trouble[0]}); change --params")
+        pot = potentiometer(p, self._asked)
+        late = pot.times(N, Ts, experiment.generator("sampling"))
+        fine = np.arange(self._steps) * TIMESTEP
+        clean = np.interp(self.log.t + late, fine, shown[0, :, 0, slots.READING])
+        meta = experiment.meta() | {"excitation": "log", "options": {}, "duration": N * Ts, "Ts": Ts, "start": angle}
+        return Log(self.u, pot.read(clean, experiment.generator("noise")), Ts, clean, self.joint, meta)
+
+    @property
+    def _steps(self) -> int:
+        return int(np.ceil(self.log.N * self.log.Ts / TIMESTEP)) + 1
 
     def _commands(self) -> np.ndarray:
         """The input (steps, 1) at every simulation step."""
-        steps = int(np.ceil(self.log.N * self.log.Ts / TIMESTEP)) + 1
-        at = np.floor(np.arange(steps) * TIMESTEP / self.log.Ts + HELD).astype(int)
+        at = np.floor(np.arange(self._steps) * TIMESTEP / self.log.Ts + HELD).astype(int)
         return self.u[np.minimum(at, self.log.N - 1)][:, None]
 
     def _experiment(self, parameters: Parameters, steps: int) -> Experiment:

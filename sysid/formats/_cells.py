@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import polars
 
 ODD = (*COMMENT, b"\n\n", b"\n ", b"\n\t", b"\f", b"\v")  # a line may be a comment, blank, or start with a blank
+NEAR = 1 << 16  # bytes in which they are looked for
 LIKE = 200  # lines before the last one that show what a whole line looks like
 
 
@@ -151,7 +152,8 @@ def cut(block: bytes, layout: Layout, decimal: str) -> tuple[bytes, bool | None]
     before, _, last = block.rpartition(b"\n")
     if not last.strip() or last.lstrip().startswith(COMMENT):
         return block, False
-    shapes = {_shape(line, layout, decimal) for _, line in list(data_lines(1, before[-(1 << 16) :]))[-LIKE:][1:]}
+    near = before if len(before) <= NEAR else before[-NEAR:].partition(b"\n")[2]
+    shapes = {_shape(line, layout, decimal) for _, line in list(data_lines(1, near))[-LIKE:]}
     own = _shape(last, layout, decimal)
     if own[0] != layout.width or (shapes and own[1] is None and None not in {shape for _, shape in shapes}):
         return before + b"\n", True

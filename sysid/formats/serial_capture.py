@@ -16,7 +16,10 @@ from sysid.formats._clock import misfits, misspelt
 from sysid.formats._units import units_of
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)"
-PLAIN = re.compile(rf"(?i:{NUMBER})(?:(?P<mark> *[,;] *|[ \t]+)(?i:{NUMBER}))*")
+PLAIN = {  # by the mark between the numbers; none is blanks
+    mark: re.compile(rf"(?:{NUMBER})(?:{between}(?:{NUMBER}))*", re.IGNORECASE)
+    for mark, between in ((",", " *, *"), (";", " *; *"), ("", "[ \\t]+"))
+}
 PAIRS = re.compile(rf"[A-Za-z]\w* *[=:] *(?i:{NUMBER})(?:[ ,;\t]+[A-Za-z]\w* *[=:] *(?i:{NUMBER}))*")
 PAIR = re.compile(rf"([A-Za-z]\w*) *[=:] *((?i:{NUMBER}))")
 STAMP = re.compile(r"\[?(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d\d(?:[.,]\d+)?\]?(?: ->)? +")  # a terminal program's own
@@ -25,7 +28,7 @@ UNIFORM = 0.99  # part of the lines that print a column with the same decimals, 
 SHOWN = 20  # row numbers in a note
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Line:
     """A line that has numbers and nothing else: its row, its shape (the mark and how many, or the keys), its texts."""
 
@@ -107,17 +110,16 @@ def looks_like_one(block: bytes) -> bool:
 
 def _bare(text: str) -> str:
     text = text.strip()
-    stamp = STAMP.match(text)
+    stamp = STAMP.match(text) if ":" in text else None
     return text[stamp.end() :] if stamp else text
 
 
 def _line(row: int, text: str) -> Line | None:
     text = _bare(text)
-    if match := PLAIN.fullmatch(text):
-        mark = (match["mark"] or "").strip()
-        cells = tuple(cell.strip() for cell in text.split(mark or None))
-        whole = all(re.fullmatch(rf"(?i:{NUMBER})", cell) for cell in cells)  # not 1,2 3
-        return Line(row, (mark, str(len(cells))), cells) if whole else None
+    mark = "," if "," in text else ";" if ";" in text else ""
+    if PLAIN[mark].fullmatch(text):
+        cells = tuple(text.replace(" ", "").split(mark) if mark else text.split())
+        return Line(row, (mark, str(len(cells))), cells)
     if PAIRS.fullmatch(text):
         pairs = PAIR.findall(text)
         keys = tuple(key for key, _ in pairs)

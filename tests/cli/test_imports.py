@@ -63,6 +63,8 @@ def test_a_name_is_itself_whatever_was_imported_before(first):
 def test_the_public_names_of_twin_are_the_stubs():
     names = ["Draws", "Ensemble", "Experiment", "Follower", "IMPERFECTIONS", "JOINTS", "Log", "Parameters", "truth"]
     names += [
+        "Comparison",
+        "compare",
         "design",
         "hardware",
         "imperfections",

@@ -95,6 +95,13 @@ def test_a_counter_that_wraps_many_times():
     assert made.counts == {"wraps": 300_000 // 2**16}
 
 
+def test_a_counter_that_was_reset_is_no_wrap():
+    k = np.arange(100)
+    millis = np.where(k < 50, 30_000 + 20 * k, 20 * (k - 50))
+    with pytest.raises(InputError, match=r"row 52, column 'millis': found 0 s after 30.98 s"):
+        from_table(table(millis=millis, u=k % 7, y=k % 5))
+
+
 def test_a_number_outside_the_counter_is_refused_with_its_row():
     with pytest.raises(InputError, match=r"row 4, column 't': found 70000 in a counter of 16 bits"):
         sample(table(t=[1, 2, 70000, 4], u=[1, 2, 3, 4], y=[1, 2, 3, 4]), tuy(Clock(column="t", unit="ms", wrap=16)))
@@ -134,6 +141,11 @@ def test_a_stamp_that_runs_back_is_refused_or_its_row_dropped():
     assert made.N == 60
     np.testing.assert_array_equal(np.flatnonzero(made.missing), [20])
     assert (made.input[0].values[20], made.output[0].values[20]) == (19.0, pytest.approx(0.020))
+    t = 0.1 * k
+    t[20] = 99.0  # one stamp too far ahead: that row goes, not those behind it
+    made = sample(table(t=t, u=u, y=y), tuy(Clock(column="t"), Repair(backward="drop")))
+    assert (made.N, made.counts["backward"]) == (60, 1)
+    np.testing.assert_array_equal(np.flatnonzero(made.missing), [20])
 
 
 def test_lost_samples_are_filled_and_marked_up_to_the_limit():
@@ -160,6 +172,8 @@ def test_the_range_that_the_sentence_names_is_read():
     assert made.N == 80
     np.testing.assert_array_equal(made.input[0].values, np.arange(120.0, 200.0))
     assert not made.counts
+    later = sample(table(t=7.0 + 0.02 * k, u=u, y=y), tuy(Clock(column="t"), range=parse_range("3:3.5")))
+    np.testing.assert_array_equal(later.input[0].values, np.arange(150.0, 176.0))
     assert made.notes == ("used rows 92 to 171, 80 of 170, as the range says",)
     with pytest.raises(InputError, match=r"the range 9: s holds 0 sample\(s\); the record goes from 0 to 3.98 s"):
         sample(table(t=7.0 + 0.02 * k, u=u, y=y), tuy(Clock(column="t"), range=parse_range("9:")))
@@ -233,6 +247,20 @@ def test_jitter_within_the_tolerance_is_taken_as_uniform_and_more_is_interpolate
         assert np.all((held == np.floor(at / 0.1 + 1e-9)) | (held == np.maximum(late, 0)))
 
 
+def test_of_irregular_stamps_lost_samples_are_marked_where_they_are_far():
+    """Between 0.50 and 0.54 s no row: the line is far from both in the middle alone, the held input from 0.51 on."""
+    rng, k = RNG(2), np.setdiff1d(np.arange(120), [51, 52, 53])
+    t = 0.01 * k + 0.001 * rng.uniform(-1, 1, len(k)) * (np.abs(k - 52) > 2) * (k > 0)
+    made = sample(table(t=t, u=np.floor(t), y=t), tuy(Clock(column="t")))
+    assert made.sampling.interpolated
+    np.testing.assert_array_equal(np.flatnonzero(made.output[0].missing), [51, 52, 53])
+    np.testing.assert_array_equal(np.flatnonzero(made.input[0].missing), [51, 52, 53])
+    shifted = np.where(k == 54, 0.535, t)  # sample 53 is now near the row behind it
+    made = sample(table(t=shifted, u=np.floor(t), y=t), tuy(Clock(column="t")))
+    np.testing.assert_array_equal(np.flatnonzero(made.output[0].missing), [51, 52])
+    np.testing.assert_array_equal(np.flatnonzero(made.input[0].missing), [51, 52, 53])
+
+
 def test_irregular_stamps_are_resampled_at_their_middle_step_or_at_a_given_one():
     rng = RNG(8)
     steps = np.concatenate([rng.uniform(4e-3, 6e-3, 700), rng.uniform(3.2e-3, 3.8e-3, 500)])
@@ -276,7 +304,7 @@ def test_adc_counts_become_the_angle_to_half_a_code():
 
 
 def test_counts_of_a_signed_word_times_a_measured_supply_become_volts():
-    duty = np.array([0, 10, -20, 885, -885, 3])
+    duty = np.array([0, 10, -20, 32767, -32768, 3])
     supply = np.array([7.0, 7.1, 7.2, 7.3, 7.4, 7.5])
     channel = Channel(column="load", signed=16, times="volts", scale=1 / 885, offset=0.25, unit="V")
     mapping = ChannelMap(clock=Clock(Ts=0.1), input=(channel,), output=(Channel(column="y", unit="rad"),))

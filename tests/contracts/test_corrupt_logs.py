@@ -170,6 +170,12 @@ CASES: dict[str, tuple[str, bytes, Refused | Kept]] = {
     "last row cut in a cell": ("a.csv", text()[:-2], (without(WHOLE, N - 1), ["row 61", "cut off"])),
     "last row cut at a mark": ("a.csv", text()[:-7], (without(WHOLE, N - 1), ["row 61", "cut off"])),
     "last row cut in the first cell": ("a.csv", text()[:-15], (without(WHOLE, N - 1), ["row 61", "cut off"])),
+    "last row short, decimals vary": (
+        "a.csv",
+        b"u,y\n1,2.5\n1,2.25\n1",
+        ({"y": np.array([2.5, 2.25])}, ["row 4", "cut"]),
+    ),
+    "byte order mark": ("a.csv", b"\xef\xbb\xbf" + text(), (WHOLE, [])),
     "no line end": ("a.csv", text()[:-1], (WHOLE, [])),
     "no line end, whole numbers": (
         "a.csv",
@@ -203,6 +209,16 @@ CASES: dict[str, tuple[str, bytes, Refused | Kept]] = {
         "a.log",
         capture(row50="147,559,-82", row60="15700,569,-81"),
         (without(CAPTURED, 47, 57), ["2 lines (rows 50, 60) whose 'ms'"]),
+    ),
+    "digit changed in the clock": (
+        "a.log",
+        capture(row50="1520,559,-82", row60="1520,569,-81"),
+        (without(CAPTURED, 47, 57), ["2 lines (rows 50, 60) whose 'ms'"]),
+    ),
+    "decimal lost": (
+        "a.log",
+        b"t,u\n" + b"".join(b"%d,%d.25\n" % (k, k % 5) for k in range(150)) + b"150,1.2\n151,1.25\n",
+        ({"t": np.delete(np.arange(152.0), 150)}, ["1 garbled line (row 152)"]),
     ),
     "two wrong clocks in a row": (
         "a.log",
@@ -279,6 +295,12 @@ CASES: dict[str, tuple[str, bytes, Refused | Kept]] = {
         level_5(opaque(b"log"), vector(b"u", U)),
         ({"u": U}, ["log (timeseries object)", "log.Time"]),
     ),
+    "MAT with an imaginary part that is not there": (
+        "a.mat",
+        level_5(vector(b"u", U, bits=0x08), vector(b"y", Y)),
+        ["not a readable MAT"],
+    ),
+    "MAT with fewer numbers than its size": ("a.mat", level_5(vector(b"u", U, rows=600)), ["not a readable MAT"]),
     "MAT variable twice": ("a.mat", level_5(vector(b"u", U), vector(b"u", Y)), ["not a readable MAT"]),
     "MAT of complex numbers": ("a.mat", mat(z=U + 1j * Y), ["no numeric vector", "z (complex 1x60)"]),
     "NaN in MAT": ("a.mat", mat(u=np.array([1.0, np.nan])), ["element 2, column 'u'", "NaN"]),

@@ -143,6 +143,7 @@ def test_parquet_times_booleans_and_nested_columns(tmp_path):
     frame = polars.DataFrame(
         {
             "at": [at, at + datetime.timedelta(microseconds=250), None],
+            "since": [at - datetime.timedelta(seconds=2)] * 3,
             "span": [datetime.timedelta(milliseconds=1.5)] * 3,
             "on": [True, False, True],
             "imu": [{"x": 1.0, "n": 2}] * 3,
@@ -153,14 +154,15 @@ def test_parquet_times_booleans_and_nested_columns(tmp_path):
     )
     frame.write_parquet(tmp_path / "a.parquet")
     table = read_table(tmp_path / "a.parquet")
-    np.testing.assert_array_equal(table.columns[0], [0.0, 0.00025, np.nan])
+    np.testing.assert_array_equal(table.columns[0], [2.0, 2.00025, np.nan])
+    assert table.columns[1].tolist() == [0.0] * 3
     found = {name: np.asarray(values).tolist() for name, values in zip(table.names, table.columns, strict=True)}
-    assert table.names == ("at", "span", "on", "imu.x", "imu.n", "q[0]", "q[1]", "t_ms")
+    assert table.names == ("at", "since", "span", "on", "imu.x", "imu.n", "q[0]", "q[1]", "t_ms")
     assert found["span"] == [0.0015] * 3
     assert found["on"] == [1.0, 0.0, 1.0]
     assert found["q[1]"] == [2.0, 4.0, 6.0]
-    assert table.units == {"at": "s", "span": "s", "t_ms": "ms"}
-    assert table.meta["start"].startswith("2026-03-01T12:00:00")
+    assert table.units == {"at": "s", "since": "s", "span": "s", "t_ms": "ms"}
+    assert table.meta["start"].startswith("2026-03-01T11:59:58")
     assert any("label (String)" in note for note in table.notes)
 
 
@@ -266,6 +268,7 @@ def test_matlab_5_structs_cells_and_structure_with_time(tmp_path):
         "s": {"u": U, "about": {"k": 3.0, "by": "me"}},
         "log": {"time": T[:, None], "signals": signals, "blockName": "model/To Workspace"},
         "one": {"time": T[:, None], "signals": {"values": pair.T.reshape(1, 2, 6), "label": "q", "dimensions": 2.0}},
+        "wide": {"time": T[:, None], "signals": {"values": np.arange(48.0).reshape(1, 8, 6), "label": ""}},
         "points": structs({"t": 0.5, "x": U}, {"t": 1.5, "x": -U}),
         "c": np.array([U, "text"], dtype=object),
         "on": U > 0,
@@ -276,10 +279,12 @@ def test_matlab_5_structs_cells_and_structure_with_time(tmp_path):
     assert columns(table) == {
         **{"s.u": u, "log.time": t, "log.pos_deg": u, "log.signals(2):1": u, "log.signals(2):2": (-U).tolist()},
         **{"one.time": t, "one.q:1": u, "one.q:2": (-U).tolist()},
+        "wide.time": t,
+        **{f"wide.signals:{j + 1}": list(range(6 * j, 6 * j + 6)) for j in range(8)},  # more signals than samples
         **{"points.t": [0.5, 1.5], "points(1).x": u, "points(2).x": (-U).tolist(), "c{1}": u},
         "on": (U > 0).astype(float).tolist(),
     }
-    assert table.units == {"log.time": "s", "one.time": "s", "log.pos_deg": "deg"}
+    assert table.units == {"log.time": "s", "one.time": "s", "wide.time": "s", "log.pos_deg": "deg"}
     assert table.meta == {"s.about.k": 3.0, "s.about.by": "me", "c{2}": "text"}
 
 
@@ -338,6 +343,9 @@ def test_matlab_73(tmp_path):
                 put(refs, f"{field}{k}", each, "char" if field == "label" else "double") for k, each in enumerate(pair)
             ]
             signals.create_dataset(field, data=np.array([[node.ref] for node in made], dtype=h5py.ref_dtype))
+        wide = struct_in(file, "wide")
+        put(wide, "time", T[None, :])
+        put(struct_in(wide, "signals"), "values", np.arange(48.0).reshape(8, 6))  # 6x8 in MATLAB
         cell = file.create_dataset("c", data=np.array([[refs["values0"].ref]], dtype=h5py.ref_dtype))
         cell.attrs["MATLAB_class"] = np.bytes_("cell")
         ts = put(file, "ts", np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32), "timeseries")
@@ -349,9 +357,11 @@ def test_matlab_73(tmp_path):
     assert columns(table) == {
         **{"u": u, "M:1": t, "M:2": u, "s.t_ms": (T * 1000).tolist(), "s.deep.y": (-U).tolist()},
         **{"log.time": t, "log.pos": u, "log.vel": (-U).tolist(), "c{1}": u},
+        "wide.time": t,
+        **{f"wide.signals:{j + 1}": list(range(6 * j, 6 * j + 6)) for j in range(8)},
     }
     assert table.meta == {"gain": 2.5, "name": "leg"}
-    assert table.units == {"s.t_ms": "ms", "log.time": "s"}
+    assert table.units == {"s.t_ms": "ms", "log.time": "s", "wide.time": "s"}
     assert any("ts (timeseries object)" in note and "t = ts.Time; y = ts.Data" in note for note in table.notes)
 
 
@@ -380,6 +390,12 @@ def test_captures_of_every_form(form, names, suffix, tmp_path):
     assert np.column_stack(table.columns).tolist() == [list(each) for k, each in enumerate(samples) if k != 38]
     assert list(table.rows[0]) == [k + 3 for k in range(60) if k != 38]
     assert any("1 garbled line (row 41)" in note for note in table.notes)
+
+
+def test_pairs_alone_called_txt_are_a_capture(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("t=1 adc=512\nt=2 adc=513\nt=3 adc=511\nt=4 adc=512\nt=5 adc=510\n")
+    assert columns(read_table(path)) == {"t": [1, 2, 3, 4, 5], "adc": [512, 513, 511, 512, 510]}
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -84,6 +84,16 @@ def test_a_servo_that_takes_angles_stays_one(tmp_path):
     np.testing.assert_array_equal(again.u, log.u)
 
 
+def test_a_reference_in_volts_is_a_servos_and_a_commanded_voltage_is_none(tmp_path):
+    t = 0.01 * np.arange(100)
+    for name, mode in (("goal_V", "servo"), ("commanded_voltage_V", "voltage")):
+        rows = np.column_stack([t, np.sign(np.sin(3 * t)), np.sin(t)])
+        np.savetxt(tmp_path / "rig.csv", rows, delimiter=",", header=f"t,{name},pos_deg", comments="", fmt="%.9f")
+        log = twin.Log.load(tmp_path / "rig.csv")
+        assert (log.mode, log.u_unit) == (mode, "V")
+        np.testing.assert_allclose(log.y, np.deg2rad(np.sin(t)), atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("header", "said"),
     [

@@ -91,3 +91,24 @@ def test_several_shifts_of_one_leg_are_simulated_once():
     for row, k, shift in zip(rows, [1, 0, 1], shifts, strict=True):
         (alone,) = follower.readings([legs[k]], [starts[k]], [shift])
         np.testing.assert_array_equal(row, alone)
+
+
+@pytest.mark.parametrize("Ts", [0.1, 0.05])
+def test_an_experiment_comes_back_with_its_noise(Ts):
+    """The same seed draws the same noise, jitter and lost samples, bit for bit as far as rounding of times allows."""
+    p = twin.Parameters({"dropout_rate": 0.05, "sample_jitter": 0.004})
+    log = twin.Experiment("shoulder", "aprbs", 10.0, Ts, seed=4, parameters=p).run()
+    back = twin.Follower(log, "shoulder").record(p, seed=4, start=middle(p, "shoulder"))
+    np.testing.assert_allclose(back.y_true, log.y_true, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(back.y, log.y)
+    assert back.meta["parameters_changed"] == log.meta["parameters_changed"]
+    other = twin.Follower(log, "shoulder").record(p, seed=5, start=middle(p, "shoulder"))
+    assert np.std(other.y - log.y) > p["pot_noise"]
+
+
+def test_courses_are_read_between_steps():
+    log = made("shank")
+    follower = twin.Follower(log, "shank")
+    (course,) = follower.courses([twin.Parameters()])
+    (row,) = follower.readings([twin.Parameters()], shifts=[0.0305])
+    np.testing.assert_allclose(row[1:], 0.5 * (course[69::100] + course[70::100])[: len(row) - 1], rtol=0, atol=1e-15)

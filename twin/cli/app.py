@@ -3,6 +3,7 @@
 import typer
 
 from twin.cli.calibrate import calibrate
+from twin.cli.compare import compare
 from twin.cli.crawl import crawl
 from twin.cli.export import export
 from twin.cli.identify import identify
@@ -11,7 +12,7 @@ from twin.cli.reproduce import reproduce
 from twin.cli.simulate import simulate
 from twin.cli.view import view
 
-VERBS = (reproduce, simulate, identify, calibrate, info, view, crawl, export)
+VERBS = (reproduce, simulate, identify, compare, calibrate, info, view, crawl, export)
 SHOWN = (view,)  # what these make is looked at: they write no report and no summary, and take no --out and --json
 
 

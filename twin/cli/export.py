@@ -33,6 +33,7 @@ def export(
     output: options.Output = None,
     ts: options.Ts = None,
     time: options.Time = None,
+    map: options.Map = None,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
@@ -46,7 +47,7 @@ def export(
 
     with run_folder(out, "export") as (folder, scratch), console.progress(3) as step:
         step(f"reading {model}")
-        source = read_model(model, input, output, ts, time, fitted=asked == ["mjcf"])
+        source = read_model(model, input, output, ts, time, map, fitted=asked == ["mjcf"])
         step("exporting")
         inside = None if into is None else Path(into)
         result = write_back(source, asked, name, torque_per_volt, link_inertia, inside, scratch)

@@ -10,6 +10,7 @@ from sysid.formats import TABLE as FORMATS
 
 if TYPE_CHECKING:
     from sysid.channels.mapping import Range as TimeRange
+    from twin.log import Log
     from twin.parameters import Parameters
 
 Out = Annotated[
@@ -130,3 +131,11 @@ def parameters(file: str | None) -> "Parameters | None":
     found = read(file)
     check_together(found, file)
     return found
+
+
+def second_log(path: str, map: str | None) -> "Log":
+    """A log beside another one that `map` reads; the mapping is not for a log that this program wrote."""
+    from sysid.formats import read_table
+    from twin.log import Log
+
+    return Log.load(path, None if map is None or "joint" in read_table(path).meta else map)

@@ -15,6 +15,7 @@ from twin.cli.output import check_writable_file, output_folder
 
 if TYPE_CHECKING:
     from twin.view.replay import Movement, Replay
+    from twin.view.traces import Traces
 
 File = Annotated[str | None, typer.Argument(metavar="[LOG]", help=f"log to replay: {', '.join(formats.TABLE)}")]
 Ghost = Annotated[
@@ -22,6 +23,13 @@ Ghost = Annotated[
 ]
 Strip = Annotated[str | None, typer.Option(metavar="FILE.png", help="draw frames of the log into one figure")]
 Frames = Annotated[str | None, typer.Option(metavar="DIR", help="write numbered PNG frames, 20 per second")]
+Compare = Annotated[
+    bool, typer.Option("--compare", help="the twin under the log's input as ghost; strip and frames show the error too")
+]
+Mcap = Annotated[
+    str | None,
+    typer.Option(metavar="FILE.mcap", help="write log and twin for Foxglove, rerun or PlotJuggler; implies --compare"),
+]
 Gif = Annotated[str | None, typer.Option(metavar="FILE.gif", help="write the frames as one GIF")]
 Start = Annotated[float | None, options.number("S", "start time in the log in seconds")]
 Stop = Annotated[float | None, options.number("S", "end time in the log in seconds")]
@@ -31,6 +39,8 @@ def view(
     log: File = None,
     joint: Annotated[str | None, options.name("moving joint, if the log does not name it", twin.JOINTS)] = None,
     ghost: Ghost = None,
+    compare: Compare = False,
+    params: options.Params = None,
     map: options.Map = None,
     speed: Annotated[float, options.number("X", "playback speed; 1 is real time")] = 1.0,
     start: Start = None,
@@ -41,9 +51,10 @@ def view(
     count: Annotated[int, options.whole("N", "frames in the strip")] = 6,
     frames: Frames = None,
     gif: Gif = None,
+    mcap: Mcap = None,
 ) -> None:
     """Show the robot, or replay a log; in a window, a browser (--web), or as pictures (--strip, --frames, --gif)."""
-    ways = {"--web": web, "--strip": strip, "--frames": frames, "--gif": gif}
+    ways = {"--web": web, "--strip": strip, "--frames": frames, "--gif": gif, "--mcap": mcap}
     asked = [way for way, given in ways.items() if given]
     if len(asked) > 1:
         raise InputError(f"{' and '.join(asked)} are given; give one of them at a time")
@@ -51,7 +62,17 @@ def view(
         raise InputError(f"--speed is {speed:g}; give a number from 0.001 to 1000")
     if port and not web:
         raise InputError(f"--port is {port} without --web; add --web, or leave --port out")
+    traces = None
+    if compare or mcap:
+        log, joint, traces = _traces(log, ghost, joint, params, map, "--mcap" if mcap else "--compare")
+        if mcap:
+            _write_mcap(mcap, traces)
+            return
+    elif params is not None:
+        raise InputError("--params is given without --compare; add --compare, or leave --params out")
     replay, names = _replay(log, ghost, joint, start, stop, map)
+    if replay is not None and traces is not None:
+        replay, names = _with_twin(replay, traces, params), [*names, "twin"]
     if not (strip or frames or gif):
         from twin.view.open import show
 
@@ -61,11 +82,11 @@ def view(
 
     try:
         if strip:
-            _whole(strip, ".png", lambda path: _write_strip(replay, names, count, path))
+            _whole(strip, ".png", lambda path: _write_strip(replay, names, count, path, traces))
         elif replay is None:
             raise InputError(f"{asked[0]} needs a log and none is given; give a LOG, or use --strip")
         else:
-            _write_frames(replay, names, speed, frames, gif)
+            _write_frames(replay, names, speed, frames, gif, traces)
     except NoRenderer as reason:
         raise InputError(f"{reason}; install Mesa's libEGL or libOSMesa, or use another machine") from None
 
@@ -93,17 +114,12 @@ def _replay(
     leg = _movement(log, first, joint)
     shadow = None
     if ghost is not None:
-        second = twin.Log.load(ghost, _own_map(ghost, map))
+        second = options.second_log(ghost, map)
         alone = next(iter(leg.angles)) if len(leg.angles) == 1 and not second.joint else None
         shadow = _movement(ghost, second, joint or alone)
     parameters = twin.Parameters(first.meta.get("parameters_changed", {}))
     replay = Replay(leg, shadow, parameters, 0.0 if start is None else start, stop)
     return replay, [Path(path).name for path in (log, ghost) if path is not None]
-
-
-def _own_map(path: str, map: str | None) -> str | None:
-    """The mapping for a second log: none for one that this program wrote."""
-    return None if map is None or "joint" in formats.read_table(path).meta else map
 
 
 def _movement(path: str, log: twin.Log, joint: str | None) -> "Movement":
@@ -115,15 +131,56 @@ def _movement(path: str, log: twin.Log, joint: str | None) -> "Movement":
         raise InputError(f"{path}: {error}") from None
 
 
-def _write_strip(replay: "Replay | None", names: list[str], count: int, path: Path) -> None:
+def _traces(
+    log: str | None, ghost: str | None, joint: str | None, params: str | None, map: str | None, option: str
+) -> tuple[str, str, "Traces"]:
+    """The log, its joint, and its traces beside the twin's; raises InputError where one joint is not known."""
+    if log is None:
+        raise InputError(f"{option} is given without a LOG; give the log first: qpal view LOG {option} ...")
+    if ghost is not None:
+        raise InputError(f"{option} and --ghost are given and there is one ghost; leave one of the two out")
+    from twin.compare.beside import beside
+    from twin.view.traces import Traces
+
+    given = twin.Log.load(log, map)
+    which = given.joint if given.joint in twin.JOINTS else joint
+    if which is None or (joint is not None and joint != which):
+        raise InputError(f"{option} needs one joint that {log} has; give --joint ({', '.join(twin.JOINTS)})")
+    found = beside(given, which, options.parameters(params), str(given.meta.get("pot_side", "link")))
+    return log, which, Traces(which, found.t, found.u, found.y, found.twin)
+
+
+def _with_twin(replay: "Replay", traces: "Traces", params: str | None) -> "Replay":
+    """The replay with the twin's movement as ghost."""
+    from dataclasses import replace
+
+    from twin.view.replay import Movement
+
+    leg = Movement(traces.t, {traces.joint: traces.log})
+    ghost = Movement(traces.t, {traces.joint: traces.twin})
+    return replace(replay, leg=leg, ghost=ghost, parameters=options.parameters(params) or replay.parameters)
+
+
+def _write_mcap(target: str, traces: "Traces") -> None:
+    from twin.view.mcap_file import write_mcap
+
+    path = Path(target)
+    check_writable_file(path)
+    write_mcap(path, traces)
+    print(f"Log and twin: {target}")
+
+
+def _write_strip(replay: "Replay | None", names: list[str], count: int, path: Path, traces: "Traces | None") -> None:
     from sysid.base.style import png
     from twin.view import pictures
 
-    figure = pictures.standing() if replay is None else pictures.strip(replay, pictures.Names(*names), count)
+    figure = pictures.standing() if replay is None else pictures.strip(replay, pictures.Names(*names), count, traces)
     path.write_bytes(png(figure))
 
 
-def _write_frames(replay: "Replay", names: list[str], speed: float, frames: str | None, gif: str | None) -> None:
+def _write_frames(
+    replay: "Replay", names: list[str], speed: float, frames: str | None, gif: str | None, traces: "Traces | None"
+) -> None:
     from twin.view import pictures
 
     times = pictures.frame_times(replay, speed)
@@ -133,7 +190,7 @@ def _write_frames(replay: "Replay", names: list[str], speed: float, frames: str 
         def tell(done: int) -> None:
             step.part(done / len(times), f"{done} of {len(times)} frames")
 
-        images = pictures.frames(replay, times, pictures.Names(*names), tell)
+        images = pictures.frames(replay, times, pictures.Names(*names), tell, traces)
         if gif is not None:
             _whole(gif, ".gif", lambda path: pictures.save_gif(images, path))
         elif frames is not None:

@@ -26,8 +26,8 @@ def page(result: Written) -> Page:
     if result.fragment is not None and result.check is not None:
         caption = (
             "Angle of the fitted joint and of the MJCF elements in MuJoCo under the same input, and their difference. "
-            "The two curves should lie on each other; the difference is largest where the joint strikes a stop or "
-            "breaks away."
+            "The two curves should lie on each other. Peaks of the difference come from struck stops and break-away, "
+            "waves from a linkage that is not quite a quartic."
         )
         sections += [
             Section("Check in MuJoCo", pictures=[Picture("mjcf", style.png(overlay(result.check)), caption)]),

@@ -9,6 +9,7 @@ import numpy as np
 import twin
 from sysid.base.versions import versions
 from sysid.data.record import IOData
+from twin.follow import Follower
 from twin.hardware.potentiometer import Potentiometer, potentiometer
 from twin.log import Log
 from twin.truth import Truth
@@ -63,18 +64,27 @@ class Simulation:
 
 def simulate(experiment: twin.Experiment) -> Simulation:
     """Runs the experiment and adds the truth of its joints."""
-    log = experiment.run()
+    return _with_truth(experiment.run(), experiment.joints, experiment.Ts, experiment.p, experiment.without)
+
+
+def follow(follower: Follower, parameters: twin.Parameters | None = None, seed: int = 1) -> Simulation:
+    """The twin's own log under the input of a follower's log, with the truth of the joint.
+
+    The truth is for the sampling time in whole milliseconds, the step of the simulation.
+    """
+    p = parameters or twin.Parameters()
+    log = follower.record(p, seed)
+    return _with_truth(log, (follower.joint,), max(round(log.Ts, 3), 1e-3), p, tuple(log.meta["without"]))
+
+
+def _with_truth(
+    log: Log, joints: tuple[str, ...], Ts: float, p: twin.Parameters, without: tuple[str, ...]
+) -> Simulation:
     assert log.y_true is not None
     clean = log.y_true.reshape(log.N, -1)
-    pot = potentiometer(experiment.p, experiment.without)
+    pot = potentiometer(p, without)
     parts = tuple(
-        Part(
-            joint,
-            log.io(joint),
-            clean[:, k],
-            twin.truth(joint, experiment.Ts, experiment.p, experiment.mode),
-            pot,
-        )
-        for k, joint in enumerate(experiment.joints)
+        Part(joint, log.io(joint), clean[:, k], twin.truth(joint, Ts, p, log.mode), pot)
+        for k, joint in enumerate(joints)
     )
     return Simulation(log, parts)

@@ -64,7 +64,13 @@ class Written:
 
 
 def read_model(
-    path: str, input: str | None, output: str | None, Ts: float | None, time: str | None, fitted: bool
+    path: str,
+    input: str | None = None,
+    output: str | None = None,
+    Ts: float | None = None,
+    time: str | None = None,
+    mapping: str | None = None,
+    fitted: bool = True,
 ) -> Source:
     """The saved fit at `path` with a drawn input, or, if `fitted`, the joint that grows from the log at `path`.
 
@@ -79,7 +85,7 @@ def read_model(
     else:
         return Source(fit, _drawn(fit), f"the fit in {path}")
     try:
-        data = read_record(path, input, output, Ts, time).data
+        data = read_record(path, input, output, Ts, time, mapping).data
     except InputError as error:
         if Path(path).suffix.lower() == ".json":
             raise InputError(f"{path} is neither a saved fit ({refused}) nor a log ({error})") from None

@@ -15,7 +15,8 @@ from sysid.base.style import INK, line, styled
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import LEGS, robot
 from twin.view.replay import GHOST, Replay
-from twin.view.stills import draw, mid_stroke
+from twin.view.stills import WIDTH, draw, mid_stroke
+from twin.view.traces import Traces, draw_error, draw_input, panel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,18 +56,25 @@ def frame_times(replay: Replay, speed: float) -> np.ndarray:
 
 
 def frames(
-    replay: Replay, times: np.ndarray, names: Names, tell: Callable[[int], None] = lambda done: None
+    replay: Replay,
+    times: np.ndarray,
+    names: Names,
+    tell: Callable[[int], None] = lambda done: None,
+    traces: Traces | None = None,
 ) -> Iterator[Image]:
     """Captioned pictures of the replay at `times` (n,) [s]; `tell` receives the number of drawn pictures.
 
-    Raises NoRenderer if this machine cannot draw.
+    With `traces` error and input stand below each picture, with a line at its time. Raises NoRenderer if this machine
+    cannot draw.
     """
+    below = None if traces is None else panel(traces, replay.start, replay.start + replay.length, WIDTH)
     for first in range(0, len(times), BATCH):
         part = times[first : first + BATCH]
         poses = np.array([replay.pose(time) for time in part])
         pictures = draw(replay.model, poses, [replay.camera()] * len(part), stand=True)
         for picture, time in zip(pictures, part, strict=True):
-            yield _captioned(picture, f"{replay.start + time:.1f} s", names)
+            image = _captioned(picture, f"{replay.start + time:.1f} s", names)
+            yield image if below is None else below.under(image, replay.start + time)
         tell(first + len(part))
 
 
@@ -80,14 +88,14 @@ def save_frames(images: Iterator[Image], folder: Path) -> int:
 
 def save_gif(images: Iterator[Image], path: Path) -> None:
     """Write the frames as one GIF that starts again after its end."""
-    small = (image.resize((480, 360)).quantize(128) for image in images)
+    small = (image.resize((480, round(480 * image.height / image.width))).quantize(128) for image in images)
     first = next(small)
     first.save(path, "GIF", save_all=True, append_images=small, duration=round(1000 / RATE), loop=0)
 
 
 @styled
-def strip(replay: Replay, names: Names, count: int) -> Figure:
-    """`count` frames along the replay with their times, above the plot of the angles."""
+def strip(replay: Replay, names: Names, count: int, traces: Traces | None = None) -> Figure:
+    """`count` frames along the replay with their times, above the plot of the angles; then error and input."""
     from matplotlib.figure import Figure
 
     if not STRIP_COUNTS[0] <= count <= STRIP_COUNTS[1]:
@@ -97,8 +105,10 @@ def strip(replay: Replay, names: Names, count: int) -> Figure:
     pictures = draw(replay.model, poses, [replay.camera()] * count, stand=True, size=(480, 480))
     joints = _moving(replay)
     side = 2.0 if count >= 4 else 8.0 / count  # [inch]
-    figure = Figure(figsize=(side * count, side + 0.4 + 1.35 * len(joints)), layout="constrained")
-    grid = figure.add_gridspec(1 + len(joints), count, height_ratios=[side] + [1.2] * len(joints))
+    more = (draw_error, draw_input) if traces is not None else ()
+    rows = len(joints) + len(more)
+    figure = Figure(figsize=(side * count, side + 0.4 + 1.35 * rows), layout="constrained")
+    grid = figure.add_gridspec(1 + rows, count, height_ratios=[side] + [1.2] * rows)
     for k, (picture, time) in enumerate(zip(pictures, times, strict=True)):
         axes = figure.add_subplot(grid[0, k])
         axes.imshow(picture)
@@ -109,10 +119,17 @@ def strip(replay: Replay, names: Names, count: int) -> Figure:
         _trace(axes, replay, names, joint, times)
         if row == 1:
             axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, handlelength=1.6)
-        if row == len(joints):
+        if row == rows:
             axes.set_xlabel("time [s]")
         else:
             axes.tick_params(labelbottom=False)
+    if traces is not None:
+        shown = (traces.t >= replay.start) & (traces.t <= replay.start + replay.length)
+        for row, drawn in enumerate(more, 1 + len(joints)):
+            axes = figure.add_subplot(grid[row, :])
+            drawn(axes, traces, shown)
+            axes.tick_params(labelbottom=row == rows)
+        axes.set_xlabel("time [s]")
     return figure
 
 

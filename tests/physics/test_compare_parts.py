@@ -1,0 +1,172 @@
+"""Regimes, shares of an error, frequency responses, repeatability and intervals, on records made by hand."""
+
+import numpy as np
+import pytest
+from scipy.signal import freqz, lfilter
+
+import sysid
+import twin
+from sysid.base.errors import InputError
+from twin.compare.comparison import LOG, MODEL, compare_log, compare_model
+from twin.compare.intervals import sandwich
+from twin.compare.regimes import NAMES, by_regime, noise_of, regimes
+from twin.compare.repeats import repeat
+from twin.compare.spectra import spectrum
+from twin.log import Log
+
+TS = 0.05
+
+
+def trapezes():
+    """Up fast, rest, up slowly to a stop, there, down fast, rest: (y, the middle sample of each part)."""
+    rates = [(1.0, 40), (0.0, 40), (0.2, 60), (0.0, 60), (-1.0, 60), (0.0, 40)]
+    y = np.concatenate([[0.0], np.cumsum(np.concatenate([np.full(n, rate * TS) for rate, n in rates]))])
+    edges = np.cumsum([0, *(n for _, n in rates)])
+    return y, (edges[:-1] + edges[1:]) // 2
+
+
+def test_each_part_of_a_record_is_in_its_regime():
+    y, middles = trapezes()
+    at = regimes(y, TS)
+    names = [next(name for name in NAMES if at[name][k]) for k in middles]
+    assert names == ["fast", "rest", "slow", "end stop", "fast", "end stop"]
+    assert np.flatnonzero(at["reversal"])[0] == pytest.approx(200, abs=5)  # where motion down begins
+    assert at["reversal"].sum() == 11  # 0.1 s before, the sample itself, 0.4 s after
+
+
+def test_regimes_are_a_partition():
+    y, _ = trapezes()
+    y = y + 0.01 * np.random.default_rng(0).standard_normal(len(y))
+    at = regimes(y, TS)
+    assert tuple(at) == NAMES
+    np.testing.assert_array_equal(np.sum(list(at.values()), axis=0), 1)
+
+
+def test_shares_of_an_error_made_by_hand():
+    at = {
+        "rest": np.array([1, 1, 0, 0], bool),
+        "slow": np.array([0, 0, 1, 0], bool),
+        "fast": np.array([0, 0, 0, 1], bool),
+    }
+    at["reversal"] = np.zeros(4, bool)
+    found = {regime.name: regime for regime in by_regime(np.array([3.0, 4.0, 5.0, 0.0]), at)}
+    assert found["rest"].rms == pytest.approx(np.sqrt(12.5))
+    assert found["rest"].of_error == pytest.approx(0.5)
+    assert (found["rest"].share, found["slow"].share) == (0.5, 0.25)
+    assert found["slow"].rms == 5.0
+    assert found["fast"].of_error == 0.0
+    assert (found["reversal"].rms, found["reversal"].share) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("noise", [1e-3, 1e-2])
+def test_noise_is_found_beside_motion(noise):
+    y, _ = trapezes()
+    long = np.concatenate([y, y[-1] - y + y[0], y])
+    found = noise_of(long + noise * np.random.default_rng(4).standard_normal(len(long)))
+    assert found == pytest.approx(noise, rel=0.15)
+
+
+def test_noise_of_rounding_is_a_twelfth_of_a_step():
+    """A slow ramp rounded to steps, with as much noise as a step: variance of both."""
+    rng, step = np.random.default_rng(2), 0.01
+    y = np.round((1e-4 * np.arange(4000) + step * rng.standard_normal(4000)) / step) * step
+    assert noise_of(y) == pytest.approx(step * np.sqrt(1 + 1 / 12), rel=0.06)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_frequency_response_of_a_known_filter(periodic):
+    rng = np.random.default_rng(3)
+    u = np.tile(rng.choice([-1.0, 1.0], 200), 10) if periodic else rng.choice([-1.0, 1.0], 2000)
+    y = lfilter([0.5], [1.0, -0.5], u) + 0.05 * rng.standard_normal(2000)
+    found = spectrum(u, y, TS)
+    assert ("periods" in found.method) == periodic
+    _, true = freqz([0.5], [1.0, -0.5], 2 * np.pi * found.frequency * TS)
+    inside = np.abs(found.G - true) <= found.radius
+    assert inside.mean() == pytest.approx(0.95, abs=0.05)
+    if periodic:  # |U|^2 is 200 a period on average, noise 200 times its variance: 0.05 / 3 after nine periods
+        assert np.median(found.radius) == pytest.approx(np.sqrt(-np.log(0.05)) * 0.05 / 3, rel=0.25)
+    size, low, high = found.magnitude
+    np.testing.assert_allclose(high - size, found.radius)
+    assert (low >= 0).all()
+
+
+def test_intervals_hold_under_coloured_residuals():
+    """A mean and a slope in first-order noise: the sandwich holds, the white formula would not."""
+    rng, n, hits, white = np.random.default_rng(7), 800, [], []
+    t = np.linspace(-1, 1, n)
+    X = np.column_stack([np.ones(n), t])
+    for _ in range(200):
+        e = lfilter([1.0], [1.0, -0.8], rng.standard_normal(n))
+        beta, *_ = np.linalg.lstsq(X, e, rcond=None)
+        rest = e - X @ beta
+        hits.append(np.abs(beta) <= 1.96 * sandwich(X, rest))
+        white.append(np.abs(beta) <= 1.96 * np.std(rest) * np.sqrt(np.diag(np.linalg.inv(X.T @ X))))
+    assert np.mean(hits) > 0.9
+    assert np.mean(white) < 0.6
+
+
+def test_what_a_record_does_not_show_has_no_interval():
+    X = np.column_stack([np.ones(100), np.zeros(100), np.linspace(0, 1, 100)])
+    std = sandwich(X, np.random.default_rng(0).standard_normal(100))
+    assert np.isinf(std[1])
+    assert np.isfinite(std[[0, 2]]).all()
+    twice = np.column_stack([X[:, 0], X[:, 2], X[:, 2]])
+    assert np.isinf(sandwich(twice, np.random.default_rng(0).standard_normal(100))[1:]).all()
+
+
+def logs_of_one_input(drift=0.0, offset=0.0, noise=0.01):
+    rng = np.random.default_rng(1)
+    u = np.repeat(rng.uniform(-5, 5, 40), 20)
+    y = 0.1 * np.cumsum(u) * TS
+    one = y + noise * rng.standard_normal(800) + offset + drift * TS * np.arange(800)
+    return Log(u, one, TS, joint="thigh"), Log(u, y + noise * rng.standard_normal(800), TS, joint="thigh")
+
+
+def test_repeatability_finds_offset_drift_and_spread():
+    one, two = logs_of_one_input(drift=1e-3, offset=0.05)
+    found = repeat(one.io(), two.io(), "two")
+    assert found.drift[1] < 1e-3 < found.drift[2]
+    assert found.drift[2] - found.drift[1] < 3e-4
+    assert found.drifts
+    assert found.offset[1] < 0.05 + 1e-3 * TS * 399.5 < found.offset[2]
+    assert found.spread == pytest.approx(0.01 * np.sqrt(2), rel=0.1)
+    assert found.by_noise == pytest.approx(found.spread, rel=0.2)
+
+
+def test_two_logs_without_a_drift_have_none():
+    one, two = logs_of_one_input()
+    assert not repeat(one.io(), two.io(), "two").drifts
+    found = compare_log(one, two, "thigh", "two.csv")
+    assert found.kind == LOG
+    assert found.rms == pytest.approx(0.01 * np.sqrt(2), rel=0.1)
+
+
+def test_logs_of_different_inputs_are_refused():
+    one, two = logs_of_one_input()
+    other = Log(np.where(np.arange(800) == 300, 9.0, two.u), two.y, TS, joint="thigh")
+    with pytest.raises(InputError, match=r"inputs differ: .* at 15 s"):
+        compare_log(one, other, "thigh", "two.csv")
+    with pytest.raises(InputError, match="sampling times"):
+        compare_log(one, Log(two.u, two.y, 0.1, joint="thigh"), "thigh", "two.csv")
+
+
+def test_a_model_beside_the_log_it_was_fitted_to():
+    rng = np.random.default_rng(2)
+    u = np.repeat(rng.uniform(-1.0, 1.0, 80), 5)
+    y = lfilter([0.0, 1.0], [1.0, -0.8], u) + 0.01 * rng.standard_normal(400)
+    log = Log(u, y, TS, joint="thigh")
+    fit = sysid.fit(sysid.structures.output_error(1, 1, 1), log.io())
+    found = compare_model(log, "thigh", fit, "model.json")
+    assert found.kind == MODEL
+    assert found.rms == pytest.approx(0.01, rel=0.1)
+    assert found.tests is not None
+    assert found.tests.white
+    assert found.fit == pytest.approx(fit.fit_percent(log.io()), abs=0.05)
+    assert found.as_dict()["verdict"] is None
+    with pytest.raises(InputError, match=r"sampling time of 0\.05 s and the log has 0\.1 s"):
+        compare_model(Log(u, y, 0.1, joint="thigh"), "thigh", fit, "model.json")
+
+
+def test_a_short_log_is_refused():
+    with pytest.raises(InputError, match="more than 50"):
+        twin.compare.compare(Log(np.zeros(50), np.zeros(50), TS, joint="thigh"), "thigh")

@@ -1,0 +1,120 @@
+"""`qpal compare`: a log beside the twin, a saved model or a second log."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import twin
+from sysid.base.errors import InputError
+from twin.cli import console, options
+from twin.cli.output import run_folder
+from twin.hardware.potentiometer import SIDES
+from twin.parameters import REALISATIONS
+
+if TYPE_CHECKING:
+    from twin.compare.comparison import Comparison
+
+PARTS = ("delay", "sign", "gear", "offset")
+
+
+def compare(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="log of the joint, of the rig or of qpal simulate")],
+    joint: Annotated[str | None, options.name("joint of the log, if the log does not name it", twin.JOINTS)] = None,
+    against: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="a saved model (.json) or a second log of the same input, instead of the twin"
+        ),
+    ] = None,
+    align: Annotated[
+        str, typer.Option(metavar="A,B", help=f"what of the alignment to apply to the twin, of {', '.join(PARTS)}")
+    ] = "",
+    seconds: Annotated[
+        float, options.number("S", "length of the record, from its start, on which effects are moved in the twin")
+    ] = 60.0,
+    without: Annotated[str, typer.Option(metavar="A,B", help="imperfections of the twin to leave out")] = "",
+    pot_side: Annotated[
+        str | None, options.name("side of the backlash on which the twin's potentiometer sits", SIDES)
+    ] = None,
+    realisation: Annotated[
+        str | None, options.name("how the twin's linear actuators are modelled", REALISATIONS)
+    ] = None,
+    params: options.Params = None,
+    map: options.Map = None,
+    out: options.Out = None,
+    as_json: options.Json = False,
+) -> None:
+    """Show where a log departs from the twin, and which physical effect explains how much of it.
+
+    With --against: from a saved model, or from a second log of the same input.
+    """
+    parameters = options.parameters(params)
+    _check_options(against, align, without, params, pot_side, realisation)
+    if not 0 < seconds < float("inf"):
+        raise InputError(f"--seconds is {seconds:g}; give a positive number of seconds")
+    from sysid.report.page import write
+    from twin.report import compare as report
+
+    with run_folder(out, "compare") as (folder, scratch), console.progress(6) as step:
+        step(f"reading {file}")
+        log = twin.Log.load(file, map)
+        which = _joint(file, log, joint)
+        if against is None:
+            from twin.compare.align import parts
+            from twin.compare.comparison import compare as run
+
+            result = run(
+                log,
+                which,
+                parameters,
+                parts(options.names(align)),
+                options.names(without),
+                pot_side or str(log.meta.get("pot_side", "link")),
+                realisation or "tendon",
+                seconds,
+                tell=step,
+            )
+        else:
+            result = _against(log, which, against, map, step)
+        step("drawing")
+        write(scratch, report.page(result, file), {"file": file, **result.as_dict()})
+    console.finish(
+        folder, {"file": file, **result.as_dict()}, as_json, report.tables(result), report.sentences(result, file)
+    )
+
+
+def _check_options(against: str | None, align: str, *of_twin: str | None) -> None:
+    """Raises InputError for options of the twin that --against leaves without meaning."""
+    if against is None:
+        return
+    names = ("--align", "--without", "--params", "--pot-side", "--realisation")
+    for name, given in zip(names, (align, *of_twin), strict=True):
+        if given:
+            raise InputError(f"{name} belongs to the twin and --against {against} is given; leave one of the two out")
+
+
+def _joint(file: str, log: twin.Log, joint: str | None) -> str:
+    """The joint to compare; raises InputError where log and option do not say it, or say two."""
+    if joint is not None and joint not in twin.JOINTS:
+        from sysid.base.errors import unknown
+
+        raise unknown("joint", joint, twin.JOINTS)
+    if log.joint in ("", twin.parameters.LEG):
+        if joint is None:
+            raise InputError(f"{file} does not name one joint; give --joint ({', '.join(twin.JOINTS)})")
+        return joint
+    if joint is not None and joint != log.joint:
+        raise InputError(f"{file} is a log of the {log.joint} and --joint is {joint}; leave --joint out")
+    return log.joint
+
+
+def _against(log: twin.Log, joint: str, against: str, map: str | None, step: console.Steps) -> "Comparison":
+    from twin.compare.comparison import compare_log, compare_model
+
+    name = Path(against).name
+    if Path(against).suffix.lower() == ".json":
+        import sysid
+
+        return compare_model(log, joint, sysid.load(against), name, step)
+    return compare_log(log, options.second_log(against, map), joint, name, step)

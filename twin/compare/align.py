@@ -1,0 +1,145 @@
+"""How a log is read beside the twin: its delay, signs, slope and zero, each with an interval."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.base.errors import unknown
+from twin.compare.explain import Verdict
+from twin.compare.intervals import Value, by_name, values
+from twin.compare.knobs import DELAY, READ, SLOPE, START, ZERO
+from twin.compare.search import Search, refine
+from twin.compare.trials import Trials
+from twin.follow import Follower
+from twin.log import Log
+from twin.parameters import Parameters
+
+# What `--align` names, and the knob of each.
+PARTS = {"delay": DELAY, "gear": SLOPE, "offset": ZERO, "sign": "sign"}
+# The twin is never quite the leg. These move with the alignment and are not reported.
+_BESIDE = ("JOINT.rated_voltage", "JOINT.coulomb", "JOINT.asymmetry", "JOINT.backlash", "foot_mass")
+# These do not, and the twin has most of them as assumptions: they widen the intervals by a doubt of this share.
+_DOUBTED = (
+    "JOINT.stribeck",
+    "JOINT.stribeck_speed",
+    "JOINT.load_friction",
+    "JOINT.rotor_inertia",
+    "supply_resistance",
+    "dead_band",
+)
+DOUBT = 0.3
+_TURNED = 0.6  # a sign counts as wrong if turning it leaves less than this share of the error
+_ALIKE = 1.3  # two signs whose errors differ by less than this factor cannot be told apart
+SIGNS = {(1, 1): "", (-1, 1): "input", (1, -1): "output", (-1, -1): "input and output"}
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """log angle(t) = gear twin angle(t - delay) + offset, after its signs are turned back.
+
+    `turned`: "" or the signals with the opposite sign, "input", "output", "input and output", or "input or output" if
+    the record cannot tell which. delay [s] comes on top of the twin's own; offset [rad]; start [rad] is the angle of
+    the twin's drive at the first sample. `applied` names the parts that the comparison uses, of `PARTS`.
+    """
+
+    turned: str
+    delay: Value
+    gear: Value
+    offset: Value
+    start: Value
+    applied: tuple[str, ...] = ()
+
+    @property
+    def read(self) -> dict[str, float]:
+        """Nominal values of the knobs that are applied."""
+        own = {"delay": self.delay, "gear": self.gear, "offset": self.offset}
+        return {PARTS[part]: own[part].value for part in self.applied if part in own}
+
+    def sentences(self) -> list[str]:
+        """What was found, in words."""
+        found = []
+        if self.turned:
+            done = "it was turned back" if "sign" in self.applied else "--align sign turns it back"
+            found.append(f"The {self.turned} of the log has the opposite sign: {done}.")
+        late = "later" if self.delay.value >= 0 else "earlier"
+        found.append(
+            f"Beside the twin the log comes {_ms(abs(self.delay.value))} {late} ({_span(self.delay, 1e3, 'ms')}); its "
+            f"angle is {self.gear.value:.4f} times the twin's ({_span(self.gear, 1.0, '')}) plus "
+            f"{np.degrees(self.offset.value):.2f} deg ({_span(self.offset, 180 / np.pi, 'deg')})."
+        )
+        used = ", ".join(self.applied)
+        found.append(f"Applied: {used}." if used else "Nothing of this is applied; --align delay,offset would.")
+        return found
+
+
+def _ms(seconds: float) -> str:
+    return f"{1e3 * seconds:.1f} ms"
+
+
+def _span(value: Value, factor: float, unit: str) -> str:
+    if value.low is None or value.high is None:
+        return "not determined by this record"
+    return f"95 %: {factor * value.low:.4g} to {factor * value.high:.4g}{' ' + unit if unit else ''}"
+
+
+def parts(names: Iterable[str]) -> tuple[str, ...]:
+    """The parts of an alignment to apply; raises InputError for one that does not exist."""
+    chosen = tuple(dict.fromkeys(names))
+    for name in chosen:
+        if name not in PARTS:
+            raise unknown("part of an alignment", name, PARTS)
+    return chosen
+
+
+def turned(log: Log, joint: str, parameters: Parameters, **follower: object) -> str:
+    """Which signals of the log have the opposite sign, of `SIGNS`; the twin is driven with every combination."""
+    data, errors = log.io(joint if log.joint else None), {}
+    u, y = data.u[:, 0], data.y[:, 0]
+    for (on_u, on_y), name in SIGNS.items():
+        one = Follower(Log(on_u * u, on_y * y, log.Ts, None, joint, dict(log.meta)), joint, **follower)  # type: ignore[arg-type]
+        (row,) = one.readings([parameters])
+        errors[name] = float(np.nan_to_num(np.std(one.y - row), nan=np.inf))
+    best = min(errors, key=lambda name: errors[name])
+    if errors[best] > _TURNED * errors[""]:
+        return ""
+    one_sided = sorted((errors[name], name) for name in ("input", "output"))
+    if best in ("input", "output") and one_sided[1][0] < _ALIKE * one_sided[0][0]:
+        return "input or output"
+    return best
+
+
+def turn_back(log: Log, joint: str, which: str) -> Log:
+    """The log of `joint` alone, with the signs turned that `turned` found; of two possible ones the output's."""
+    data = log.io(joint if log.joint else None)
+    on_u = -1.0 if which in ("input", "input and output") else 1.0
+    on_y = -1.0 if which in ("output", "input or output", "input and output") else 1.0
+    return Log(on_u * data.u[:, 0], on_y * data.y[:, 0], log.Ts, None, joint, dict(log.meta))
+
+
+def align(trials: Trials, verdict: Verdict | None, which: str = "", applied: tuple[str, ...] = ()) -> Alignment:
+    """Delay, gear and offset between the log of `trials`, whose signs are turned back, and the twin.
+
+    They are found by least squares in the twin, together with the start, with what `verdict` names, and with speed and
+    friction, so that a departure of the twin does not pass for a delay or a slope. The delay is continuous. The
+    intervals allow for coloured residuals, and for other parameters of the twin that are wrong by `DOUBT`.
+    """
+    joint, y = trials.follower.joint, trials.follower.y
+    state = {} if verdict is None else dict(verdict.state)
+    beside = (*state, *(name.replace("JOINT", joint) for name in _BESIDE))
+    search = Search("alignment", tuple(dict.fromkeys((*READ, *(name for name in beside if name != START)))), state)
+    refine(trials, search, y)
+    doubted = (name.replace("JOINT", joint) for name in _DOUBTED)
+    doubts = {name: DOUBT * trials.parameters[name] for name in doubted}
+    found = by_name(values(trials, search, y, doubts))
+    return Alignment(
+        which,
+        replace(found[DELAY], name="delay"),
+        replace(found[SLOPE], name="gear"),
+        replace(found[ZERO], name="offset"),
+        found[START],
+        applied,
+    )
+
+
+__all__ = ["PARTS", "Alignment", "align", "parts", "turn_back", "turned"]

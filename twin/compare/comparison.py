@@ -1,0 +1,245 @@
+"""Comparison: a log beside the twin, a saved model or a second log, as finished numbers."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from sysid.base.criteria import fit_percent
+from sysid.base.errors import InputError, unknown
+from sysid.base.json_values import plain
+from sysid.base.versions import versions
+from sysid.diagnosis.residuals import ResidualTests, residual_tests
+from twin.compare.align import Alignment, align, parts, turn_back, turned
+from twin.compare.explain import Verdict, explain
+from twin.compare.joints import Pair, pairs
+from twin.compare.knobs import START
+from twin.compare.regimes import Regime, by_regime, noise_of, regimes
+from twin.compare.repeats import Repeat, repeat
+from twin.compare.search import Search, refine
+from twin.compare.spectra import Spectrum, spectrum
+from twin.compare.trials import Trials
+from twin.follow import Follower
+from twin.log import Log
+from twin.parameters import JOINTS, Parameters
+
+TWIN, MODEL, LOG = "twin", "model", "log"
+_LAGS = 25
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A log of `joint` and what the twin, a model or another log (`kind`) gives under the same input.
+
+    u (N,) [V], y (N,) [rad] and `other` (N,) [rad] with step Ts [s]; the first `unscored` samples give a model's
+    initial state. error = y - other. `regimes` are those of y, and `at` has the samples of each. alignment, verdict:
+    of the twin; repeat: of a log; pairs: values of the actuated joint fitted to both, empty if none can be.
+    """
+
+    kind: str
+    label: str
+    joint: str
+    u: np.ndarray
+    y: np.ndarray
+    other: np.ndarray
+    Ts: float
+    unscored: int
+    noise: float
+    at: dict[str, np.ndarray]
+    regimes: tuple[Regime, ...]
+    spectra: tuple[Spectrum, Spectrum]
+    tests: ResidualTests | None
+    pairs: tuple[Pair, ...]
+    alignment: Alignment | None = None
+    verdict: Verdict | None = None
+    repeat: Repeat | None = None
+
+    @property
+    def t(self) -> np.ndarray:
+        """Time of each sample (N,) [s]."""
+        return np.arange(len(self.y)) * self.Ts
+
+    @property
+    def error(self) -> np.ndarray:
+        """Log less other side (N,) [rad]."""
+        return self.y - self.other
+
+    @property
+    def rms(self) -> float:
+        """RMS of the error [rad] over the scored samples."""
+        return float(np.sqrt(np.mean(self.error[self.unscored :] ** 2)))
+
+    @property
+    def fit(self) -> float:
+        """Fit of the other side to the log [%]."""
+        return fit_percent(self.y[self.unscored :], self.other[self.unscored :])
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary of `qpal compare`, ready for JSON; without the time series."""
+        verdict = None
+        if self.verdict is not None:
+            verdict = {**asdict(self.verdict), "first": self.verdict.first, "explained": self.verdict.explained}
+        return plain(
+            {
+                "kind": self.kind,
+                "against": self.label,
+                "joint": self.joint,
+                "samples": len(self.y),
+                "Ts": self.Ts,
+                "rms": self.rms,
+                "fit": self.fit,
+                "noise": self.noise,
+                "regimes": [asdict(regime) for regime in self.regimes],
+                "alignment": None if self.alignment is None else asdict(self.alignment),
+                "verdict": verdict,
+                "joint_values": [{**asdict(pair), "apart": pair.apart} for pair in self.pairs],
+                "repeat": None if self.repeat is None else asdict(self.repeat),
+                "frequency_response": [asdict(each) for each in self.spectra],
+                "residuals": None if self.tests is None else self.tests.as_dict(),
+                "versions": versions(),
+            }
+        )
+
+
+def compare(
+    log: Log,
+    joint: str,
+    parameters: Parameters | None = None,
+    apply: Iterable[str] = (),
+    without: tuple[str, ...] = (),
+    pot_side: str = "link",
+    realisation: str = "tendon",
+    seconds: float = 60.0,
+    seed: int = 1,
+    threads: int = 2,
+    values: bool = True,
+    tell: Tell = lambda what: None,
+) -> Comparison:
+    """The log beside the twin, driven with its input from its initial state.
+
+    `apply` names the parts of the alignment that the comparison uses (`twin.compare.align.PARTS`). Alignment and
+    verdict are found on the first `seconds` [s] of the record. `values`: whether the actuated joint is fitted to both
+    (the slowest part). `seed` draws the noise of the twin's own log for this. Raises InputError for a joint or a part
+    that does not exist, and for a log that is too short.
+    """
+    asked, p = parts(apply), parameters or Parameters()
+    if joint not in JOINTS:
+        raise unknown("joint", joint, JOINTS)
+    options: dict[str, Any] = {
+        "without": without,
+        "pot_side": pot_side,
+        "realisation": realisation,
+        "threads": threads,
+    }
+    check_length(log.N)
+    if log.u_unit != "V":
+        raise InputError(
+            f"the input of the log is in {log.u_unit} and the twin takes volts; scale it to volts of the potentiometer "
+            "in the mapping: qpal info FILE --write-map FILE.toml"
+        )
+    tell("signs")
+    which = turned(_first(log, seconds), joint, p, **options)
+    right = Trials(Follower(_first(turn_back(log, joint, which), seconds), joint, **options), p)
+    verdict: Verdict | None = explain(right, tell)
+    tell("alignment")
+    alignment = align(right, verdict, which, asked)
+    log = turn_back(log, joint, which if "sign" in asked else "")
+    trials = Trials(Follower(_first(log, seconds), joint, **options), p, alignment.read)
+    if which and "sign" not in asked:  # beside a wrong sign no effect means anything
+        verdict = None
+    elif alignment.read:
+        verdict = explain(trials, tell)
+    whole = Follower(log, joint, **options)
+    start = _best_start(trials)
+    other = Trials(whole, p, alignment.read).rows([{START: start}])[0]
+    found: tuple[Pair, ...] = ()
+    if values:
+        tell("the actuated joint on both")
+        own = Follower(_first(log, seconds), joint, **options).record(p, seed, start)
+        found = pairs(_first(log, seconds).io(), own.io(), seed)
+    return _finished(TWIN, "the twin", joint, log, other, 0, found, alignment=alignment, verdict=verdict)
+
+
+def compare_model(log: Log, joint: str, fit: Any, label: str, tell: Tell = lambda what: None) -> Comparison:
+    """The log beside a model, which `sysid.load` read: its free run over the log, in the log's units.
+
+    Raises InputError if the model has another sampling time, or is a model of other signals.
+    """
+    data = log.io(joint if log.joint else None)
+    check_length(data.N)
+    if abs(fit.Ts - log.Ts) > 1e-9 * log.Ts:
+        raise InputError(
+            f"{label} is a model for a sampling time of {fit.Ts:g} s and the log has {log.Ts:g} s; resample the log, "
+            "or identify a model from it: qpal identify"
+        )
+    tell("the model's free run")
+    other = np.asarray(fit.simulate(data), dtype=float).ravel()
+    alone = Log(data.u[:, 0], data.y[:, 0], log.Ts, None, joint, dict(log.meta))
+    return _finished(MODEL, label, joint, alone, other, fit.n_init, ())
+
+
+def compare_log(log: Log, second: Log, joint: str, label: str, tell: Tell = lambda what: None) -> Comparison:
+    """Two logs of one experiment: how well it repeats. Raises InputError if their inputs differ."""
+    one, two = (each.io(joint if each.joint else None) for each in (log, second))
+    check_length(min(one.N, two.N))
+    tell("the second log")
+    found = repeat(one, two, label)
+    n = min(one.N, two.N)
+    alone = Log(one.u[:n, 0], one.y[:n, 0], log.Ts, None, joint, dict(log.meta))
+    return _finished(LOG, label, joint, alone, two.y[:n, 0], 0, (), repeat=found)
+
+
+def check_length(N: int) -> None:
+    """Raises InputError for a log that is too short to compare."""
+    if N <= 2 * _LAGS:
+        raise InputError(f"the log has {N} samples; a comparison needs more than {2 * _LAGS}: record a longer one")
+
+
+def _first(log: Log, seconds: float) -> Log:
+    n = max(min(log.N, round(seconds / log.Ts)), 2 * _LAGS + 1)
+    meta = dict(log.meta)
+    if "filled" in meta:
+        meta["filled"] = [k for k in meta["filled"] if k < n]
+    return Log(log.u[:n], log.y[:n], log.Ts, None, log.joint, meta)
+
+
+def _best_start(trials: Trials) -> float:
+    """Angle of the drive [rad] at the first sample that fits the log best, all else nominal."""
+    base = Search("", ())
+    refine(trials, base, trials.follower.y)
+    return base.state.get(START, trials.knobs[START].nominal)
+
+
+def _finished(
+    kind: str, label: str, joint: str, log: Log, other: np.ndarray, unscored: int, found: tuple[Pair, ...], **more: Any
+) -> Comparison:
+    if not np.isfinite(other).all():
+        raise InputError(f"{label} gives no finite angles under this input; try other parameters or another model")
+    u, y = np.asarray(log.u, dtype=float).ravel(), np.asarray(log.y, dtype=float).ravel()
+    at = regimes(y, log.Ts)
+    scored = {name: mask[unscored:] for name, mask in at.items()}
+    error = (y - other)[unscored:]
+    tests = residual_tests(error, u[unscored:], _LAGS) if len(error) > 2 * _LAGS else None
+    both = spectrum(u, y, log.Ts), spectrum(u, other, log.Ts)
+    return Comparison(
+        kind,
+        label,
+        joint,
+        u,
+        y,
+        other,
+        log.Ts,
+        unscored,
+        noise_of(y),
+        at,
+        by_regime(error, scored),
+        both,
+        tests,
+        found,
+        **more,
+    )
+
+
+__all__ = ["LOG", "MODEL", "TWIN", "Comparison", "compare", "compare_log", "compare_model"]

@@ -1,0 +1,186 @@
+"""Which physical effect explains how much of a departure: each effect's values are moved in the twin until it fits.
+
+All simulations of a round run in one batch. Shares refer to what noise does not explain.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from twin.compare.effects import TABLE
+from twin.compare.intervals import LEVEL, Value, values
+from twin.compare.knobs import SLOPE, START, ZERO
+from twin.compare.regimes import noise_of
+from twin.compare.search import Search, again, fit_all
+from twin.compare.trials import Trials
+
+CHANCE = 0.01  # probability of naming an effect where there is none, over all effects together
+MOST = 3  # effects that are named one after the other
+_WORTH = 0.03  # share of the departure that a further effect must explain
+_ALIKE = 6.0  # a difference of twice the log likelihood below this does not tell two effects apart
+_SCALED = 0.2  # of the range: from here the log's scale is guessed from its range
+_SETTLED = 1.1  # times the noise: a remainder below this needs no further effect
+
+
+@dataclass(frozen=True)
+class Change:
+    """A value that was moved: what the twin has, and what the log asks for, with its interval."""
+
+    name: str
+    twin: float
+    log: Value
+
+
+@dataclass(frozen=True)
+class Share:
+    """One effect moved alone (beside those named before it): the share of the departure that vanishes, 0 to 1, and the
+    RMS [rad] that is left. `changes` are empty for an effect that is not named."""
+
+    effect: str
+    share: float
+    rms: float
+    changes: tuple[Change, ...] = ()
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """RMS of the departure and standard deviation of the noise [rad]; every effect moved alone, best first.
+
+    `named`: the effects that explain the departure, in order, each beside those before it. `alike`: effects that
+    explain it as well as the first one does on this record. `chance`: the departure is no larger than noise makes it.
+    The departure is that of the first `seconds` [s] of the record, from the best start. `state`: all knobs that were
+    moved and the start, as they fit best.
+    """
+
+    rms: float
+    noise: float
+    alone: tuple[Share, ...]
+    named: tuple[Share, ...]
+    alike: tuple[str, ...]
+    chance: bool
+    seconds: float
+    simulations: int
+    state: Mapping[str, float]
+
+    @property
+    def first(self) -> str | None:
+        """The effect named first; None if there is no departure beyond noise."""
+        return self.named[0].effect if self.named else None
+
+    @property
+    def explained(self) -> float:
+        """Share of the departure that all named effects explain together, 0 to 1."""
+        return self.named[-1].share if self.named else 0.0
+
+
+def explain(
+    trials: Trials, tell: Callable[[str], None] = lambda what: None, effects: Sequence[str] = tuple(TABLE)
+) -> Verdict:
+    """The verdict on the departure of the log of `trials` from its twin.
+
+    The first angle of the drive is free throughout: one noisy reading does not tell it.
+    """
+    joint, y = trials.follower.joint, trials.follower.y
+    base = Search("", ())
+    alone = [Search(name, TABLE[name].knobs_of(joint)) for name in effects]
+    for search in alone:
+        if SLOPE in search.knobs:
+            search.tries = _other_scale(trials)
+    tell("each effect alone")
+    fit_all(trials, [base, *alone], y)
+    alone.sort(key=lambda search: _score(search, len(y)))
+    again(trials, alone[:2], y, noise_of(y) ** 2)
+    alone.sort(key=lambda search: _score(search, len(y)))
+    noise = min(noise_of(y) ** 2, base.cost, *(search.cost for search in alone))
+    kept = _kept(base, alone, len(y))
+    chosen = [] if kept is None else [kept]
+    while kept is not None and len(chosen) < MOST and chosen[-1].cost > _SETTLED * noise:
+        last = chosen[-1]
+        named = last.name.split("+")
+        more = [
+            Search(f"{last.name}+{name}", last.knobs + TABLE[name].knobs_of(joint), dict(last.state))
+            for name in effects
+            if name not in named
+        ]
+        tell(f"beside {' and '.join(TABLE[name].words for name in named)}")
+        fit_all(trials, more, y, rounds=3)
+        more.sort(key=lambda search: _score(search, len(y)))
+        kept = _kept(last, more, len(y))
+        if kept is None or last.cost - kept.cost < _WORTH * (base.cost - noise):
+            break
+        chosen.append(kept)
+    noise = min([noise, *(search.cost for search in chosen)])
+    shares = [Share(s.name, _vanished(s, base, noise), float(np.sqrt(s.cost))) for s in alone]
+    own = [Share(s.name.split("+")[-1], _vanished(s, base, noise), float(np.sqrt(s.cost))) for s in chosen]
+    if chosen:
+        changes = _changes(trials, chosen[-1], y)
+        own = [
+            Share(s.effect, s.share, s.rms, tuple(c for c in changes if c.name in TABLE[s.effect].knobs_of(joint)))
+            for s in own
+        ]
+    return Verdict(
+        float(np.sqrt(base.cost)),
+        float(np.sqrt(noise)),
+        tuple(shares),
+        tuple(own),
+        _alike(trials, alone, y) if chosen else (),
+        not chosen,
+        trials.follower.log.N * trials.follower.log.Ts,
+        trials.simulated,
+        dict(chosen[-1].state if chosen else base.state),
+    )
+
+
+def _other_scale(trials: Trials) -> tuple[dict[str, float], ...]:
+    """Slope and zero from the ranges of the log and the twin's response, if they differ much: a wrong unit, say."""
+    (row,) = trials.rows([{}])
+    y, wide = trials.follower.y, float(np.ptp(row))
+    slope = float(np.ptp(y)) / wide if wide > 0 else 1.0
+    if not np.isfinite(slope) or abs(slope - 1.0) < _SCALED:
+        return ()
+    zero = float(y.min() - slope * row.min())
+    knob = trials.knobs[START]
+    return ({SLOPE: slope, ZERO: zero, START: float(np.clip((y[0] - zero) / slope, knob.lower, knob.upper))},)
+
+
+def _score(search: Search, N: int) -> float:
+    """Schwarz's criterion: of two effects that explain as much, the one with fewer values goes first."""
+    return N * float(np.log(search.cost)) + len(search.free) * float(np.log(N))
+
+
+def _kept(base: Search, found: Sequence[Search], N: int) -> Search | None:
+    """The best of `found`, if it fits better than chance makes it (likelihood ratio, Bonferroni over all of them)."""
+    best = found[0]
+    gained = len(best.free) - len(base.free)
+    limit = float(chi2.isf(CHANCE / len(found), gained))
+    return best if N * np.log(base.cost / best.cost) > limit else None
+
+
+def _vanished(search: Search, base: Search, noise: float) -> float:
+    if base.cost <= noise:
+        return 0.0
+    return float(np.clip((base.cost - search.cost) / (base.cost - noise), 0.0, 1.0))
+
+
+def _alike(trials: Trials, ranked: Sequence[Search], y: np.ndarray) -> tuple[str, ...]:
+    """Effects whose fit this record cannot tell from the best one's; coloured residuals count as fewer samples."""
+    (row,) = trials.rows([ranked[0].state])
+    e = y - row
+    e = e - e.mean()
+    memory = float(np.clip((e[1:] @ e[:-1]) / max(float(e @ e), 1e-300), 0.0, 0.99))
+    samples = len(y) * (1.0 - memory) / (1.0 + memory)
+    best = ranked[0].cost
+    return tuple(s.name for s in ranked[1:] if samples * np.log(s.cost / best) < _ALIKE)
+
+
+def _changes(trials: Trials, search: Search, y: np.ndarray) -> tuple[Change, ...]:
+    return tuple(
+        Change(value.name, trials.knobs[value.name].nominal, value)
+        for value in values(trials, search, y)
+        if value.name != START
+    )
+
+
+__all__ = ["LEVEL", "Change", "Share", "Verdict", "explain"]

@@ -1,0 +1,83 @@
+"""Intervals of what a search found, which allow for residuals that are coloured because the twin is not the leg."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from sysid.uncertainty.long_run import long_run_covariance_root
+from twin.compare.search import Search, differences
+from twin.compare.trials import Trials
+
+LEVEL = 0.95
+_BLIND = 1e-10  # of the largest: a direction in which the record is as good as constant
+
+
+@dataclass(frozen=True)
+class Value:
+    """A value with its interval of level `LEVEL`; low and high are None where the record does not determine it."""
+
+    name: str
+    value: float
+    low: float | None
+    high: float | None
+    unit: str
+
+    def holds(self, truth: float) -> bool:
+        """Whether the interval contains `truth`; False if there is none."""
+        return self.low is not None and self.high is not None and self.low <= truth <= self.high
+
+
+def values(
+    trials: Trials, search: Search, y: np.ndarray, doubts: Mapping[str, float] | None = None, level: float = LEVEL
+) -> tuple[Value, ...]:
+    """What `search` found, by knob.
+
+    Covariance A^-1 B A^-1 with A = J'J and B the long-run covariance of the scores J_t e_t (Newey and West,
+    Econometrica 55, 1987), which needs no white residuals. `doubts` are standard uncertainties of knobs that the search
+    did not move: a wrong one moves the result by A^-1 J'J_n, which adds to the covariance.
+    """
+    others = {name: std for name, std in (doubts or {}).items() if name not in search.knobs}
+    (J,) = differences(trials, [replace(search, knobs=(*search.knobs, *others), last=None)])
+    own = 1 + len(search.free)
+    scales = [std / trials.knobs[name].typical for name, std in others.items()]
+    spread = sandwich(J[:, 1:own], y - J[:, 0], J[:, own:] * scales)
+    factor = float(norm.ppf(0.5 + level / 2))
+    found = []
+    for name, std in zip(search.free, spread, strict=True):
+        knob = trials.knobs[name]
+        value, half = search.state.get(name, knob.nominal), factor * std * knob.typical
+        known = bool(np.isfinite(half))
+        low, high = (value - half, value + half) if known else (None, None)
+        found.append(Value(name, value, low, high, knob.unit))
+    return tuple(found)
+
+
+def sandwich(J: np.ndarray, e: np.ndarray, doubts: np.ndarray | None = None) -> np.ndarray:
+    """Standard deviations (P,) from derivatives J (N, P) and residuals e (N,); infinite where undetermined.
+
+    doubts (N, q): changes of the response by one standard uncertainty of what is not among the P.
+    """
+    size = np.linalg.norm(J, axis=0)
+    seen = size > _BLIND * max(float(size.max()), 1e-300)
+    out = np.full(J.shape[1], np.inf)
+    if not seen.any():
+        return out
+    scaled = J[:, seen] / size[seen]
+    basis, s, right = np.linalg.svd(scaled, full_matrices=False)
+    root, _ = long_run_covariance_root(basis * e[:, None], [len(e)], "auto")
+    kept = s > 1e-6 * s[0]
+    back = (right[kept].T / s[kept]) @ root[kept]
+    if doubts is not None:
+        back = np.hstack([back, (right[kept].T / s[kept]) @ (basis[:, kept].T @ doubts)])
+    std = np.linalg.norm(back, axis=1) / size[seen]
+    lost = np.abs(right[~kept]).max(axis=0, initial=0.0) > 1e-3
+    std[lost] = np.inf
+    out[seen] = std
+    return out
+
+
+def by_name(found: tuple[Value, ...]) -> Mapping[str, Value]:
+    """The values by name."""
+    return {value.name: value for value in found}

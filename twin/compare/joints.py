@@ -1,0 +1,61 @@
+"""The actuated joint fitted to a log and to the other side's response to the same input, value by value."""
+
+from dataclasses import dataclass
+
+from sysid.base.errors import InputError
+from sysid.data.record import IOData
+from sysid.estimation.fit import fit_chain
+from sysid.joint.growth import grow_joint
+from sysid.joint.values import JointValue, joint_values
+
+# Which effect a value belongs to.
+EFFECTS = {
+    "speed_per_volt": "supply",
+    "time_constant": "supply",
+    "breakaway_up": "friction",
+    "breakaway_down": "friction",
+    "coulomb_up": "friction",
+    "coulomb_down": "friction",
+    "end_low": "end_stop",
+    "end_high": "end_stop",
+    "backlash": "backlash",
+    "delay": "delay",
+}
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A physical value of the log and of the other side; `apart`: the intervals of the two do not overlap."""
+
+    name: str
+    log: JointValue
+    other: JointValue
+
+    @property
+    def apart(self) -> bool:
+        """Whether the values differ by more than both intervals together allow; False without intervals."""
+        spans = [(v.low, v.high) for v in (self.log, self.other)]
+        (a, b), (c, d) = spans
+        if a is None or b is None or c is None or d is None:
+            return False
+        half = (((b - a) / 2) ** 2 + ((d - c) / 2) ** 2) ** 0.5
+        return abs(self.log.value - self.other.value) > half
+
+
+def pairs(log: IOData, other: IOData, seed: int = 0, starts: int = 2) -> tuple[Pair, ...]:
+    """Values of both sides, in one order; none if no actuated joint can be fitted to these records.
+
+    The joint grows on the log. The same joint is then fitted to the other side from there, so that what the joint lacks
+    is missing in both. Intervals of level 0.95 allow for coloured residuals.
+    """
+    try:
+        fit = grow_joint(log, starts=starts, seed=seed).fit
+        second = fit_chain(fit.model, other, start=fit.theta, search="lm")
+        mine, theirs = joint_values(fit, data=log), joint_values(second, data=other)
+    except InputError:
+        return ()
+    found = {value.name: value for value in theirs}
+    return tuple(Pair(value.name, value, found[value.name]) for value in mine if value.name in found)
+
+
+__all__ = ["EFFECTS", "Pair", "pairs"]

@@ -1,0 +1,174 @@
+"""Least squares over knobs: many small searches at once, with all their simulations of a round in one batch."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from twin.compare.knobs import READ, START
+from twin.compare.trials import Trials
+
+ROUNDS = 6
+_DAMPED = (0.1, 10.0)  # times the current damping: tried together
+_LARGEST, _SMALLEST = 0.5, 0.05  # step of a finite difference, in typical changes of a knob
+_ENOUGH = 1.0  # a search ends when N times the relative fall of the cost is below this
+_BEHIND = (4.0, 2.0, 1.3)  # after each round a search ends if its cost is so many times the least: it names no effect
+_SETTLED = 1.15  # times the noise: a search that ends below this has found what there is
+
+
+@dataclass
+class Search:
+    """One search: the knobs that it may move besides the start, where it is now, and further places to begin at."""
+
+    name: str
+    knobs: tuple[str, ...]
+    state: dict[str, float] = field(default_factory=dict)
+    cost: float = np.inf
+    damping: float = 0.01
+    last: np.ndarray | None = None  # the last step, in typical changes
+    done: bool = False
+    tries: tuple[dict[str, float], ...] = ()
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of everything that moves."""
+        return (START, *self.knobs)
+
+
+def fit_all(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: int = ROUNDS) -> None:
+    """Bring every search to its least mean square error (its `cost` [rad^2]) against y (N,)."""
+    _scan(trials, searches, y)
+    _advance(trials, searches, y, rounds)
+
+
+def refine(trials: Trials, search: Search, y: np.ndarray, rounds: int = ROUNDS) -> None:
+    """Bring one search from its state to its least cost, without trying other places first."""
+    search.cost = float(_costs(trials, [search.state], y)[0])
+    _advance(trials, [search], y, rounds)
+
+
+def _advance(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: int) -> None:
+    start = None
+    for done in range(rounds):
+        active = [search for search in searches if not search.done]
+        if not active:
+            return
+        if start is None:  # what the start does changes little from search to search, and costs each one a simulation
+            start = differences(trials, [Search("", (), dict(active[0].state))])[0][:, 1]
+        jacobians = differences(trials, active, start)
+        proposals = [_proposals(trials, s, J, y) for s, J in zip(active, jacobians, strict=True)]
+        costs = _costs(trials, [state for each in proposals for _, state in each], y)
+        for search, each in zip(active, proposals, strict=True):
+            own, costs = costs[: len(each)], costs[len(each) :]
+            _move(trials, search, each, own, len(y))
+        limit = _BEHIND[min(done, len(_BEHIND) - 1)] * min(search.cost for search in searches)
+        for search in active:
+            search.done = search.done or search.cost > limit
+
+
+def again(trials: Trials, searches: Sequence[Search], y: np.ndarray, noise: float, rounds: int = ROUNDS) -> None:
+    """Search again from the nominal values where a search stopped well above the noise [rad^2]; the better one stays.
+
+    A joint that sticks or does not stick at some voltage makes valleys that a Gauss-Newton step does not leave.
+    """
+    stuck = [search for search in searches if search.cost > _SETTLED * noise]
+    fresh = [Search(search.name, search.knobs) for search in stuck]
+    if not fresh:
+        return
+    for search, cost in zip(fresh, _costs(trials, [{}] * len(fresh), y), strict=True):
+        search.cost = float(cost)
+    _advance(trials, fresh, y, rounds)
+    for search, other in zip(stuck, fresh, strict=True):
+        if other.cost < search.cost:
+            search.state, search.cost, search.last = other.state, other.cost, other.last
+
+
+def differences(trials: Trials, searches: Sequence[Search], start: np.ndarray | None = None) -> list[np.ndarray]:
+    """Derivative (N, 1 + free) of each: the response at its state, then differences per typical change.
+
+    A step is about as long as the search's last one: dry friction and stops hide what shorter steps do. `start` (N,) is
+    taken as the derivative by the start if it is given.
+    """
+    states, steps = [], []
+    for search in searches:
+        states.append(dict(search.state))
+        own = []
+        for j, name in enumerate(search.free):
+            if name == START and start is not None:
+                continue
+            knob, value = trials.knobs[name], _value(trials, search.state, name)
+            size = _LARGEST if search.last is None else float(np.clip(abs(search.last[j]), _SMALLEST, _LARGEST))
+            step = size * knob.typical
+            step = step if value + step <= knob.upper and name != "supply_voltage" else -step
+            own.append(step / knob.typical)
+            states.append({**search.state, name: value + step})
+        steps.append(own)
+    rows = trials.rows(states)
+    found = []
+    for own in steps:
+        part, rows = rows[: len(own) + 1], rows[len(own) + 1 :]
+        columns = [] if start is None else [start]
+        columns += [(row - part[0]) / step for row, step in zip(part[1:], own, strict=True)]
+        found.append(np.nan_to_num(np.column_stack([part[0], *columns])))
+    return found
+
+
+def _scan(trials: Trials, searches: Sequence[Search], y: np.ndarray) -> None:
+    """Begin each search at the best of its knobs' first changes."""
+    states: list[dict[str, float]] = []
+    owners: list[Search] = []
+    for search in searches:
+        begins = [dict(search.state), *search.tries]
+        states += begins
+        owners += [search] * len(begins)
+        for name in search.knobs:
+            knob, value = trials.knobs[name], _value(trials, search.state, name)
+            for change in knob.first:
+                states.append({**search.state, name: float(np.clip(value + change, knob.lower, knob.upper))})
+                owners.append(search)
+    for search, state, cost in zip(owners, states, _costs(trials, states, y), strict=True):
+        if cost < search.cost:
+            search.state, search.cost = state, cost
+
+
+def _proposals(
+    trials: Trials, search: Search, J: np.ndarray, y: np.ndarray
+) -> list[tuple[np.ndarray, dict[str, float]]]:
+    """Damped Gauss-Newton steps (Levenberg and Marquardt), in typical changes, and where they lead."""
+    rest, columns = y - J[:, 0], J[:, 1:]
+    gram, right = columns.T @ columns, columns.T @ rest
+    scale = np.maximum(np.diag(gram), 1e-9 * max(float(np.diag(gram).max()), 1e-30))
+    found = []
+    for factor in _DAMPED:
+        step = np.linalg.solve(gram + factor * search.damping * np.diag(scale), right)
+        state = dict(search.state)
+        for name, change in zip(search.free, step, strict=True):
+            knob = trials.knobs[name]
+            state[name] = float(np.clip(_value(trials, state, name) + change * knob.typical, knob.lower, knob.upper))
+        found.append((step, state))
+    return found
+
+
+def _move(trials: Trials, search: Search, proposals: Sequence, costs: np.ndarray, N: int) -> None:
+    best = int(np.argmin(costs))
+    if costs[best] >= search.cost:
+        search.damping *= 100.0
+        search.last = np.full(len(search.free), _SMALLEST) if search.last is None else 0.3 * search.last
+        search.done = search.damping > 1e4
+        return
+    fall = N * (search.cost - costs[best]) / costs[best]
+    search.last, search.state = proposals[best]
+    search.cost, search.damping = float(costs[best]), search.damping * _DAMPED[best]
+    search.done = bool(fall < _ENOUGH)
+
+
+def _costs(trials: Trials, states: Sequence[Mapping[str, float]], y: np.ndarray) -> np.ndarray:
+    costs = np.mean((trials.rows(states) - y) ** 2, axis=1)
+    return np.where(np.isfinite(costs), costs, np.inf)
+
+
+def _value(trials: Trials, state: Mapping[str, float], name: str) -> float:
+    return state.get(name, trials.knobs[name].nominal)
+
+
+__all__ = ["READ", "ROUNDS", "Search", "again", "differences", "fit_all", "refine"]

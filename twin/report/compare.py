@@ -1,0 +1,321 @@
+"""The report of `qpal compare`: overlay, error by regime, frequency responses, residual tests and the verdict."""
+
+from sysid.base import style
+from sysid.base.units import number, percent, shown
+from sysid.base.versions import versions
+from sysid.plots import residual_tests
+from sysid.report.page import Grid, Page, Picture, Section
+from twin.compare.comparison import LOG, MODEL, TWIN, Comparison
+from twin.compare.effects import TABLE
+from twin.compare.explain import Change, Share, Verdict
+from twin.compare.intervals import Value
+from twin.compare.joints import EFFECTS, Pair
+from twin.compare.regimes import DEFINITIONS
+from twin.report import compare_figures as figures
+
+WORDS = {"end_low": "lower end of travel", "end_high": "upper end of travel", "slope": "sensor slope", "zero": "zero"}
+
+
+def page(result: Comparison, file: str) -> Page:
+    """The report on one comparison."""
+    sections = [
+        Section(
+            "Record",
+            pictures=[
+                Picture("overlay", style.png(figures.overlay(result)), _overlay_caption(result)),
+                Picture("regimes", style.png(figures.regimes(result)), _regime_caption(result)),
+            ],
+            tables=[regime_table(result)],
+        )
+    ]
+    if result.verdict is not None:
+        picture = Picture("effects", style.png(figures.effects(result.verdict)), _effect_caption(result.verdict))
+        sections.append(
+            Section(
+                "Physical effects",
+                [_METHOD],
+                tables=[effect_table(result.verdict), *_change_tables(result.verdict)],
+                pictures=[
+                    Picture("effects", style.png(figures.effects(result.verdict)), _effect_caption(result.verdict))
+                ],
+            )
+        )
+    if result.alignment is not None:
+        sections.append(Section("Alignment", result.alignment.sentences(), tables=[alignment_table(result)]))
+    if result.pairs:
+        sections.append(Section("The actuated joint, fitted to both", [_PAIRS], tables=[pair_table(result)]))
+    sections.append(
+        Section(
+            "Frequency response",
+            pictures=[Picture("spectra", style.png(figures.spectra(result)), _spectra_caption(result))],
+        )
+    )
+    if result.tests is not None:
+        picture = Picture("residuals", style.png(residual_tests(result.tests)), _tests_caption(result))
+        sections.append(Section("Residual tests", pictures=[picture]))
+    return Page(
+        title=f"The {result.joint} beside {result.label}",
+        subtitle=f"{file}, {len(result.y)} samples, Ts {result.Ts:g} s",
+        verdict=sentences(result, file),
+        sections=sections,
+        made_with=versions(),
+    )
+
+
+_METHOD = (
+    "Each effect's values are moved in the twin until it fits the log best; the share is what vanishes of the "
+    "departure beyond noise. The angle of the drive at the first sample is free throughout. An effect that fell far "
+    "behind after the first steps was not followed to its end: its share may be somewhat larger."
+)
+_PAIRS = (
+    "The joint grew on the log and was fitted to the twin's own log of the same input, noise included. What this model "
+    "lacks is missing on both sides, so differences mean more than the values. Intervals of 95 %."
+)
+
+
+def sentences(result: Comparison, file: str) -> list[str]:
+    """The verdict in words, and the next command."""
+    if result.kind == LOG:
+        return _of_repeat(result)
+    worst = max(result.regimes, key=lambda regime: regime.of_error)
+    first = (
+        f"{_capital(result.label)} follows the log with an error of {_deg(result.rms)} RMS (fit {percent(result.fit)}, "
+        f"noise of the log {_deg(result.noise)}); {100 * worst.of_error:.0f} % of the squared error is in the regime "
+        f"'{worst.name}', which is {100 * worst.share:.0f} % of the record."
+    )
+    if result.kind == MODEL:
+        return [first]
+    found = [first]
+    alignment = result.alignment
+    if alignment is not None and alignment.turned:
+        found.append(alignment.sentences()[0])
+    if result.verdict is not None:
+        found += verdict_sentences(result.verdict, result.joint, file)
+    return found
+
+
+def verdict_sentences(verdict: Verdict, joint: str, file: str) -> list[str]:
+    """What explains the departure, what acts alike, what is left, and what to do next."""
+    if verdict.chance:
+        return [
+            f"No departure beyond noise: no effect improves the fit by more than chance (error {_deg(verdict.rms)} "
+            f"RMS, noise {_deg(verdict.noise)})."
+        ]
+    found = [_of_share(share, k, verdict) for k, share in enumerate(verdict.named)]
+    first = TABLE[verdict.named[0].effect]
+    for name in verdict.alike:
+        other = TABLE[name]
+        share = next(each.share for each in verdict.alone if each.effect == name)
+        found.append(
+            f"On this record {first.words} and {other.words} act alike: {other.words} alone would explain "
+            f"{_percent(share)}. To tell them apart, record {other.why}: qpal simulate --joint {joint} {other.record}."
+        )
+    left = 1.0 - verdict.explained
+    if left > 0.05:
+        found.append(f"{_percent(left)} stays unexplained: the leg does something that the twin does not have.")
+    found.append(_next(verdict, joint, file))
+    return found
+
+
+def _of_share(share: Share, k: int, verdict: Verdict) -> str:
+    effect = TABLE[share.effect]
+    values = "; ".join(_of_change(change) for change in share.changes)
+    if k == 0:
+        return (
+            f"{_capital(effect.words)} explains {_percent(share.share)} of the departure of {_deg(verdict.rms)} RMS: "
+            f"{values}."
+        )
+    further = share.share - verdict.named[k - 1].share
+    return f"Beside it, {effect.words} explains a further {_percent(further)}: {values}."
+
+
+def _of_change(change: Change) -> str:
+    unit = shown("", change.log.unit)
+    twin, value = (number(unit.factor * each, 3) for each in (change.twin, change.log.value))
+    name = WORDS.get(change.name, change.name)
+    return f"{name} {value}{' ' + unit.unit if unit.unit else ''} ({span(change.log)}) where the twin has {twin}"
+
+
+def span(value: Value) -> str:
+    """The interval in words, in display units."""
+    if value.low is None or value.high is None:
+        return "not determined by this record"
+    factor = shown("", value.unit).factor
+    return f"95 %: {number(factor * value.low, 3)} to {number(factor * value.high, 3)}"
+
+
+def _next(verdict: Verdict, joint: str, file: str) -> str:
+    free = [name for share in verdict.named for name in TABLE[share.effect].free_of(joint)]
+    if not free:
+        return f"Next: qpal compare {file} --joint {joint} --align gear,offset, or correct the sensor's scale."
+    return f"Next: qpal calibrate {file} --joint {joint} --free {','.join(dict.fromkeys(free))}"
+
+
+def _of_repeat(result: Comparison) -> list[str]:
+    repeat = result.repeat
+    assert repeat is not None
+    offset, drift = repeat.offset, repeat.drift
+    grows = "no drift beyond chance"
+    if repeat.drifts:
+        grows = f"a drift of {_deg(60 * drift[0])} a minute (95 %: {_deg(60 * drift[1])} to {_deg(60 * drift[2])})"
+    return [
+        f"Two logs under one input differ by {_deg(result.rms)} RMS over {repeat.samples} samples: an offset of "
+        f"{_deg(offset[0])} (95 %: {_deg(offset[1])} to {_deg(offset[2])}), {grows}, and a spread of "
+        f"{_deg(repeat.spread)} about it.",
+        f"Noise of both logs alone makes a spread of {_deg(repeat.by_noise)}: "
+        + (
+            "the experiment repeats within noise."
+            if repeat.spread <= 1.2 * repeat.by_noise
+            else "the rest is what a model of this joint cannot predict."
+        ),
+    ]
+
+
+def tables(result: Comparison) -> list[Grid]:
+    """The tables of the terminal."""
+    found = [regime_table(result)]
+    if result.alignment is not None:
+        found.append(alignment_table(result))
+    if result.verdict is not None:
+        found.append(effect_table(result.verdict))
+    if result.pairs:
+        found.append(pair_table(result))
+    return found
+
+
+def regime_table(result: Comparison) -> Grid:
+    """Share, RMS and share of the error of every regime, with its definition."""
+    rows = [
+        (
+            regime.name,
+            _percent(regime.share),
+            number(shown("", "rad").factor * regime.rms, 3) if regime.share else "–",
+            _percent(regime.of_error),
+            DEFINITIONS[regime.name],
+        )
+        for regime in result.regimes
+    ]
+    headings = ("regime", "share of the record", "RMS of the error [deg]", "share of the error", "definition")
+    return Grid(headings, rows, last_text=True)
+
+
+def alignment_table(result: Comparison) -> Grid:
+    """Delay, gear and offset with their intervals."""
+    a = result.alignment
+    assert a is not None
+    rows = []
+    for name, value, factor, unit in (
+        ("delay of the log", a.delay, 1e3, "ms"),
+        ("gear (slope)", a.gear, 1.0, ""),
+        ("offset (angle zero)", a.offset, shown("", "rad").factor, "deg"),
+    ):
+        known = value.low is not None and value.high is not None
+        low, high = (number(factor * v, 4) if v is not None else "–" for v in (value.low, value.high))
+        rows.append((name, number(factor * value.value, 4), f"{low} to {high}" if known else "not determined", unit))
+    return Grid(("log over twin", "value", "95 % interval", "unit"), rows, last_text=True)
+
+
+def effect_table(verdict: Verdict) -> Grid:
+    """Every effect moved alone, best first."""
+    rows = [
+        (TABLE[share.effect].words, _percent(share.share), number(shown("", "rad").factor * share.rms, 3))
+        for share in verdict.alone
+    ]
+    return Grid(("effect, moved alone", "departure that vanishes", "RMS left [deg]"), rows)
+
+
+def _change_tables(verdict: Verdict) -> list[Grid]:
+    rows = []
+    for share in verdict.named:
+        for change in share.changes:
+            unit = shown("", change.log.unit)
+            rows.append(
+                (
+                    TABLE[share.effect].words,
+                    WORDS.get(change.name, change.name),
+                    number(unit.factor * change.twin, 4),
+                    number(unit.factor * change.log.value, 4),
+                    span(change.log).removeprefix("95 %: "),
+                    unit.unit,
+                )
+            )
+    headings = ("effect", "value", "twin", "log", "95 % interval", "unit")
+    return [Grid(headings, rows, text_columns=2, last_text=True)] if rows else []
+
+
+def pair_table(result: Comparison) -> Grid:
+    """Values of the actuated joint on both sides."""
+    rows = [_pair_row(pair) for pair in result.pairs]
+    headings = ("value", "effect", "log", "95 % interval", "twin", "95 % interval", "unit", "differ")
+    return Grid(headings, rows, text_columns=2, last_text=True)
+
+
+def _pair_row(pair: Pair) -> tuple[str, ...]:
+    unit = shown("", pair.log.unit.replace("y", "rad"))
+    cells = []
+    for value in (pair.log, pair.other):
+        low, high = (None if v is None else unit.factor * v for v in (value.low, value.high))
+        known = low is not None and high is not None
+        cells += [
+            number(unit.factor * value.value, 4),
+            f"{number(low, 3)} to {number(high, 3)}" if known else "–",
+        ]
+    words = pair.name.replace("_", " ")
+    return (words, TABLE[EFFECTS[pair.name]].words, *cells, unit.unit, "yes" if pair.apart else "no")
+
+
+def _overlay_caption(result: Comparison) -> str:
+    return (
+        f"Top: the log and {result.label} under the same input. Middle: log less {result.label}. Bottom: the input. "
+        f"The error is {_deg(result.rms)} RMS; noise of the log alone is {_deg(result.noise)}, the grey band of twice "
+        "that."
+    )
+
+
+def _regime_caption(result: Comparison) -> str:
+    worst = max(result.regimes, key=lambda regime: regime.rms)
+    return (
+        f"RMS of the error in each regime of the log, and the share of the squared error that each makes. The error is "
+        f"largest in the regime '{worst.name}', {_deg(worst.rms)} RMS."
+    )
+
+
+def _effect_caption(verdict: Verdict) -> str:
+    best = verdict.alone[0]
+    return (
+        f"Share of the departure that vanishes when one effect alone is moved to fit the log. Filled: the effects that "
+        f"the verdict names. The best alone is {TABLE[best.effect].words}, {_percent(best.share)}."
+    )
+
+
+def _spectra_caption(result: Comparison) -> str:
+    return (
+        f"Frequency response from voltage to angle of the log and of {result.label}, both by "
+        f"{result.spectra[0].method}, with 95 % bands. Where the bands do not overlap, the two differ in their linear "
+        "part; a joint with friction and stops has wide bands, because its nonlinearity acts like noise."
+    )
+
+
+def _tests_caption(result: Comparison) -> str:
+    tests = result.tests
+    assert tests is not None
+    return (
+        f"Correlations of the error with itself ({tests.whiteness_outside} of {len(tests.lags) - 1} lags outside) and "
+        f"with the input ({tests.independence_outside} of {len(tests.cross_lags)} outside). If only noise were left, "
+        "both would stay inside their bounds."
+    )
+
+
+def _deg(angle: float) -> str:
+    return f"{number(shown('', 'rad').factor * angle, 3)} deg"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+def _capital(words: str) -> str:
+    return words[0].upper() + words[1:]
+
+
+__all__ = ["TWIN", "effect_table", "page", "pair_table", "sentences", "tables", "verdict_sentences"]

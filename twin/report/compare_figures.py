@@ -1,0 +1,124 @@
+"""The figures of `qpal compare`; they draw finished numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.base import style
+from sysid.base.style import styled
+from twin.compare.comparison import LOG, Comparison
+from twin.compare.effects import TABLE
+from twin.compare.explain import Verdict
+from twin.compare.spectra import Spectrum
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+DEG = 180.0 / np.pi
+
+
+def names(result: Comparison) -> tuple[str, str]:
+    """Legend names of the log and of the other side."""
+    return "log", result.label if result.kind != LOG else f"second log, {result.label}"
+
+
+@styled
+def overlay(result: Comparison) -> list[Axes]:
+    """Both angles, their difference with the noise band, and the input."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(style.WIDTH, 5.6), layout="constrained")
+    top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1.4, 1.0))
+    t, (mine, theirs) = result.t, names(result)
+    style.line(top, t, DEG * result.y, color=style.INK, linewidth=1.9, label=mine)
+    style.line(top, t, DEG * result.other, color=style.MODEL, linewidth=1.0, label=theirs)
+    top.set(ylabel="angle [deg]", title="(a) angles")
+    style.legend(top)
+    band = 2.0 * DEG * result.noise
+    middle.axhspan(-band, band, color=style.BOUND, lw=0, zorder=0, label="twice the noise of the log")
+    style.line(middle, t, DEG * result.error, color=style.SECOND, linewidth=0.9, label=f"log less {theirs}")
+    middle.set(ylabel="error [deg]", title="(b) error")
+    style.legend(middle)
+    style.line(bottom, t, result.u, steps=True, color=style.INPUT, linewidth=0.9)
+    bottom.set(xlabel="time [s]", ylabel="input [V]", title="(c) input")
+    bottom.margins(x=0.005)
+    return [top, middle, bottom]
+
+
+@styled
+def regimes(result: Comparison) -> list[Axes]:
+    """RMS of the error by regime, and what share of the record and of the error each regime is."""
+    left, right = style.panels(None, 1, 2, height=2.6)
+    places = np.arange(len(result.regimes))
+    words = [regime.name for regime in result.regimes]
+    left.barh(places, [DEG * regime.rms for regime in result.regimes], 0.6, color=style.MODEL)
+    left.axvline(DEG * result.noise, color=style.INK, linewidth=0.9, linestyle="--", label="noise of the log")
+    left.set(title="(a) error", xlabel="RMS of the error [deg]")
+    right.barh(places - 0.18, [100 * r.share for r in result.regimes], 0.34, color=style.SECOND, label="record")
+    right.barh(
+        places + 0.18, [100 * r.of_error for r in result.regimes], 0.34, color=style.MODEL, label="squared error"
+    )
+    right.set(title="(b) shares", xlabel="share [%]")
+    for axes in (left, right):
+        axes.set_yticks(places, words)
+        axes.invert_yaxis()
+        style.legend(axes)
+    return [left, right]
+
+
+@styled
+def effects(verdict: Verdict) -> Axes:
+    """The share that each effect explains alone, best first."""
+    (axes,) = style.panels(None, height=0.9 + 0.3 * len(verdict.alone))
+    named = {share.effect for share in verdict.named}
+    done: set[str] = set()
+    for place, share in enumerate(verdict.alone):
+        kind = "named by the verdict" if share.effect in named else "not named"
+        axes.barh(
+            place,
+            100 * share.share,
+            0.6,
+            color=style.MODEL if share.effect in named else "none",
+            edgecolor=style.MODEL,
+            linewidth=1.0,
+            label=None if kind in done else kind,
+        )
+        done.add(kind)
+    axes.set_yticks(np.arange(len(verdict.alone)), [TABLE[share.effect].words for share in verdict.alone])
+    axes.set(xlabel="departure that vanishes [%]", xlim=(0, 102), title="each effect moved alone")
+    axes.invert_yaxis()
+    style.legend(axes)
+    return axes
+
+
+@styled
+def spectra(result: Comparison) -> list[Axes]:
+    """Magnitude and phase of both sides with their bands."""
+    both = style.panels(None, 2, height=4.8, sharex=True)
+    top = min(_highest_known(spectrum) for spectrum in result.spectra)
+    sizes: list[np.ndarray] = []
+    phases: list[np.ndarray] = []
+    for spectrum, colour, name in zip(result.spectra, (style.INK, style.MODEL), names(result), strict=True):
+        shown = spectrum.frequency <= top
+        f = spectrum.frequency[shown]
+        for axes, band, seen in ((both[0], spectrum.magnitude, sizes), (both[1], spectrum.phase, phases)):
+            value, low, high = (DEG * part[shown] for part in band)
+            axes.plot(f, value, color=colour, linewidth=1.2, label=name)
+            known = np.isfinite(low) & np.isfinite(high)
+            axes.fill_between(f, low, high, where=known, color=colour, alpha=0.18, lw=0, label=f"95 %, {name}")
+            seen.append(value)
+    size, turns = np.concatenate(sizes), np.concatenate(phases)
+    both[0].set(xscale="log", yscale="log", ylabel="magnitude [deg/V]", title="frequency response")
+    both[0].set_ylim(0.3 * size[size > 0].min(), 3.0 * size.max())
+    both[1].set(xlabel="frequency [Hz]", ylabel="phase [deg]")
+    both[1].set_ylim(turns.min() - 60.0, turns.max() + 60.0)
+    style.legend(both[0])
+    return both
+
+
+def _highest_known(spectrum: Spectrum) -> float:
+    """The last frequency at which the response is larger than its uncertainty; the last of all if there is none."""
+    known = np.flatnonzero(spectrum.radius < np.abs(spectrum.G))
+    return float(spectrum.frequency[known[-1] if len(known) else -1])

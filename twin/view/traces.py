@@ -1,0 +1,92 @@
+"""Traces under the frames of a replay: the error between log and twin, and the input."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.base import style
+from sysid.base.style import INK, INPUT, SECOND, line, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from PIL.Image import Image
+
+HEIGHT = 190  # [pixel] of the panel under a frame
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Time t (N,) [s], input u (N,) [V], log and twin (N,) [rad] of one joint."""
+
+    joint: str
+    t: np.ndarray
+    u: np.ndarray
+    log: np.ndarray
+    twin: np.ndarray
+
+    @property
+    def error(self) -> np.ndarray:
+        """Log less twin (N,) [rad]."""
+        return self.log - self.twin
+
+
+def draw_error(axes: Axes, traces: Traces, shown: np.ndarray) -> None:
+    """The error in degrees."""
+    line(axes, traces.t[shown], np.rad2deg(traces.error[shown]), color=SECOND, linewidth=1.0)
+    axes.axhline(0.0, color=INK, linewidth=0.6)
+    axes.set_ylabel("error [deg]")
+    axes.margins(x=0.01)
+
+
+def draw_input(axes: Axes, traces: Traces, shown: np.ndarray) -> None:
+    """The input in volts."""
+    line(axes, traces.t[shown], traces.u[shown], steps=True, color=INPUT, linewidth=1.0)
+    axes.set_ylabel("input [V]")
+    axes.margins(x=0.01)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A picture (height, width, 3) of both traces, and the columns [pixel] of the first and the last time shown."""
+
+    picture: np.ndarray
+    left: float
+    right: float
+    start: float
+    stop: float
+
+    def under(self, image: Image, time: float) -> Image:
+        """The image with this panel below it and a line at `time` [s]."""
+        from PIL import Image as Images
+        from PIL import ImageDraw
+
+        below = Images.fromarray(self.picture)
+        share = (time - self.start) / max(self.stop - self.start, 1e-12)
+        x = self.left + min(max(share, 0.0), 1.0) * (self.right - self.left)
+        ImageDraw.Draw(below).line([(x, 4), (x, below.height - 4)], fill=style.MODEL, width=2)
+        both = Images.new("RGB", (image.width, image.height + below.height), "white")
+        both.paste(image, (0, 0))
+        both.paste(below, (0, image.height))
+        return both
+
+
+@styled
+def panel(traces: Traces, start: float, stop: float, width: int) -> Panel:
+    """Both traces from `start` to `stop` [s], `width` pixels wide."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width / 80, HEIGHT / 80), dpi=80, layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    shown = (traces.t >= start) & (traces.t <= stop)
+    draw_error(upper, traces, shown)
+    draw_input(lower, traces, shown)
+    lower.set(xlabel="time [s]", xlim=(start, stop))
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    picture = np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
+    box = lower.get_window_extent()
+    return Panel(picture, float(box.x0), float(box.x1), start, stop)
