@@ -36,8 +36,7 @@ def test_a_late_log_is_said_to_be_late(late, tmp_path, capsys):
     assert "Delay explains" in said
     assert f"Next: qpal calibrate {late} --joint shoulder --free delay" in said
     delay = summary["alignment"]["delay"]
-    assert delay["low"] < 0.06 < delay["high"]
-    assert delay["high"] - delay["low"] < 0.02
+    assert 0.0 < delay["low"] < 0.06 < delay["high"]
     assert summary["alignment"]["applied"] == []
     assert sum(regime["share"] for regime in summary["regimes"]) == pytest.approx(1.0)
     values = {row["name"]: row for row in summary["joint_values"]}

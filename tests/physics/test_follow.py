@@ -82,6 +82,17 @@ def test_what_cannot_be_followed_is_said():
         twin.Follower(Log(log.u, log.y, 1e-4), "thigh")
 
 
+def test_several_shifts_of_one_leg_are_simulated_once():
+    """Rows in any order, each with its own shift, equal those that were simulated one by one."""
+    log = made("shoulder", duration=6.0)
+    legs = [twin.Parameters(), twin.Parameters({"shoulder.coulomb": 1.3})]
+    follower, starts, shifts = twin.Follower(log, "shoulder"), [0.0, 0.1], [0.0, 0.013, 0.02]
+    rows = follower.readings(legs, starts, shifts, which=[1, 0, 1])
+    for row, k, shift in zip(rows, [1, 0, 1], shifts, strict=True):
+        (alone,) = follower.readings([legs[k]], [starts[k]], [shift])
+        np.testing.assert_array_equal(row, alone)
+
+
 @pytest.mark.parametrize("Ts", [0.1, 0.05])
 def test_an_experiment_comes_back_with_its_noise(Ts):
     """The same seed draws the same noise, jitter and lost samples, bit for bit as far as rounding of times allows."""

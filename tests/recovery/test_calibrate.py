@@ -77,6 +77,17 @@ def test_every_start_is_mapped_back_to_the_parameters_it_came_from():
             assert value == pytest.approx(p[name], rel=1e-3), name
 
 
+def test_a_servo_log_is_calibrated_from_where_the_twin_stands():
+    """Reference in, angle out: the gain of the position loop and the friction shape the response."""
+    p = twin.Parameters({"thigh.servo_kp": 120.0, "thigh.coulomb": 40.0})
+    options = {"hold": 2.0, "steps": 3}
+    log = twin.Experiment("thigh", "staircase", 20.0, 0.05, parameters=p, mode="servo", options=options).run()
+    found = calibrate([log], "thigh", names=("servo_kp", "no_load_speed"), base=p.replace({"thigh.servo_kp": 200.0}))
+    assert found["servo_kp"].holds(120.0)
+    assert found["servo_kp"].value == pytest.approx(120.0, rel=0.1)
+    assert found["no_load_speed"].value == pytest.approx(0.0144, rel=0.02)
+
+
 def test_a_turn_is_no_end():
     """The shank turns round 10 degrees before its lower end; its stroke must not be taken to end there."""
     options = {"half_period": 6.0, "first": 0.8}

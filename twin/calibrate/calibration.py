@@ -165,6 +165,10 @@ def calibrate(
         say("what the logs can tell")
         others = [row for row in CONSIDERED if row not in (*rows, *held) and row not in switched_off(without)]
         first = _problem(Leg(joint, start.parameters, (*rows, *others), *settings), logs, labels)
+        if first.residual(first.start) is None:
+            raise InputError(
+                f"the twin's {joint} cannot be simulated with these parameters; start from others (--params)"
+            )
         _, J = first.linearise(first.start)
         told = tell(first, J, max(first.noise, start.rms), rows)
         kept = tuple(row.name for row in told if row.told)

@@ -27,19 +27,22 @@ RESTS = 2.0  # times the time in which the joint would pass
 
 @dataclass(frozen=True)
 class Start:
-    """Parameters to start from, the values of the fitted joint, and those taken over, by row."""
+    """Parameters to start from, the values of the fitted joint, those taken over by row, and its RMS error [rad]."""
 
     parameters: Parameters
-    values: tuple[JointValue, ...]
+    values: tuple[JointValue, ...] = ()
     taken: Mapping[str, float] = field(default_factory=dict)
-    rms: float = np.inf
+    rms: float = 0.0
 
 
 def from_joint(logs: Sequence[Log], joint: str, base: Parameters, names: Sequence[str], seed: int = 0) -> Start:
     """Start at the values of an actuated joint fitted to the logs (to the longest one if their Ts differ).
 
-    Rows not in `names` keep their values, and so do those that the fitted joint does not determine.
+    Rows not in `names` keep their values, and so do those that the fitted joint does not determine. Logs of the servo
+    mode have no voltage to fit a joint to: the start is then `base`.
     """
+    if any(log.mode != "voltage" for log in logs):
+        return Start(base)
     data = [log.io(joint if log.joint else None) for log in logs]
     longest = max(data, key=lambda one: len(one.y))
     same = all(one.Ts == longest.Ts for one in data)

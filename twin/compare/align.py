@@ -9,7 +9,8 @@ from sysid.base.errors import unknown
 from twin.compare.explain import Verdict
 from twin.compare.intervals import Value, by_name, values
 from twin.compare.knobs import DELAY, READ, SLOPE, START, ZERO
-from twin.compare.search import Search, refine
+from twin.compare.regimes import noise_of
+from twin.compare.search import Search, best_of, refine
 from twin.compare.trials import Trials
 from twin.follow import Follower
 from twin.log import Log
@@ -17,8 +18,10 @@ from twin.parameters import Parameters
 
 # What `--align` names, and the knob of each.
 PARTS = {"delay": DELAY, "gear": SLOPE, "offset": ZERO, "sign": "sign"}
-# The twin is never quite the leg. These move with the alignment and are not reported.
+# The twin is never quite the leg. These move with the alignment and are not reported; each is expected within this many
+# of its typical changes (`twin.compare.knobs`) of the twin's value.
 _BESIDE = ("JOINT.rated_voltage", "JOINT.coulomb", "JOINT.asymmetry", "JOINT.backlash", "foot_mass")
+EXPECTED = 1.5
 # These do not, and the twin has most of them as assumptions: they widen the intervals by a doubt of this share.
 _DOUBTED = (
     "JOINT.stribeck",
@@ -29,6 +32,7 @@ _DOUBTED = (
     "dead_band",
 )
 DOUBT = 0.3
+_ROUNDS = 10
 _TURNED = 0.6  # a sign counts as wrong if turning it leaves less than this share of the error
 _ALIKE = 1.3  # two signs whose errors differ by less than this factor cannot be told apart
 SIGNS = {(1, 1): "", (-1, 1): "input", (1, -1): "output", (-1, -1): "input and output"}
@@ -120,26 +124,32 @@ def turn_back(log: Log, joint: str, which: str) -> Log:
 def align(trials: Trials, verdict: Verdict | None, which: str = "", applied: tuple[str, ...] = ()) -> Alignment:
     """Delay, gear and offset between the log of `trials`, whose signs are turned back, and the twin.
 
-    They are found by least squares in the twin, together with the start, with what `verdict` names, and with speed and
-    friction, so that a departure of the twin does not pass for a delay or a slope. The delay is continuous. The
-    intervals allow for coloured residuals, and for other parameters of the twin that are wrong by `DOUBT`.
+    They are found by least squares in the twin, together with the start, with what `verdict` names, and with speed,
+    friction, backlash and load, so that a departure of the twin does not pass for a delay or a slope. The intervals
+    allow for coloured residuals, and for other parameters of the twin that are wrong by `DOUBT`. The delay is
+    continuous.
     """
     joint, y = trials.follower.joint, trials.follower.y
     state = {} if verdict is None else dict(verdict.state)
-    beside = (*state, *(name.replace("JOINT", joint) for name in _BESIDE))
-    search = Search("alignment", tuple(dict.fromkeys((*READ, *(name for name in beside if name != START)))), state)
-    refine(trials, search, y)
+    beside = [name.replace("JOINT", joint) for name in _BESIDE]
+    plain = Search("alignment", _once(*READ, *state), state)
+    refine(trials, plain, y)
+    knobs = _once(*plain.knobs, *beside)
+    expected = {name: EXPECTED * trials.knobs[name].typical for name in beside if name not in state}
+    begins = [Search("alignment", knobs, dict(at), expected=expected) for at in (plain.state, state)]
+    for begin in begins:
+        begin.noise = noise_of(y) ** 2
+    search = best_of(trials, begins, y, _ROUNDS)
     doubted = (name.replace("JOINT", joint) for name in _DOUBTED)
-    doubts = {name: DOUBT * trials.parameters[name] for name in doubted}
-    found = by_name(values(trials, search, y, doubts))
-    return Alignment(
-        which,
-        replace(found[DELAY], name="delay"),
-        replace(found[SLOPE], name="gear"),
-        replace(found[ZERO], name="offset"),
-        found[START],
-        applied,
+    found = by_name(values(trials, search, y, {name: DOUBT * trials.parameters[name] for name in doubted}))
+    delay, gear, offset = (
+        replace(found[name], name=part) for name, part in ((DELAY, "delay"), (SLOPE, "gear"), (ZERO, "offset"))
     )
+    return Alignment(which, delay, gear, offset, found[START], applied)
+
+
+def _once(*names: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name for name in names if name != START))
 
 
 __all__ = ["PARTS", "Alignment", "align", "parts", "turn_back", "turned"]

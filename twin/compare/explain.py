@@ -13,7 +13,7 @@ from twin.compare.effects import TABLE
 from twin.compare.intervals import LEVEL, Value, values
 from twin.compare.knobs import SLOPE, START, ZERO
 from twin.compare.regimes import noise_of
-from twin.compare.search import Search, again, fit_all
+from twin.compare.search import Search, again, fit_all, refine
 from twin.compare.trials import Trials
 
 CHANCE = 0.01  # probability of naming an effect where there is none, over all effects together
@@ -111,6 +111,7 @@ def explain(
         if kept is None or last.cost - kept.cost < _WORTH * (base.cost - noise):
             break
         chosen.append(kept)
+    chosen = _needed(trials, base, chosen, y)
     noise = min([noise, *(search.cost for search in chosen)])
     shares = [Share(s.name, _vanished(s, base, noise), float(np.sqrt(s.cost))) for s in alone]
     own = [Share(s.name.split("+")[-1], _vanished(s, base, noise), float(np.sqrt(s.cost))) for s in chosen]
@@ -131,6 +132,32 @@ def explain(
         trials.simulated,
         dict(chosen[-1].state if chosen else base.state),
     )
+
+
+def _needed(trials: Trials, base: Search, chosen: list[Search], y: np.ndarray) -> list[Search]:
+    """The effects that are still needed once all are named, in order: a later one may do what the first one stood for.
+
+    Without one of them the others are fitted again; if that costs no more than chance, it goes.
+    """
+    names = chosen[-1].name.split("+") if chosen else []
+    joint, full = trials.follower.joint, chosen[-1] if chosen else base
+    for name in names[:-1]:
+        left = [other for other in full.name.split("+") if other != name]
+        knobs = tuple(knob for other in left for knob in TABLE[other].knobs_of(joint))
+        search = Search("+".join(left), knobs, {k: v for k, v in full.state.items() if k in (START, *knobs)})
+        refine(trials, search, y)
+        if _kept(search, [full], len(y)) is None:
+            full = search
+    if full is (chosen[-1] if chosen else base):
+        return chosen
+    found = []
+    for k in range(1, len(full.name.split("+")) + 1):
+        part = full.name.split("+")[:k]
+        knobs = tuple(knob for other in part for knob in TABLE[other].knobs_of(joint))
+        search = Search("+".join(part), knobs, {n: v for n, v in full.state.items() if n in (START, *knobs)})
+        refine(trials, search, y)
+        found.append(search)
+    return found
 
 
 def _other_scale(trials: Trials) -> tuple[dict[str, float], ...]:

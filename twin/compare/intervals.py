@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import norm
 
 from sysid.uncertainty.long_run import long_run_covariance_root
-from twin.compare.search import Search, differences
+from twin.compare.search import Search, differences, stiffness
 from twin.compare.trials import Trials
 
 LEVEL = 0.95
@@ -42,7 +42,7 @@ def values(
     (J,) = differences(trials, [replace(search, knobs=(*search.knobs, *others), last=None)])
     own = 1 + len(search.free)
     scales = [std / trials.knobs[name].typical for name, std in others.items()]
-    spread = sandwich(J[:, 1:own], y - J[:, 0], J[:, own:] * scales)
+    spread = sandwich(J[:, 1:own], y - J[:, 0], J[:, own:] * scales, stiffness(trials, search))
     factor = float(norm.ppf(0.5 + level / 2))
     found = []
     for name, std in zip(search.free, spread, strict=True):
@@ -54,24 +54,33 @@ def values(
     return tuple(found)
 
 
-def sandwich(J: np.ndarray, e: np.ndarray, doubts: np.ndarray | None = None) -> np.ndarray:
+def sandwich(
+    J: np.ndarray, e: np.ndarray, doubts: np.ndarray | None = None, stiff: np.ndarray | None = None
+) -> np.ndarray:
     """Standard deviations (P,) from derivatives J (N, P) and residuals e (N,); infinite where undetermined.
 
-    doubts (N, q): changes of the response by one standard uncertainty of what is not among the P.
+    doubts (N, q): changes of the response by one standard uncertainty of what is not among the P. stiff (P,): what
+    expected sizes add to J'J (see `stiffness`); they are readings like the others, with errors of their own.
     """
     size = np.linalg.norm(J, axis=0)
-    seen = size > _BLIND * max(float(size.max()), 1e-300)
+    own = np.zeros(J.shape[1]) if stiff is None else stiff
+    seen = (size > _BLIND * max(float(size.max()), 1e-300)) | (own > 0.0)
     out = np.full(J.shape[1], np.inf)
     if not seen.any():
         return out
-    scaled = J[:, seen] / size[seen]
-    basis, s, right = np.linalg.svd(scaled, full_matrices=False)
-    root, _ = long_run_covariance_root(basis * e[:, None], [len(e)], "auto")
+    J, own = J[:, seen], own[seen]
+    root, _ = long_run_covariance_root(J * e[:, None], [len(e)], "auto")
+    full = np.sqrt(np.sum(J**2, axis=0) + own)
+    scaled = np.vstack([J, np.diag(np.sqrt(own))]) / full
+    _, s, right = np.linalg.svd(scaled, full_matrices=False)
     kept = s > 1e-6 * s[0]
-    back = (right[kept].T / s[kept]) @ root[kept]
-    if doubts is not None:
-        back = np.hstack([back, (right[kept].T / s[kept]) @ (basis[:, kept].T @ doubts)])
-    std = np.linalg.norm(back, axis=1) / size[seen]
+    inverse = (right[kept].T / s[kept] ** 2) @ right[kept]  # of the scaled J'J + stiff
+    # An expected size of n is a reading with variance noise; noise times stiff is what it adds to the scores' variance.
+    noise = float(np.mean(e**2))
+    parts = [root / full[:, None], np.diag(np.sqrt(noise * own) / full)]
+    if doubts is not None and doubts.size:
+        parts.append((J.T @ doubts) / full[:, None])
+    std = np.linalg.norm(inverse @ np.hstack(parts), axis=1) / full
     lost = np.abs(right[~kept]).max(axis=0, initial=0.0) > 1e-3
     std[lost] = np.inf
     out[seen] = std

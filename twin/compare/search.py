@@ -18,7 +18,11 @@ _SETTLED = 1.15  # times the noise: a search that ends below this has found what
 
 @dataclass
 class Search:
-    """One search: the knobs that it may move besides the start, where it is now, and further places to begin at."""
+    """One search: the knobs that it may move besides the start, where it is now, and further places to begin at.
+
+    With `expected` each of these knobs counts as one more reading, of its nominal value: the data decide where they
+    can, and a knob along which they are flat stays near what is known of it.
+    """
 
     name: str
     knobs: tuple[str, ...]
@@ -28,6 +32,8 @@ class Search:
     last: np.ndarray | None = None  # the last step, in typical changes
     done: bool = False
     tries: tuple[dict[str, float], ...] = ()
+    expected: Mapping[str, float] = field(default_factory=dict)  # how far knobs may be from nominal, standard deviation
+    noise: float = 0.0  # variance of the noise, against which `expected` counts
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -43,8 +49,16 @@ def fit_all(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: i
 
 def refine(trials: Trials, search: Search, y: np.ndarray, rounds: int = ROUNDS) -> None:
     """Bring one search from its state to its least cost, without trying other places first."""
-    search.cost = float(_costs(trials, [search.state], y)[0])
-    _advance(trials, [search], y, rounds)
+    best_of(trials, [search], y, rounds)
+
+
+def best_of(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: int = ROUNDS) -> Search:
+    """The one of lowest cost after each was brought from its state to its least cost."""
+    costs = _costs(trials, [search.state for search in searches], y)
+    for search, cost in zip(searches, costs, strict=True):
+        search.cost = float(cost) + _surprise(trials, search, search.state) / len(y)
+    _advance(trials, searches, y, rounds)
+    return min(searches, key=lambda search: search.cost)
 
 
 def _advance(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: int) -> None:
@@ -60,6 +74,7 @@ def _advance(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: 
         costs = _costs(trials, [state for each in proposals for _, state in each], y)
         for search, each in zip(active, proposals, strict=True):
             own, costs = costs[: len(each)], costs[len(each) :]
+            own = own + [_surprise(trials, search, state) / len(y) for _, state in each]
             _move(trials, search, each, own, len(y))
         limit = _BEHIND[min(done, len(_BEHIND) - 1)] * min(search.cost for search in searches)
         for search in active:
@@ -137,6 +152,9 @@ def _proposals(
     """Damped Gauss-Newton steps (Levenberg and Marquardt), in typical changes, and where they lead."""
     rest, columns = y - J[:, 0], J[:, 1:]
     gram, right = columns.T @ columns, columns.T @ rest
+    stiff = stiffness(trials, search)
+    away = [(_value(trials, search.state, n) - trials.knobs[n].nominal) / trials.knobs[n].typical for n in search.free]
+    gram, right = gram + np.diag(stiff), right - stiff * away
     scale = np.maximum(np.diag(gram), 1e-9 * max(float(np.diag(gram).max()), 1e-30))
     found = []
     for factor in _DAMPED:
@@ -147,6 +165,18 @@ def _proposals(
             state[name] = float(np.clip(_value(trials, state, name) + change * knob.typical, knob.lower, knob.upper))
         found.append((step, state))
     return found
+
+
+def stiffness(trials: Trials, search: Search) -> np.ndarray:
+    """What the expected size of each free knob adds to J'J (free,), per typical change."""
+    ratio = [trials.knobs[n].typical / search.expected[n] if n in search.expected else 0.0 for n in search.free]
+    return search.noise * np.array(ratio) ** 2
+
+
+def _surprise(trials: Trials, search: Search, state: Mapping[str, float]) -> float:
+    """What the expected sizes add to the sum of squares at a state."""
+    off = [(_value(trials, state, n) - trials.knobs[n].nominal) / std for n, std in search.expected.items()]
+    return search.noise * float(np.sum(np.square(off)))
 
 
 def _move(trials: Trials, search: Search, proposals: Sequence, costs: np.ndarray, N: int) -> None:
@@ -171,4 +201,4 @@ def _value(trials: Trials, state: Mapping[str, float], name: str) -> float:
     return state.get(name, trials.knobs[name].nominal)
 
 
-__all__ = ["READ", "ROUNDS", "Search", "again", "differences", "fit_all", "refine"]
+__all__ = ["READ", "ROUNDS", "Search", "again", "best_of", "differences", "fit_all", "refine", "stiffness"]
