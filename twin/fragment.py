@@ -13,6 +13,11 @@ from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.export.mjcf import STEP, Fragment
 
+# What the elements cannot do without.
+NEEDED = sum(
+    int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
+    for name in ("CONSTRAINT", "EQUALITY", "FRICTIONLOSS", "LIMIT", "SPRING", "ACTUATION")
+)
 SECTIONS = ("tendon", "equality", "actuator")
 ANGLES = ("range", "springref")  # attributes of a hinge that follow the model's unit of angle
 # Attributes of the user's joint that describe the same things as the fragment's, and would count twice.
@@ -86,16 +91,20 @@ def put_into(fragment: Fragment, source: Path) -> str:
         _to_unit(new, degrees)
         new.attrib = {**new.attrib, **(place if k == 0 else {}), **axis}
         body.insert(at + k, new)
-    for section in root.findall("actuator"):
-        for old in [each for each in section if each.get("joint") == fragment.joint]:
-            section.remove(old)
+    _refuse_constraints(root, fragment.joint, source)
+    motor = _take_out_actuators(root, fragment.joint)
     if fragment.rotor:
         _section(root, "worldbody").append(_element(fragment.rotor))
     for name in SECTIONS:
         if content := getattr(fragment, name):
-            _section(root, name).append(_element(content))
+            new = _element(content)
+            if name == "actuator":
+                new.set("name", motor)
+            if name == "equality":
+                _from_zero(new, float(place.get("ref", 0.0)) * (np.pi / 180.0 if degrees else 1.0))
+            _section(root, name).append(new)
     ET.indent(root)
-    _check_loads(root, source)
+    _check_unchanged(_check_loads(root, source), fragment, motor, source)
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
@@ -108,8 +117,56 @@ def _parsed(source: Path) -> ET.Element:
         raise InputError(f"{source}: MuJoCo does not load it ({first}); give the MJCF file of your model") from None
 
 
-def _check_loads(root: ET.Element, source: Path) -> None:
-    """Raises InputError if MuJoCo does not load the model beside `source`, where its meshes and parts are."""
+def _refuse_constraints(root: ET.Element, joint: str, source: Path) -> None:
+    for section in root.findall("equality"):
+        for each in section:
+            if joint in (each.get("joint1"), each.get("joint2")):
+                raise InputError(
+                    f"{source}: an equality constraint {each.get('name', '')!r} acts on {joint!r}, which the "
+                    "identified joint replaces; take it out of the model first"
+                )
+
+
+def _take_out_actuators(root: ET.Element, joint: str) -> str:
+    """Remove the joint's actuators; the name for its motor, which is that of a single one, so that sensors find it."""
+    found = [(section, each) for section in root.findall("actuator") for each in section if each.get("joint") == joint]
+    for section, each in found:
+        section.remove(each)
+    names = [each.get("name", "") for _, each in found]
+    return names[0] if len(names) == 1 and names[0] else joint
+
+
+def _from_zero(equality: ET.Element, ref: float) -> None:
+    """MuJoCo couples changes from qpos0, which is `ref` [rad] at the user's joint; the fit's angle counts from 0."""
+    first, *others = equality.attrib["polycoef"].split()
+    equality.set("polycoef", " ".join([f"{float(first) - ref:.9g}", *others]))
+
+
+def _check_unchanged(model: mujoco.MjModel, fragment: Fragment, motor: str, source: Path) -> None:
+    """Raises InputError where defaults or options of the user's model change what the elements do."""
+    alone = mujoco.MjModel.from_xml_string(fragment.model())
+    off = model.opt.disableflags & ~alone.opt.disableflags & NEEDED
+    changed = ["flags of <option> switch off constraints, limits, springs, friction or actuation"] if off else []
+    for name in dict.fromkeys((*fragment.reading, *(name for name in fragment.start if name != fragment.joint))):
+        one, other = alone.joint(name), model.joint(name)
+        for what in ("range", "frictionloss", "damping", "armature", "stiffness", "limited", "actfrclimited", "margin"):
+            if hasattr(one, what) and not np.allclose(getattr(one, what), getattr(other, what), rtol=1e-6, atol=1e-9):
+                changed.append(f"{what} of joint {name}")
+    one, other = alone.actuator(fragment.joint), model.actuator(motor)
+    for what in ("gear", "ctrllimited", "forcelimited", "gainprm", "biasprm", "dynprm"):
+        if not np.allclose(getattr(one, what), getattr(other, what), rtol=1e-6, atol=1e-9):
+            changed.append(f"{what} of the motor")
+    if fragment.equality and not (model.eq_active0[-1] and np.allclose(model.eq_solref[-1], alone.eq_solref[-1])):
+        changed.append("the coupling of motor and joint")
+    if changed:
+        raise InputError(
+            f"{source}: its defaults or options would change {', '.join(changed)}; put its elements into a default "
+            "class of their own"
+        )
+
+
+def _check_loads(root: ET.Element, source: Path) -> mujoco.MjModel:
+    """The model; raises InputError if MuJoCo does not load it beside `source`, where its meshes and parts are."""
     copy, here = deepcopy(root), source.resolve().parent
     if copy.find("compiler") is None:
         copy.insert(0, ET.Element("compiler"))
@@ -120,7 +177,7 @@ def _check_loads(root: ET.Element, source: Path) -> None:
     for part in copy.iter("include"):
         part.set("file", str(here / part.get("file", "")))
     try:
-        mujoco.MjModel.from_xml_string(ET.tostring(copy, encoding="unicode"))
+        return mujoco.MjModel.from_xml_string(ET.tostring(copy, encoding="unicode"))
     except ValueError as error:
         raise InputError(f"{source}: with the joint put in, MuJoCo says: {str(error).splitlines()[0]}") from None
 

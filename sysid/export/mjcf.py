@@ -22,7 +22,9 @@ STIFF = {"solimpfriction": "0.9999 0.9999 0.001", "solreffriction": "0.002 1"}
 STOP = {"limited": "true", "solimplimit": "0.999 0.9999 0.0001", "solreflimit": "0.004 1"}
 COUPLE = {"solimp": "0.9999 0.9999 0.001", "solref": "0.002 1"}
 # What a model's defaults could set otherwise.
-PLAIN = {"frictionloss": "0", "damping": "0", "stiffness": "0", "armature": "0", "limited": "false"}
+PLAIN = {"frictionloss": "0", "damping": "0", "stiffness": "0", "armature": "0", "limited": "false", "margin": "0"}
+PLAIN |= {"springdamper": "0 0", "actuatorfrclimited": "false", "actuatorgravcomp": "false"}
+FREE = {"limited": "false", "stiffness": "0", "damping": "0"}
 SHORTEST = 0.25  # of a step: a shorter lag is over within the step, and would leave no inertia
 LIGHT = 1e-3  # of the motor's inertia: the link of the model that checks the fragment
 DRAG = 0.05  # of the motor's friction: what holds a link that lies within its play
@@ -190,7 +192,7 @@ class _Parts:
             ]
         )
         coefficients = " ".join(f"{c:.9g}" for c in shifted)
-        equality = f'<joint joint1="{joint}" joint2="{name}" polycoef="{coefficients}" {_text(COUPLE)}/>'
+        equality = f'<joint joint1="{joint}" joint2="{name}" polycoef="{coefficients}" active="true" {_text(COUPLE)}/>'
         hinge = _joint(joint, "hinge", "0 1 0", armature=f"{1e-4 * at_joint:.3g}")
         start = {joint: float(quartic(self.first)), name: self.first}
         motor = self._motor(joint, name, per_volt, inertia)
@@ -211,7 +213,7 @@ class _Parts:
     def _motor(self, joint: str, driven: str, per_volt: float, inertia: float) -> str:
         constant = 1.0 / self.speed
         text = f'name="{joint}" joint="{driven}" motorconst="{constant:.9g} {constant:.9g}" '
-        text += f'resistance="{constant / per_volt:.9g}"'
+        text += f'resistance="{constant / per_volt:.9g}" gear="1" ctrllimited="false" saturation="0 0 0" damping="0"'
         if self.stick > 0.0:
             text += f' lugre="{self._bristles(per_volt, inertia)}"'
         steps = round(self.delay / STEP)
@@ -236,7 +238,7 @@ class _Parts:
             start = {**start, play: self.within}
             joints.append(_joint(play, "hinge", "0 1 0", range=f"{-half:.9g} {half:.9g}", **STOP))
             hold = DRAG * self.friction * torque_per_volt
-            tendon = f'<fixed name="{joint}_angle" frictionloss="{hold:.6g}" {_text(STIFF)}>'
+            tendon = f'<fixed name="{joint}_angle" frictionloss="{hold:.6g}" {_text(FREE | STIFF)}>'
             tendon += "".join(f'<joint joint="{name}" coef="1"/>' for name in reading) + "</fixed>"
         return Fragment(
             joint, rotor, tuple(joints), f"<dcmotor {motor}/>", equality, tendon, start, reading, inertia, self.left_out

@@ -134,7 +134,7 @@ def test_joint_of_a_model_of_others(tmp_path, play):
     assert (knee.damping[0], knee.armature[0], knee.stiffness[0]) == (0.0, 0.0, 0.0)
     assert knee.frictionloss[0] == pytest.approx(2.0 * 1.5 * (0.95 if play else 1.0))
     np.testing.assert_array_equal(after.joint("hip").range, before.joint("hip").range)
-    assert [after.actuator(k).name for k in range(after.nu)] == ["hip", "knee"]
+    assert [after.actuator(k).name for k in range(after.nu)] == ["hip", "old"]  # sensors of the old motor find it
     assert after.njnt == before.njnt + (play is not False)
     assert "somebody's robot" in text
 
@@ -151,11 +151,56 @@ def test_linkage_of_a_model_of_others(tmp_path, identified):
     assert data.joint("knee").qpos[0] == pytest.approx(np.clip(0.0, *ends), abs=0.02)
 
 
+DEFAULTS = [
+    '<motor ctrlrange="-1 1" ctrllimited="true" gear="5"/>',
+    '<general forcerange="-2 2" forcelimited="true"/>',
+    '<joint actuatorfrcrange="-0.1 0.1" actuatorfrclimited="true" margin="0.1" stiffness="3" springdamper="1 1"/>',
+    '<equality active="false" solref="0.5 1"/>',
+    '<tendon limited="true" range="0 0.1" stiffness="100"/>',
+]
+
+
+def swing(model, joints, u):
+    data = mujoco.MjData(model)
+    data.qvel[:] = 0.0
+    read = []
+    for volts in u:
+        data.ctrl[:] = volts
+        mujoco.mj_step(model, data, 50)
+        read.append(sum(data.joint(name).qpos[0] for name in joints))
+    return np.array(read)
+
+
+@pytest.mark.parametrize("ref", ["", ' ref="5"'])
+@pytest.mark.parametrize("default", DEFAULTS)
+def test_defaults_of_a_model_of_others_change_nothing(tmp_path, identified, default, ref):
+    """One link without weight: the robot's joint moves as the stand-alone model does, in the fit's own angle."""
+    fit, _ = identified
+    text = f"""<mujoco><default>{default}</default><option timestep="0.001" integrator="implicitfast"/><worldbody>
+      <body gravcomp="1"><joint name="knee" axis="0 1 0"{ref}/><inertial pos="0 0 0" mass="1e-3"
+      diaginertia="1e-6 1e-6 1e-6"/></body></worldbody><actuator><motor name="m" joint="knee"/></actuator></mujoco>"""
+    (tmp_path / "robot.xml").write_text(text)
+    made = mjcf.fragment(fit, "knee", 20.0)
+    put = mujoco.MjModel.from_xml_string(fragments.put_into(made, tmp_path / "robot.xml"))
+    alone = mujoco.MjModel.from_xml_string(made.model())
+    put.opt.gravity[:] = alone.opt.gravity[:] = 0.0
+    u = drawn(300, 12.0)
+    want, got = swing(alone, made.reading, u), swing(put, made.reading, u)
+    assert np.ptp(want) > 0.2
+    np.testing.assert_allclose(got[5:], want[5:], rtol=0, atol=0.01 * np.ptp(want))
+
+
 @pytest.mark.parametrize(
     ("text", "name", "said"),
     [
         ("<mujoco><worldbody>", "knee", "MuJoCo does not load it"),
         (MODEL, "ankle", "hip, knee"),
+        (MODEL.replace("<default>", '<option><flag limit="disable"/></option><default>'), "knee", "flags of <option>"),
+        (
+            MODEL.replace("<actuator>", '<equality><joint name="e" joint1="knee" joint2="hip"/></equality><actuator>'),
+            "knee",
+            "an equality constraint 'e' acts on 'knee'",
+        ),
         (MODEL.replace('axis="0 -1 0"', 'type="slide" axis="0 -1 0"'), "knee", "is a slide; give a hinge"),
     ],
 )

@@ -47,8 +47,9 @@ def sentences(result: Written) -> list[str]:
         return []
     verdict = "do the same" if result.close else "differ"
     said = [
-        f"In MuJoCo the elements and the fit {verdict}: RMS {100 * result.check.share:.2f} % of the stroke, at most "
-        f"{100 * result.check.worst:.1f} % (up to {100 * CLOSE:g} % RMS counts as the same)."
+        f"In MuJoCo, with a light link, the elements and the fit {verdict}: "
+        f"RMS {100 * result.check.share:.2f} % of the stroke, at most {100 * result.check.worst:.1f} % "
+        f"(up to {100 * CLOSE:g} % RMS counts as the same)."
     ]
     said += [f"Not in the elements: {sentence}." for sentence in result.fragment.left_out]
     if not result.close:
