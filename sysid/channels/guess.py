@@ -70,7 +70,7 @@ def guess(table: Table, given: Given = Given()) -> Guess:
         picked = _pair(table, rest, why, unclear)
     else:
         picked = {role: columns.get(getattr(given, role) or "") for role in ("input", "output")}
-        _say_missing(table, picked, unclear)
+        _say_missing(table, picked, columns, unclear)
     channels = {}
     for role, look in picked.items():
         if look is None:
@@ -117,11 +117,18 @@ def _other_step(timed: ClockGuess, columns: Mapping[str, Look], Ts: float) -> li
     return [f"the sampling time is {Ts:g} s as given; column {timed.clock.column!r} steps by {step:.6g} s"]
 
 
-def _say_missing(table: Table, picked: Mapping[str, Look | None], unclear: list[str]) -> None:
+def _say_missing(
+    table: Table, picked: Mapping[str, Look | None], columns: Mapping[str, Look], unclear: list[str]
+) -> None:
     missing = [role for role in ("input", "output") if picked[role] is None]
     if missing:
         wanted = " and one with ".join(f"--{role}" for role in missing)
-        unclear.append(f"found {len(table.names)} columns ({', '.join(table.names)}); name one with {wanted}")
+        still = [name for name, look in columns.items() if look.constant]
+        which = f"; {' and '.join(still)} never {'changes' if len(still) == 1 else 'change'}" if still else ""
+        unclear.append(
+            f"found {len(table.names)} columns ({', '.join(table.names)}){which}; name one with {wanted}, "
+            "or in the mapping file of --map"
+        )
 
 
 def _pair(table: Table, rest: Mapping[str, Look], why: list[str], unclear: list[str]) -> dict[str, Look | None]:
@@ -142,7 +149,7 @@ def _pair(table: Table, rest: Mapping[str, Look], why: list[str], unclear: list[
     for role, other in (("input", "output"), ("output", "input")):
         if found[role] is None and found[other] is not None:
             found[role] = _left_over(role, found[other], rest, why)
-    _say_missing(table, found, unclear)
+    _say_missing(table, found, rest, unclear)
     return found
 
 
