@@ -64,5 +64,6 @@ def calibrate(
         write(scratch, report.page(result), summary)
         write_parameters(result, scratch / target.name)
     said = [*report.verdict(result), *report.sentences(result), f"Parameters: {target}"]
+    said.append(f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}")
     console.finish(folder, summary, as_json, report.tables(result), said)
     return 0 if result.converged else 1

@@ -78,9 +78,11 @@ def compare(
         else:
             result = _against(log, which, against, map, step)
         step("drawing")
-        write(scratch, report.page(result, file), {"file": file, **result.as_dict()})
+        given = "".join(f" {name} {value}" for name, value in (("--map", map), ("--params", params)) if value)
+        named = f"{file}{given}"  # the next command reads the log in the same way
+        write(scratch, report.page(result, named), {"file": file, **result.as_dict()})
     console.finish(
-        folder, {"file": file, **result.as_dict()}, as_json, report.tables(result), report.sentences(result, file)
+        folder, {"file": file, **result.as_dict()}, as_json, report.tables(result), report.sentences(result, named)
     )
 
 

@@ -24,8 +24,9 @@ def export(
         str | None, typer.Option(metavar="FILE.xml", help="your MuJoCo model; its hinge NAME takes the joint's place")
     ] = None,
     torque_per_volt: Annotated[
-        float, options.number("NM/V", "torque at the joint per volt of the standing motor, from its data sheet")
-    ] = 1.0,
+        float | None,
+        options.number("NM/V", "torque at the joint per volt of the standing motor, from its data sheet [1]"),
+    ] = None,
     link_inertia: Annotated[
         float, options.number("KGM2", "inertia of your model's link about the joint, which the fitted lag holds too")
     ] = 0.0,

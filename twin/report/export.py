@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 
 def page(result: Written) -> Page:
     """The report on one export."""
-    run = (
-        "Free run of the fit under a drawn input, or under the record's: the exported code computes this output, from "
-        "rest."
-    )
+    under = "the record's input" if result.source.recorded else "a drawn input"
+    run = f"Free run of the fit under {under}: the exported code computes this output."
     files = Section("Files", tables=tables(result), pictures=[Picture("free-run", style.png(free_run(result)), run)])
     sections = [files]
     if result.fragment is not None and result.check is not None:
@@ -51,6 +49,14 @@ def sentences(result: Written) -> list[str]:
         f"RMS {100 * result.check.share:.2f} % of the stroke, at most {100 * result.check.worst:.1f} % "
         f"(up to {100 * CLOSE:g} % RMS counts as the same)."
     ]
+    data, fit = result.source.data, result.source.fit
+    if result.source.recorded:
+        said.insert(
+            0,
+            f"The joint follows the record to {fit.fit_percent(data):.1f} % (free run, on the record it was fitted to).",
+        )
+    if result.torque_per_volt is None:
+        said.append("Forces are those of 1 N m per volt; give --torque-per-volt from the motor's data sheet.")
     said += [f"Not in the elements: {sentence}." for sentence in result.fragment.left_out]
     if not result.close:
         said.append(
@@ -66,10 +72,13 @@ def free_run(result: Written) -> "Axes":
     data, fit = result.source.data, result.source.fit
     first, second = style.panels(None, rows=2, height=4.2, sharex=True)
     for axes, values, name in ((first, data.u, "input u"), (second, fit.model.simulate(fit.theta, data.u), "output y")):
-        for k, column in enumerate(np.atleast_2d(values.T)):
+        unit = data.u_unit if axes is first else data.y_unit
+        columns = np.atleast_2d(values.T)
+        for k, column in enumerate(columns):
             style.line(axes, data.t[: len(column)], column, steps=axes is first, label=f"{name[-1]}{k + 1}")
-        axes.set(ylabel=name)
-        style.legend(axes)
+        axes.set(ylabel=f"{name} [{unit}]" if unit else name)
+        if len(columns) > 1:
+            style.legend(axes)
     second.set(xlabel="time [s]")
     return second
 
@@ -80,7 +89,7 @@ def overlay(check: Check) -> "Axes":
     first, second = style.panels(None, rows=2, height=4.2, sharex=True)
     t = np.arange(len(check.u)) * check.Ts
     style.line(first, t, np.degrees(check.chain), label="fit")
-    style.line(first, t, np.degrees(check.rolled), color=style.SECOND, label="MJCF in MuJoCo", linestyle="--")
+    style.line(first, t, np.degrees(check.rolled), color="black", label="MJCF in MuJoCo", linestyle=":", linewidth=1.6)
     first.set(ylabel="angle [deg]", title="the fitted joint and its MJCF")
     style.legend(first)
     style.line(second, t, np.degrees(check.rolled - check.chain), color=style.SECOND, linewidth=0.8)

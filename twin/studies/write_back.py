@@ -32,6 +32,7 @@ class Source:
     fit: Fit
     data: IOData
     said: str
+    recorded: bool = False
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class Written:
     fragment: mjcf.Fragment | None = None
     check: Check | None = None
     into: str | None = None
+    torque_per_volt: float | None = None
 
     @property
     def close(self) -> bool:
@@ -90,7 +92,7 @@ def read_model(
         if Path(path).suffix.lower() == ".json":
             raise InputError(f"{path} is neither a saved fit ({refused}) nor a log ({error})") from None
         raise
-    return Source(grow_joint(data, parts=PARTS).fit, data, f"a joint fitted to {path}")
+    return Source(grow_joint(data, parts=PARTS).fit, data, f"a joint fitted to {path}", True)
 
 
 def _drawn(fit: Fit) -> IOData:
@@ -114,13 +116,14 @@ def write_back(
     source: Source,
     ways: Sequence[str],
     name: str,
-    torque_per_volt: float,
+    torque_per_volt: float | None,
     link_inertia: float,
     into: Path | None,
     folder: Path,
 ) -> Written:
     """Write the fit to `folder` in each of `ways` ("mjcf", "c", "python"); see `sysid.export`."""
     files = []
+    scale = 1.0 if torque_per_volt is None else torque_per_volt
     fit = source.fit
     if "c" in ways:
         files.append((c.write(fit, folder / f"{name}.c", name).name, "C99 with a state and a step function"))
@@ -128,12 +131,12 @@ def write_back(
         files.append((python.write(fit, folder / f"{name}.py").name, "Python that imports only math"))
     if "mjcf" not in ways:
         return Written(source, tuple(files))
-    fragment = mjcf.fragment(fit, name, torque_per_volt, link_inertia)
+    fragment = mjcf.fragment(fit, name, scale, link_inertia)
     write_text(folder / f"{name}.xml", fragment.model())
     files.append((f"{name}.xml", "MJCF that loads as it is, with a light link in place of yours"))
     if into is not None:
         made = folder / into.name if into.name != f"{name}.xml" else folder / f"with-{into.name}"
         write_text(made, put_into(fragment, into))
         files.append((made.name, f"{into.name} with the joint put in"))
-    checked = check(mjcf.fragment(fit, name, torque_per_volt), fit, source.data)
-    return Written(source, tuple(files), fragment, checked, None if into is None else str(into))
+    checked = check(mjcf.fragment(fit, name, scale), fit, source.data)
+    return Written(source, tuple(files), fragment, checked, None if into is None else str(into), torque_per_volt)
