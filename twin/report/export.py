@@ -51,10 +51,8 @@ def sentences(result: Written) -> list[str]:
     ]
     data, fit = result.source.data, result.source.fit
     if result.source.recorded:
-        said.insert(
-            0,
-            f"The joint follows the record to {fit.fit_percent(data):.1f} % (free run, on the record it was fitted to).",
-        )
+        percent = f"{fit.fit_percent(data):.1f} %"
+        said.insert(0, f"The joint follows the record to {percent} (free run, on the record it was fitted to).")
     if result.torque_per_volt is None:
         said.append("Forces are those of 1 N m per volt; give --torque-per-volt from the motor's data sheet.")
     said += [f"Not in the elements: {sentence}." for sentence in result.fragment.left_out]
