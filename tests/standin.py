@@ -41,7 +41,7 @@ COMMON = {"dead_band": (-0.15, 0.15, "+"), "supply_resistance": (0.5, 2.0), "pot
 
 def hidden(joint: str, seed: int) -> twin.Parameters:
     """Parameters of the stand-in `seed`, drawn over `RANGES` and `COMMON`."""
-    rng, nominal = np.random.default_rng([seed, 77]), twin.Parameters()
+    rng, nominal = np.random.default_rng([seed, 77, twin.JOINTS.index(joint)]), twin.Parameters()
     drawn = {}
     for short, (low, high, *kind) in {**RANGES, **COMMON}.items():
         at = rng.uniform(low, high)

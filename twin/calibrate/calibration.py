@@ -23,7 +23,7 @@ from twin.parameters import JOINTS, Parameters
 CONSIDERED = ("dead_band",)
 LEVEL = 0.95
 FIRST = 3  # samples that give the first angle of a log
-SHORT = 0.5  # standard deviations
+SHORT = 1.0  # standard deviations
 
 
 @dataclass(frozen=True)

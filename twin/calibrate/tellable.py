@@ -9,7 +9,7 @@ from twin.calibrate.problem import Free, Simulations
 
 # Of its scale: a parameter with a larger expected standard deviation is not told. Expected are white residuals; what
 # the twin lacks makes the true deviation several times larger.
-LIMIT = 0.06
+LIMIT = 0.15
 ALIKE = 0.9  # correlation from which two parameters are said to act alike
 
 
