@@ -49,7 +49,7 @@ def values(
         knob = trials.knobs[name]
         value, half = search.state.get(name, knob.nominal), factor * std * knob.typical
         known = bool(np.isfinite(half))
-        low, high = (value - half, value + half) if known else (None, None)
+        low, high = (max(value - half, knob.lower), min(value + half, knob.upper)) if known else (None, None)
         found.append(Value(name, value, low, high, knob.unit))
     return tuple(found)
 
