@@ -152,7 +152,7 @@ def test_a_single_effect_is_named_and_its_value_found(effect):
     assert verdict.alike == ()
     ((name, true),) = SINGLE[effect].items()
     (change,) = [change for change in verdict.named[0].changes if change.name == name]
-    if effect == "load":  # masses of shank and foot act almost alike: together they are known, each has its interval
+    if effect == "load":  # the mass of the shank acts almost alike, so the interval is wide
         assert change.log.holds(true)
         assert change.log.high - change.log.low < 1.0
     else:
