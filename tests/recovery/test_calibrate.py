@@ -14,7 +14,7 @@ from twin.calibrate.calibration import calibrate, chosen
 from twin.calibrate.leg import ROWS, own_rows, usual
 from twin.calibrate.start import from_joint, mapped_rows
 from twin.cli import main
-from twin.hardware.linkage import end_angles
+from twin.hardware.linkage import end_angles, linkage
 from twin.parameter_file import read
 from twin.truth import arm, closed_form, linear_bench, load
 
@@ -95,6 +95,22 @@ def test_a_turn_is_no_end():
     assert np.rad2deg(log.y.min() - end_angles(hidden("shank"), "shank")[0]) > 5.0
     start = from_joint([log], "shank", twin.Parameters(), usual("shank"))
     assert "shank.retracted_length" not in start.taken
+    assert "shank.retracted_length" in start.missed
+
+
+def test_a_start_does_not_strike_an_end_that_the_log_passes():
+    """Begun with a lower end 5 degrees inside the log's range; the other end stays where it was."""
+    log = twin.Experiment("shank", "sweep", 20.0, 0.05, options={"half_period": 6.0, "first": 0.8}).run()
+    nominal = twin.Parameters()
+    inside = linkage(nominal, "shank").length(float(log.y.min()) + np.deg2rad(5.0)) - nominal["shank.retracted_length"]
+    short = {
+        "shank.retracted_length": nominal["shank.retracted_length"] + inside,
+        "shank.stroke": nominal["shank.stroke"] - inside,
+    }
+    start = from_joint([log], "shank", nominal.replace(short), ("shank.coulomb",))
+    low, high = np.rad2deg(end_angles(start.parameters, "shank"))
+    assert 1.0 < np.rad2deg(log.y.min()) - low < 3.0
+    assert high == pytest.approx(np.rad2deg(end_angles(nominal, "shank")[1]), abs=1e-6)
 
 
 def test_an_end_that_was_never_reached_is_not_told():
@@ -103,7 +119,7 @@ def test_an_end_that_was_never_reached_is_not_told():
     log = twin.Experiment("thigh", "sweep", 9.0, 0.05, options=options).run()
     found = calibrate([log], "thigh", names=("retracted_length", "stroke"), fixed=("dead_band",))
     assert list(found.fixed) == ["thigh.stroke"]
-    assert "hardly show thigh.stroke" in found.fixed["thigh.stroke"]
+    assert "No log rests at the end that thigh.stroke places" in found.fixed["thigh.stroke"]
     assert found.parameters["thigh.stroke"] == twin.Parameters()["thigh.stroke"]
     assert found["retracted_length"].holds(0.202)
 

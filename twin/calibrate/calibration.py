@@ -10,7 +10,7 @@ from scipy.stats import norm
 from sysid.base.errors import InputError, unknown
 from sysid.base.threads import available, one_blas_thread
 from twin.calibrate import discrepancy
-from twin.calibrate.leg import DELAY, ROWS, Leg, free, row_name, usual
+from twin.calibrate.leg import DELAY, ROWS, Leg, free, row_name, scale, usual
 from twin.calibrate.problem import Record, Simulations
 from twin.calibrate.search import Found, find
 from twin.calibrate.start import from_joint
@@ -170,14 +170,14 @@ def calibrate(
                 f"the twin's {joint} cannot be simulated with these parameters; start from others (--params)"
             )
         _, J = first.linearise(first.start)
-        told = tell(first, J, max(first.noise, start.rms), rows)
+        told = tell(first, J, max(first.noise, start.rms), rows, start.missed)
         kept = tuple(row.name for row in told if row.told)
         if not kept:
             raise InputError(
                 f"these logs tell none of {', '.join(rows)}; record the {joint} from end to end at several voltages"
             )
         say(f"search over {len(kept)} parameters")
-        begun = start.parameters.replace({row: base[row] for row in rows if row not in kept})
+        begun = start.parameters.replace({row: base[row] for row in rows if row not in (*kept, *start.missed)})
         leg = Leg(joint, begun, kept, *settings)
         task = _problem(leg, logs, labels)
         _take_over(first, J, task, begun == start.parameters)
@@ -187,10 +187,11 @@ def calibrate(
         responses, steps = task.at(found.p), [record.Ts for record in task.records]
         scored = np.concatenate([record.scored for record in task.records])
         departures, size = discrepancy.estimate(e, J, responses, steps, scored)
-        unsure = [*(row.name for row in told if not row.told), *others]
+        unsure = [*(row.name for row in told if not (row.told or row.missed)), *others]
         wide = _problem(Leg(joint, begun, (*rows, *others), *settings), logs, labels)
         wide.steps = first.steps.copy()
         cov = discrepancy.covariance(J, departures, size) + _considered(wide, task, found, J, unsure)
+        cov += _from_missed_end(task, found, joint, base, start.missed)
         values = _values(task, found, cov, J, size, base, level)
         after = _as_board_sees(leg.parameters(task.values(found.p)[: len(kept)]))
         runs = _runs(Leg(joint, base, (), *settings), leg, task, found, logs, held_out, labels)
@@ -278,6 +279,18 @@ def _considered(first: Simulations, task: Simulations, found: Found, J: np.ndarr
     spread = np.array([first.free[j].scale / first.free[j].slope(first.free[j].start) for j in which])
     moved = np.linalg.pinv(J) @ (first.columns(p, which) * spread)
     return moved @ moved.T
+
+
+def _from_missed_end(
+    task: Simulations, found: Found, joint: str, base: Parameters, missed: Sequence[str]
+) -> np.ndarray:
+    """Covariance (n, n) of a stroke whose retracted end no log strikes: the logs tell the sum of the two lengths."""
+    cov = np.zeros((len(task.free), len(task.free)))
+    first = f"{joint}.retracted_length"
+    for j, f in enumerate(task.shared):
+        if f.name == f"{joint}.stroke" and first in missed:
+            cov[j, j] = (scale(first, base[first]) / f.slope(task.values(found.p)[j])) ** 2
+    return cov
 
 
 def _values(

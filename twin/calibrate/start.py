@@ -21,18 +21,23 @@ from twin.truth import arm, linear_bench, link_inertia, load
 SURE = 0.1  # of the stroke: an end with a wider interval to each side is not taken over
 ROUGH = 0.5  # of the value, the same for speed and friction
 NEAR = 0.03  # of the range from its ends
+CLEAR = np.deg2rad(1.0)  # of an end that no log strikes from the angles that the logs reach
 PUSH = 0.1  # of the friction: a voltage above it by this much would drive the joint on
 RESTS = 2.0  # times the time in which the joint would pass
 
 
 @dataclass(frozen=True)
 class Start:
-    """Parameters to start from, the values of the fitted joint, those taken over by row, and its RMS error [rad]."""
+    """Parameters to start from, the values of the fitted joint, those taken over by row, and its RMS error [rad].
+
+    `missed` are the rows of ends that no log strikes.
+    """
 
     parameters: Parameters
     values: tuple[JointValue, ...] = ()
     taken: Mapping[str, float] = field(default_factory=dict)
     rms: float = 0.0
+    missed: tuple[str, ...] = ()
 
 
 def from_joint(logs: Sequence[Log], joint: str, base: Parameters, names: Sequence[str], seed: int = 0) -> Start:
@@ -50,10 +55,42 @@ def from_joint(logs: Sequence[Log], joint: str, base: Parameters, names: Sequenc
     fit = fit_chain(actuated_joint(play=False), record, search="lm", starts=4, seed=seed)
     values = joint_values(fit)
     by_name = {value.name: value for value in values}
-    for end in _not_struck(data, by_name):
-        del by_name[end]
+    missed = _not_struck(data, by_name)
+    for end in missed:
+        by_name.pop(end, None)
+    low, high = (float(of([of(one.y) for one in data])) for of in (np.min, np.max))
+    base = _out_of_the_way(joint, base, missed, low, high)
     mapped = mapped_rows(joint, base, by_name, names)
-    return Start(base.replace(mapped), values, mapped, float(np.sqrt(fit.criteria.mse)))
+    rows = [end_row(joint, end) for end in missed]
+    if missed == ["end_low"] and joint != "shoulder" and f"{joint}.stroke" not in names:
+        rows = []  # with a known stroke, the struck end tells the retracted length
+    return Start(base.replace(mapped), values, mapped, float(np.sqrt(fit.criteria.mse)), tuple(rows))
+
+
+def end_row(joint: str, end: str) -> str:
+    """The row that places "end_low" or "end_high" of the joint, the other end held."""
+    pair = ("lower", "upper") if joint == "shoulder" else ("retracted_length", "stroke")
+    return f"{joint}.{pair[end == 'end_high']}"
+
+
+def _out_of_the_way(joint: str, p: Parameters, missed: Sequence[str], low: float, high: float) -> Parameters:
+    """Parameters whose ends in `missed` lie beyond the angles `low` to `high` that the logs reached; the other end is
+    where it was."""
+    ends = dict(zip(("end_low", "end_high"), end_angles(p, joint), strict=True))
+    for end, reached, outward in (("end_low", low, -1.0), ("end_high", high, 1.0)):
+        if end not in missed or outward * (ends[end] - reached) > CLEAR:
+            continue
+        angle, row = reached + 2.0 * outward * CLEAR, end_row(joint, end)
+        if joint == "shoulder":
+            p = p.replace({row: angle})
+            continue
+        triangle, first = linkage(p, joint), p[f"{joint}.retracted_length"]
+        length = float(triangle.length(angle))
+        if end == "end_high":
+            p = p.replace({row: length - first})
+        else:
+            p = p.replace({row: length, f"{joint}.stroke": first + p[f"{joint}.stroke"] - length})
+    return p
 
 
 def _not_struck(data: Sequence[IOData], values: Mapping[str, JointValue]) -> list[str]:
@@ -73,7 +110,7 @@ def _not_struck(data: Sequence[IOData], values: Mapping[str, JointValue]) -> lis
             passing = part / (speed * float(push[driven].mean())) if driven.any() and speed > 0.0 else np.inf
             ends = np.flatnonzero(np.diff(np.concatenate([[0], driven.astype(int), [0]])))
             rests = max(rests, one.Ts * float(np.max(ends[1::2] - ends[::2], initial=0)) / passing)
-        if end in values and rests < RESTS:
+        if rests < RESTS:
             lost.append(end)
     return lost
 

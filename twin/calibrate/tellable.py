@@ -17,7 +17,8 @@ ALIKE = 0.9  # correlation from which two parameters are said to act alike
 class Told:
     """A parameter, the standard deviation that the records promise [unit], its scale, and those that act alike.
 
-    `told` is false where the deviation is above `LIMIT` of the scale, with all parameters kept so far free.
+    `told` is false where the deviation is above `LIMIT` of the scale, with all parameters kept so far free, and for the
+    row of an end that no log strikes (`missed`).
     """
 
     name: str
@@ -26,11 +27,14 @@ class Told:
     scale: float
     told: bool
     alike: tuple[str, ...] = ()
+    missed: bool = False
 
     def sentence(self) -> str:
         """Why it is not told; empty for a parameter that is."""
         if self.told:
             return ""
+        if self.missed:
+            return f"No log rests at the end that {self.name} places, under a voltage towards it; it is not calibrated."
         if self.alike:
             return (
                 f"{self.name} and {' and '.join(self.alike)} act alike in these records; {self.name} keeps its value."
@@ -50,16 +54,22 @@ def promised(J: np.ndarray, noise: float) -> np.ndarray:
     return out
 
 
-def tell(problem: Simulations, J: np.ndarray, noise: float, order: Sequence[str]) -> tuple[Told, ...]:
+def tell(
+    problem: Simulations, J: np.ndarray, noise: float, order: Sequence[str], missed: Sequence[str] = ()
+) -> tuple[Told, ...]:
     """What the Jacobian J (N, n) at the start promises for the parameters `order`, for residuals of size `noise`.
+
+    `missed` are rows of ends that no log strikes. They move the response only through limit switches and the other end.
 
     As long as a parameter is not told, the one that comes last in `order` among those not told is fixed, which may
     leave the others well told.
     """
     p, shared = problem.start, len(problem.shared)
     slopes = problem.slopes(p)
-    kept = [j for j, f in enumerate(problem.free) if j >= shared or f.name in order]
-    verdicts = dict[str, Told]()
+    kept = [j for j, f in enumerate(problem.free) if j >= shared or (f.name in order and f.name not in missed)]
+    verdicts = {
+        f.name: Told(f.name, f.unit, np.inf, f.scale, False, missed=True) for f in problem.shared if f.name in missed
+    }
     while True:
         cov = promised(J[:, kept], noise)
         std = np.sqrt(np.diag(cov))
