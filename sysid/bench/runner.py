@@ -1,43 +1,30 @@
-"""Run cases into a CSV, one row each. A run that was killed continues where it stopped."""
+"""Run cells into a table. A run that was stopped or killed continues where it was."""
 
-import csv
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Sequence
 
-from sysid.base.errors import InputError
-from sysid.base.files import Lines
-from sysid.bench.scenarios import Case
-from sysid.bench.score import FIELDS, score
+from sysid.base.executor import results
+from sysid.bench import cell
+from sysid.bench.cell import Cell
+from sysid.bench.table import Table
 
 
-def run(cases: list[Case], path: Path, progress: Callable[[int, int], None] | None = None) -> int:
-    """Score every case that is not yet in `path`; returns how many were run. Each row is written at once."""
-    done = {_key(row) for row in read(path)} if path.exists() else set()
-    todo = [c for c in cases if (c.plant, c.structure, c.starts, c.seed) not in done]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    lines = Lines(path)
-    if not lines.read():
-        lines.append(",".join(FIELDS))
-    for k, case in enumerate(todo):
-        row = score(case)
-        lines.append(",".join(row[f] for f in FIELDS))
-        if progress is not None:
-            progress(k + 1, len(todo))
+def run(
+    cells: Sequence[Cell],
+    table: Table,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> int:
+    """Run every cell that has no row yet; returns how many were run.
+
+    `workers` are local processes, `scheduler` the address of a Dask scheduler (see `sysid.base.executor`). Each row is
+    on the disk as soon as its cell ends.
+    """
+    with table.writing():
+        done = table.done()
+        todo = [each for each in cells if each.key not in done]
+        for k, (_, row) in enumerate(results(cell.run, todo, workers, scheduler), 1):
+            table.add(row)
+            if progress is not None:
+                progress(k, len(todo))
     return len(todo)
-
-
-def read(path: Path) -> list[dict[str, str]]:
-    """Complete rows of a results file; an incomplete last line of a killed run is left out."""
-    if not path.exists():
-        raise InputError(f"{path} does not exist; run the benchmark first: python -m sysid.bench run --out {path}")
-    whole = Lines(path).read()
-    if not whole:
-        return []
-    rows = list(csv.DictReader(whole))
-    if whole[0].split(",") != list(FIELDS):
-        raise InputError(f"{path} has other columns than this benchmark writes; choose another file")
-    return rows
-
-
-def _key(row: dict[str, str]) -> tuple[str, str, int, int]:
-    return row["plant"], row["structure"], int(row["starts"]), int(row["seed"])

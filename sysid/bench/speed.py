@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from sysid.base.threads import one_blas_thread
-from sysid.bench.scenarios import NOISE, N
+from sysid.bench.scenarios.textbook import NOISE, N
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
 from sysid.model.system import System

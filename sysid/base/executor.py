@@ -1,0 +1,70 @@
+"""The one executor: independent jobs on local cores by joblib, or on a Dask cluster by its scheduler's address."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+from sysid.base.errors import InputError
+from sysid.base.threads import available
+
+J = TypeVar("J")
+R = TypeVar("R")
+
+RETRIES = 3  # of a job whose Dask worker was lost
+
+
+def results(
+    function: Callable[[J], R], jobs: Sequence[J], workers: int | None = None, scheduler: str | None = None
+) -> Iterator[tuple[int, R]]:
+    """(index of the job, function(job)) in the order in which they end.
+
+    `workers` are local processes, as many as there are cores if None; one runs the jobs here. `scheduler` is the
+    address of a Dask scheduler, for example tcp://10.0.0.1:8786, whose workers have qpal installed; a job whose worker
+    is lost runs again on another. An exception of a job ends the iteration. Raises InputError if there is no Dask, no
+    scheduler at the address, or no positive number of workers.
+    """
+    if workers is not None and workers < 1:
+        raise InputError(f"workers is {workers}; give a number of 1 or more")
+    if scheduler is not None:
+        return _on_cluster(function, jobs, scheduler)
+    count = min(workers or available(), max(len(jobs), 1))
+    return _here(function, jobs) if count == 1 else _on_cores(function, jobs, count)
+
+
+def in_order(
+    function: Callable[[J], R], jobs: Sequence[J], workers: int | None = None, scheduler: str | None = None
+) -> list[R]:
+    """All results in the order of the jobs."""
+    found = dict(results(function, jobs, workers, scheduler))
+    return [found[k] for k in range(len(jobs))]
+
+
+def _here(function: Callable[[J], R], jobs: Sequence[J]) -> Iterator[tuple[int, R]]:
+    for k, job in enumerate(jobs):
+        yield k, function(job)
+
+
+def _on_cores(function: Callable[[J], R], jobs: Sequence[J], count: int) -> Iterator[tuple[int, R]]:
+    from joblib import Parallel, delayed
+
+    tasks = (delayed(_numbered)(function, k, job) for k, job in enumerate(jobs))
+    yield from Parallel(n_jobs=count, return_as="generator_unordered")(tasks)
+
+
+def _numbered(function: Callable[[Any], R], k: int, job: Any) -> tuple[int, R]:
+    return k, function(job)
+
+
+def _on_cluster(function: Callable[[J], R], jobs: Sequence[J], address: str) -> Iterator[tuple[int, R]]:
+    try:
+        from distributed import Client, as_completed
+    except ImportError:
+        raise InputError('a scheduler needs Dask, which is not installed; run: pip install "qpal[cluster]"') from None
+    try:
+        client = Client(address, timeout="10s")
+    except (OSError, ValueError) as error:
+        raise InputError(f"there is no Dask scheduler at {address} ({error}); start one with: dask scheduler") from None
+    with client:
+        futures = {client.submit(function, job, pure=False, retries=RETRIES): k for k, job in enumerate(jobs)}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+            future.release()

@@ -1,0 +1,160 @@
+"""One cell of the benchmark: a scenario, a method and a seed become one row of the table."""
+
+import json
+import platform
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from sysid.base.criteria import fit_percent
+from sysid.base.errors import InputError
+from sysid.bench.columns import COLUMNS
+from sysid.bench.method import Method, Outcome
+from sysid.bench.task import Family, Task, Truth
+
+STEADY = "steady state"  # an extra run over levels, each held until the plant is at rest
+LEVELS = 9
+SETTLED = 1e-4  # what is left of a step when a level ends
+LONGEST = 20_000  # samples of a level; a slower plant has no steady state here
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One row to be: the objects themselves, so that it can be run in another process."""
+
+    family: Family
+    scenario: str
+    method: Method
+    seed: int
+    seconds: float
+
+    @property
+    def key(self) -> tuple[str, str, int]:
+        """What makes a row unique: (scenario, method, seed)."""
+        return f"{self.family.name}/{self.scenario}", self.method.name, self.seed
+
+
+def run(cell: Cell) -> dict[str, Any]:
+    """The row of one cell, with every column; whatever the method does, there is a row."""
+    row: dict[str, Any] = {name: None if kind.is_numeric() else "" for name, kind in COLUMNS.items()}
+    row |= dict(zip(("scenario", "method", "seed"), cell.key, strict=True))
+    row |= {"budget": cell.seconds, "machine": _machine(), "qpal": _qpal()}
+    try:
+        task = cell.family.make(cell.scenario, cell.seed)
+    except InputError as error:
+        return row | {"status": f"no data: {error}"}
+    stairs = staircase(task)
+    tests = {name: (t.u[:, 0], t.y[: task.drop, 0]) for name, t in task.tests.items()}
+    if stairs is not None:
+        tests[STEADY] = stairs[0], stairs[1][: task.drop]
+    outcome = cell.method.solve(task, tests, cell.seconds, cell.seed)
+    row |= {"status": outcome.status, "seconds": outcome.seconds, "memory": outcome.memory, "version": outcome.version}
+    row |= {name: str(outcome.details.get(name, "")) for name in ("stop", "structure")}
+    if outcome.status == "ok":
+        row |= scores(task, outcome) | accuracy(task, outcome, stairs)
+    return {name: None if isinstance(v, float) and not np.isfinite(v) else v for name, v in row.items()}
+
+
+def scores(task: Task, outcome: Outcome) -> dict[str, Any]:
+    """Free-run errors on the tests. A run that is not finite has a fit of minus infinity, written as -1e9."""
+    errors, fits, best, squares = dict[str, float](), [], [], []
+    for name, test in task.tests.items():
+        keep = test.observed[task.drop :, 0]
+        y, run = test.y[task.drop :, 0][keep], outcome.runs[name][task.drop :][keep]
+        run = np.where(np.isfinite(run), run, 1e12)
+        errors[name] = float(np.sqrt(np.mean((y - run) ** 2)))
+        squares.append((y - run) ** 2)
+        fits.append(max(fit_percent(y, run), -1e9))
+        if task.truth is not None:
+            best.append(fit_percent(y, task.truth.y[name][task.drop :][keep]))
+    return {
+        "fit": float(np.mean(fits)),
+        "oracle": float(np.mean(best)) if best else None,
+        "rmse": float(np.sqrt(np.mean(np.concatenate(squares)))),
+        "errors": json.dumps(errors),
+        "loss": outcome.details.get("loss"),
+        "noise": task.truth.noise**2 if task.truth is not None else None,
+    }
+
+
+def accuracy(task: Task, outcome: Outcome, stairs: tuple[np.ndarray, ...] | None) -> dict[str, Any]:
+    """Errors of poles and of the steady state, and how many intervals hold, for a plant with a truth."""
+    truth, out = task.truth, dict[str, Any]()
+    if stairs is not None:
+        _, y, ends = stairs
+        found = outcome.runs[STEADY][ends]
+        scale = float(np.std(np.concatenate([np.asarray(v) for v in truth.y.values()]))) if truth else np.nan
+        out["map_error"] = float(min(np.sqrt(np.mean((found - y[ends]) ** 2)) / scale, 1e6))
+    if truth is None or truth.poles is None or "poles" not in outcome.details:
+        return out
+    poles = np.array([complex(*z) for z in outcome.details["poles"]])
+    out["pole_error"] = pole_error(poles, truth.poles, task.train.Ts)
+    claims = outcome.details.get("intervals", {}).get("pole", [])
+    if len(claims) == len(truth.poles):
+        out |= held(np.array(claims, dtype=float), truth.poles)
+    return out
+
+
+def staircase(task: Task) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Input (N,), output (N,) and last sample of each level for a chain that comes to rest; None for another truth."""
+    truth = task.truth
+    if truth is None or truth.chain is None or truth.theta is None or truth.poles is None or not len(truth.poles):
+        return None
+    slowest = float(np.abs(truth.poles).max())
+    n = int(np.log(SETTLED) / np.log(slowest)) + 20 if slowest < 1.0 else LONGEST + 1
+    if n > LONGEST:
+        return None
+    levels = np.quantile(task.train.u[:, 0], np.linspace(0.02, 0.98, LEVELS))
+    u = np.repeat(levels, max(n, task.drop + 1))
+    return u, truth.chain.simulate(truth.theta, u), np.arange(1, LEVELS + 1) * max(n, task.drop + 1) - 1
+
+
+def matched(poles: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """The estimated pole (n,) of each true one: the assignment of least total distance, nan where there is none."""
+    out = np.full(len(true), np.nan, dtype=complex)
+    i, j = linear_sum_assignment(np.abs(true[:, None] - poles[None]))
+    out[i] = poles[j]
+    return out
+
+
+def pole_error(poles: np.ndarray, true: np.ndarray, Ts: float) -> float:
+    """Largest |s - s true| / |s true| with s = log(z) / Ts; 1e6 at most, nan if poles are missing."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found, s = np.log(matched(poles, true)) / Ts, np.log(true.astype(complex)) / Ts
+        return float(np.minimum(np.max(np.abs(found - s) / np.abs(s)), 1e6))
+
+
+def held(claims: np.ndarray, true: np.ndarray) -> dict[str, Any]:
+    """Of intervals [re, im, half axis of re, of im] (n, 4): how many there are, hold, and their median relative width.
+
+    Conjugates are counted once, and the imaginary part of a real pole not at all.
+    """
+    rows = true.imag >= 0.0
+    estimate = claims[:, 0] + 1j * claims[:, 1]
+    _, order = linear_sum_assignment(np.abs(true[:, None] - estimate[None]))
+    mine, z = claims[order][rows], true[rows]
+    two = z.imag > 0.0
+    off = np.concatenate([np.abs(mine[:, 0] - z.real), np.abs(mine[:, 1] - z.imag)[two]])
+    half = np.concatenate([mine[:, 2], mine[:, 3][two]])
+    share = half / np.abs(1.0 - np.concatenate([z, z[two]]))
+    known = np.isfinite(half)
+    return {
+        "intervals": int(known.sum()),
+        "held": int((off <= half)[known].sum()),
+        "width": float(np.median(share[known])) if known.any() else None,
+    }
+
+
+def _machine() -> str:
+    return f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
+
+
+def _qpal() -> str:
+    from importlib.metadata import version
+
+    return version("qpal")
+
+
+__all__ = ["Cell", "Truth", "accuracy", "held", "matched", "pole_error", "run", "scores", "staircase"]

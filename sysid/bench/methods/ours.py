@@ -1,0 +1,118 @@
+"""The structures of this library, with the orders that the scenario tells and otherwise their defaults."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.bench.contract import Data
+from sysid.bench.method import Inside
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+from sysid.model.chain import Chain
+from sysid.nlarx.dispatch import fit
+from sysid.nlarx.model import Nlarx
+from sysid.nlarx.result import NlarxFit
+from sysid.selection.select import select
+from sysid.structures import actuated_joint, hammerstein, hammerstein_wiener, nlarx, output_error, wiener
+from sysid.structures.wiener_hammerstein import wiener_hammerstein
+from sysid.uncertainty.information import information
+from sysid.uncertainty.intervals import poles
+
+ORDERS = (2, 2, 1)  # where the scenario tells none
+
+
+@dataclass(frozen=True)
+class Ours:
+    """A fit as the contract wants it; `zero` (2,) are the means of u and y that were taken away before the fit."""
+
+    fit: Fit | NlarxFit
+    data: IOData
+    zero: tuple[float, float]
+
+    def simulate(self, u: np.ndarray, y_init: np.ndarray) -> np.ndarray:
+        """Free run (N,); the initial state is fitted to y_init (n,), rest without it."""
+        u0, y0 = self.zero
+        if not len(y_init):
+            return self.fit.simulate(u - u0) + y0
+        y = np.concatenate([y_init, np.full(len(u) - len(y_init), y_init[-1])])
+        return self.fit.simulate(IOData(u - u0, y - y0, self.fit.Ts), len(y_init)) + y0
+
+    @property
+    def poles(self) -> np.ndarray | None:
+        """Poles in z, None for a model without any."""
+        return self.fit.poles if isinstance(self.fit, Fit) else None
+
+    @property
+    def details(self) -> dict[str, Any]:
+        """See `sysid.bench.contract.Model`."""
+        found: dict[str, Any] = {"stop": self.fit.stop.reason, "loss": self.fit.criteria.mse}
+        if isinstance(self.fit, Fit):
+            found["structure"] = f"{self.fit.model.structure}, d {self.fit.criteria.d}"
+            found["intervals"] = {"pole": _claims(self.fit, self.data)}
+        return found
+
+
+def _claims(fit: Fit, data: IOData) -> list[list[float]]:
+    """Pole intervals as the contract wants them; none if the fit cannot give any."""
+    try:
+        roots = poles(information(fit, data))
+    except InputError:
+        return []
+    return [
+        [z.real, z.imag, root.real.upper - z.real, root.imag.upper - z.imag]
+        for root, z in ((root, root.value) for root in roots)
+    ]
+
+
+def record(data: Data) -> IOData:
+    """The estimation data as a record."""
+    parts = zip(data.u, data.y, data.missing, strict=True)
+    return IOData.merge(*(IOData(u, y, data.Ts, missing=m[:, None]) for u, y, m in parts))
+
+
+def about_means(raw: IOData) -> tuple[IOData, tuple[float, float]]:
+    """The record less the means of u and of the measured y, and these."""
+    u0, y0 = float(raw.u.mean()), float(raw.y[raw.observed].mean())
+    parts = (IOData(e.u - u0, e.y - y0, e.Ts, missing=e.missing) for e in raw.experiments)
+    return IOData.merge(*parts), (u0, y0)
+
+
+def fitted(model: Callable[[int, int, int], Chain | Nlarx], absolute: bool = False) -> Callable[[Data], Ours]:
+    """A method of the contract that fits model(nb, nf, nk); signals keep their zero if `absolute`."""
+
+    def method(data: Data) -> Ours:
+        raw = record(data)
+        own, zero = (raw, (0.0, 0.0)) if absolute else about_means(raw)
+        return Ours(fit(model(*(data.orders or ORDERS)), own, seed=data.seed), own, zero)
+
+    return method
+
+
+def auto(data: Data) -> Ours:
+    """The structure search, on one core; it sees no orders."""
+    raw = record(data)
+    own, zero = about_means(raw)
+    found = select(own, seed=data.seed, jobs=1)
+    if found.chosen.candidate.zero:  # a structure whose zero means something, such as no voltage
+        chosen = fit(found.chosen.candidate.model(), raw, seed=data.seed)
+        return Ours(chosen, raw, (0.0, 0.0))
+    return Ours(found.fit, own, zero)
+
+
+METHODS = (
+    Inside("output_error", "linear output error", fitted(output_error)),
+    Inside("hammerstein", "Hammerstein, ten free break points", fitted(hammerstein)),
+    Inside("wiener", "Wiener, ten free break points", fitted(wiener)),
+    Inside("hammerstein_wiener", "Hammerstein-Wiener, ten free break points a map", fitted(hammerstein_wiener)),
+    Inside("wiener_hammerstein", "Wiener-Hammerstein, ten free break points", fitted(wiener_hammerstein)),
+    Inside(
+        "nlarx",
+        "nonlinear ARX fitted to its free run",
+        fitted(lambda nb, nf, nk: nlarx(na=nf, nb=nb, nk=nk, focus="simulation")),
+    ),
+    Inside("actuated_joint", "motor, stops and linkage", fitted(lambda *_: actuated_joint(), absolute=True)),
+    Inside("auto", "structure search without orders", auto),
+)

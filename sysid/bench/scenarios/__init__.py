@@ -1,0 +1,6 @@
+"""Families of scenarios: one file each, and one line in `TABLE`."""
+
+from sysid.bench.scenarios.textbook import Textbook
+from sysid.bench.task import Family
+
+TABLE: dict[str, Family] = {family.name: family for family in (Textbook(),)}
