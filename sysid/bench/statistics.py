@@ -90,7 +90,8 @@ def duel(mine: np.ndarray, theirs: np.ndarray, margin: float, level: float = LEV
     drawn = np.random.default_rng(seed).multinomial(n, counts / n, size=RESAMPLES) / n
     ends = np.quantile(drawn, [(1 - level) / 2, (1 + level) / 2], axis=0)
     win, tie, loss = ((float(low), float(high)) for low, high in ends.T)
-    return Duel(*map(int, counts), win, tie, loss)
+    wins, ties, losses = (int(count) for count in counts)
+    return Duel(wins, ties, losses, win, tie, loss)
 
 
 def median_interval(values: np.ndarray, level: float = LEVEL, seed: int = 0) -> tuple[float, float]:
