@@ -1,8 +1,8 @@
 """The leaderboard as a pure function of the results table: a frame per question, by family and method.
 
 The bar of a task (scenario and seed) is the fit of the search that began at the truth (`BAR`); where a task has none,
-such as a real record, the best fit of any method is the bar. The gap of a row is the bar less its fit, in points of fit.
-A method that crashed, refused or diverged has an infinite gap. Rows whose method or record is not there do not count.
+such as a real record, the best fit of any method is the bar. The gap of a row is the bar less its fit, in points. A
+method that crashed, refused or diverged has an infinite gap. Rows whose method or record is not there do not count.
 """
 
 from collections.abc import Collection, Sequence
@@ -21,6 +21,8 @@ DIVERGED = -1e8  # a fit below it stands for a run that is not finite
 NEAR = (0.1, 1.0)  # points of fit from the bar
 CAP = 100.0  # points: a failure counts as much as a model that explains nothing
 CLAIMED = 0.95  # of the intervals
+EXPLAINED = 1.1  # times the variance of the noise: a model with a larger loss does not contain the plant
+ENOUGH = 0.9  # of a family's tasks must be tried by a method that is ranked
 TASK = ("scenario", "seed")
 GROUP = ("family", "method")
 
@@ -78,9 +80,20 @@ def leaderboard(rows: pl.DataFrame) -> pl.DataFrame:
         pl.col("memory").median().alias("memory"),
         (pl.col("bar_is") == AT_TRUTH).mean().alias("bar_at_truth"),
     )
+    tasks = rows.group_by("family").agg(pl.struct(TASK).n_unique().alias("tasks"))
+    frame = frame.join(tasks, "family")
     for margin in NEAR:
         frame = with_rate(frame, f"near_{margin:g}", "n")
-    return frame.sort("family", pl.col("method") == BAR, "lost", "method")
+    return frame.sort("family", ~_ranked(), "lost", "method")
+
+
+def ranked(board: pl.DataFrame) -> pl.DataFrame:
+    """The methods that compete: all but the bar, and but those that tried less than `ENOUGH` of a family's tasks."""
+    return board.filter(_ranked())
+
+
+def _ranked() -> pl.Expr:
+    return (pl.col("method") != BAR) & (pl.col("n") >= ENOUGH * pl.col("tasks"))
 
 
 def with_rate(frame: pl.DataFrame, k: str, n: str) -> pl.DataFrame:
@@ -93,14 +106,26 @@ def with_rate(frame: pl.DataFrame, k: str, n: str) -> pl.DataFrame:
     )
 
 
+def explained(suffix: str = "") -> pl.Expr:
+    """Whether a row's model explains its record: its loss is not far above the variance of the noise."""
+    return (pl.col(f"loss{suffix}") <= EXPLAINED * pl.col(f"noise{suffix}")).fill_null(False)
+
+
 def calibration(rows: pl.DataFrame, by: Sequence[str] = GROUP) -> pl.DataFrame:
-    """How many of the claimed intervals hold the truth, with Wilson's interval, and their median relative width."""
-    claimed = rows.filter(pl.col("intervals") > 0)
+    """How many of the claimed intervals hold the truth, with Wilson's interval, and their median relative width.
+
+    Only models that explain their record count: an interval says nothing of a plant that its model cannot be. `others`
+    and `others_held` are the intervals of the other models.
+    """
+    claimed = rows.filter(pl.col("intervals") > 0).with_columns(explained().alias("whole"))
+    whole, rest = pl.col("whole"), ~pl.col("whole")
     frame = claimed.group_by(by).agg(
-        pl.len().alias("n"),
-        pl.col("intervals").sum(),
-        pl.col("held").sum(),
-        pl.col("width").median(),
+        whole.sum().alias("n"),
+        pl.col("intervals").filter(whole).sum(),
+        pl.col("held").filter(whole).sum(),
+        pl.col("width").filter(whole).median(),
+        pl.col("intervals").filter(rest).sum().alias("others"),
+        pl.col("held").filter(rest).sum().alias("others_held"),
     )
     return with_rate(frame, "held", "intervals").sort(by)
 
@@ -184,17 +209,14 @@ def winners(board: pl.DataFrame, ours: Collection[str]) -> pl.DataFrame:
     A side without a method has nulls.
     """
     mine = pl.col("method").is_in(list(ours))
-    ranked = board.filter(pl.col("method") != BAR)
+    competing = ranked(board)
     sides = []
     for side, those in (("ours", mine), ("peer", ~mine)):
-        best = ranked.filter(those).group_by("family", maintain_order=True).first()
-        columns = ("method", "n", "lost", "near_0.1_rate", "seconds", "fit_median")
+        best = competing.filter(those).group_by("family", maintain_order=True).first()
+        columns = ("method", "n", "lost", "near_0.1", "near_0.1_rate", "seconds", "fit_median")
         sides.append(best.select("family", *(pl.col(name).alias(_of(side, name)) for name in columns)))
-    return (
-        ranked.select(pl.col("family").unique().sort())
-        .join(sides[0], "family", "left")
-        .join(sides[1], "family", "left")
-    )
+    families = board.select(pl.col("family").unique().sort())
+    return families.join(sides[0], "family", "left").join(sides[1], "family", "left").sort("family")
 
 
 def equally_good(board: pl.DataFrame, family: str, than: str, margin: float = NEAR[0]) -> pl.DataFrame:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
+from sysid.bench.leaderboard import explained
+
 SEARCH, SELECTION, RUN, INTERVALS = "search", "selection", "free run", "intervals"
 PLACES = {  # where to look first
     SEARCH: "sysid/solver, and `propagate` and `value` of the blocks in sysid/blocks",
@@ -26,8 +28,8 @@ SAME_WIDTH = 0.05  # of log width
 class Measure:
     """`change(pairs)` (n,) is positive where the new row is worse, nan where the measure says nothing of the pair.
 
-    A change within `tolerance` is none. `worse` and `better` are sentences with places: who, w of n pairs changed in that
-    direction and b in the other one, size is their median change as `size` writes it.
+    A change within `tolerance` is none. `worse` and `better` are sentences with places: who, w of n pairs changed in
+    that direction and b in the other one, size is their median change as `size` writes it.
     """
 
     name: str
@@ -109,11 +111,12 @@ def width(pairs: pl.DataFrame) -> np.ndarray:
 
 
 def coverage(pairs: pl.DataFrame) -> np.ndarray:
-    """The share of pole intervals that no longer hold the truth, at the same loss."""
+    """The share of pole intervals that no longer hold the truth, at the same loss; models that can hold it alone."""
+    whole = pairs.select(explained() & explained("_base")).to_series().to_numpy()
     with np.errstate(invalid="ignore", divide="ignore"):
         new = _float(pairs, "held") / _float(pairs, "intervals")
         base = _float(pairs, "held_base") / _float(pairs, "intervals_base")
-    return np.where(_same_fit(pairs), base - new, np.nan)
+    return np.where(_same_fit(pairs) & whole, base - new, np.nan)
 
 
 def claims(pairs: pl.DataFrame) -> np.ndarray:
@@ -166,8 +169,8 @@ TABLE = (
         SELECTION,
         growth,
         0.5,
-        "The structure of {who} has {size} more parameters (median) without a better fit on {w} of {n} pairs, and fewer "
-        "on {b}",
+        "The structure of {who} has {size} more parameters (median) without a better fit on {w} of {n} pairs, and "
+        "fewer on {b}",
         "The structure of {who} has {size} fewer parameters (median) without a lower fit on {w} of {n} pairs, and more "
         "on {b}",
         _whole,

@@ -1,4 +1,4 @@
-"""What a change of the code made better or worse: two tables of the same cells, compared pair by pair. Never by seconds.
+"""What a change of the code made better or worse: two tables of the same cells, pair by pair, never by seconds.
 
 Unchanged code gives the same rows, but for rounding and for a few cells where another processor ends in another
 optimum, in either direction. So a measure counts the pairs that changed by more than its tolerance, w for the worse and
@@ -17,7 +17,7 @@ import polars as pl
 
 from sysid.base.errors import InputError
 from sysid.bench.columns import KEY
-from sysid.bench.leaderboard import CLAIMED, STOPPED, UNTRIED
+from sysid.bench.leaderboard import CLAIMED, STOPPED, UNTRIED, explained
 from sysid.bench.measures import PLACES, TABLE, WIDTH, Measure
 from sysid.bench.statistics import wilson
 
@@ -186,14 +186,18 @@ def _finding(
 def _too_wide_or_narrow(pairs: pl.DataFrame, direction: float) -> tuple[bool, str]:
     """Whether wider (direction 1) or narrower intervals are worse, and the coverage in words.
 
-    Wider ones are better only if too few held before; narrower ones are worse only if too few hold now.
+    Only models that explain their record are judged: no interval of another model can hold. Wider ones are better only
+    if too few held before; narrower ones are worse only if too few hold now; without any such model both are worse.
     """
-    now = wilson(int(pairs["held"].sum()), int(pairs["intervals"].sum()))
-    before = wilson(int(pairs["held_base"].sum()), int(pairs["intervals_base"].sum()))
+    judged = pairs.filter(explained() & explained("_base"))
+    if judged.is_empty():
+        return True, "; no model among them explains its record, so nothing says that this is right"
+    now = wilson(int(judged["held"].sum()), int(judged["intervals"].sum()))
+    before = wilson(int(judged["held_base"].sum()), int(judged["intervals_base"].sum()))
     worse = before.high >= CLAIMED if direction > 0 else now.high < CLAIMED
     words = (
-        f"; {now.k} of {now.n} hold the truth ({100 * now.value:.0f} %), {before.k} of {before.n} before "
-        f"({100 * before.value:.0f} %), and {100 * CLAIMED:.0f} % is claimed"
+        f". Where the model explains the record, {now.k} of {now.n} hold the truth ({100 * now.value:.0f} %), {before.k} "
+        f"of {before.n} before ({100 * before.value:.0f} %), and {100 * CLAIMED:.0f} % is claimed"
     )
     return worse, words
 
