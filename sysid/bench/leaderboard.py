@@ -166,24 +166,16 @@ def worst(rows: pl.DataFrame, count: int, by: Sequence[str] = ("scenario", "meth
     return ranked.group_by(by, maintain_order=True).head(count)
 
 
-def scores(rows: pl.DataFrame, value: str = "fit", family: str | None = None) -> pl.DataFrame:
-    """A row for each task and a column for each method: its `value`, null where it failed or has no row."""
-    mine = rows if family is None else rows.filter(pl.col("family") == family)
-    wide = mine.with_columns(pl.when("ok").then(value).alias(value))
-    return wide.pivot("method", index=TASK, values=value, aggregate_function="first").sort(TASK)
+def against(rows: pl.DataFrame, first: str, other: str, family: str, margin: float = NEAR[0]) -> Duel:
+    """`first` against `other` on the tasks of the family that both tried; a failure loses.
 
-
-def duels(rows: pl.DataFrame, first: str, family: str, margin: float = NEAR[0]) -> dict[str, Duel]:
-    """`first` against every other method of the family, on the tasks that both tried; a failure loses.
-
-    Two methods tie on a task if their fits lie within `margin` points.
+    They tie on a task if their fits lie within `margin` points.
     """
-    mine = rows.filter(pl.col("family") == family)
+    mine = rows.filter((pl.col("family") == family) & pl.col("method").is_in([first, other]))
     fit = mine.with_columns(pl.when("ok").then("fit").otherwise(float("-inf")).alias("fit"))
     wide = fit.pivot("method", index=TASK, values="fit", aggregate_function="first")
-    others = [name for name in wide.columns if name not in (*TASK, first, BAR)]
-    pairs = {name: wide.select(first, name).drop_nulls().to_numpy() for name in sorted(others)}
-    return {name: duel(pair[:, 0], pair[:, 1], margin) for name, pair in pairs.items() if len(pair)}
+    pairs = wide.select(first, other).drop_nulls().to_numpy()
+    return duel(pairs[:, 0], pairs[:, 1], margin)
 
 
 def profile(rows: pl.DataFrame, taus: np.ndarray, within: float | None = None) -> pl.DataFrame:
@@ -217,13 +209,6 @@ def winners(board: pl.DataFrame, ours: Collection[str]) -> pl.DataFrame:
         sides.append(best.select("family", *(pl.col(name).alias(_of(side, name)) for name in columns)))
     families = board.select(pl.col("family").unique().sort())
     return families.join(sides[0], "family", "left").join(sides[1], "family", "left").sort("family")
-
-
-def equally_good(board: pl.DataFrame, family: str, than: str, margin: float = NEAR[0]) -> pl.DataFrame:
-    """Methods of a family that lose at most `margin` points more than the method `than`, the fastest first."""
-    mine = board.filter((pl.col("family") == family) & (pl.col("method") != BAR))
-    lost = mine.filter(pl.col("method") == than)["lost"].item()
-    return mine.filter(pl.col("lost") <= lost + margin).sort("seconds", nulls_last=True)
 
 
 def _of(side: str, name: str) -> str:

@@ -196,8 +196,8 @@ def _too_wide_or_narrow(pairs: pl.DataFrame, direction: float) -> tuple[bool, st
     before = wilson(int(judged["held_base"].sum()), int(judged["intervals_base"].sum()))
     worse = before.high >= CLAIMED if direction > 0 else now.high < CLAIMED
     words = (
-        f". Where the model explains the record, {now.k} of {now.n} hold the truth ({100 * now.value:.0f} %), {before.k} "
-        f"of {before.n} before ({100 * before.value:.0f} %), and {100 * CLAIMED:.0f} % is claimed"
+        f". Where the model explains the record, {now.k} of {now.n} hold the truth ({100 * now.value:.0f} %), "
+        f"{before.k} of {before.n} before ({100 * before.value:.0f} %), and {100 * CLAIMED:.0f} % is claimed"
     )
     return worse, words
 

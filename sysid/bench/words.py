@@ -5,7 +5,7 @@ from typing import Any
 
 import polars as pl
 
-from sysid.bench.leaderboard import BAR, CAP, ENOUGH, NEAR, calibration, duels, ranked, winners
+from sysid.bench.leaderboard import BAR, CAP, ENOUGH, NEAR, against, calibration, ranked, winners
 from sysid.bench.statistics import Duel, wilson
 
 TENTH = 0.1  # of the seconds of the best peer with an equal fit: what ours should need
@@ -38,9 +38,7 @@ def _family(row: dict[str, Any], rows: pl.DataFrame, board: pl.DataFrame, ours: 
     if mine is None or peer is None:
         yield f"{family}: nobody else's method is in the table." if peer is None else f"{family}: no method of ours is."
         return
-    found = duels(rows, mine, family).get(peer)
-    if found is not None:
-        yield f"{family}: {_versus(mine, peer, found)}"
+    yield f"{family}: {_versus(mine, peer, against(rows, mine, peer, family))}"
     if side == "peer":
         yield f"{family}: {_worst_against(rows, family, mine, peer)}"
     yield from (f"{family}: {text}" for text in _cost(row, board, ours))
@@ -101,7 +99,7 @@ def _cost(row: dict[str, Any], board: pl.DataFrame, ours: Collection[str]) -> It
 
 
 def of_intervals(rows: pl.DataFrame) -> list[str]:
-    """A sentence for each method whose intervals hold less or more often than claimed, where its model explains the record."""
+    """A sentence for each method whose intervals hold less or more often than claimed; see `calibration`."""
     found = []
     for row in calibration(rows, ("method",)).iter_rows(named=True):
         if row["held_low"] <= 0.95 <= row["held_high"]:
