@@ -150,7 +150,8 @@ def _scenario(
         top = worst.sort("gap", descending=True).row(0, named=True)
         repeat = f"Repeat the worst: {words.again(scenario, top['method'], top['seed'])}"
         sections.append(Section("Worst seeds", [repeat], tables=[_grid(worst, shown.WORST, last_text=True)]))
-    verdict = [f"{int(methods['n'].max() or 0)} tasks. The bar is {bar}."]  # type: ignore[call-overload]
+    most = max(row[0] for row in methods.select("n").iter_rows())
+    verdict = [f"{most} tasks. The bar is {bar}."]
     return Page(scenario, "a scenario of the identification benchmark", verdict, sections, wide=True)
 
 
