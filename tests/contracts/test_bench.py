@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 import pytest
+from cluster import cluster
 
 from sysid.base.errors import InputError
 from sysid.bench import cell, suites
@@ -152,26 +153,13 @@ def test_the_executor_gives_the_same_on_two_processes(tmp_path):
     assert read(tmp_path / "1.parquet").select(SURE).equals(read(tmp_path / "2.parquet").select(SURE))
 
 
-@pytest.fixture
-def cluster(tmp_path):
-    """A Dask scheduler and two workers, each a process of its own: (address, worker processes)."""
+def test_a_cluster_that_loses_a_worker_loses_no_row(tmp_path):
     pytest.importorskip("distributed")
-    port = 20_000 + os.getpid() % 20_000
-    address = f"tcp://127.0.0.1:{port}"
-    start = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port)]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
-    begun = [subprocess.Popen([*start, "--no-dashboard"], **quiet)]
-    for _ in range(2):
-        worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
-        begun.append(subprocess.Popen([*worker, "--no-nanny"], **quiet))
-    yield address, begun[1:]
-    for process in begun:
-        process.kill()
-        process.wait()
+    with cluster(tmp_path) as (address, workers):
+        _lose_one(tmp_path, address, workers)
 
 
-def test_a_cluster_that_loses_a_worker_loses_no_row(tmp_path, cluster):
-    address, workers = cluster
+def _lose_one(tmp_path, address, workers):
     table, path = Table(tmp_path / "c.parquet"), tmp_path / "c.journal"
     running = subprocess.Popen(
         bench(tmp_path / "c.parquet", "--seeds", "40", "--scheduler", address), stderr=subprocess.PIPE
@@ -191,13 +179,3 @@ def test_a_cluster_that_loses_a_worker_loses_no_row(tmp_path, cluster):
     )
     run(chosen, whole, 1)
     assert table.rows().select(SURE).equals(whole.rows().select(SURE))
-
-
-def test_no_scheduler_is_a_sentence():
-    from sysid.base.executor import results
-
-    pytest.importorskip("distributed")
-    with pytest.raises(InputError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:1 "):
-        list(results(abs, [1, 2], scheduler="tcp://127.0.0.1:1"))
-    with pytest.raises(InputError, match="1 or more"):
-        list(results(abs, [1, 2], workers=0))
