@@ -1,5 +1,6 @@
 """A method in one file that knows nothing of this library, run in a process and an environment of its own."""
 
+import contextlib
 import json
 import os
 import signal
@@ -98,10 +99,8 @@ def _wait(process: subprocess.Popen, began: Path, seconds: float) -> tuple[str, 
 
 def _kill(process: subprocess.Popen) -> None:
     """End the process and all that it started."""
-    try:
+    with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
-    except ProcessLookupError:
-        pass
     process.wait()
 
 

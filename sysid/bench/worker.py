@@ -27,7 +27,8 @@ HERE = Path(__file__).parent
 def module_at(path: Path, name: str) -> ModuleType:
     """The file as a module, under a name that no library has."""
     spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # a dataclass looks its own module up
     spec.loader.exec_module(module)

@@ -1,11 +1,11 @@
 """The benchmark's runner: one row a case, resumable after a kill, and a report that is a function of the file."""
 
 import pytest
-from sysid.bench.report import table
-from sysid.bench.score import FIELDS
 
 from sysid.base.errors import InputError
 from sysid.bench import runner, scenarios
+from sysid.bench.report import table
+from sysid.bench.score import FIELDS
 from sysid.systems import TABLE
 
 
