@@ -5,5 +5,5 @@ from pathlib import Path
 from sysid.bench.outside import Outside
 from sysid.bench.scaffold import load
 
-NAMES = ("forty_lines",)
+NAMES = ("forty_lines", "nfoursid", "sklearn_narx", "sysidentpy")
 TABLE: dict[str, Outside] = {name: load(Path(__file__).with_name(f"{name}.py")) for name in NAMES}
