@@ -41,8 +41,9 @@ class Outside:
 
     @property
     def environment(self) -> Environment:
-        """Where it runs."""
-        return Environment(self.name, self.requirements, self.options)
+        """Where it runs; the worker there needs numpy."""
+        needed = (*self.requirements, "numpy") if self.requirements else ()
+        return Environment(self.name, needed, self.options)
 
     def solve(self, task: Task, tests: Tests, seconds: float, seed: int) -> Outcome:
         """See `Method`. Its clock starts after its imports; at `LIMIT` times the budget it is killed."""

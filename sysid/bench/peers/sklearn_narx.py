@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 
 REQUIREMENTS = ["scikit-learn>=1.4"]
-HIDDEN, DECAY, MORE_LAGS, SEEDS = ((16,), (32,), (16, 16)), (1e-4, 1e-2), (0, 1, 2), 4
+HIDDEN, DECAY, MORE_LAGS, SEEDS = ((16,), (32,), (16, 16)), (1e-4, 1e-2), (0, 1, 2, 4), 4
 
 
 def fit(data):

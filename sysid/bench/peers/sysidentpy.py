@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 
 REQUIREMENTS = ["sysidentpy>=0.5"]
-DEGREES, TERMS, MORE_LAGS = (2, 3, 1), (5, 10, 20, 40, 60), (0, 1, 2)
+DEGREES, TERMS, MORE_LAGS = (2, 3, 1), (5, 10, 20, 40, 60), (0, 1, 2, 4)
 
 
 def fit(data):
@@ -30,7 +30,7 @@ def fit(data):
                     runs = [model.free_run(a, b[: model.lag]) for a, b in parts]
                     seen = [~m for m in data.missing]
                     errors = [(r - b)[m] for r, (_, b), m in zip(runs, parts, seen, strict=True)]
-                    model.loss = float(np.mean(np.concatenate(errors) ** 2))
+                    model.loss = float(np.nan_to_num(np.mean(np.concatenate(errors) ** 2), nan=np.inf))
                     model.score = model.loss * (1.0 + 2.0 * model.model.n_terms / len(y))  # Akaike's final prediction
                     if best is None or model.score < best.score:
                         best = model
