@@ -78,10 +78,12 @@ def _check_imports(tree: ast.Module, file: Path) -> None:
 def _constant(tree: ast.Module, name: str, default: Any) -> Any:
     """The value that the file gives to a name at its top level; None if it is not written out."""
     for node in tree.body:
-        targets = node.targets if isinstance(node, ast.Assign) else []
+        if not isinstance(node, (ast.Assign, ast.AnnAssign)) or node.value is None:
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
         if any(isinstance(target, ast.Name) and target.id == name for target in targets):
             try:
-                return ast.literal_eval(node.value)  # type: ignore[attr-defined]
+                return ast.literal_eval(node.value)
             except ValueError:
                 return None
     return default

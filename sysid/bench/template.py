@@ -5,7 +5,7 @@
 
 import numpy as np
 
-REQUIREMENTS = []  # what pip installs for it, such as ["scipy>=1.13"]; empty: the Python that runs qpal
+REQUIREMENTS: list[str] = []  # what pip installs for it, such as ["scipy>=1.13"]; empty: the Python that runs qpal
 
 
 def fit(data):

@@ -93,13 +93,13 @@ def weights(n, rng, linear):
 
 def seconds_of_an_epoch(model, U, Y):
     """Seconds of one gradient, from two short runs whose difference leaves the time of compilation out."""
-    params, x0, took = model.params, model.x0, []
+    params, x0, took = list(model.params), model.x0, []  # a fit lengthens the list that it is given
     for epochs in (1, 21):
         model.optimization(adam_epochs=epochs, lbfgs_epochs=0, iprint=-1)
         began = time.monotonic()
         model.fit(list(Y), list(U))
         took.append(time.monotonic() - began)
-        model.params, model.x0 = params, x0
+        model.params, model.x0 = list(params), x0
     return max((took[1] - took[0]) / 20, 1e-5)
 
 

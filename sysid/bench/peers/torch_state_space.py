@@ -74,49 +74,51 @@ def Net(torch, n, past):
     class Both(nn.Module):
         def __init__(self, inputs, outputs, gain):
             super().__init__()
-            self.straight, self.one, self.two = (
-                nn.Linear(inputs, outputs),
-                nn.Linear(inputs, HIDDEN),
-                nn.Linear(HIDDEN, outputs),
-            )
+            self.one, self.two = nn.Linear(inputs, outputs + HIDDEN), nn.Linear(HIDDEN, outputs, bias=False)
+            self.outputs = outputs
             with torch.no_grad():
                 self.two.weight *= gain
-                self.two.bias *= 0.0
 
         def forward(self, x):
-            return self.straight(x) + self.two(torch.tanh(self.one(x)))
+            z = self.one(x)
+            return z[:, : self.outputs] + self.two(torch.tanh(z[:, self.outputs :]))
 
     class StateSpace(nn.Module):
         def __init__(self):
             super().__init__()
             self.maps = nn.ModuleList([Both(n + 1, n, 0.1), Both(n, 1, 0.1), Both(2 * past, n, 0.1)])
             with torch.no_grad():  # a slow stable state at first, whose memory reaches over the stretch
-                self.maps[0].straight.weight[:, :n] = 0.9 * torch.eye(n)
+                self.maps[0].one.weight[:n, :n] = 0.9 * torch.eye(n)
 
         def forward(self, u, y, length):
             state, output, encoder = self.maps
-            x, out = encoder(torch.cat([y[:, :past], u[:, :past]], dim=1)), []
-            for k in range(past, past + length):
-                out.append(output(x))
-                x = state(torch.cat([x, u[:, k, None]], dim=1))
-            return torch.cat(out, dim=1)
+            x, states = encoder(torch.cat([y[:, :past], u[:, :past]], dim=1)), []
+            # All that does not wait for the state is done at once: this loop is the cost of the method.
+            driven = u[:, past:, None] * state.one.weight[:, n] + state.one.bias
+            A, B = state.one.weight[:, :n].T, state.two.weight.T
+            for now in driven.unbind(1):
+                states.append(x)
+                z = torch.addmm(now, x, A)
+                x = torch.addmm(z[:, :n], torch.tanh(z[:, n:]), B)
+            return output(torch.cat(states)).reshape(length, -1).T
 
         def model(self, scale, nk):
-            layers = [(each.straight, each.one, each.two) for each in self.maps]
-            values = [
-                tuple(v.detach().numpy().astype(float).copy() for layer in one for v in (layer.weight, layer.bias))
-                for one in layers
-            ]
+            found = [(each.one.weight, each.one.bias, each.two.weight) for each in self.maps]
+            values = [tuple(v.detach().numpy().astype(float).copy() for v in one) for one in found]
             return Simulated(values, past, scale, nk)
 
         def load(self, model):
             with torch.no_grad():
                 for one, values in zip(self.maps, model.maps, strict=True):
-                    places = [v for layer in (one.straight, one.one, one.two) for v in (layer.weight, layer.bias)]
-                    for place, value in zip(places, values, strict=True):
+                    for place, value in zip((one.one.weight, one.one.bias, one.two.weight), values, strict=True):
                         place.copy_(torch.as_tensor(value))
 
     return StateSpace()
+
+
+def layer(x, first, bias, second):
+    z, n = first @ x + bias, len(second)
+    return z[:n] + second @ np.tanh(z[n:])
 
 
 class Simulated:
@@ -127,8 +129,7 @@ class Simulated:
 
     def free_run(self, u, first):
         """Output (N,), which repeats the first `past` ones, from which the encoder makes the state."""
-        state, output, encoder = (lambda x, m=m: m[0] @ x + m[1] + m[4] @ np.tanh(m[2] @ x + m[3]) + m[5]
-                                  for m in self.maps)  # fmt: skip
+        state, output, encoder = (lambda x, m=m: layer(x, *m) for m in self.maps)
         out = np.concatenate([first[: self.past], np.zeros(len(u) - self.past)])
         with np.errstate(all="ignore"):
             x = encoder(np.concatenate([first[: self.past], u[: self.past]]))
