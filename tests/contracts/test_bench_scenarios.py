@@ -9,7 +9,9 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from sysid.base.errors import InputError
+from sysid.bench.scenarios import TABLE
 from sysid.bench.scenarios.real import RECORDS, Real
+from sysid.bench.scenarios.stress import Stress
 
 
 def same(a, b):
@@ -27,6 +29,16 @@ def made_twice(family, scenario, seed):
     assert all(same(task.tests[name], again.tests[name]) for name in task.tests)
     assert (task.drop, task.unit, task.orders, task.given) == (again.drop, again.unit, again.orders, again.given)
     return task
+
+
+SYNTHETIC = [(name, scenario) for name in sorted(TABLE) if name != "real" for scenario in TABLE[name].scenarios()]
+
+
+@pytest.mark.parametrize(("family", "scenario"), SYNTHETIC)
+def test_a_task_is_the_same_twice_and_another_seed_gives_another_record(family, scenario):
+    task, other = made_twice(TABLE[family], scenario, 5), TABLE[family].make(scenario, 6)
+    assert not same(task.train, other.train)
+    assert all(not same(task.train, test) for test in task.tests.values())
 
 
 # From the protocols of each benchmark: samples of the training experiments and of each test, dropped samples, unit.
@@ -110,3 +122,77 @@ def test_the_published_linear_row_of_the_silverbox_is_found_again(records):
         state = np.linalg.lstsq(own[: task.drop], (z - run)[: task.drop], rcond=None)[0]
         errors.append(np.sqrt(np.mean((z - run - own @ state)[task.drop :] ** 2)))
     np.testing.assert_array_less(np.abs(np.array(errors) - [6.96, 14.4, 6.58]), [0.005, 0.05, 0.005])
+
+
+def clean(truth, u):
+    """The output of a stress plant by scipy alone: saturation, B/F with a delay of one sample, saturation."""
+    p = dict(zip(truth.chain.names, truth.theta, strict=True))
+    x = np.clip(u, p["input.lower"], p["input.upper"]) if "input.lower" in p else u
+    w = lfilter([0.0, p["linear.b0"], p["linear.b1"]], [1.0, p["linear.f1"], p["linear.f2"]], x)
+    return np.clip(w, p["output.lower"], p["output.upper"]) if "output.lower" in p else w
+
+
+@pytest.mark.parametrize("scenario", Stress().scenarios())
+def test_truth_and_white_noise_make_the_test_of_a_spoilt_record(scenario):
+    """For plants with and without a saturation; 2 % of noise, within four standard deviations of its estimate."""
+    kinds = set()
+    for seed in range(8):
+        task = Stress().make(scenario, seed)
+        truth, test = task.truth, task.tests["test"]
+        own = clean(truth, test.u[:, 0])
+        np.testing.assert_allclose(truth.y["test"], own, rtol=0, atol=1e-9 * own.std())
+        share = (test.y[:, 0] - own).std() / own.std()
+        assert share == pytest.approx(0.02, rel=4.0 / np.sqrt(2.0 * test.N))
+        f = [1.0, *(truth.theta[truth.chain.names.index(f"linear.{name}")] for name in ("f1", "f2"))]
+        np.testing.assert_allclose(np.polyval(f, truth.poles), 0.0, atol=1e-12)
+        kinds.add(len(truth.chain.names))
+    assert len(kinds) > 1
+
+
+def left(scenario, seed):
+    """The task, and its output less the clean one over the standard deviation of the noise."""
+    task = Stress().make(scenario, seed)
+    return task, (task.train.y[:, 0] - clean(task.truth, task.train.u[:, 0])) / task.truth.noise
+
+
+@pytest.mark.parametrize("scenario", ["constant", "feedback", "missing", "poor", "units"])
+def test_white_noise_alone_is_on_the_records_whose_output_is_not_spoilt(scenario):
+    task, e = left(scenario, 1)
+    e = e[task.train.observed[:, 0]]
+    assert e.std() == pytest.approx(1.0, rel=4.0 / np.sqrt(2.0 * len(e)))
+    assert np.abs(e).max() < 5.0
+
+
+def test_every_record_is_spoilt_as_its_scenario_says():
+    assert Stress().make("short", 0).train.N == 60
+    _, hit = left("outliers", 0)
+    assert 5 <= (np.abs(hit) > 100.0).sum() <= 40  # 3 standard deviations of y are 150 of its noise
+    gone = Stress().make("missing", 0).train.missing
+    assert 0.16 < gone.mean() < 0.19
+    _, off = left("drift", 0)
+    assert np.abs(np.diff(off)).max() < 10.0
+    assert np.ptp(off) > 15.0  # half a standard deviation of y are 25 of its noise
+    assert len(np.unique(np.round(Stress().make("quantised", 0).train.y, 9))) <= 14
+    u = Stress().make("constant", 0).train.u[:, 0]
+    assert np.mean(np.diff(u) == 0.0) > 0.75
+    spectrum = np.abs(np.fft.rfft(Stress().make("poor", 0).train.u[:, 0] * np.hanning(1000)))
+    assert np.sum(spectrum > 0.05 * spectrum.max()) <= 5
+
+
+def test_the_input_in_closed_loop_holds_the_noise():
+    """u + K y with the noisy y is a sequence of held levels that knows nothing of the noise, and u alone is not."""
+    for seed in range(4):
+        task, e = left("feedback", seed)
+        u, y = task.train.u[:, 0], task.train.y[:, 0]
+        K = float(task.given.split("gain ")[1].split(",")[0])
+        reference = u + K * y  # K is told with two digits
+        assert np.median(np.abs(np.diff(reference))) < 0.02
+        assert abs(np.corrcoef(reference, e)[0, 1]) < 4.0 / np.sqrt(len(e))
+        assert np.median(np.abs(np.diff(u))) > 2.0 * np.median(np.abs(np.diff(reference)))
+
+
+def test_units_go_from_1e_9_to_1e9():
+    sizes = np.log10([[t.train.u.std(), t.train.y.std()] for t in (Stress().make("units", k) for k in range(30))])
+    assert np.all(np.abs(sizes) < 10.0)
+    assert np.all(sizes.min(axis=0) < -5.0)
+    assert np.all(sizes.max(axis=0) > 5.0)
