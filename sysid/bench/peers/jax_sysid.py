@@ -1,0 +1,133 @@
+"""jax-sysid: nonlinear state space by L-BFGS, begun at a linear model and at random."""
+
+import time
+
+import numpy as np
+
+REQUIREMENTS = ["jax-sysid>=1.0"]
+HIDDEN, ADAM, LBFGS = 8, 300, 2000
+
+
+def fit(data):
+    """A linear model; from it, and from random weights while there is time, nets beside its matrices."""
+    import jax
+    import jax.numpy as jnp
+    from jax_sysid.models import LinearModel, Model
+
+    jax.config.update("jax_enable_x64", True)
+    end = time.monotonic() + 0.85 * data.seconds
+    u, y = np.concatenate(data.u), np.concatenate(data.y)
+    scale = (u.mean(), u.std() or 1.0, y.mean(), y.std() or 1.0)
+    nk = data.orders[2] if data.orders else 1
+    n = max(data.orders[1], data.orders[0]) if data.orders else 3
+    U = [delayed((a - scale[0]) / scale[1], nk)[:, None] for a in data.u]
+    Y = [((b - scale[2]) / scale[3])[:, None] for b in data.y]
+    seen = [jnp.asarray(~m, dtype=float)[:, None] for m in data.missing]
+    gaps = any(m.any() for m in data.missing)
+    if gaps and len(Y) > 1:
+        raise NotImplementedError("jax-sysid knows no gaps in several experiments; give one, or outputs without gaps")
+    output_loss = (lambda run, y: jnp.sum(seen[0] * (run - y) ** 2) / seen[0].sum()) if gaps else None
+
+    linear = LinearModel(n, 1, 1, feedthrough=False)
+    linear.loss(output_loss=output_loss, rho_x0=1e-3, rho_th=1e-6)
+    linear.optimization(adam_epochs=0, lbfgs_epochs=LBFGS, iprint=-1)
+    linear.init(seed=data.seed)
+    linear.fit(list(Y), list(U))
+
+    best, count, rate = None, 0, None
+    while best is None or time.monotonic() + 5.0 < end:
+        rng = np.random.default_rng([data.seed, count])
+        model = Model(n, 1, 1, state_fcn=state, output_fcn=output)
+        model.loss(output_loss=output_loss, rho_x0=1e-3, rho_th=1e-6)
+        model.init(params=weights(n, rng, linear.params if count % 2 == 0 else None), x0=[np.zeros(n)] * len(U))
+        rate = rate or seconds_of_an_epoch(model, U, Y)
+        # The library does not stop by a clock, so the number of its iterations is what the time is enough for.
+        left = (end - time.monotonic()) / max(rate, 1e-9)
+        steps = int(min(LBFGS, left / 2 if count == 0 else left))
+        adam = ADAM if count % 2 else 0
+        if best is not None and steps < 2 * ADAM:
+            break
+        model.optimization(adam_eta=0.01, adam_epochs=adam, lbfgs_epochs=max(steps - adam, 20), iprint=-1)
+        model.fit(list(Y), list(U))
+        starts = model.x0 if isinstance(model.x0, list) else [model.x0]
+        runs = [np.asarray(model.predict(np.asarray(x), a)[0]) for x, a in zip(starts, U, strict=True)]
+        error = np.concatenate([((r - b) * np.asarray(s)).ravel() for r, b, s in zip(runs, Y, seen, strict=True)])
+        loss, count = float(np.nan_to_num(error @ error, nan=np.inf)) / sum(float(s.sum()) for s in seen), count + 1
+        if best is None or loss < best.loss:
+            best = NeuralStateSpace([np.asarray(p) for p in model.params], scale, nk, loss)
+    best.details = {"loss": best.loss * scale[3] ** 2, "structure": f"order {n}, {HIDDEN} tanh units a map"}
+    best.details["stop"] = f"{count} starts of at most {LBFGS} iterations"
+    return best
+
+
+def delayed(u, nk):
+    """The input shifted so that the model's own delay of one sample gives nk."""
+    return u[np.clip(np.arange(len(u)) - (nk - 1), 0, len(u) - 1)]
+
+
+def state(x, u, p):
+    import jax.numpy as jnp
+
+    A, B, _, W, V, b, H, *_ = p
+    return A @ x + B @ u + H @ jnp.tanh(W @ x + V @ u + b)
+
+
+def output(x, u, p):
+    import jax.numpy as jnp
+
+    _, _, C, *_, G, h, g = p
+    return C @ x + g @ jnp.tanh(G @ x + h)
+
+
+def weights(n, rng, linear):
+    """Matrices of a linear model, or random stable ones, and nets whose output is small at first."""
+    if linear is None:
+        A, B, C = np.diag(rng.uniform(0.5, 0.98, n)), 0.3 * rng.standard_normal((n, 1)), rng.standard_normal((1, n))
+    else:
+        A, B, C = (np.array(each) for each in linear[:3])
+    W, V, b = (rng.standard_normal(size) for size in ((HIDDEN, n), (HIDDEN, 1), HIDDEN))
+    G, h = rng.standard_normal((HIDDEN, n)), rng.standard_normal(HIDDEN)
+    return [A, B, C, 0.5 * W, V, b, 0.01 * rng.standard_normal((n, HIDDEN)), 0.5 * G, h,
+            0.01 * rng.standard_normal((1, HIDDEN))]  # fmt: skip
+
+
+def seconds_of_an_epoch(model, U, Y):
+    """Seconds of one gradient, from two short runs whose difference leaves the time of compilation out."""
+    params, x0, took = list(model.params), model.x0, []  # a fit lengthens the list that it is given
+    for epochs in (1, 21):
+        model.optimization(adam_epochs=epochs, lbfgs_epochs=0, iprint=-1)
+        began = time.monotonic()
+        model.fit(list(Y), list(U))
+        took.append(time.monotonic() - began)
+        model.params, model.x0 = list(params), x0
+    return max((took[1] - took[0]) / 20, 1e-5)
+
+
+class NeuralStateSpace:
+    def __init__(self, params, scale, nk, loss):
+        self.params, self.scale, self.nk, self.loss = params, scale, nk, loss
+        self.n = len(params[0])
+
+    def run(self, x, u):
+        """The model in numpy, which needs no compilation for each length."""
+        A, B, C, W, V, b, H, G, h, g = self.params
+        B, C, V, g = B[:, 0], C[0], V[:, 0], g[0]
+        out = np.empty(len(u))
+        with np.errstate(all="ignore"):
+            for k, now in enumerate(u):
+                out[k] = C @ x + g @ np.tanh(G @ x + h)
+                x = A @ x + B * now + H @ np.tanh(W @ x + V * now + b)
+        return out
+
+    def simulate(self, u, y_init):
+        """The state at the start is fitted to the first outputs, from rest and from a steady input."""
+        from scipy.optimize import least_squares
+
+        u0, su, y0, sy = self.scale
+        u, first = delayed((u - u0) / su, self.nk), (y_init - y0) / sy
+        x0 = np.zeros(self.n)
+        if len(first):
+            error = lambda x: np.nan_to_num(self.run(x, u[: len(first)]) - first, nan=1e6, posinf=1e6, neginf=-1e6)  # noqa: E731
+            starts = [least_squares(error, x) for x in (x0, np.random.default_rng(0).standard_normal(self.n))]
+            x0 = min(starts, key=lambda found: found.cost).x
+        return y0 + sy * self.run(x0, u)

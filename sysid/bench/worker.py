@@ -1,0 +1,123 @@
+"""Runs a method file in a process of its own: `python worker.py METHOD FOLDER`, with numpy alone.
+
+FOLDER holds data.npz (see `sysid.bench.outside`). The worker writes `began` when the clock starts, then runs.npz and
+done.json: details, seconds of the fit [s], peak memory [MiB], version; or a sentence in `status`.
+"""
+
+import ast
+import contextlib
+import importlib
+import importlib.util
+import json
+import os
+import sys
+import threading
+import time
+import traceback
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+HERE = Path(__file__).parent
+
+
+def module_at(path: Path, name: str) -> ModuleType:
+    """The file as a module, under a name that no library has."""
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # a dataclass looks its own module up
+    spec.loader.exec_module(module)
+    return module
+
+
+def import_all(path: Path) -> None:
+    """Everything that the file imports, also inside functions, so that no import counts as time of the fit."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module]
+        for name in names:
+            with contextlib.suppress(ImportError):  # the method meets it again, and may know another way
+                importlib.import_module(name)
+
+
+def data_of(contract: ModuleType, given: Any) -> Any:
+    """The `Data` of the contract from the arrays of data.npz."""
+    count = int(given["experiments"])
+    u, y, missing = (tuple(given[f"{name}{k}"] for k in range(count)) for name in ("u", "y", "missing"))
+    orders = tuple(int(n) for n in given["orders"]) or None
+    return contract.Data(u, y, missing, float(given["Ts"]), orders, float(given["seconds"]), int(given["seed"]))
+
+
+def work(method: Path, folder: Path, package: str) -> dict[str, Any]:
+    """Fit and run; the free runs go to runs.npz."""
+    contract, memory = module_at(HERE / "contract.py", "qpal_contract"), module_at(HERE / "memory.py", "qpal_memory")
+    with np.load(folder / "data.npz") as arrays:
+        given = dict(arrays)
+    data = data_of(contract, given)
+    import_all(method)
+    fit = module_at(method, "qpal_method").fit
+    (folder / "began").touch()
+    memory.start_peak()
+    began = time.perf_counter()
+    model = fit(data)
+    seconds, top = time.perf_counter() - began, memory.peak()
+    runs = {}
+    for k in range(int(given["tests"])):
+        u, first = given[f"test{k}"], given[f"first{k}"]
+        run = np.asarray(model.simulate(u.copy(), first.copy()), dtype=float).ravel()
+        if len(run) != len(u):
+            raise ValueError(f"simulate gave {len(run)} samples for {len(u)}")
+        runs[f"run{k}"] = run
+    np.savez(folder / "runs.npz", **runs)  # type: ignore[arg-type]
+    found = {"details": contract.details_of(model), "seconds": seconds, "memory": top}
+    return found | {"status": "ok", "version": installed(package)}
+
+
+def installed(package: str) -> str:
+    """The version of a package in this environment, empty if there is none of that name."""
+    try:
+        return version(package) if package else ""
+    except (PackageNotFoundError, ValueError):
+        return ""
+
+
+def plain(value: Any) -> Any:
+    """What JSON does not know: numbers and arrays of numpy, and otherwise their text."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+def end_with_parent() -> None:
+    """Leave when the process that started this one is gone, so that nothing runs on after a kill."""
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def main(method: str, folder: str, package: str) -> int:
+    """Exit status 0 with a result or a sentence in done.json."""
+    end_with_parent()
+    where = Path(folder)
+    try:
+        found = work(Path(method), where, package)
+    except NotImplementedError as error:  # how a method says that it does not do this
+        found = {"status": f"refused: {error}"}
+    except Exception as error:
+        traceback.print_exc()
+        found = {"status": f"crashed: {type(error).__name__}: {error}"}
+    (where / "done.json").write_text(json.dumps(found, default=plain), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
