@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from sysid.base.errors import InputError
-from sysid.bench.leaderboard import CAP, NEAR
+from sysid.bench.leaderboard import CAP, NEAR, method_of
 from sysid.bench.method import Method
 from sysid.bench.task import Family
 
@@ -58,6 +58,5 @@ def worst_to_draw(rows: pl.DataFrame, methods: list[str], count: int) -> list[tu
         "gap", "scenario", "method", "seed", descending=[True, False, False, False]
     )
     first = ranked.unique("scenario", keep="first", maintain_order=True).head(count)
-    return [
-        (scenario, method, int(seed)) for scenario, method, seed in first.select("scenario", "method", "seed").rows()
-    ]
+    cells = first.select("scenario", "method", "seed").rows()
+    return [(scenario, method_of(scenario, method), int(seed)) for scenario, method, seed in cells]

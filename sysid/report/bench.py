@@ -41,11 +41,12 @@ class Board:
     @classmethod
     def of(cls, table: pl.DataFrame, ours: Collection[str]) -> "Board":
         """All frames of a results table. Raises InputError for a table without rows."""
+        ours = (*ours, boards.OWN)
         rows = boards.scored(table)
         board = boards.leaderboard(rows)
         return cls(
             rows,
-            tuple(ours),
+            ours,
             board,
             boards.winners(board, ours),
             boards.calibration(rows),

@@ -63,9 +63,9 @@ def test_the_leaderboard_by_hand(table):
 
 
 def test_a_diverged_run_is_a_failure():
-    scored = boards.scored(rows(method=["a", "b"], seed=[0, 0], fit=[-1e9, 50.0]))
-    assert scored.filter(pl.col("method") == "a")["gap"].to_list() == [np.inf]
-    assert boards.leaderboard(scored).filter(pl.col("method") == "a")["crashed"].to_list() == [1]
+    scored = boards.scored(rows(method=["x", "y"], seed=[0, 0], fit=[-1e9, 50.0]))
+    assert scored.filter(pl.col("method") == "x")["gap"].to_list() == [np.inf]
+    assert boards.leaderboard(scored).filter(pl.col("method") == "x")["crashed"].to_list() == [1]
 
 
 def test_methods_and_records_that_are_not_there_do_not_count(table):
@@ -87,6 +87,20 @@ def test_a_method_that_tried_a_part_of_the_tasks_is_not_ranked(table):
     assert boards.ranked(board)["method"].to_list() == ["ours", "peer"]
     (winner,) = boards.winners(board, ["ours", "easy"]).to_dicts()
     assert (winner["ours"], winner["peer"]) == ("ours", "peer")
+
+
+def test_methods_that_are_told_the_structure_count_as_one():
+    told = rows(
+        scenario=["drawn/wiener", "drawn/wiener-long", "drawn/nlarx", "drawn/nlarx"],
+        seed=[0, 0, 0, 1],
+        method=["wiener", "wiener", "nlarx", "wiener"],
+    )
+    board = boards.leaderboard(boards.scored(told))
+    assert dict(board.select("method", "n").rows()) == {boards.OWN: 3, "wiener": 1}
+    assert "--method nlarx --first 4 --seeds 1" in words.again("drawn/nlarx", boards.OWN, 4)
+    assert worst_to_draw(boards.scored(told.with_columns(fit=pl.Series([9.0, 9.0, 9.0, 9.0]))), [boards.OWN], 5) == []
+    worse = boards.scored(pl.concat([told, rows(scenario=["drawn/wiener"], method=["m"], fit=[99.0])]))
+    assert worst_to_draw(worse, [boards.OWN], 5) == [("drawn/wiener", "wiener", 0)]
 
 
 def test_win_and_loss_on_common_tasks_where_a_failure_loses(table):
