@@ -35,7 +35,7 @@ class Suite:
     parts: tuple[Part, ...]
 
 
-JOINTS = tuple(
+JOINTS = tuple(f"{kind}/{joint}" for kind in ("twin", "legs", "mismatch") for joint in ("shoulder", "thigh", "shank"))
     f"{family}/{joint}" for family in ("twin", "legs", "mismatch") for joint in ("shoulder", "thigh", "shank")
 )
 PHYSICAL = (
