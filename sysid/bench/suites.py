@@ -35,9 +35,7 @@ class Suite:
     parts: tuple[Part, ...]
 
 
-JOINTS = tuple(
-    f"{family}/{joint}" for family in ("twin", "legs", "mismatch") for joint in ("shoulder", "thigh", "shank")
-)
+JOINTS = tuple(f"{kind}/{joint}" for kind in ("twin", "legs", "mismatch") for joint in ("shoulder", "thigh", "shank"))
 PHYSICAL = (
     Part(("real/emps",), ("emps_motor", "emps_profile"), 1),
     Part(("real/ced",), ("ced_drives",), 1),

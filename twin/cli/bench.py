@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, unknown
 from twin.cli import bench_cells as chosen
 from twin.cli import console, options
 from twin.cli.output import run_folder
@@ -130,6 +130,9 @@ def install(
 
     methods = chosen.methods()
     names = [chosen.add_file(text, methods) for text in name]
+    for each in names:
+        if each != PEERS and each not in methods:
+            raise unknown("method", each, methods)
     wanted = [key for key in methods if isinstance(methods[key], Outside)] if PEERS in names else names
     failed = 0
     for each in wanted:

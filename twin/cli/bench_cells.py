@@ -47,7 +47,7 @@ def families(records: Path | None = None) -> "dict[str, Family]":
     here = str(records.resolve())  # workers may run elsewhere
     if any(records.rglob("*.hdf5")):
         return found | {"files": Files(here)}
-    return found | {"real": Real(here)}
+    return found | {"real": Real(folder=here)}
 
 
 def methods() -> "dict[str, AnyMethod]":
