@@ -25,6 +25,7 @@ def run_of_the_library(rng: np.random.Generator, methods: int = 8, tasks: int = 
         fit=rng.uniform(60, 99, n),
         loss=(loss := rng.lognormal(-6, 1, n)),
         noise=loss,
+        rmse=np.sqrt(loss),
         structure=[f"hammerstein_wiener, d {d}" for d in rng.integers(6, 20, n)],
         intervals=[4] * n,
         held=rng.binomial(4, 0.95, n),
@@ -42,6 +43,7 @@ def elsewhere(table: pl.DataFrame, share: float, rng: np.random.Generator) -> pl
     d = table["structure"].str.extract(r"(\d+)$").cast(pl.Int64).to_numpy() + rng.choice([-2, -1, 1, 2], n) * other
     return table.with_columns(
         pl.Series("loss", table["loss"].to_numpy() * np.exp(np.where(moved, step, 1e-9 * step))),
+        pl.Series("rmse", table["rmse"].to_numpy() * np.exp(np.where(moved, rng.normal(0, 0.3, n), 0.0))),
         pl.Series("fit", table["fit"].to_numpy() - np.where(moved, rng.normal(0, 2, n), 0.0)),
         pl.Series("width", table["width"].to_numpy() * np.exp(np.where(moved, rng.normal(0, 0.4, n), 0.0))),
         pl.Series("held", np.where(moved, rng.binomial(4, 0.95, n), table["held"].to_numpy())),

@@ -22,6 +22,7 @@ PLACES = {  # where to look first
 SAME_LOSS = 1e-3  # of log loss: searches stop at an expected improvement of 1e-4
 SAME_FIT = 0.05  # points of fit
 SAME_WIDTH = 0.05  # of log width
+SAME_SHARE = 0.1  # of the log of a squared error on unseen data over the loss
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,14 @@ def growth(pairs: pl.DataFrame) -> np.ndarray:
     bought = (grew > 0) & (fell < -SAME_FIT)
     cost = (grew < 0) & (fell > SAME_FIT)
     return np.where(bought | cost, 0.0, grew)
+
+
+def overfit(pairs: pl.DataFrame) -> np.ndarray:
+    """Log of the squared error on unseen data over the loss, where another structure was chosen.
+
+    A better model lowers both alike; one that follows the noise of its record lowers the loss alone.
+    """
+    return np.where(~_same_structure(pairs), 2.0 * _log_ratio(pairs, "rmse") - _log_ratio(pairs, "loss"), 0.0)
 
 
 def free_run(pairs: pl.DataFrame) -> np.ndarray:
@@ -174,6 +183,17 @@ TABLE = (
         "The structure of {who} has {size} fewer parameters (median) without a lower fit on {w} of {n} pairs, and more "
         "on {b}",
         _whole,
+    ),
+    Measure(
+        "overfit",
+        SELECTION,
+        overfit,
+        SAME_SHARE,
+        "The squared error of {who} on unseen data, over the loss, is {size} times as large (median) on {w} of {n} "
+        "pairs by the choice of another structure, and smaller on {b}",
+        "The squared error of {who} on unseen data, over the loss, is {size} times as large (median) on {w} of {n} "
+        "pairs by the choice of another structure, and larger on {b}",
+        _times,
     ),
     Measure(
         "free run",

@@ -11,6 +11,7 @@ def test_numbers_are_those_of_the_code():
     expected = (
         f"larger by more than {100 * measures.SAME_LOSS:g} %",
         f"lower by more than {measures.SAME_FIT:g} point though",
+        f"grows by more than {100 * measures.SAME_SHARE:g} % relative to the loss",
         f"wider by more than {100 * measures.SAME_WIDTH:g} %",
         f"than {100 * regression.FLIPPED:g} % of flips explain (binomial test; over all measures and methods "
         f"{100 * regression.ALARM:g} %",
