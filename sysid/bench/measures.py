@@ -57,7 +57,7 @@ def _same_structure(pairs: pl.DataFrame) -> np.ndarray:
     return (pairs["structure"] == pairs["structure_base"]).to_numpy()
 
 
-def _fell(pairs: pl.DataFrame) -> np.ndarray:
+def fell(pairs: pl.DataFrame) -> np.ndarray:
     """Points of fit that were lost (n,), 100 at most, which is no model at all."""
     return np.clip(_float(pairs, "fit_base"), -100, None) - np.clip(_float(pairs, "fit"), -100, None)
 
@@ -76,25 +76,22 @@ def search(pairs: pl.DataFrame) -> np.ndarray:
 def _of_search(pairs: pl.DataFrame) -> np.ndarray:
     """Whether the loss changed in the same sense as the fit: both worse, or both better."""
     ratio = _log_ratio(pairs, "loss")
-    return (np.abs(ratio) > SAME_LOSS) & (ratio * _fell(pairs) > 0)
+    return (np.abs(ratio) > SAME_LOSS) & (ratio * fell(pairs) > 0)
 
 
 def choice(pairs: pl.DataFrame) -> np.ndarray:
     """The fit on unseen data where another structure was chosen and its loss does not explain the change."""
-    return np.where(~_same_structure(pairs) & ~_of_search(pairs), _fell(pairs), 0.0)
+    return np.where(~_same_structure(pairs) & ~_of_search(pairs), fell(pairs), 0.0)
 
 
 def poorer(pairs: pl.DataFrame) -> np.ndarray:
     """The fit where another structure was chosen and its loss changed with the fit."""
-    return np.where(~_same_structure(pairs) & _of_search(pairs), _fell(pairs), 0.0)
+    return np.where(~_same_structure(pairs) & _of_search(pairs), fell(pairs), 0.0)
 
 
 def growth(pairs: pl.DataFrame) -> np.ndarray:
-    """Parameters of the chosen structure that bought no fit, or that were saved and cost none."""
-    grew, fell = _grew(pairs), _fell(pairs)
-    bought = (grew > 0) & (fell < -SAME_FIT)
-    cost = (grew < 0) & (fell > SAME_FIT)
-    return np.where(bought | cost, 0.0, grew)
+    """Parameters of the chosen structure; more of them are judged with the fit."""
+    return _grew(pairs)
 
 
 def overfit(pairs: pl.DataFrame) -> np.ndarray:
@@ -107,7 +104,7 @@ def overfit(pairs: pl.DataFrame) -> np.ndarray:
 
 def free_run(pairs: pl.DataFrame) -> np.ndarray:
     """The fit on unseen data of the same structure where its loss does not explain the change, or is not told."""
-    return np.where(_same_structure(pairs) & ~_of_search(pairs), _fell(pairs), np.nan)
+    return np.where(_same_structure(pairs) & ~_of_search(pairs), fell(pairs), np.nan)
 
 
 def _same_fit(pairs: pl.DataFrame) -> np.ndarray:
@@ -149,6 +146,8 @@ def _whole(change: float) -> str:
 _LOSS = "The loss of {who} on the same structure is {size} times as large on {w} of {n} pairs (median of these), and "
 _WIDTH = "The pole intervals of {who} are {size} times as wide on {w} of {n} pairs (median of these)"
 WIDTH = Measure("width", INTERVALS, width, SAME_WIDTH, _WIDTH, _WIDTH, _times)
+_SIZE = "The structure of {who} has {size} %s parameters (median) on {w} of {n} pairs, and %s on {b}"
+GROWTH = Measure("parameters", SELECTION, growth, 0.5, _SIZE % ("more", "fewer"), _SIZE % ("fewer", "more"), _whole)
 TABLE = (
     Measure("loss", SEARCH, search, SAME_LOSS, _LOSS + "smaller on {b}", _LOSS + "larger on {b}", _times),
     Measure(
@@ -173,17 +172,7 @@ TABLE = (
         "(median); on {b} pairs it is lower",
         _points,
     ),
-    Measure(
-        "parameters",
-        SELECTION,
-        growth,
-        0.5,
-        "The structure of {who} has {size} more parameters (median) without a better fit on {w} of {n} pairs, and "
-        "fewer on {b}",
-        "The structure of {who} has {size} fewer parameters (median) without a lower fit on {w} of {n} pairs, and more "
-        "on {b}",
-        _whole,
-    ),
+    GROWTH,
     Measure(
         "overfit",
         SELECTION,

@@ -18,7 +18,7 @@ import polars as pl
 from sysid.base.errors import InputError
 from sysid.bench.columns import KEY
 from sysid.bench.leaderboard import CLAIMED, STOPPED, UNTRIED, explained
-from sysid.bench.measures import PLACES, TABLE, WIDTH, Measure
+from sysid.bench.measures import GROWTH, PLACES, SAME_FIT, TABLE, WIDTH, Measure, fell
 from sysid.bench.statistics import wilson
 
 ALARM = 0.01
@@ -122,8 +122,7 @@ def _count(change: np.ndarray, tolerance: float, tasks: np.ndarray) -> _Count:
     votes = np.sign(np.bincount(tasks[known], up.astype(float) - down))
     plus, minus = int((votes > 0).sum()), int((votes < 0).sum())
     p = float(binom.sf(up.sum() - 1, known.sum(), FLIPPED)) if up.any() else 1.0
-    sign = float(binom.sf(plus - 1, plus + minus, 0.5)) if plus else 1.0
-    return _Count(int(up.sum()), int(down.sum()), int(known.sum()), p, sign)
+    return _Count(int(up.sum()), int(down.sum()), int(known.sum()), p, _sign_test(plus, minus))
 
 
 def _findings(pairs: pl.DataFrame, direction: float) -> Iterator[Finding]:
@@ -177,11 +176,33 @@ def _finding(
     worse, more = direction > 0, ""
     if measure is WIDTH:
         worse, more = _too_wide_or_narrow(pairs.filter(known), direction)
+    if measure is GROWTH:
+        worse, more = _bought(pairs.filter(up), direction)
     who = _listed(methods) if methods else "all methods together"
-    text = (measure.worse if worse else measure.better).format(who=who, size=measure.size(size), w=w, b=b, n=n) + more
+    text = (measure.worse if direction > 0 else measure.better).format(
+        who=who, size=measure.size(size), w=w, b=b, n=n
+    ) + more
     where = f"Look first at {PLACES[measure.room]}; the" if worse else "The"
     text = f"{text[0].upper()}{text[1:]}. {where} largest change is {cell[0]}, {cell[1]}, seed {cell[2]}."
     return Finding(measure.name, measure.room, tuple(methods), worse, w, b, n, size, p, cell, text)
+
+
+def _bought(pairs: pl.DataFrame, direction: float) -> tuple[bool, str]:
+    """Whether larger structures (direction 1) bought no fit beyond chance, and the counts in words.
+
+    Smaller ones are never worse by themselves: where they cost fit, another measure says so.
+    """
+    lost = fell(pairs)
+    higher, lower = int((lost < -SAME_FIT).sum()), int((lost > SAME_FIT).sum())
+    words = f"; on these the fit on unseen data is higher on {higher} and lower on {lower}"
+    return direction > 0 and _sign_test(higher, lower) > SIGN, words
+
+
+def _sign_test(plus: int, minus: int) -> float:
+    """The probability of at least `plus` of plus + minus signs by chance (one-sided)."""
+    from scipy.stats import binom
+
+    return float(binom.sf(plus - 1, plus + minus, 0.5)) if plus else 1.0
 
 
 def _too_wide_or_narrow(pairs: pl.DataFrame, direction: float) -> tuple[bool, str]:

@@ -99,8 +99,25 @@ def test_more_parameters_that_buy_fit_are_no_finding(base):
     better = changed(better, "m2", rmse=pl.col("rmse") * np.sqrt(0.9))
     verdict = compare(better, base)
     assert not verdict.worse
-    assert only(verdict).room == "search"
-    assert "smaller loss and a fit that is 0.40 points higher on 24 of 24" in only(verdict).sentence
+    by_name = {f.measure: f.sentence for f in verdict.findings}
+    assert set(by_name) == {"poorer choice", "parameters"}
+    assert "smaller loss and a fit that is 0.40 points higher on 24 of 24" in by_name["poorer choice"]
+    assert "higher on 24 and lower on 0" in by_name["parameters"]
+
+
+def test_fewer_parameters_are_no_fault_and_the_fit_that_they_cost_is(base):
+    smaller = changed(base, "m2", structure=pl.lit("wiener, d 3"))
+    assert not compare(smaller, base).worse
+    costly = compare(changed(smaller, "m2", fit=pl.col("fit") - 0.2), base)
+    assert {f.measure for f in costly.findings if f.worse} == {"choice"}
+
+
+def test_more_parameters_that_help_as_often_as_they_harm_are_worse(base):
+    half = pl.when(pl.col("seed") % 2 == 0).then(0.3).otherwise(-0.3)
+    larger = changed(base, "m2", structure=pl.lit("wiener, d 25"), fit=pl.col("fit") + half)
+    (finding,) = (f for f in compare(larger, base).findings if f.measure == "parameters")
+    assert finding.worse
+    assert "higher on 12 and lower on 12" in finding.sentence
 
 
 def test_a_choice_with_a_larger_loss_is_blamed_on_the_search(base):
