@@ -2,11 +2,13 @@
 
     python scripts/damaged.py --out runs/damaged --tag quick
 
-The undamaged library and each damage run the same cells; the damage is put into the library at run time. Tables stay in
-the folder, and a run that was stopped continues. Exit status 1 if a damage passes unseen.
+The undamaged library and each damage run the same cells; the damage is put into the library at run time. The structure
+search runs on short drawn records: with thousands of samples the half that was fitted judges as well as the other one.
+Tables stay in the folder, and a run that was stopped continues. Exit status 1 if a damage passes unseen.
 """
 
 import argparse
+import itertools
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,6 +21,7 @@ import numpy as np
 
 from sysid.bench import scenarios, suites
 from sysid.bench.cell import Cell, run
+from sysid.bench.columns import KEY
 from sysid.bench.measures import INTERVALS, SEARCH, SELECTION
 from sysid.bench.methods import OURS
 from sysid.bench.methods import TABLE as METHODS
@@ -29,6 +32,11 @@ from sysid.selection import select as selecting
 from sysid.uncertainty import information as informing
 
 SEARCHES = "auto"  # the method that chooses its structure
+STRUCTURES, SHORT, EACH = (
+    ("output_error", "hammerstein", "wiener"),
+    500,
+    4,
+)  # samples at most, records of each structure
 
 
 @contextmanager
@@ -97,6 +105,16 @@ def cells(tag: str, seeds: int | None, seconds: float) -> list[Cell]:
     return suites.cells(parts, seconds, scenarios.TABLE, METHODS, ours=OURS)
 
 
+def short(skip: int, seconds: float) -> list[Cell]:
+    """The structure search on the first drawn records of at most `SHORT` samples, from `skip` seeds on."""
+    family, found = scenarios.TABLE["drawn"], list[Cell]()
+    for structure in STRUCTURES:
+        seeds = itertools.count(suites.first_seed() + skip)
+        few = (seed for seed in seeds if len(family.make(structure, seed).train.u) <= SHORT)
+        found += [Cell(family, structure, METHODS[SEARCHES], k, seconds) for k in itertools.islice(few, EACH)]
+    return found
+
+
 def fill(path: Path, todo: list[Cell]) -> None:
     """Run the cells that the table lacks, in this process, where the damage is."""
     table = Table(path)
@@ -115,8 +133,8 @@ def caught(name: str, folder: Path, every: list[Cell]) -> tuple[bool, Verdict]:
     fill(folder / "base.parquet", todo)
     with damage.put():
         fill(folder / f"{name}.parquet", todo)
-    methods = {cell.method.name for cell in todo}
-    verdict = compare(read(folder / f"{name}.parquet"), read(folder / "base.parquet"), methods)
+    new, base = (read(folder / f"{table}.parquet") for table in (name, "base"))
+    verdict = compare(new, base.join(new.select(KEY), list(KEY), "semi"))
     return verdict.worse and damage.room in {f.room for f in verdict.findings if f.worse}, verdict
 
 
@@ -127,10 +145,12 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("runs/damaged"), help="folder of the tables")
     parser.add_argument("--tag", default="quick", choices=sorted(suites.SUITES))
     parser.add_argument("--seeds", type=int, help="at most so many for each scenario; the tag's if not given")
+    parser.add_argument("--skip", type=int, default=0, help="seeds to leave out before the short records")
     parser.add_argument("--budget", type=float, default=300.0, help="seconds of a fit")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    every, unseen = cells(given.tag, given.seeds, given.budget), []
+    every = [cell for cell in cells(given.tag, given.seeds, given.budget) if cell.method.name != SEARCHES]
+    every, unseen = every + short(given.skip, given.budget), []
     for name in given.damages or DAMAGES:
         seen, verdict = caught(name, given.out, every)
         print(f"\n{name}: {'caught and named' if seen else 'NOT named'}", *verdict.sentences, sep="\n  ", flush=True)
