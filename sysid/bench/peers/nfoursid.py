@@ -21,7 +21,7 @@ def fit(data):
     seen = [~m for m in data.missing]
     piece = slice(0, LONGEST)
     table = {"u": (data.u[longest][piece] - scale[0]) / scale[1], "y": (data.y[longest][piece] - scale[2]) / scale[3]}
-    orders = sorted({data.orders[1], data.orders[1] + max(data.orders[2] - 1, 0)}) if data.orders else range(1, 7)
+    orders = sorted({max(data.orders[1], 1), max(data.orders[1], 1) + max(data.orders[2] - 1, 0)}) if data.orders else range(1, 7)
     for rows in (10, 15, 20, 30, 5):
         if 4 * rows > len(table["u"]) or (best is not None and time.monotonic() > end):
             continue
