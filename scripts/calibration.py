@@ -10,6 +10,7 @@ Stand-ins and their ranges are in tests/standin.py. Each seed is calibrated for 
 """
 
 import argparse
+import itertools
 import json
 import sys
 import time
@@ -24,13 +25,15 @@ sys.path.insert(0, str(ROOT / "tests"))
 from standin import LACKS, StandIn  # noqa: E402
 
 import twin  # noqa: E402
+from sysid.base.executor import results  # noqa: E402
 from twin.calibrate.calibration import calibrate  # noqa: E402
 
 KINDS = ("same", "other")
 
 
-def one(joint, seed, kind, threads):
-    """Everything that the tables count, for one stand-in."""
+def one(job):
+    """Everything that the tables count, for one stand-in: (joint, seed, kind, threads)."""
+    joint, seed, kind, threads = job
     rig = StandIn(joint, seed, kind == "same")
     logs, fresh = rig.calibration(), rig.fresh()
     began, worked = time.perf_counter(), time.process_time()
@@ -122,6 +125,8 @@ def main():
     parser.add_argument("--kinds", default=",".join(KINDS))
     parser.add_argument("--journal", type=Path, default=Path("runs/calibration.jsonl"))
     parser.add_argument("--threads", type=int, default=None)
+    parser.add_argument("--jobs", type=int, default=1, help="processes; give --threads 1 with more than one")
+    parser.add_argument("--scheduler", help="address of a Dask scheduler, instead of --jobs")
     parser.add_argument("--toolbox", action="store_true")
     parser.add_argument("--page", action="store_true")
     given = parser.parse_args()
@@ -139,13 +144,11 @@ def main():
         return None
     given.journal.parent.mkdir(parents=True, exist_ok=True)
     done = {(row["joint"], row["seed"], row["kind"]) for row in read(given.journal)}
-    for seed in seeds:
-        for joint in given.joints.split(","):
-            for kind in given.kinds.split(","):
-                if (joint, seed, kind) not in done:
-                    line = json.dumps(one(joint, seed, kind, given.threads), default=float)
-                    with given.journal.open("a", encoding="utf-8") as file:
-                        file.write(line + "\n")
+    every = itertools.product(given.joints.split(","), seeds, given.kinds.split(","))
+    jobs = [(*key, given.threads) for key in every if key not in done]
+    for _, row in results(one, jobs, given.jobs, given.scheduler):
+        with given.journal.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row, default=float) + "\n")
     print(tables(read(given.journal)))
     return None
 

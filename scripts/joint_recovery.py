@@ -12,13 +12,14 @@ laid on its side, where nothing pulls.
 """
 
 import argparse
+from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 
 import sysid
 import twin
 from sysid.base.criteria import fit_percent
+from sysid.base.executor import in_order
 from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
 from sysid.joint.growth import Growth, grow_joint
@@ -90,32 +91,37 @@ def found(joint: str, seed: int, lying: bool = False) -> dict[str, tuple[bool, b
     return out
 
 
+def called(job: tuple[Any, ...]) -> Any:
+    """One job: a function and its arguments."""
+    return job[0](*job[1:])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--scheduler", help="address of a Dask scheduler, instead of --jobs")
     parser.add_argument("--joints", default=",".join(twin.JOINTS))
     parser.add_argument("--lead", action="store_true")
     given = parser.parse_args()
-    seeds = range(given.seeds)
-    with Parallel(given.jobs) as pool:
-        for joint in given.joints.split(","):
-            fits = np.array(pool(delayed(gaps)(joint, seed, given.lead) for seed in seeds)).T
-            for name, gap in zip(("the paper's sweep", "the drawn sweep"), fits, strict=False):
-                print(
-                    f"{joint}: within 0.5 point of the ceiling on {name} {100 * np.mean(gap <= 0.5):.0f} % of "
-                    f"{given.seeds} (median gap {np.median(gap):.2f}, worst {gap.max():.2f})"
-                )
-            if given.lead:
-                print(
-                    f"  15 points ahead of the paper's structure on it {100 * np.mean(fits[2] >= 15.0):.0f} % "
-                    f"(least {fits[2].min():.1f}, median {np.median(fits[2]):.1f})",
-                    flush=True,
-                )
-            table(pool(delayed(found)(joint, seed) for seed in seeds), WANTED)
-            if joint == "thigh":
-                print("  the leg laid on its side:")
-                table(pool(delayed(found)(joint, seed, True) for seed in seeds), ("backlash",))
+    seeds, where = range(given.seeds), (given.jobs, given.scheduler)
+    for joint in given.joints.split(","):
+        fits = np.array(in_order(called, [(gaps, joint, seed, given.lead) for seed in seeds], *where)).T
+        for name, gap in zip(("the paper's sweep", "the drawn sweep"), fits, strict=False):
+            print(
+                f"{joint}: within 0.5 point of the ceiling on {name} {100 * np.mean(gap <= 0.5):.0f} % of "
+                f"{given.seeds} (median gap {np.median(gap):.2f}, worst {gap.max():.2f})"
+            )
+        if given.lead:
+            print(
+                f"  15 points ahead of the paper's structure on it {100 * np.mean(fits[2] >= 15.0):.0f} % "
+                f"(least {fits[2].min():.1f}, median {np.median(fits[2]):.1f})",
+                flush=True,
+            )
+        table(in_order(called, [(found, joint, seed) for seed in seeds], *where), WANTED)
+        if joint == "thigh":
+            print("  the leg laid on its side:")
+            table(in_order(called, [(found, joint, seed, True) for seed in seeds], *where), ("backlash",))
 
 
 def table(rows: list[dict[str, tuple[bool, bool, float]]], names: tuple[str, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Benchmark of the identifier on plants with known truth: `python -m sysid.bench run|report|speed`."""
+"""Benchmark of identification methods against truth, peers and real records: `qpal bench`."""
 
 from sysid.base.room import modules_of
 

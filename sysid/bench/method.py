@@ -36,8 +36,15 @@ class Outcome:
 class Method(Protocol):
     """A row of the leaderboard: `solve` never raises, it says in `status` what went wrong."""
 
-    name: str
-    about: str
+    @property
+    def name(self) -> str:
+        """Its name in the table."""
+        ...
+
+    @property
+    def about(self) -> str:
+        """What it is, in a few words."""
+        ...
 
     def solve(self, task: Task, tests: Tests, seconds: float, seed: int) -> Outcome:
         """Fit the task's record and run freely over each test, (u (N,), first outputs (n,))."""

@@ -58,8 +58,15 @@ class Task:
 class Family(Protocol):
     """Scenarios of one kind. A scenario is a name; with a seed it becomes a task. Objects travel to other processes."""
 
-    name: str
-    about: str
+    @property
+    def name(self) -> str:
+        """First part of the names of its scenarios."""
+        ...
+
+    @property
+    def about(self) -> str:
+        """What its scenarios are, in a few words."""
+        ...
 
     def scenarios(self) -> Sequence[str]:
         """Names of its scenarios, without the family's name."""

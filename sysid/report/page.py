@@ -4,11 +4,15 @@ import base64
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sysid.base.json_values import plain
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,7 @@ class Grid:
     text_columns: int = 1
     quiet_rows: frozenset[int] = frozenset()  # rows shown for reference, in grey
     last_text: bool = False  # the last column is text too
+    sortable: bool = False  # by a click on a heading
 
     def is_text(self, j: int) -> bool:
         """Whether column j is aligned as text."""
@@ -62,7 +67,10 @@ class Listing:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading with its content in the order: paragraphs, tables, pictures, hidden tables and listings."""
+    """A heading with its content in the order: paragraphs, plots, tables, pictures, hidden tables and listings.
+
+    `plots` are elements of HTML that a script of the page fills.
+    """
 
     title: str
     paragraphs: Sequence[str] = ()
@@ -71,6 +79,7 @@ class Section:
     details: Sequence[Grid] = ()
     listings: Sequence[Listing] = ()
     small_pictures: bool = False
+    plots: Sequence[str] = ()
 
     @property
     def anchor(self) -> str:
@@ -87,19 +96,31 @@ class Page:
     verdict: Sequence[str]
     sections: Sequence[Section] = ()
     made_with: dict[str, str] = field(default_factory=dict)
+    scripts: Sequence[str] = ()  # files beside the page
+    wide: bool = False  # for tables of many columns
 
     def html(self) -> str:
-        """The page as one self-contained document."""
-        import jinja2
+        """The page as one document, self-contained but for its scripts."""
+        return _template().render(page=self)
 
-        source = resources.files("sysid.report").joinpath("template.html").read_text(encoding="utf-8")
-        environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-        return environment.from_string(source).render(page=self)
+    @property
+    def sorts(self) -> bool:
+        """Whether a table can be sorted."""
+        return any(table.sortable for section in self.sections for table in (*section.tables, *section.details))
 
     def pictures(self) -> Iterator[Picture]:
         """All pictures, in order."""
         for section in self.sections:
             yield from section.pictures
+
+
+@cache
+def _template() -> "Template":
+    import jinja2
+
+    source = resources.files("sysid.report").joinpath("template.html").read_text(encoding="utf-8")
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(source)
 
 
 def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:

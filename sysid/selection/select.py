@@ -17,8 +17,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from sysid.base.errors import InputError
+from sysid.base.executor import results
 from sysid.base.json_values import plain
-from sysid.base.threads import available
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.result import Fit
@@ -116,18 +116,19 @@ def select(
     jobs: int | None = None,
     journal: str | Path | None = None,
     progress: Callable[[int, int, str], None] | None = None,
+    scheduler: str | None = None,
 ) -> Selection:
     """Search the space on a record of one input and output and fit the chosen structure to all of it.
 
-    jobs: processes (all cores if None); journal: a file of finished candidates from which a stopped search continues;
-    progress(done, total, name) is called after each candidate. The results do not depend on jobs. A structure with
-    absolute signals is fitted to the record with its means restored, see `Recipe.scale`. Raises InputError for a
-    journal of another record, space or seed.
+    jobs: processes (all cores if None), or the address of a Dask `scheduler` (see `sysid.base.executor`); journal: a
+    file of finished candidates from which a stopped search continues; progress(done, total, name) is called after each
+    candidate. The results do not depend on jobs. A structure with absolute signals is fitted to the record with its
+    means restored, see `Recipe.scale`. Raises InputError for a journal of another record, space or seed.
     """
     space = space or Space()
     folds = _folds(data)
     book = Journal(journal, data, (vars(space), search, seed))
-    work = _Work(folds, search, seed, jobs or available(), book, progress)
+    work = _Work(folds, search, seed, jobs, scheduler, book, progress)
     every = [dict(zip(ORDERS, o, strict=True)) for o in itertools.product(space.nb, space.nf, space.nk)]
     linear = [c for o in every if o["nb"] <= o["nf"] + 1 for c in _made_of(o)]
     first = work.judge(1, linear, starts=1, iterations=50)
@@ -160,7 +161,8 @@ class _Work:
     folds: tuple[tuple[IOData, IOData], ...]
     search: str
     seed: int
-    jobs: int
+    jobs: int | None
+    scheduler: str | None
     book: Journal
     progress: Callable[[int, int, str], None] | None
 
@@ -175,23 +177,15 @@ class _Work:
             else:
                 rows[c] = Row(c, known["fit"], known["d"], number, np.array(known["errors"]), known["converged"])
         options = Options(max_iterations=iterations)
-        jobs = ((c, self.folds, self.search, starts, self.seed, options, number) for c in todo)
-        for row in _parallel(jobs, min(self.jobs, max(len(todo), 1))):
+        jobs = [(c, self.folds, self.search, starts, self.seed, options, number) for c in todo]
+        # Results come as they finish, so that the journal holds them when the search is killed.
+        for _, row in results(_judge_one, jobs, self.jobs, self.scheduler):
             rows[row.candidate] = row
             values = {"fit": row.fit_percent, "d": row.d, "errors": row.errors.tolist(), "converged": row.converged}
             self.book.add(number, _row(row.candidate), values)
             if self.progress is not None:
                 self.progress(len(rows), len(candidates), str(row.candidate))
         return [rows[c] for c in candidates]
-
-
-def _parallel(jobs: Any, n: int) -> Any:
-    if n == 1:
-        return map(_judge_one, jobs)
-    from joblib import Parallel, delayed
-
-    # Results come as they finish, so that the journal holds them when the search is killed.
-    return Parallel(n_jobs=n, return_as="generator_unordered")(delayed(_judge_one)(job) for job in jobs)
 
 
 def _judge_one(job: tuple[Any, ...]) -> Row:

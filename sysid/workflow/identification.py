@@ -21,12 +21,16 @@ from sysid.workflow.record import read_record
 
 @dataclass(frozen=True)
 class Auto:
-    """A search over structures instead of one setting; `journal` keeps finished candidates if the run is stopped."""
+    """A search over structures instead of one setting; `journal` keeps finished candidates if the run is stopped.
+
+    `scheduler` is the address of a Dask scheduler whose workers judge the candidates; local processes do if None.
+    """
 
     search: str = "auto"
     starts: int = 5
     seed: int = 0
     journal: Path | None = None
+    scheduler: str | None = None
 
     def __post_init__(self) -> None:
         if self.search not in SEARCHES:
@@ -77,7 +81,7 @@ def _search(
 ) -> tuple[Selection, Evaluation]:
     """The search on `estimation`, and its chosen fit evaluated on `validation` without refitting."""
     space = Space(starts=auto.starts)
-    found = select(estimation, space, auto.search, auto.seed, journal=auto.journal, progress=candidate)
+    found = select(estimation, space, auto.search, auto.seed, None, auto.journal, candidate, auto.scheduler)
     recipe = found.chosen.candidate
     setting = Setting(recipe, auto.search, auto.starts, auto.seed)
     parts = recipe.scale(estimation), recipe.scale(validation)

@@ -1,63 +1,181 @@
-"""The benchmark's runner: one row a case, resumable after a kill, and a report that is a function of the file."""
+"""The benchmark's table and runner: no row is lost or repeated, whatever is killed."""
 
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
 import pytest
+from cluster import cluster
 
 from sysid.base.errors import InputError
-from sysid.bench import runner, scenarios
-from sysid.bench.report import table
-from sysid.bench.score import FIELDS
-from sysid.systems import TABLE
+from sysid.bench import cell, suites
+from sysid.bench.cell import Cell
+from sysid.bench.columns import COLUMNS, KEY
+from sysid.bench.method import Inside
+from sysid.bench.methods import TABLE as METHODS
+from sysid.bench.runner import run
+from sysid.bench.scenarios import TABLE as FAMILIES
+from sysid.bench.table import Table, read
+
+SURE = [name for name in COLUMNS if name not in ("seconds", "memory")]
+QUICK = ["--scenario", "drawn/output_error", "--method", "output_error", "--method", "from_truth", "--first", "5"]
 
 
-def fake(case):
-    return {
-        **{k: str(v) for k, v in vars(case).items()},
-        "fit": "98.9", "oracle": "99.0", "gap": str(0.01 * case.seed), "pole_errors_crb": "1.0;2.0",
-        "seconds": "0.5", "iterations": "7", "evaluations": "9", "converged": "1",
-    }  # fmt: skip
+@dataclass(frozen=True)
+class Line:
+    """y = a u, learnt from the first sample."""
+
+    a: float
+
+    def simulate(self, u, y_init):
+        return self.a * u
 
 
-@pytest.fixture
-def scored(monkeypatch):
-    ran = []
-    monkeypatch.setattr(runner, "score", lambda case: ran.append(case) or fake(case))
-    return ran
+def slow_line(data):
+    time.sleep(0.1)
+    return Line(float(data.y[0] @ data.u[0] / (data.u[0] @ data.u[0])))
 
 
-def test_a_killed_run_goes_on_where_it_stopped(tmp_path, scored):
-    path, cases = tmp_path / "new" / "bench.csv", scenarios.cases(range(2))
-    assert len(cases) == 2 * len(TABLE) * 4
-    assert runner.run(cases[:5], path) == 5
-    whole = path.read_bytes()
-    path.write_bytes(whole[:-9])  # killed within the fifth row
-    assert len(runner.read(path)) == 4
-    assert runner.run(cases, path) == len(cases) - 4
-    assert scored[5] == cases[4]
-    assert [tuple(r.values())[:4] for r in runner.read(path)] == [tuple(map(str, vars(c).values())) for c in cases]
-    assert runner.run(cases, path) == 0
+def cells(count, fit=slow_line):
+    return [Cell(FAMILIES["drawn"], "output_error", Inside("line", "", fit), seed, 9.0) for seed in range(count)]
 
 
-def test_files_that_are_no_results_are_refused(tmp_path):
-    with pytest.raises(InputError, match="run the benchmark first"):
-        runner.read(tmp_path / "none.csv")
-    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(InputError, match="other columns"):
-        runner.read(tmp_path / "other.csv")
+def bench(path, *more):
+    return [sys.executable, "-m", "twin.cli", "bench", "run", *QUICK, "--out", str(path), *more]
 
 
-def test_report_by_hand(tmp_path, scored):
-    cases = [scenarios.Case("textbook", "own", 1, seed) for seed in (0, 1, 20)]
-    runner.run(cases, tmp_path / "b.csv")
-    rows = runner.read(tmp_path / "b.csv")
-    assert tuple(rows[0]) == FIELDS
-    last = table(rows).splitlines()[-1]
-    # gaps 0, 0.01, 0.2: two of three below 0.1
-    assert last.startswith("| textbook | own | 1 | 3 | 67 % | 0.0100 | 0.200 | 1.00, 2.00 | 0.500 |")
+@pytest.mark.parametrize("seed", range(2))
+def test_a_run_that_is_killed_goes_on_without_losing_or_repeating_a_row(tmp_path, seed):
+    """SIGKILL at a random moment, as often as it takes; the table then equals that of a run in one piece."""
+    rng, path = np.random.default_rng(seed), tmp_path / "b.parquet"
+    kills, before = 0, 0
+    for _ in range(60):
+        running = subprocess.Popen(bench(path, "--seeds", "30", "--workers", "1"), stderr=subprocess.PIPE)
+        try:
+            _, said = running.communicate(timeout=rng.uniform(2.0, 5.0))
+            assert running.returncode == 0, said
+            break
+        except subprocess.TimeoutExpired:
+            running.kill()
+            running.wait()
+            running.stderr.close()
+            kills += 1
+        done = len(Table(path).done())
+        assert done >= before
+        before = done
+    rows = read(path)
+    assert len(rows) == 60 == len(rows.unique(list(KEY)))
+    assert not path.with_suffix(".journal").exists()
+    whole = tmp_path / "whole.parquet"
+    subprocess.run(bench(whole, "--seeds", "30", "--workers", "1"), check=True, capture_output=True)
+    assert rows.select(SURE).equals(read(whole).select(SURE))
 
 
-def test_one_real_case_comes_near_the_truth():
-    from sysid.bench.score import score
+def test_a_row_in_journal_and_table_counts_once_and_half_a_line_not_at_all(tmp_path):
+    table = Table(tmp_path / "t.parquet")
+    with table.writing():
+        for each in cells(3):
+            table.add(cell.run(each))
+    rows = table.rows().to_dicts()
+    journal = tmp_path / "t.journal"
+    newer = rows[1] | {"fit": 12.5}
+    journal.write_text(json.dumps(newer) + "\n" + json.dumps(rows[2] | {"seed": 77})[:-20])
+    assert len(table.rows()) == 3  # killed between the table and the end of its journal
+    assert table.rows().filter(pl.col("seed") == rows[1]["seed"])["fit"].to_list() == [12.5]
+    assert run(cells(4), Table(table.path), 1) == 1  # as another process would
+    assert len(table.rows()) == 4
+    assert not journal.exists()
 
-    row = score(scenarios.Case("textbook", "own", 1, 0))
-    assert float(row["gap"]) < 0.1
-    assert all(float(e) < 4.0 for e in row["pole_errors_crb"].split(";"))
+
+def test_two_runs_cannot_write_one_table(tmp_path):
+    table = Table(tmp_path / "t.parquet")
+    with table.writing(), pytest.raises(InputError, match="another run writes"):
+        run(cells(1), Table(tmp_path / "t.parquet"), 1)
+    assert run(cells(1), table, 1) == 1
+
+
+def test_files_that_are_no_tables_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"ends in \.parquet"):
+        Table(tmp_path / "t.csv")
+    with pytest.raises(InputError, match="qpal bench run"):
+        read(tmp_path / "none.parquet")
+    (tmp_path / "x.parquet").write_text("no")
+    with pytest.raises(InputError, match="no results table"):
+        read(tmp_path / "x.parquet")
+    pl.DataFrame({"a": [1]}).write_parquet(tmp_path / "y.parquet")
+    with pytest.raises(InputError, match="no column scenario"):
+        read(tmp_path / "y.parquet")
+
+
+def test_whatever_a_method_does_there_is_a_row(tmp_path):
+    def crash(data):
+        raise RuntimeError("out of luck")
+
+    def short(data):
+        class Half:
+            def simulate(self, u, y_init):
+                return u[: len(u) // 2]
+
+        return Half()
+
+    def never(data):
+        while True:
+            time.sleep(0.01)
+
+    def wild(data):
+        class Wild:
+            def simulate(self, u, y_init):
+                return np.full(len(u), np.nan)
+
+        return Wild()
+
+    said = []
+    for fit in (crash, short, never, wild):
+        row = cell.run(Cell(FAMILIES["drawn"], "output_error", Inside("x", "", fit), 1, 0.1))
+        assert list(row) == list(COLUMNS)
+        said.append((row["status"], row["fit"]))
+    assert said[0] == ("crashed: RuntimeError: out of luck", None)
+    assert "1000 samples for 2000" in said[1][0]
+    assert said[2][0].startswith("stopped after 0")
+    assert said[3] == ("ok", -1e9)
+
+
+def test_the_executor_gives_the_same_on_two_processes(tmp_path):
+    chosen = suites.cells([suites.Part(("drawn/wiener",), ("from_truth", "wiener"), 2)], 20.0, FAMILIES, METHODS, 3)
+    for workers in (1, 2):
+        run(chosen, Table(tmp_path / f"{workers}.parquet"), workers)
+    assert read(tmp_path / "1.parquet").select(SURE).equals(read(tmp_path / "2.parquet").select(SURE))
+
+
+def test_a_cluster_that_loses_a_worker_loses_no_row(tmp_path):
+    pytest.importorskip("distributed")
+    with cluster(tmp_path) as (address, workers):
+        _lose_one(tmp_path, address, workers)
+
+
+def _lose_one(tmp_path, address, workers):
+    table, path = Table(tmp_path / "c.parquet"), tmp_path / "c.journal"
+    running = subprocess.Popen(
+        bench(tmp_path / "c.parquet", "--seeds", "40", "--scheduler", address), stderr=subprocess.PIPE
+    )
+    deadline = time.monotonic() + 120.0
+    while time.monotonic() < deadline and not (path.exists() and len(path.read_text().splitlines()) >= 10):
+        assert running.poll() is None, running.stderr.read()
+        time.sleep(0.02)
+    os.kill(workers[0].pid, signal.SIGKILL)  # in the middle of the run
+    at = len(table.rows())
+    _, said = running.communicate(timeout=240)
+    assert running.returncode == 0, said
+    assert 10 <= at < 80
+    whole = Table(tmp_path / "whole.parquet")
+    chosen = suites.cells(
+        [suites.Part(("drawn/output_error",), ("output_error", "from_truth"), 40)], 20.0, FAMILIES, METHODS, 5
+    )
+    run(chosen, whole, 1)
+    assert table.rows().select(SURE).equals(whole.rows().select(SURE))

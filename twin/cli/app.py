@@ -2,6 +2,7 @@
 
 import typer
 
+from twin.cli import bench
 from twin.cli.calibrate import calibrate
 from twin.cli.compare import compare
 from twin.cli.crawl import crawl
@@ -27,4 +28,5 @@ def build() -> typer.Typer:
     )
     for verb in VERBS:
         app.command()(verb)
+    app.add_typer(bench.build())
     return app

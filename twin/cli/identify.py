@@ -45,6 +45,7 @@ def identify(
     resume: Annotated[
         str | None, typer.Option(metavar="FILE", help="journal of --structure auto; a stopped search continues from it")
     ] = None,
+    scheduler: options.Scheduler = None,
     out: options.Out = None,
     as_json: options.Json = False,
     **settings: Any,
@@ -53,7 +54,7 @@ def identify(
 
     Columns and units are detected where that is beyond doubt; qpal info FILE shows how a file is read.
     """
-    setting = _setting(structure, settings, search, starts, options.seed(seed), resume)
+    setting = _setting(structure, settings, search, starts, options.seed(seed), resume, scheduler)
     from sysid.report import identify as report
     from sysid.report.page import write
     from sysid.workflow.exports import export
@@ -89,14 +90,22 @@ def identify(
 
 
 def _setting(
-    structure: str, settings: dict[str, Any], search: str, starts: int, seed: int, resume: str | None
+    structure: str,
+    settings: dict[str, Any],
+    search: str,
+    starts: int,
+    seed: int,
+    resume: str | None,
+    scheduler: str | None,
 ) -> "Setting | Auto":
     from sysid.workflow.evaluation import Setting
     from sysid.workflow.identification import Auto
 
     if structure == AUTO:
         recipes.none_given(settings, AUTO)
-        return Auto(search, starts, seed, None if resume is None else Path(resume))
+        return Auto(search, starts, seed, None if resume is None else Path(resume), scheduler)
     if resume is not None:
         raise InputError(f"--resume is given with --structure {structure}; only --structure {AUTO} keeps a journal")
+    if scheduler is not None:
+        raise InputError(f"--scheduler is given with --structure {structure}; only --structure {AUTO} has jobs for it")
     return Setting(recipes.recipe(structure, settings), search, starts, seed)

@@ -69,6 +69,14 @@ Range = Annotated[
 ]
 
 
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it, for example tcp://host:8786"
+    ),
+]
+
+
 def orders(text: str, names: dict[str, int], example: str) -> dict[str, int]:
     """Orders by name from '2,3,1'; `names` holds the smallest value of each, in the order in which they are given."""
     parts = [part.strip() for part in text.split(",")]

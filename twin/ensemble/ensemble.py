@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.executor import results
 from sysid.base.json_values import plain
 from sysid.base.versions import versions
 from twin.ensemble.draws import Draws
@@ -124,11 +125,18 @@ class Ensemble:
             "draws_seed": None if self.draws is None else int(self.draws.seed),
         }
 
-    def run(self, threads: int = 0, progress: Callable[[int, int], None] | None = None) -> "Ensemble":
+    def run(
+        self,
+        threads: int = 0,
+        progress: Callable[[int, int], None] | None = None,
+        scheduler: str | None = None,
+    ) -> "Ensemble":
         """Simulate the missing parts on `threads` threads (0: all processors); returns itself.
 
-        `progress` receives the number of finished experiments and the total after every part. Raises InputError for a
-        folder of another ensemble or without write access; finished parts are kept.
+        With the address of a Dask `scheduler`, its workers simulate parts with one thread each, and this process writes
+        them: the folder need not be shared, the logs are the same. `progress` receives the number of finished
+        experiments and the total after every part. Raises InputError for a folder of another ensemble or without write
+        access; finished parts are kept.
         """
         if isinstance(threads, bool) or not isinstance(threads, Integral) or threads < 0:
             raise InputError(f"threads is {threads!r}; give a whole number, 0 for all processors")
@@ -136,6 +144,14 @@ class Ensemble:
         parts.sweep()
         left = parts.missing()
         done = len(self) - sum(len(parts.numbers(k)) for k in left)
+        if scheduler is not None:
+            jobs = [(self, parts.numbers(k)) for k in left]
+            for i, table in results(_part_of, jobs, scheduler=scheduler):
+                parts.write(left[i], table)
+                done += len(table)
+                if progress is not None:
+                    progress(done, len(self))
+            return self
 
         def written(writing: "Future[int]") -> None:
             nonlocal done
@@ -229,6 +245,10 @@ class Ensemble:
 
     def _write(self, parts: Parts, k: int, cases: Sequence[_Case], shown: np.ndarray, trouble: Sequence[str]) -> int:
         """Write part k; returns its number of experiments."""
+        parts.write(k, self._table_of(cases, shown, trouble))
+        return len(cases)
+
+    def _table_of(self, cases: Sequence[_Case], shown: np.ndarray, trouble: Sequence[str]) -> "polars.DataFrame":
         import polars
 
         rows, signals = [], []
@@ -241,8 +261,7 @@ class Ensemble:
         table = polars.DataFrame(rows, infer_schema_length=None).with_columns(
             polars.Series(name, column) for name, column in zip(self._names(SIGNALS), np.stack(signals, 1), strict=True)
         )
-        parts.write(k, table.select(self._columns()))
-        return len(cases)
+        return table.select(self._columns())
 
     def _record(self, case: _Case, shown: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
         """Voltage, angle and true angle (joints, 3, N) of a case from its boards' records, and its log's header."""
@@ -252,6 +271,13 @@ class Ensemble:
         assert log.y_true is not None
         values = np.stack([column.reshape(log.N, -1).T for column in (log.u, log.y, log.y_true)], axis=1)
         return values, dict(log.meta)
+
+
+def _part_of(job: tuple[Ensemble, range]) -> "polars.DataFrame":
+    """The table of some experiments of an ensemble; runs on a worker."""
+    ensemble, numbers = job
+    cases = ensemble._prepare(numbers)
+    return ensemble._table_of(cases, *ensemble._simulate(cases, 1))
 
 
 def _model(experiment: Experiment) -> mujoco.MjModel:

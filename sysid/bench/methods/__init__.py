@@ -2,7 +2,8 @@
 
 from sysid.bench.method import Method
 from sysid.bench.methods.from_truth import METHOD as FROM_TRUTH
-from sysid.bench.methods.ours import METHODS as OURS
+from sysid.bench.methods.ours import METHODS
 from sysid.bench.peers import TABLE as PEERS
 
-TABLE: dict[str, Method] = {method.name: method for method in (FROM_TRUTH, *OURS)} | PEERS
+OURS = tuple(method.name for method in METHODS)  # of this library, without the bar
+TABLE: dict[str, Method] = {method.name: method for method in (FROM_TRUTH, *METHODS)} | PEERS

@@ -1,0 +1,56 @@
+"""Cost of the benchmark's runner: its share of the time, and rows a second of two workers beside one, in one run.
+
+    python scripts/bench_speed.py --seeds 12 --rounds 3
+
+Each round runs the same cells in a plain loop, by the runner in this process, and by the runner on two workers, which
+are warm. An idle machine is needed for the last ratio.
+"""
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from sysid.bench import cell, suites
+from sysid.bench.methods import TABLE as METHODS
+from sysid.bench.runner import run
+from sysid.bench.scenarios import TABLE as FAMILIES
+from sysid.bench.table import Table
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=12)
+    parser.add_argument("--rounds", type=int, default=3)
+    given = parser.parse_args()
+    part = suites.Part(("drawn/hammerstein_wiener", "drawn/wiener"), ("hammerstein_wiener", "wiener"), given.seeds)
+    cells = suites.cells([part], 20.0, FAMILIES, METHODS, 50)
+    with tempfile.TemporaryDirectory() as folder:
+
+        def runner(name, workers):
+            return lambda: run(cells, Table(Path(folder) / f"{name}.parquet"), workers)
+
+        timed(runner("warm", 2))
+        rows = []
+        for k in range(given.rounds):
+            plain = timed(lambda: [cell.run(each) for each in cells])
+            rows.append((plain, timed(runner(f"one-{k}", 1)), timed(runner(f"two-{k}", 2))))
+    plain, one, two = np.median(np.array(rows), axis=0)
+    share = np.median([b / a - 1 for a, b, _ in rows])
+    gain = np.median([b / c for _, b, c in rows])
+    print(
+        f"{len(cells)} rows, median of {given.rounds}: loop {plain:.1f} s, runner {one:.1f} s, two workers {two:.1f} s"
+    )
+    print(f"runner over loop: {100 * share:.1f} % more; two workers beside one: {gain:.2f} times the rows a second")
+
+
+def timed(job):
+    began = time.perf_counter()
+    job()
+    return time.perf_counter() - began
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,64 @@
+"""Plants drawn at random: the draw is the scenario."""
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.base.errors import unknown
+from sysid.bench.drawing.plants import CHAINS, RECURSION, Plant, Recursion, chain, recursion, scaled
+from sysid.bench.drawing.signals import INPUTS, NOISES, excitation, noise
+from sysid.bench.task import Task, Truth
+from sysid.data.record import IOData
+
+LENGTHS = {"": (250, 4000), "-long": (10_000, 100_000)}  # samples, log-uniform
+SNR = (10.0, 60.0)  # dB, uniform
+DROP, TEST = 50, 2000
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """The seed draws all: orders 1 to 4, delay 0 to 4, poles, zeros, maps, input, N, Ts, noise and its size.
+
+    The maps come from eleven families. The test is 2000 further samples of the same kind of input and noise; both
+    records begin at rest.
+    """
+
+    name: str = "drawn"
+    about: str = "plants drawn at random, 250 to 4000 samples (-long: 10,000 to 100,000), 10 to 60 dB"
+
+    def scenarios(self) -> Sequence[str]:
+        """A structure each, and its long version."""
+        return [kind + length for length in LENGTHS for kind in (*CHAINS, RECURSION)]
+
+    def make(self, scenario: str, seed: int) -> Task:
+        """See `Family`."""
+        if scenario not in self.scenarios():
+            raise unknown(f"scenario of {self.name}", scenario, self.scenarios())
+        kind, _, long = scenario.partition("-")
+        rng = np.random.default_rng([seed, zlib.crc32(scenario.encode())])
+        least, most = LENGTHS["-long" if long else ""]
+        N = round(np.exp(rng.uniform(np.log(least), np.log(most))))
+        Ts, excited = float(10 ** rng.uniform(-3, 0)), str(rng.choice(INPUTS))
+        plant, u = _plant(kind, excited, N, rng)
+        v = excitation(excited, TEST, rng)
+        y, clean = plant.run(u), plant.run(v)
+        noisy, snr = str(rng.choice(NOISES)), rng.uniform(*SNR)
+        size = float(y.std()) * 10 ** (-snr / 20)
+        train = IOData(u, y + size * noise(noisy, u, rng), Ts)
+        test = IOData(v, clean + size * noise(noisy, v, rng), Ts)
+        truth = Truth({"test": clean}, size, plant.poles, plant.chain, plant.theta)
+        given = f"{plant.given}; {excited} of {N} samples; {noisy} noise, {snr:.0f} dB"
+        return Task(train, {"test": test}, DROP, "1", plant.orders, truth, given=given)
+
+
+def _plant(kind: str, excited: str, N: int, rng: np.random.Generator) -> tuple[Plant | Recursion, np.ndarray]:
+    """A plant through which the input comes, and the input (N,)."""
+    u = excitation(excited, N, rng)
+    if kind == RECURSION:
+        return recursion(rng), u
+    while True:
+        plant = scaled(chain(kind, N, rng), u)
+        if plant is not None:
+            return plant, u

@@ -1,0 +1,105 @@
+"""Which cells a tag stands for: scenarios by pattern, methods, how many seeds, and the time that each fit may take."""
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from importlib.metadata import version
+
+from sysid.base.errors import InputError, unknown
+from sysid.bench.cell import Cell
+from sysid.bench.method import Method
+from sysid.bench.task import Family
+
+OWN = "own"  # the method that is called as the drawn structure is
+BAR = "from_truth"
+PEERS = "peers"  # every method that is not of this library
+CHAINS = "drawn/[!n]*[!g]"  # short records of chains: not nlarx, not -long
+
+
+@dataclass(frozen=True)
+class Part:
+    """Patterns of scenarios ("family/name"), names of methods, seeds of each scenario."""
+
+    scenarios: tuple[str, ...]
+    methods: tuple[str, ...]
+    seeds: int
+
+
+@dataclass(frozen=True)
+class Suite:
+    """What a tag runs; every fit may take `seconds`."""
+
+    about: str
+    seconds: float
+    parts: tuple[Part, ...]
+
+
+SUITES: Mapping[str, Suite] = {
+    "quick": Suite(
+        "what CI compares with its baseline: under 4 minutes on two cores",
+        60.0,
+        (
+            Part((CHAINS,), (BAR, OWN), 16),
+            Part(("drawn/output_error", "drawn/hammerstein", "drawn/wiener"), ("auto",), 3),
+            Part(("textbook/*",), (BAR, "hammerstein_wiener"), 2),
+        ),
+    ),
+}
+
+
+def first_seed(release: str | None = None) -> int:
+    """The first seed of this version: nobody can tune to the draws of a version that is yet to come."""
+    digest = hashlib.sha256(f"qpal {release or version('qpal')}".encode()).hexdigest()
+    return int(digest[:8], 16) % 10**6 * 1000
+
+
+def names(families: Mapping[str, Family]) -> list[str]:
+    """All scenarios as "family/name"."""
+    return [f"{family.name}/{scenario}" for family in families.values() for scenario in family.scenarios()]
+
+
+def cells(
+    parts: Iterable[Part],
+    seconds: float,
+    families: Mapping[str, Family],
+    methods: Mapping[str, Method],
+    first: int | None = None,
+    ours: Sequence[str] = (),
+) -> list[Cell]:
+    """The cells of some parts, seeds outermost, so that a run that stops early has met every scenario.
+
+    Seeds count from `first`, that of the version if None. Raises InputError for a pattern that matches no scenario, and
+    for unknown methods.
+    """
+    start, found = first_seed() if first is None else first, dict[tuple[str, str, int], Cell]()
+    everything = names(families)
+    for part in parts:
+        for pattern in part.scenarios:
+            if not any(fnmatchcase(name, pattern) for name in everything):
+                raise InputError(f"no scenario is called {pattern}; qpal bench list shows them")
+    most = max((part.seeds for part in parts), default=0)
+    for k in range(most):
+        for part in parts:
+            if k >= part.seeds:
+                continue
+            chosen = [name for name in everything if any(fnmatchcase(name, p) for p in part.scenarios)]
+            for name in chosen:
+                family, _, scenario = name.partition("/")
+                for method in _methods(part, scenario, methods, ours):
+                    cell = Cell(families[family], scenario, method, start + k, seconds)
+                    found.setdefault(cell.key, cell)
+    return list(found.values())
+
+
+def _methods(part: Part, scenario: str, methods: Mapping[str, Method], ours: Sequence[str]) -> list[Method]:
+    found = []
+    for name in part.methods:
+        own = scenario.partition("-")[0] if name == OWN else name
+        if own == PEERS:
+            found += [method for key, method in methods.items() if key not in ours and key != BAR]
+        elif own in methods:
+            found.append(methods[own])
+        elif name != OWN:
+            raise unknown("method", name, methods)
+    return found

@@ -1,0 +1,48 @@
+"""The one executor: the same results here, on processes and on a cluster."""
+
+import numpy as np
+import polars as pl
+import pytest
+from cluster import cluster
+
+import twin
+from sysid.base.errors import InputError
+from sysid.base.executor import in_order, results
+from sysid.selection.select import Space, select
+from sysid.systems import system
+
+
+def test_results_carry_the_number_of_their_job():
+    jobs = list(range(-20, 20))
+    for workers in (1, 2):
+        assert in_order(abs, jobs, workers) == [abs(job) for job in jobs]
+    assert sorted(results(abs, [-3, 5], 2)) == [(0, 3), (1, 5)]
+    assert list(results(abs, [], 2)) == []
+
+
+def test_no_scheduler_is_a_sentence():
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:1 "):
+        list(results(abs, [1, 2], scheduler="tcp://127.0.0.1:1"))
+    with pytest.raises(InputError, match="1 or more"):
+        list(results(abs, [1, 2], workers=0))
+
+
+def test_search_and_ensemble_are_the_same_on_a_cluster(tmp_path):
+    pytest.importorskip("distributed")
+    data = system("textbook").record(600, 0.01, np.random.default_rng(1))
+    space = Space((1, 2), (1, 2), (1,), ("saturation",), ("piecewise_linear",), kept_orders=1, starts=1, alone=False)
+    draws = twin.Draws({"thigh.coulomb": 0.3})
+
+    def ensemble(name):
+        return twin.Ensemble(twin.Experiment("thigh", duration=4.0), range(6), draws, tmp_path / name, part=2)
+
+    here, alone = select(data, space, jobs=1), ensemble("here").run()
+    with cluster(tmp_path) as (address, _):
+        there, shared = select(data, space, scheduler=address), ensemble("there").run(scheduler=address)
+    assert there.as_dict() == here.as_dict()
+    np.testing.assert_array_equal(there.fit.theta, here.fit.theta)
+    for ours, theirs in zip(alone, shared, strict=True):
+        np.testing.assert_array_equal(ours.y, theirs.y)
+    assert isinstance(shared.table(), pl.DataFrame)
+    assert shared.table().equals(alone.table())
