@@ -21,12 +21,12 @@ def fit(data):
     nk = data.orders[2] if data.orders else 1
     n = max(data.orders[1], data.orders[0]) if data.orders else 3
     U = [delayed((a - scale[0]) / scale[1], nk)[:, None] for a in data.u]
-    Y = [((b - scale[2]) / scale[3])[:, None] for b in data.y]
-    seen = [jnp.asarray(~m, dtype=float)[:, None] for m in data.missing]
-    gaps = any(m.any() for m in data.missing)
-    if gaps and len(Y) > 1:
-        raise NotImplementedError("jax-sysid knows no gaps in several experiments; give one, or outputs without gaps")
-    output_loss = (lambda run, y: jnp.sum(seen[0] * (run - y) ** 2) / seen[0].sum()) if gaps else None
+    # The library knows no gaps, but hands a row of Y to the loss as it is: its second column says what was measured.
+    Y = [np.column_stack([(b - scale[2]) / scale[3], ~m]) for b, m in zip(data.y, data.missing, strict=True)]
+    measured = sum(each[:, 1].sum() for each in Y)
+
+    def output_loss(run, y):
+        return jnp.sum(y[:, 1] * (run[:, 0] - y[:, 0]) ** 2) / y[:, 1].sum()
 
     linear = LinearModel(n, 1, 1, feedthrough=False)
     linear.loss(output_loss=output_loss, rho_x0=1e-3, rho_th=1e-6)
@@ -51,8 +51,8 @@ def fit(data):
         model.fit(list(Y), list(U))
         starts = model.x0 if isinstance(model.x0, list) else [model.x0]
         runs = [np.asarray(model.predict(np.asarray(x), a)[0]) for x, a in zip(starts, U, strict=True)]
-        error = np.concatenate([((r - b) * np.asarray(s)).ravel() for r, b, s in zip(runs, Y, seen, strict=True)])
-        loss, count = float(np.nan_to_num(error @ error, nan=np.inf)) / sum(float(s.sum()) for s in seen), count + 1
+        error = np.concatenate([(r[:, 0] - b[:, 0]) * b[:, 1] for r, b in zip(runs, Y, strict=True)])
+        loss, count = float(np.nan_to_num(error @ error, nan=np.inf)) / measured, count + 1
         if best is None or loss < best.loss:
             best = NeuralStateSpace([np.asarray(p) for p in model.params], scale, nk, loss)
     best.details = {"loss": best.loss * scale[3] ** 2, "structure": f"order {n}, {HIDDEN} tanh units a map"}
