@@ -5,8 +5,9 @@
     python scripts/calibration.py --toolbox --seeds 1000:1003                          # mujoco.sysid on the same task
     python scripts/calibration.py --page                                               # the story of docs/calibrate.md
 
-Stand-ins and their ranges are in tests/standin.py. Each seed is calibrated for each joint, with the twin's structure
-("same") and with effects that the twin lacks ("other"). The row of `mujoco.sysid` needs `pip install mujoco[sysid]`.
+Stand-ins and their ranges are in twin/bench/standin.py. Each seed is calibrated for each joint, with the twin's
+structure ("same") and with effects that the twin lacks ("other"). The row of `mujoco.sysid` needs
+`pip install mujoco[sysid]`.
 """
 
 import argparse

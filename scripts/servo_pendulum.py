@@ -2,7 +2,7 @@
 
     python scripts/servo_pendulum.py FOLDER [--figure FILE.png]
 
-FOLDER holds the 16 logs of an XL330 with a pendulum (see `physical_models.servo_logs`). Every model runs freely on the
+FOLDER holds the 16 logs of an XL330 with a pendulum (see `sysid.bench.scenarios.real`). Every model runs freely on the
 four logs of gain 400 under the recorded voltage; the first 50 samples are not scored.
 """
 
@@ -11,17 +11,17 @@ import time
 from pathlib import Path
 
 import numpy as np
-import physical_models as models
 
 import sysid
 from sysid import IOData
+from sysid.bench.methods.physical import servo_joint, servo_profile
+from sysid.bench.scenarios.real import HELD_OUT, servo_logs
 from sysid.structures import output_error
 from twin.calibrate.problem import Free, Record, Simulations
 from twin.calibrate.search import find
 from twin.pendulum import Pendulum, respond
 
 MASS, LENGTH = 0.49, 0.1  # kg, m: written in every log
-HELD_OUT = 400  # the gain whose logs no model sees
 UNSCORED = 50
 FIRST = Pendulum(MASS, LENGTH)
 # What a servo's voltage and angle can tell, with the mass and length known. Scales are what a data sheet leaves open.
@@ -86,15 +86,15 @@ def rms(parts: list[np.ndarray]) -> float:
 
 def table(folder: Path) -> tuple[list[tuple[str, list[np.ndarray]]], Pendulum, dict, list]:
     """Each model with its errors, the calibrated pendulum, how its search went, and the held-out logs."""
-    logs = models.servo_logs(folder)
+    logs = servo_logs(folder)
     train = [(f"{kp} {name}", data) for kp, name, data in logs if kp != HELD_OUT]
     tests = [(name, data) for kp, name, data in logs if kp == HELD_OUT]
     merged = IOData.merge(*(data for _, data in train))
     best, told = calibrated(train)
     rows = [
         ("output error (2,2,1)", of_fit(sysid.fit(output_error(2, 2, 1), merged))),
-        ("actuated joint", of_fit(models.servo_joint(merged))),
-        ("motor with profile", of_fit(models.servo_profile(merged))),
+        ("actuated joint", of_fit(servo_joint(merged))),
+        ("motor with profile", of_fit(servo_profile(merged))),
         ("pendulum twin, data sheet", of_pendulum(FIRST)),
         ("pendulum twin, calibrated", of_pendulum(best)),
     ]

@@ -3,17 +3,16 @@
     python scripts/write_back.py [--seeds 5] [--servo FOLDER]
 
 A joint grows with the parts that MJCF has; RMS and largest difference are shares of the stroke. FOLDER holds the logs
-of an XL330 with a pendulum (see `physical_models.servo_logs`); its motor is solved in eight parts a sample, since a
+of an XL330 with a pendulum (see `sysid.bench.scenarios.real`); its motor is solved in eight parts a sample, since a
 load that changes within a sample is otherwise held for it.
 """
 
 import argparse
 from pathlib import Path
 
-import physical_models as models
-
 import sysid
 import twin
+from sysid.bench.scenarios.real import servo_logs
 from sysid.blocks import Motor
 from sysid.export.mjcf import fragment
 from sysid.structures import actuated_joint
@@ -39,6 +38,6 @@ if __name__ == "__main__":
             show(f"{joint} {seed}", growth.fit, data, ", ".join(growth.parts))
     if given.servo is not None:
         chain = actuated_joint(motor=Motor(load=2, stops=False, at=0.0, substeps=8), knots=None, play=False)
-        for kp, name, data in models.servo_logs(given.servo):
+        for kp, name, data in servo_logs(given.servo):
             if name.startswith("sin"):
                 show(f"servo {kp} {name}", sysid.fit(chain, data, search="lm", starts=4, seed=0), data)

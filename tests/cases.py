@@ -10,6 +10,7 @@ import pytest
 import scipy.io
 
 from sysid.blocks import (
+    BowedGain,
     Channels,
     CoastingPlay,
     CubicSpline,
@@ -25,6 +26,7 @@ from sysid.blocks import (
     Polynomial,
     ProfiledMotor,
     Quantiser,
+    Rectifier,
     Saturation,
     SigmoidNetwork,
     TransferFunction,
@@ -37,8 +39,10 @@ from sysid.blocks import (
 from sysid.excitations import Aprbs, Chirp, Multisine, Prbs, Staircase, Steps, Sweep
 from sysid.structures import (
     ActuatedJoint,
+    CoupledDrives,
     Hammerstein,
     HammersteinWiener,
+    MotorProfile,
     NonlinearArx,
     OutputError,
     Wiener,
@@ -57,6 +61,7 @@ def step(s, x, p):
 """
 # Block and parameters in the interior of its domain, for inputs in [-2, 2].
 BLOCKS = {
+    "bowed_gain": (BowedGain(role="map"), np.array([0.4])),
     "channels": (
         Channels(maps=(Saturation(), Polynomial(degree=2)), role="map"),
         np.array([-1.1, 1.3, 0.3, 1.1, 0.4]),
@@ -108,6 +113,7 @@ BLOCKS = {
         np.array([3.0, 2.0, 2.4, 0.3, 0.5, 0.2, 0.4, 0.1, 0.35, 0.4, 0.1]),
     ),
     "quantiser": (Quantiser(step=0.3, role="map"), np.empty(0)),
+    "rectifier": (Rectifier(role="map"), np.array([-0.3])),
     "saturation": (Saturation(role="map"), np.array([-1.1, 1.3])),
     "sigmoid_network": (
         SigmoidNetwork(units=3, role="map"),
@@ -248,8 +254,10 @@ ROBOT = {"robot.mcap": ("log.u", "log.y"), "robot.bag": ("log.x", "log.y"), "rob
 # A recipe of each structure, with orders and maps.
 STRUCTURES = {
     "actuated_joint": ActuatedJoint(driver_step=0.1, sensor_linearity=0.01),
+    "coupled_drives": CoupledDrives(2, 2, 1),
     "hammerstein": Hammerstein(2, 2, 1, "saturation"),
     "hammerstein_wiener": HammersteinWiener(2, 2, 1, "saturation", "polynomial"),
+    "motor_profile": MotorProfile(5, -1.5, 2.0),
     "nlarx": NonlinearArx(2, 2, 1),
     "output_error": OutputError(2, 2, 1),
     "wiener": Wiener(2, 2, 1, "polynomial"),

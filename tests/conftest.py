@@ -9,14 +9,14 @@ from hypothesis import settings
 settings.register_profile("qpal", deadline=None, max_examples=20, derandomize=True)
 settings.load_profile("qpal")
 
-RECORDS = Path(__file__).resolve().parents[2] / "shared" / "data"
+RECORDS = Path(os.environ.get("QPAL_RECORDS") or Path(__file__).resolve().parents[2] / "shared" / "data")
 
 
 @pytest.fixture(scope="session")
 def records() -> Path:
     """Folder of public benchmark records, which the project does not ship."""
     if not RECORDS.is_dir():
-        pytest.skip("the public benchmark records are not beside the project (../shared/data)")
+        pytest.skip("the public benchmark records are neither beside the project (../shared/data) nor in $QPAL_RECORDS")
     return RECORDS
 
 

@@ -37,7 +37,7 @@ FLOORS = {
         ("parameter_file", "plant"),
         ("experiment", "robot", "truth"),
         ("design", "ensemble", "follow", "fragment", "pendulum", "signatures", "view"),
-        ("calibrate", "compare", "studies"),
+        ("bench", "calibrate", "compare", "studies"),
         ("report",),
         ("cli",),
     ),

@@ -35,6 +35,12 @@ class Suite:
     parts: tuple[Part, ...]
 
 
+JOINTS = tuple(f"{kind}/{joint}" for kind in ("twin", "legs", "mismatch") for joint in ("shoulder", "thigh", "shank"))
+PHYSICAL = (
+    Part(("real/emps",), ("emps_motor", "emps_profile"), 1),
+    Part(("real/ced",), ("ced_drives",), 1),
+    Part(("real/bam_xl330",), ("servo_joint", "servo_profile"), 1),
+)
 SUITES: Mapping[str, Suite] = {
     "quick": Suite(
         "what CI compares with its baseline: under 4 minutes on two cores",
@@ -43,6 +49,30 @@ SUITES: Mapping[str, Suite] = {
             Part((CHAINS,), (BAR, OWN), 16),
             Part(("drawn/output_error", "drawn/hammerstein", "drawn/wiener"), ("auto",), 3),
             Part(("textbook/*",), (BAR, "hammerstein_wiener"), 2),
+            Part(("twin/thigh",), ("actuated_joint",), 1),
+        ),
+    ),
+    "standard": Suite(
+        "the leaderboard: this library and its peers on every family, about half an hour on two cores",
+        5.0,
+        (
+            Part((CHAINS, "drawn/nlarx"), (BAR, OWN, "auto", PEERS), 3),
+            Part(("textbook/*", "stress/*"), (BAR, "hammerstein_wiener", "auto", PEERS), 1),
+            Part(JOINTS, ("actuated_joint", PEERS), 1),
+            Part(("real/*",), ("output_error", "hammerstein_wiener", "wiener_hammerstein", PEERS), 1),
+            Part(("real/cascaded_tanks", "real/ced", "real/hair_dryer"), ("nlarx", "auto"), 1),
+            *PHYSICAL,
+        ),
+    ),
+    "full": Suite(
+        "for a cluster: many seeds and long records",
+        60.0,
+        (
+            Part(("drawn/*",), (BAR, OWN, "auto", PEERS), 40),
+            Part(("textbook/*", "stress/*"), (BAR, "output_error", "hammerstein_wiener", "nlarx", "auto", PEERS), 10),
+            Part(("twin/*", "legs/*", "mismatch/*"), ("actuated_joint", "auto", PEERS), 10),
+            Part(("real/*",), ("output_error", "hammerstein_wiener", "wiener_hammerstein", "nlarx", "auto", PEERS), 1),
+            *PHYSICAL,
         ),
     ),
 }

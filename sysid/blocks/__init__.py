@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from sysid.base.errors import unknown
 from sysid.block.block import Block, StaticBlock
+from sysid.blocks.bowed_gain import BowedGain
 from sysid.blocks.channels import Channels
 from sysid.blocks.coasting_play import CoastingPlay
 from sysid.blocks.cubic_spline import CubicSpline
@@ -21,6 +22,7 @@ from sysid.blocks.play import Play
 from sysid.blocks.polynomial import Polynomial
 from sysid.blocks.profiled_motor import ProfiledMotor
 from sysid.blocks.quantiser import Quantiser
+from sysid.blocks.rectifier import Rectifier
 from sysid.blocks.saturation import Saturation
 from sysid.blocks.sigmoid_network import SigmoidNetwork
 from sysid.blocks.transfer_function import TransferFunction
@@ -42,6 +44,7 @@ STATIC: dict[str, Callable[..., StaticBlock]] = {
 }
 TABLE: dict[str, Callable[..., Block]] = {
     **STATIC,
+    "bowed_gain": BowedGain,
     "channels": Channels,
     "coasting_play": CoastingPlay,
     "custom": Custom,
@@ -53,6 +56,7 @@ TABLE: dict[str, Callable[..., Block]] = {
     "play": Play,
     "profiled_motor": ProfiledMotor,
     "quantiser": Quantiser,
+    "rectifier": Rectifier,
     "transfer_function": TransferFunction,
     "transfer_matrix": TransferMatrix,
     "travel_map": TravelMap,
@@ -71,6 +75,7 @@ def static(kind: "str | StaticBlock", role: str) -> StaticBlock:
 __all__ = [
     "STATIC",
     "TABLE",
+    "BowedGain",
     "Channels",
     "CoastingPlay",
     "CubicSpline",
@@ -87,6 +92,7 @@ __all__ = [
     "Polynomial",
     "ProfiledMotor",
     "Quantiser",
+    "Rectifier",
     "Saturation",
     "SigmoidNetwork",
     "TransferFunction",

@@ -2,8 +2,10 @@
 
 from sysid.model.recipes import Recipe
 from sysid.structures.actuated_joint import ActuatedJoint, actuated_joint
+from sysid.structures.coupled_drives import CoupledDrives, coupled_drives
 from sysid.structures.hammerstein import Hammerstein, hammerstein
 from sysid.structures.hammerstein_wiener import HammersteinWiener, hammerstein_wiener
+from sysid.structures.motor_profile import MotorProfile, motor_profile
 from sysid.structures.nlarx import NonlinearArx, nlarx
 from sysid.structures.output_error import OutputError, output_error
 from sysid.structures.wiener import Wiener, wiener
@@ -11,8 +13,10 @@ from sysid.structures.wiener_hammerstein import WienerHammerstein, wiener_hammer
 
 TABLE: dict[str, type[Recipe]] = {
     "actuated_joint": ActuatedJoint,
+    "coupled_drives": CoupledDrives,
     "hammerstein": Hammerstein,
     "hammerstein_wiener": HammersteinWiener,
+    "motor_profile": MotorProfile,
     "nlarx": NonlinearArx,
     "output_error": OutputError,
     "wiener": Wiener,
@@ -22,16 +26,20 @@ TABLE: dict[str, type[Recipe]] = {
 __all__ = [
     "TABLE",
     "ActuatedJoint",
+    "CoupledDrives",
     "Hammerstein",
     "HammersteinWiener",
+    "MotorProfile",
     "NonlinearArx",
     "OutputError",
     "Recipe",
     "Wiener",
     "WienerHammerstein",
     "actuated_joint",
+    "coupled_drives",
     "hammerstein",
     "hammerstein_wiener",
+    "motor_profile",
     "nlarx",
     "output_error",
     "wiener",

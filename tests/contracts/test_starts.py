@@ -8,10 +8,11 @@ from sysid.blocks import CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledM
 from sysid.data.record import IOData
 from sysid.estimation.starts import TABLE, starts
 from sysid.model.chain import Chain
-from sysid.structures import actuated_joint, hammerstein_wiener, output_error, wiener_hammerstein
+from sysid.structures import actuated_joint, coupled_drives, hammerstein_wiener, output_error, wiener_hammerstein
 
 MADE_FOR = {
     "own_blocks": Chain((dynamic("def step(s, x, p):\n    return p.gain * x\n", {"gain": 1.0}),)),
+    "drives": coupled_drives(),
     "staged_joint": actuated_joint(motor=Motor(load=3, stribeck=True), play=CoastingPlay()),
     "joint": actuated_joint(play=Play()),
     "profile": Chain((ProfiledMotor(knots=3, low=0.0, high=1.0),)),

@@ -2,21 +2,17 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from sysid.base.errors import InputError
+from twin.cli import bench_cells as chosen
 from twin.cli import console, options
+from twin.cli.output import run_folder
 
-if TYPE_CHECKING:
-    from sysid.bench.cell import Cell
-    from sysid.bench.method import Method
-    from sysid.bench.task import Family
-
-TABLE = "runs/bench.parquet"
-Tag = Annotated[str | None, typer.Option("--tag", metavar="NAME", help="what to run: quick, standard or full")]
-Workers = Annotated[int | None, options.whole("N", "local processes; as many as there are cores if not given")]
+DEFAULT = Path("runs/bench.parquet")
+Table = Annotated[Path, typer.Argument(metavar="TABLE.parquet", help="results of qpal bench run")]
 
 
 def build() -> typer.Typer:
@@ -27,110 +23,159 @@ def build() -> typer.Typer:
         no_args_is_help=True,
         rich_markup_mode=None,
     )
-    for verb in (run, list_):
-        app.command(name=verb.__name__.rstrip("_"))(verb)
+    for name, verb in VERBS.items():
+        app.command(name=name)(verb)
     return app
 
 
 def run(
-    tag: Tag = None,
-    scenario: Annotated[
-        list[str] | None,
-        typer.Option("--scenario", metavar="PATTERN", help="scenarios instead of a tag, for example 'drawn/*'; repeat"),
-    ] = None,
-    method: Annotated[
-        list[str] | None,
-        typer.Option("--method", metavar="NAME|FILE.py", help="methods instead of the tag's, or files; repeat"),
-    ] = None,
+    tag: chosen.Tag = None,
+    scenario: chosen.Scenario = None,
+    method: chosen.Method = None,
     seeds: Annotated[int | None, options.whole("N", "seeds of each scenario, instead of the tag's")] = None,
     first: Annotated[int | None, options.whole("N", "the first seed; that of this version if not given")] = None,
     budget: Annotated[float | None, options.number("S", "seconds that each fit may take")] = None,
-    workers: Workers = None,
+    records: chosen.Records = None,
+    workers: Annotated[
+        int | None, options.whole("N", "local processes; as many as there are cores if not given")
+    ] = None,
     scheduler: options.Scheduler = None,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE.parquet", help="results; a run continues them")] = Path(
-        TABLE
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE.parquet", help="results; a run continues those that are there")
+    ] = DEFAULT,
     as_json: options.Json = False,
 ) -> None:
     """Run methods over scenarios into a table, a row each. A run that was stopped continues where it was."""
     from sysid.bench.runner import run as run_cells
-    from sysid.bench.table import Table
+    from sysid.bench.table import Table as Results
 
-    cells = _cells(tag, scenario, method, seeds, first, budget)
-    table = Table(out)
+    cells = chosen.cells(tag, scenario, method, seeds, first, budget, records)
+    table = Results(out)
     with console.progress(max(len(cells), 1)) as step:
-        count = run_cells(cells, table, workers, scheduler, lambda done, todo: step(f"{done} of {todo}"))
+        try:
+            count = run_cells(cells, table, workers, scheduler, lambda done, todo: step(f"{done} of {todo}"))
+        except KeyboardInterrupt:
+            raise console.Stopped(f"the rows so far are in {out}; the same command goes on from there") from None
     rows = table.rows()
     failed = rows.filter(rows["status"] != "ok")
-    found = {"table": str(out), "rows": len(rows), "new": count, "without result": len(failed)}
-    if as_json:
-        from sysid.report.page import to_json
-
-        sys.stdout.write(to_json(found))
-        return
-    print(f"{count} rows run, {len(rows)} in {out}, {len(failed)} of them without a result.")
-    print(f"Next: qpal bench report {out}")
+    _say(
+        {"table": str(out), "rows": len(rows), "new": count, "without result": len(failed)},
+        as_json,
+        f"{count} rows run, {len(rows)} in {out}, {len(failed)} of them without a result.",
+        f"Next: qpal bench report {out}",
+    )
 
 
-def list_(as_json: options.Json = False) -> None:
-    """Show the scenarios, methods and tags."""
+def report(
+    table: Table = DEFAULT,
+    against: Annotated[
+        Path | None, typer.Option("--against", metavar="BASE.parquet", help="an earlier table: say what changed")
+    ] = None,
+    draw: Annotated[int, options.whole("N", "worst cells of our methods to solve again and draw")] = 0,
+    records: chosen.Records = None,
+    out: options.Out = None,
+    as_json: options.Json = False,
+) -> None:
+    """Write the leaderboard of a table; against an earlier one, exit with 1 if something got worse beyond noise."""
+    from sysid.bench.methods import OURS
+    from sysid.bench.regression import compare
+    from sysid.bench.table import read
+    from sysid.report import bench as page
+
+    rows = read(table)
+    verdict = None if against is None else compare(rows, read(against), OURS)
+    redraw = chosen.redraw(records) if draw else None
+    with run_folder(out, "bench") as (folder, scratch):
+        summary = page.write(scratch, rows, OURS, verdict, redraw, draw)
+    console.finish(folder, summary, as_json, [], [*(verdict.sentences if verdict else ()), *summary["sentences"]])
+    if verdict is not None and verdict.worse:
+        raise typer.Exit(1)
+
+
+def show(records: chosen.Records = None, as_json: options.Json = False) -> None:
+    """List the scenarios, methods and tags."""
     from sysid.bench.suites import SUITES
-    from sysid.report.page import Grid, to_json
+    from sysid.report.page import Grid
 
-    families, methods = _families(), _methods()
-    found = {
-        "scenarios": {f.name: list(f.scenarios()) for f in families.values()},
-        "methods": {name: method.about for name, method in methods.items()},
-        "tags": {name: suite.about for name, suite in SUITES.items()},
-    }
+    families, methods = chosen.families(records), chosen.methods()
     if as_json:
-        sys.stdout.write(to_json(found))
+        found = {
+            "scenarios": {f.name: list(f.scenarios()) for f in families.values()},
+            "methods": {name: method.about for name, method in methods.items()},
+            "tags": {name: suite.about for name, suite in SUITES.items()},
+        }
+        _say(found, as_json)
         return
     rows = [[f.name, f.about, ", ".join(f.scenarios())] for f in families.values()]
-    console.show(Grid(["family", "what", "names"], rows, "Scenarios"))
-    console.show(Grid(["method", "what"], [[n, m.about] for n, m in methods.items()], "Methods"))
-    console.show(Grid(["tag", "what"], [[n, s.about] for n, s in SUITES.items()], "Tags"))
+    console.show(Grid(["family", "what", "names"], rows, "Scenarios", 3))
+    console.show(Grid(["method", "what"], [[n, m.about] for n, m in methods.items()], "Methods", 2))
+    console.show(Grid(["tag", "what"], [[n, s.about] for n, s in SUITES.items()], "Tags", 2))
 
 
-def _families() -> "dict[str, Family]":
-    from sysid.bench import scenarios
+def add(name: Annotated[str, typer.Argument(metavar="NAME", help="of your method, for example my_arx")]) -> None:
+    """Write a method file to begin with, NAME.py in this folder. It runs as it is."""
+    from sysid.bench.scaffold import add as write
 
-    return dict(scenarios.TABLE)
-
-
-def _methods() -> "dict[str, Method]":
-    from sysid.bench import methods
-
-    return dict(methods.TABLE)
+    path = write(name)
+    print(f"{path} is a method that runs as it is. Edit its fit, then:")
+    print(f"Next: qpal bench run --method {path} --scenario 'textbook/*' --out runs/{name}.parquet")
 
 
-def _cells(
-    tag: str | None,
-    scenario: list[str] | None,
-    method: list[str] | None,
-    seeds: int | None,
-    first: int | None,
-    budget: float | None,
-) -> "list[Cell]":
-    from sysid.bench import suites
-    from sysid.bench.methods import OURS
+def install(
+    name: Annotated[list[str], typer.Argument(metavar="NAME|FILE.py...", help="methods of others, or files; or peers")],
+) -> None:
+    """Make the environments of methods of other people; `peers` stands for all of them."""
+    from sysid.bench.outside import Outside
+    from sysid.bench.suites import PEERS
 
-    families, methods = _families(), _methods()
-    if tag is None and scenario is None:
-        raise InputError(f"nothing is chosen; give --tag ({', '.join(suites.SUITES)}) or --scenario (qpal bench list)")
-    if tag is not None and tag not in suites.SUITES:
-        from sysid.base.errors import unknown
+    methods = chosen.methods()
+    names = [chosen.add_file(text, methods) for text in name]
+    wanted = [key for key in methods if isinstance(methods[key], Outside)] if PEERS in names else names
+    failed = 0
+    for each in wanted:
+        method = methods[each]
+        if not isinstance(method, Outside):
+            print(f"{each} needs no environment: it is part of qpal.")
+            continue
+        try:
+            print(f"{each}: {method.environment.install()}")
+        except InputError as error:
+            failed += 1
+            print(error)
+    if failed:
+        raise typer.Exit(1)
 
-        raise unknown("tag", tag, suites.SUITES)
-    names = [_named(text, methods) for text in method or ()]
-    suite = suites.SUITES[tag or "quick"]
-    if scenario is not None:
-        parts: Any = [suites.Part(tuple(scenario), tuple(names) or (suites.BAR, *OURS), seeds or 1)]
+
+def export(
+    scenario: Annotated[str, typer.Argument(metavar="FAMILY/NAME", help="see qpal bench list")],
+    seed: Annotated[int, options.whole("N", "which draw")] = 0,
+    records: chosen.Records = None,
+    out: Annotated[str, typer.Option("--out", metavar="DIR", help="a new folder")] = "runs/scenario",
+) -> None:
+    """Write a scenario's data as CSV, and what is known of its plant as JSON."""
+    from sysid.bench.export import export as write
+
+    family, name = chosen.scenario(scenario, records)
+    print(f"Written: {write(family.make(name, seed), out)}")
+
+
+def speed(as_json: options.Json = False) -> None:
+    """Seconds and ratios of the default fit: kernel, single start, five starts, long records."""
+    from sysid.bench.speed import speed as measured
+
+    found = {name: float(f"{value:.4g}") for name, value in measured().items()}
+    _say(found, as_json, *(f"{name}: {value}" for name, value in found.items()))
+
+
+VERBS = {
+    "run": run, "report": report, "list": show, "add": add, "install": install, "export": export, "speed": speed
+}  # fmt: skip
+
+
+def _say(summary: dict, as_json: bool, *sentences: str) -> None:
+    from sysid.report.page import to_json
+
+    if as_json:
+        sys.stdout.write(to_json(summary))
     else:
-        parts = [suites.Part(part.scenarios, tuple(names) or part.methods, seeds or part.seeds) for part in suite.parts]
-    return suites.cells(parts, budget or suite.seconds, families, methods, first, OURS)
-
-
-def _named(text: str, methods: "dict[str, Method]") -> str:
-    """The name of a method, which a file adds to `methods`."""
-    return text
+        print("\n".join(sentences))

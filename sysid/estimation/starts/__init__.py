@@ -5,6 +5,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.start import Start
+from sysid.estimation.starts.drives import Drives
 from sysid.estimation.starts.joint import Joint
 from sysid.estimation.starts.matrix import Matrix
 from sysid.estimation.starts.own_blocks import OwnBlocks
@@ -16,6 +17,7 @@ from sysid.model.chain import Chain
 
 TABLE: dict[str, Start] = {
     "own_blocks": OwnBlocks(),
+    "drives": Drives(),
     "staged_joint": StagedJoint(),
     "joint": Joint(),
     "profile": Profile(),
