@@ -232,7 +232,8 @@ def test_an_environment_is_made_once_and_anew_for_other_requirements(tmp_path, m
 def test_a_method_without_its_environment_says_so_in_its_row(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     method = written(tmp_path, "REQUIREMENTS = ['nowhere']\ndef fit(data): ...\n")
-    assert solve(method).status == "not installed: run qpal bench install mine"
+    assert solve(method).status == f"not installed: run qpal bench install {tmp_path / 'mine.py'}"
+    assert solve(TABLE["nfoursid"]).status == "not installed: run qpal bench install nfoursid"
 
 
 BAD = {
