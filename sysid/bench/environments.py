@@ -26,12 +26,14 @@ def folder() -> Path:
 class Environment:
     """The environment called `name`, with what pip is to install there and further options of pip.
 
-    Without requirements it is the interpreter that runs now.
+    Without requirements it is the interpreter that runs now. `method` is what `qpal bench install` calls it, if that is
+    not its name.
     """
 
     name: str
     requirements: tuple[str, ...]
     options: tuple[str, ...] = ()
+    method: str = ""
 
     @property
     def path(self) -> Path:
@@ -45,7 +47,7 @@ class Environment:
         if self._stamp() != self._wanted():
             failed = self.path / FAILED
             why = f" ({failed.read_text(encoding='utf-8').strip()})" if failed.is_file() else ""
-            raise InputError(f"not installed{why}: run qpal bench install {self.name}")
+            raise InputError(f"not installed{why}: run qpal bench install {self.method or self.name}")
         return self._interpreter()
 
     def install(self) -> Path:
