@@ -123,8 +123,8 @@ def of_the_bar(board: pl.DataFrame) -> list[str]:
     for family, share in board.group_by("family").agg(pl.col("bar_at_truth").mean()).sort("family").iter_rows():
         if share < 1:
             found.append(
-                f"{family}: the bar is the best fit of any method on {_percent(1 - share)} of the rows, since {BAR} "
-                "has no result there."
+                f"{family}: the bar is the best fit of any method on {_percent(1 - share)} of the rows, since "
+                "their truth is not known."
             )
     return found
 

@@ -46,6 +46,13 @@ def test_the_bar_is_the_fit_from_the_truth_and_else_the_best_fit(table):
     assert set(at_best.select("scenario", "seed").rows()) == {("f/b", 1)}
 
 
+def test_a_plant_that_is_no_chain_has_its_noise_free_output_as_bar(table):
+    known = table.with_columns(oracle=pl.when(pl.col("scenario") == "f/b").then(65.0))
+    scored = boards.scored(known)
+    assert gaps(scored, "ours") == pytest.approx([-0.05, 0.05, 0.5, 5.0])  # the bar of (f/b, 1) failed
+    assert scored.filter(pl.col("bar_is") == boards.AT_ORACLE)["bar"].to_list() == [65.0] * 3
+
+
 def test_the_leaderboard_by_hand(table):
     board = boards.leaderboard(boards.scored(table))
     ours, peer, bar = board.to_dicts()
