@@ -5,7 +5,7 @@ from typing import Any
 
 import polars as pl
 
-from sysid.bench.leaderboard import BAR, CAP, ENOUGH, NEAR, against, calibration, method_of, ranked, winners
+from sysid.bench.leaderboard import CAP, ENOUGH, NEAR, against, calibration, method_of, ranked, winners
 from sysid.bench.statistics import Duel, wilson
 
 TENTH = 0.1  # of the seconds of the best peer with an equal fit: what ours should need
