@@ -2,8 +2,8 @@
 
     python scripts/bench_speed.py --seeds 12 --rounds 3
 
-The report of 100,000 made-up rows is timed too. Each round runs the same cells in a plain loop, by the runner in this process, and by the runner on two workers, which
-are warm. An idle machine is needed for the last ratio.
+The report of 100,000 made-up rows is timed too. Each round runs the same cells in a plain loop, by the runner in this
+process, and by the runner on two workers, which are warm. An idle machine is needed for the last ratio.
 """
 
 import argparse
