@@ -1,9 +1,9 @@
 """Three deliberately damaged identifiers: does the comparison of two benchmark tables catch and name them?
 
-    python scripts/damaged.py --out runs/damaged --seeds 3
+    python scripts/damaged.py --out runs/damaged --tag quick
 
-The undamaged library and each damage run the same cells of one family; the damage is put into the library at run time.
-Tables stay in the folder, and a run that was stopped continues. Exit status 1 if a damage passes unseen.
+The undamaged library and each damage run the same cells; the damage is put into the library at run time. Tables stay in
+the folder, and a run that was stopped continues. Exit status 1 if a damage passes unseen.
 """
 
 import argparse
@@ -17,9 +17,10 @@ from unittest.mock import patch
 
 import numpy as np
 
-from sysid.bench import scenarios
+from sysid.bench import scenarios, suites
 from sysid.bench.cell import Cell, run
 from sysid.bench.measures import INTERVALS, SEARCH, SELECTION
+from sysid.bench.methods import OURS
 from sysid.bench.methods import TABLE as METHODS
 from sysid.bench.regression import Verdict, compare
 from sysid.bench.table import Table, read
@@ -27,8 +28,7 @@ from sysid.blocks.transfer_function import TransferFunction
 from sysid.selection import select as selecting
 from sysid.uncertainty import information as informing
 
-SECONDS = 300.0
-FIXED = ("from_truth", "output_error", "hammerstein", "wiener", "hammerstein_wiener")
+SEARCHES = "auto"  # the method that chooses its structure
 
 
 @contextmanager
@@ -73,25 +73,28 @@ def covariance() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Damage:
-    """What is damaged, the methods that are run with it, and the room that the comparison must name."""
+    """What is damaged, whether it concerns the structure search alone, and the room that the comparison must name."""
 
     put: Callable[[], Any]
-    methods: tuple[str, ...]
+    chooses: bool
     room: str
 
 
 DAMAGES = {
-    "jacobian": Damage(jacobian, FIXED, SEARCH),
-    "selection": Damage(selection, ("auto",), SELECTION),
-    "covariance": Damage(covariance, FIXED, INTERVALS),
+    "jacobian": Damage(jacobian, False, SEARCH),
+    "selection": Damage(selection, True, SELECTION),
+    "covariance": Damage(covariance, False, INTERVALS),
 }
 
 
-def cells(family: str, names: list[str], methods: tuple[str, ...], seeds: int) -> list[Cell]:
-    """Every method on every scenario and seed."""
-    where = scenarios.TABLE[family]
-    chosen = names or list(where.scenarios())
-    return [Cell(where, s, METHODS[m], k, SECONDS) for s in chosen for k in range(seeds) for m in methods]
+def cells(tag: str, seeds: int | None, seconds: float) -> list[Cell]:
+    """The cells of a tag on the families of the library, with at most so many seeds for each scenario."""
+    parts = []
+    for part in suites.SUITES[tag].parts:
+        own = tuple(pattern for pattern in part.scenarios if pattern.partition("/")[0] in scenarios.TABLE)
+        if own:
+            parts.append(replace(part, scenarios=own, seeds=min(part.seeds, seeds or part.seeds)))
+    return suites.cells(parts, seconds, scenarios.TABLE, METHODS, ours=OURS)
 
 
 def fill(path: Path, todo: list[Cell]) -> None:
@@ -105,14 +108,15 @@ def fill(path: Path, todo: list[Cell]) -> None:
                 print(path.stem, *cell.key, file=sys.stderr)
 
 
-def caught(name: str, folder: Path, family: str, names: list[str], seeds: int) -> tuple[bool, Verdict]:
+def caught(name: str, folder: Path, every: list[Cell]) -> tuple[bool, Verdict]:
     """Whether a damage is called worse and its own room is named."""
     damage = DAMAGES[name]
-    todo = cells(family, names, damage.methods, seeds)
+    todo = [cell for cell in every if (cell.method.name == SEARCHES) == damage.chooses]
     fill(folder / "base.parquet", todo)
     with damage.put():
         fill(folder / f"{name}.parquet", todo)
-    verdict = compare(read(folder / f"{name}.parquet"), read(folder / "base.parquet"), damage.methods)
+    methods = {cell.method.name for cell in todo}
+    verdict = compare(read(folder / f"{name}.parquet"), read(folder / "base.parquet"), methods)
     return verdict.worse and damage.room in {f.room for f in verdict.findings if f.worse}, verdict
 
 
@@ -121,14 +125,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("damages", nargs="*", metavar="DAMAGE", help=f"{', '.join(DAMAGES)}; all without any")
     parser.add_argument("--out", type=Path, default=Path("runs/damaged"), help="folder of the tables")
-    parser.add_argument("--family", default="textbook", choices=sorted(scenarios.TABLE))
-    parser.add_argument("--scenario", action="append", default=[], help="one of the family; all without any")
-    parser.add_argument("--seeds", type=int, default=3, help="how many for each scenario")
+    parser.add_argument("--tag", default="quick", choices=sorted(suites.SUITES))
+    parser.add_argument("--seeds", type=int, help="at most so many for each scenario; the tag's if not given")
+    parser.add_argument("--budget", type=float, default=300.0, help="seconds of a fit")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    unseen = []
+    every, unseen = cells(given.tag, given.seeds, given.budget), []
     for name in given.damages or DAMAGES:
-        seen, verdict = caught(name, given.out, given.family, given.scenario, given.seeds)
+        seen, verdict = caught(name, given.out, every)
         print(f"\n{name}: {'caught and named' if seen else 'NOT named'}", *verdict.sentences, sep="\n  ", flush=True)
         unseen += [] if seen else [name]
     return 1 if unseen else 0

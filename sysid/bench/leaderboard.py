@@ -14,6 +14,7 @@ from sysid.base.errors import InputError
 from sysid.bench.statistics import LEVEL, SHIFT, Duel, duel, performance_profile, wilson
 
 BAR = "from_truth"
+OWN = "own structure"  # all methods together that are told the structure of a drawn plant
 AT_TRUTH, AT_BEST = "the fit from the truth", "the best fit of any method"
 UNTRIED = ("no data", "not installed")  # beginnings of a status: the method had no chance
 STOPPED = "stopped after"
@@ -28,9 +29,10 @@ GROUP = ("family", "method")
 
 
 def scored(table: pl.DataFrame) -> pl.DataFrame:
-    """The rows of methods that had a chance, with `family`, `task`, `bar`, `bar_is`, `gap` and `ok`.
+    """The rows of methods that had a chance, with `family`, `bar`, `bar_is`, `gap` and `ok`.
 
-    Raises InputError for a table without rows.
+    A method that bears the name of its scenario, as hammerstein on drawn/hammerstein, is told the structure; all of
+    these count as one method, `OWN`. Raises InputError for a table without rows.
     """
     if table.is_empty():
         raise InputError("the table has no rows; run methods first: qpal bench run --tag quick")
@@ -38,6 +40,7 @@ def scored(table: pl.DataFrame) -> pl.DataFrame:
     ok = (pl.col("status") == "ok") & (pl.col("fit") > DIVERGED)
     rows = table.filter(tried).with_columns(
         pl.col("scenario").str.split("/").list.first().alias("family"),
+        pl.when(_structure() == pl.col("method")).then(pl.lit(OWN)).otherwise("method").alias("method"),
         ok.fill_null(False).alias("ok"),
     )
     fit = pl.when("ok").then("fit")
@@ -49,6 +52,16 @@ def scored(table: pl.DataFrame) -> pl.DataFrame:
     )
     gap = pl.when("ok").then(pl.col("bar") - pl.col("fit")).otherwise(float("inf"))
     return rows.with_columns(gap.alias("gap"))
+
+
+def method_of(scenario: str, method: str) -> str:
+    """The name in the table of a method on the leaderboard."""
+    return scenario.partition("/")[2].partition("-")[0] if method == OWN else method
+
+
+def _structure() -> pl.Expr:
+    """What a scenario is called after its family and before a dash: the structure of a drawn plant."""
+    return pl.col("scenario").str.extract(r"^[^/]*/([^-]*)")
 
 
 def untried(table: pl.DataFrame) -> pl.DataFrame:

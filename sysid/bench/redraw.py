@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from sysid.base.errors import InputError
-from sysid.bench.leaderboard import BAR, CAP
+from sysid.bench.leaderboard import CAP, NEAR, method_of
 from sysid.bench.method import Method
 from sysid.bench.task import Family
 
@@ -49,12 +49,14 @@ def redraw(family: Family, scenario: str, method: Method, seed: int, seconds: fl
 
 
 def worst_to_draw(rows: pl.DataFrame, methods: list[str], count: int) -> list[tuple[str, str, int]]:
-    """The cells with the largest finite gaps of the given methods, one a scenario: (scenario, method, seed)."""
-    mine = rows.filter(pl.col("method").is_in(methods) & (pl.col("method") != BAR) & pl.col("ok"))
+    """The cells with the largest finite gaps of some methods, one a scenario: (scenario, method, seed).
+
+    A gap within the smallest margin is not worth a picture.
+    """
+    mine = rows.filter(pl.col("method").is_in(methods) & (pl.col("gap") > NEAR[0]) & pl.col("ok"))
     ranked = mine.with_columns(pl.col("gap").clip(-CAP, CAP)).sort(
         "gap", "scenario", "method", "seed", descending=[True, False, False, False]
     )
     first = ranked.unique("scenario", keep="first", maintain_order=True).head(count)
-    return [
-        (scenario, method, int(seed)) for scenario, method, seed in first.select("scenario", "method", "seed").rows()
-    ]
+    cells = first.select("scenario", "method", "seed").rows()
+    return [(scenario, method_of(scenario, method), int(seed)) for scenario, method, seed in cells]

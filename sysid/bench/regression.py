@@ -24,6 +24,7 @@ from sysid.bench.statistics import wilson
 ALARM = 0.01
 FLIPPED = 0.02
 SIGN = 0.02
+JUDGED = 10  # intervals of a family
 NAMED = 10  # status changes that are written out one by one
 
 
@@ -187,19 +188,28 @@ def _too_wide_or_narrow(pairs: pl.DataFrame, direction: float) -> tuple[bool, st
     """Whether wider (direction 1) or narrower intervals are worse, and the coverage in words.
 
     Only models that explain their record are judged: no interval of another model can hold. Wider ones are better only
-    if too few held before; narrower ones are worse only if too few hold now; without any such model both are worse.
+    if too few held before in every family, so that noise for which intervals are too narrow hides no scaling elsewhere.
+    Narrower ones are worse if too few hold now in any family. Without a family of `JUDGED` intervals both are worse.
     """
-    judged = pairs.filter(explained() & explained("_base"))
-    if judged.is_empty():
-        return True, "; no model among them explains its record, so nothing says that this is right"
-    now = wilson(int(judged["held"].sum()), int(judged["intervals"].sum()))
-    before = wilson(int(judged["held_base"].sum()), int(judged["intervals_base"].sum()))
-    worse = before.high >= CLAIMED if direction > 0 else now.high < CLAIMED
-    words = (
-        f". Where the model explains the record, {now.k} of {now.n} hold the truth ({100 * now.value:.0f} %), "
-        f"{before.k} of {before.n} before ({100 * before.value:.0f} %), and {100 * CLAIMED:.0f} % is claimed"
+    judged = pairs.filter(explained() & explained("_base")).with_columns(
+        pl.col("scenario").str.split("/").list.first().alias("family")
     )
-    return worse, words
+    worse, words = list[bool](), list[str]()
+    for (family,), part in judged.partition_by("family", as_dict=True).items():
+        now = wilson(int(part["held"].sum()), int(part["intervals"].sum()))
+        before = wilson(int(part["held_base"].sum()), int(part["intervals_base"].sum()))
+        if min(now.n, before.n) >= JUDGED:
+            worse.append(before.high >= CLAIMED if direction > 0 else now.high < CLAIMED)
+            words.append(
+                f"{now.k} of {now.n} hold the truth on {family} ({100 * now.value:.0f} %), {before.k} of {before.n} "
+                f"before ({100 * before.value:.0f} %)"
+            )
+    if not words:
+        return (
+            True,
+            f"; fewer than {JUDGED} intervals are of a model that explains its record, so none of them is judged",
+        )
+    return any(worse), f". Where the model explains the record, {'; '.join(words)}; {100 * CLAIMED:.0f} % is claimed"
 
 
 def _statuses(pairs: pl.DataFrame) -> tuple[list[str], list[str], list[str]]:

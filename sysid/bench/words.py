@@ -5,7 +5,7 @@ from typing import Any
 
 import polars as pl
 
-from sysid.bench.leaderboard import BAR, CAP, ENOUGH, NEAR, against, calibration, ranked, winners
+from sysid.bench.leaderboard import BAR, CAP, ENOUGH, NEAR, against, calibration, method_of, ranked, winners
 from sysid.bench.statistics import Duel, wilson
 
 TENTH = 0.1  # of the seconds of the best peer with an equal fit: what ours should need
@@ -19,13 +19,17 @@ def sentences(rows: pl.DataFrame, board: pl.DataFrame, ours: Collection[str]) ->
 
 def again(scenario: str, method: str, seed: int) -> str:
     """The command that runs one cell by itself."""
-    return f"qpal bench run --scenario {scenario} --method {method} --seeds {seed}"
+    name = method_of(scenario, method)
+    return f"qpal bench run --scenario {scenario} --method {name} --first {seed} --seeds 1 --out runs/again.parquet"
 
 
 def _family(row: dict[str, Any], rows: pl.DataFrame, board: pl.DataFrame, ours: Collection[str]) -> Iterator[str]:
     family, mine, peer = row["family"], row["ours"], row["peer"]
     if mine is None and peer is None:
-        yield f"{family}: no method tried {_percent(ENOUGH)} of the tasks, so none is ranked. Continue: qpal bench run"
+        yield (
+            f"{family}: no method tried {_percent(ENOUGH)} of the tasks, so none is ranked. Run more: qpal bench run "
+            "--tag standard"
+        )
         return
     side = "ours" if peer is None or (mine is not None and row["ours_lost"] <= row["peer_lost"]) else "peer"
     first = mine if side == "ours" else peer

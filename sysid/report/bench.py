@@ -41,11 +41,12 @@ class Board:
     @classmethod
     def of(cls, table: pl.DataFrame, ours: Collection[str]) -> "Board":
         """All frames of a results table. Raises InputError for a table without rows."""
+        ours = (*ours, boards.OWN)
         rows = boards.scored(table)
         board = boards.leaderboard(rows)
         return cls(
             rows,
-            tuple(ours),
+            ours,
             board,
             boards.winners(board, ours),
             boards.calibration(rows),
@@ -68,7 +69,7 @@ def write(
     """Write report.html, scenarios/*.html, tables.md, summary.json and the script of the plots; returns the summary.
 
     `folder` exists; the caller moves it into place. `verdict` is that of `sysid.bench.regression.compare`. With
-    `redraw` the `drawn` worst cells of our methods are solved again and drawn.
+    `redraw` the `drawn` worst cells of our best methods are solved again and drawn.
     """
     board = Board.of(table, ours)
     pictures = {} if redraw is None else _pictures(board, redraw, drawn)
@@ -150,7 +151,8 @@ def _scenario(
         top = worst.sort("gap", descending=True).row(0, named=True)
         repeat = f"Repeat the worst: {words.again(scenario, top['method'], top['seed'])}"
         sections.append(Section("Worst seeds", [repeat], tables=[_grid(worst, shown.WORST, last_text=True)]))
-    verdict = [f"{int(methods['n'].max() or 0)} tasks. The bar is {bar}."]  # type: ignore[call-overload]
+    most = max(row[0] for row in methods.select("n").iter_rows())
+    verdict = [f"{most} tasks. The bar is {bar}."]
     return Page(scenario, "a scenario of the identification benchmark", verdict, sections, wide=True)
 
 
@@ -185,15 +187,15 @@ def drawing(cell: Redrawn) -> Picture:
 
 
 def file_name(scenario: str) -> str:
-    """The page of a scenario; two names that differ in other characters than letters and digits stay apart."""
-    safe = "".join(c if c.isalnum() or c in "-_" else f"-{ord(c):x}-" if c != "/" else "--" for c in scenario)
-    return f"{safe}.html"
+    """The page of a scenario: `family/name` becomes family.name.html; no two scenarios share one."""
+    safe = (c if c.isascii() and (c.isalnum() or c in "-_") else "." if c == "/" else f"~{ord(c):x}~" for c in scenario)
+    return f"{''.join(safe)}.html"
 
 
 def _pictures(board: Board, redraw: Redraw, count: int) -> dict[str, Picture]:
-    """The worst cells drawn, by scenario; a cell that has no result this time is left out."""
-    found = {}
-    for scenario, method, seed in worst_to_draw(board.rows, list(board.ours), count):
+    """The worst cells of our best method of each family, by scenario; one without a result this time is left out."""
+    found, best = {}, board.winners["ours"].drop_nulls().unique().to_list()
+    for scenario, method, seed in worst_to_draw(board.rows, best, count):
         try:
             found[scenario] = drawing(redraw(scenario, method, seed))
         except InputError:
@@ -213,7 +215,7 @@ def _figures(board: Board) -> tuple[list[str], list[str]]:
             plots.html(plots.error_profile(board.rows, board.ours), "errors"),
             plots.html(plots.time_profile(board.rows, board.ours, boards.NEAR[1]), "times"),
             plots.html(plots.cost(board.board, board.ours), "cost"),
-            plots.html(plots.calibration(board.calibration, board.ours), "intervals"),
+            plots.html(plots.calibration(board.calibration, board.board, board.ours), "intervals"),
         ], []
     except ImportError:
         return [], [NO_PLOTS]

@@ -1,11 +1,14 @@
 """A bad cell of the benchmark drawn: input, measured output with the free run over it, and the error."""
 
+from typing import Any
+
 import numpy as np
 
 from sysid.base import style
 from sysid.bench.redraw import Redrawn
 
-SECONDS_SHOWN = 600  # samples, around the largest error: a long record would be a black band
+SHOWN = 600  # samples around the largest error: a long record would be a black band
+_ABOVE: Any = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.97), "ncols": 2, "borderaxespad": 0.0}
 
 
 @style.styled
@@ -15,8 +18,8 @@ def draw(cell: Redrawn) -> bytes:
 
     error = np.where(np.isfinite(cell.run), cell.y - cell.run, np.nan)
     k = int(np.nanargmax(np.abs(error[cell.drop :]))) + cell.drop if np.isfinite(error[cell.drop :]).any() else 0
-    start = max(0, min(k - SECONDS_SHOWN // 2, len(cell.y) - SECONDS_SHOWN))
-    part = slice(start, start + SECONDS_SHOWN)
+    start = max(0, min(k - SHOWN // 2, len(cell.y) - SHOWN))
+    part = slice(start, start + SHOWN)
     t = np.arange(len(cell.y))[part] * cell.Ts
     unit = f" [{cell.unit}]" if cell.unit not in ("", "1") else ""
     figure = Figure(figsize=(style.WIDTH, 4.6), layout="constrained")
@@ -28,13 +31,13 @@ def draw(cell: Redrawn) -> bytes:
     # A run that diverges must not flatten the measured output.
     middle.set_ylim(*_room(cell.y))
     middle.set_ylabel(f"output{unit}")
-    middle.legend(loc="upper right", ncols=2)
+    middle.legend(**_ABOVE)
     low.plot(t, error[part], color=style.MODEL, label="measured less free run")
     if cell.clean is not None:
         low.plot(t, (cell.y - cell.clean)[part], color=style.SECOND, label="noise")
     low.set_ylabel(f"error{unit}")
     low.set_xlabel("time in the test [s]")
-    low.legend(loc="upper right", ncols=2)
+    low.legend(**_ABOVE)
     return style.png(middle)
 
 

@@ -61,10 +61,10 @@ def cost(board: pl.DataFrame, ours: Collection[str]) -> Figure:
     return _by_family(traces, shown, families, layout)
 
 
-def calibration(frame: pl.DataFrame, ours: Collection[str]) -> Figure:
+def calibration(frame: pl.DataFrame, board: pl.DataFrame, ours: Collection[str]) -> Figure:
     """Share of intervals that hold the truth by family and method, with Wilson's intervals and the claimed line."""
-    names, traces = sorted(frame["method"].unique()), list[Any]()
-    for name in names:
+    names, traces = _names(board), list[Any]()
+    for name in sorted(frame["method"].unique()):
         mine = frame.filter((pl.col("method") == name) & (pl.col("intervals") > 0))
         rate, low, high = (100 * mine[f"held_{end}"].to_numpy() for end in ("rate", "low", "high"))
         traces.append(
@@ -134,8 +134,10 @@ def _names(rows: pl.DataFrame) -> list[str]:
 
 def _look(name: str, names: Sequence[str], ours: Collection[str]) -> dict[str, Any]:
     """Colour and dash of a method, the same in every plot: ours in full lines, others dashed."""
+    if name == BAR:
+        return {"color": style.INK, "dash": "solid", "width": 2}
     mine = [n for n in names if (n in ours) == (name in ours)]
-    k = mine.index(name) if name in mine else 0
+    k = mine.index(name)
     dashes = ("solid", "dashdot") if name in ours else ("dash", "dot")
     return {"color": COLOURS[k % len(COLOURS)], "dash": dashes[k // len(COLOURS) % 2], "width": 2}
 

@@ -108,7 +108,7 @@ def test_intervals_twice_as_wide_are_worse_where_enough_held(base):
     finding = next(f for f in verdict.findings if f.measure == "width")
     assert (finding.worse, finding.room, finding.methods) == (True, "intervals", ("m4",))
     assert "m4 are 2 times as wide on 24 of 24 pairs" in finding.sentence
-    assert "96 of 96 hold the truth (100 %)" in finding.sentence
+    assert "96 of 96 hold the truth on f (100 %)" in finding.sentence
 
 
 def test_wider_intervals_are_better_where_too_few_held(base):
@@ -116,6 +116,20 @@ def test_wider_intervals_are_better_where_too_few_held(base):
     verdict = compare(changed(narrow, "m4", width=pl.col("width") * 2, held=pl.lit(4)), narrow)
     assert not verdict.worse
     assert {f.measure for f in verdict.findings} == {"width", "coverage"}
+
+
+def test_noise_for_which_intervals_are_too_narrow_hides_no_scaling_elsewhere(base):
+    narrow = changed(base, "m4", held=pl.lit(2)).with_columns(pl.col("scenario").str.replace("f/", "coloured/"))
+    both = pl.concat([narrow, base])
+    verdict = compare(changed(both, "m4", width=pl.col("width") * 2, held=pl.lit(4)), both)
+    finding = next(f for f in verdict.findings if f.measure == "width")
+    assert finding.worse
+    assert "96 of 96 hold the truth on coloured (100 %), 48 of 96 before (50 %)" in finding.sentence
+
+
+def test_intervals_of_models_that_cannot_be_right_justify_nothing(base):
+    off = changed(base, "m4", noise=pl.col("noise") / 10, held=pl.lit(2))
+    assert compare(changed(off, "m4", width=pl.col("width") * 2, held=pl.lit(4)), off).worse
 
 
 def test_narrower_intervals_are_worse_only_if_too_few_hold(base):

@@ -1,12 +1,13 @@
 """`qpal bench`: methods against plants with a truth, against each other, and on real records."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, unknown
 from twin.cli import bench_cells as chosen
 from twin.cli import console, options
 from twin.cli.output import run_folder
@@ -130,6 +131,9 @@ def install(
 
     methods = chosen.methods()
     names = [chosen.add_file(text, methods) for text in name]
+    for each in names:
+        if each != PEERS and each not in methods:
+            raise unknown("method", each, methods)
     wanted = [key for key in methods if isinstance(methods[key], Outside)] if PEERS in names else names
     failed = 0
     for each in wanted:
@@ -167,7 +171,7 @@ def speed(as_json: options.Json = False) -> None:
     _say(found, as_json, *(f"{name}: {value}" for name, value in found.items()))
 
 
-VERBS = {
+VERBS: dict[str, Callable[..., None]] = {
     "run": run, "report": report, "list": show, "add": add, "install": install, "export": export, "speed": speed
 }  # fmt: skip
 
