@@ -1,4 +1,4 @@
-"""Hammerstein-Wiener by scipy.least_squares and finite differences: the forty lines that anyone would write."""
+"""scipy.least_squares: Hammerstein-Wiener by finite differences, as anyone would write it."""
 
 import time
 

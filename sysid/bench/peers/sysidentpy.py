@@ -33,6 +33,11 @@ def fit(data):
                     errors = [(r - b)[m] for r, (_, b), m in zip(runs, parts, seen, strict=True)]
                     model.loss = float(np.nan_to_num(np.mean(np.concatenate(errors) ** 2), nan=np.inf))
                     model.score = model.loss * (1.0 + 2.0 * model.model.n_terms / len(y))  # Akaike's final prediction
+                    # A polynomial may explode a little outside its data: such a model gives way to any other one.
+                    wild = [np.abs(model.free_run(1.2 * a, b[: model.lag])).max() for a, b in parts]
+                    model.score += (
+                        0.0 if np.max(wild) < 3.0 * np.abs(np.concatenate([b for _, b in parts])).max() else 1e6
+                    )
                     longest = max(longest, time.monotonic() - began)
                     if best is None or model.score < best.score:
                         best = model
