@@ -2,16 +2,18 @@
 
     python scripts/bench_speed.py --seeds 12 --rounds 3
 
-Each round runs the same cells in a plain loop, by the runner in this process, and by the runner on two workers, which
-are warm. An idle machine is needed for the last ratio.
+The report of 100,000 made-up rows is timed too. Each round runs the same cells in a plain loop, by the runner in this
+process, and by the runner on two workers, which are warm. An idle machine is needed for the last ratio.
 """
 
 import argparse
+import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 
 from sysid.bench import cell, suites
 from sysid.bench.methods import TABLE as METHODS
@@ -32,6 +34,8 @@ def main():
         def runner(name, workers):
             return lambda: run(cells, Table(Path(folder) / f"{name}.parquet"), workers)
 
+        count, seconds = report_of_100_000_rows()
+        print(f"report of {count} rows: {seconds:.1f} s")
         timed(runner("warm", 2))
         rows = []
         for k in range(given.rounds):
@@ -44,6 +48,19 @@ def main():
         f"{len(cells)} rows, median of {given.rounds}: loop {plain:.1f} s, runner {one:.1f} s, two workers {two:.1f} s"
     )
     print(f"runner over loop: {100 * share:.1f} % more; two workers beside one: {gain:.2f} times the rows a second")
+
+
+def report_of_100_000_rows():
+    """Seconds of the whole report, its pages included."""
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+    from fakes import run_of_the_library
+
+    from sysid.report import bench as pages
+
+    part = run_of_the_library(np.random.default_rng(0), methods=12, tasks=24)
+    table = pl.concat(part.with_columns(pl.col("scenario").str.replace("f", f"g{k % 7}") + f"-{k}") for k in range(350))
+    with tempfile.TemporaryDirectory() as folder:
+        return len(table), timed(lambda: pages.write(Path(folder), table, ()))
 
 
 def timed(job):

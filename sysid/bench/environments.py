@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 from sysid.base.errors import InputError
@@ -26,12 +27,14 @@ def folder() -> Path:
 class Environment:
     """The environment called `name`, with what pip is to install there and further options of pip.
 
-    Without requirements it is the interpreter that runs now.
+    Without requirements it is the interpreter that runs now. `method` is what `qpal bench install` calls it, if that is
+    not its name.
     """
 
     name: str
     requirements: tuple[str, ...]
     options: tuple[str, ...] = ()
+    method: str = ""
 
     @property
     def path(self) -> Path:
@@ -45,7 +48,7 @@ class Environment:
         if self._stamp() != self._wanted():
             failed = self.path / FAILED
             why = f" ({failed.read_text(encoding='utf-8').strip()})" if failed.is_file() else ""
-            raise InputError(f"not installed{why}: run qpal bench install {self.name}")
+            raise InputError(f"not installed{why}: run qpal bench install {self.method or self.name}")
         return self._interpreter()
 
     def install(self) -> Path:
@@ -58,9 +61,12 @@ class Environment:
         with self._alone():
             if self._stamp() != self._wanted():
                 shutil.rmtree(self.path, ignore_errors=True)
-                self._call([sys.executable, "-m", "venv", str(self.path)])
-                pip = [str(self._interpreter()), "-m", "pip", "install", "--no-input", "--disable-pip-version-check"]
-                self._call([*pip, *self.options, *self.requirements])
+                with_pip = find_spec("pip") is None  # else the pip that is here serves there, which saves seconds
+                self._call([sys.executable, "-m", "venv", str(self.path), *([] if with_pip else ["--without-pip"])])
+                there = str(self._interpreter())
+                pip = [there, "-m", "pip"] if with_pip else [sys.executable, "-m", "pip", "--python", there]
+                quiet = ["--no-input", "--disable-pip-version-check"]
+                self._call([*pip, "install", *quiet, *self.options, *self.requirements])
                 write_text(self.path / STAMP, json.dumps(self._wanted()))
         return self._interpreter()
 

@@ -43,7 +43,8 @@ class Outside:
     def environment(self) -> Environment:
         """Where it runs; the worker there needs numpy."""
         needed = (*self.requirements, "numpy") if self.requirements else ()
-        return Environment(self.name, needed, self.options)
+        ours = Path(self.path).parent == Path(__file__).with_name("peers")
+        return Environment(self.name, needed, self.options, "" if ours else self.path)
 
     def solve(self, task: Task, tests: Tests, seconds: float, seed: int) -> Outcome:
         """See `Method`. Its clock starts after its imports; at `LIMIT` times the budget it is killed."""

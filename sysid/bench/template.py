@@ -1,6 +1,7 @@
 """Least-squares ARX, an equation-error fit: change me.
 
-`qpal bench run --method THIS_FILE` runs it. It must not import sysid: it is run in an environment of its own.
+This file must not import sysid: it runs in a process of its own. `qpal bench run --method THIS_FILE` puts it into the
+table.
 """
 
 import numpy as np
@@ -9,34 +10,39 @@ REQUIREMENTS: list[str] = []  # what pip installs for it, such as ["scipy>=1.13"
 
 
 def fit(data):
-    """data.u, data.y: tuples of arrays (N,), one an experiment; data.Ts [s]; data.orders (nb, nf, nk) or None.
+    """data.u, data.y: tuples of arrays (N,), one an experiment; data.missing: outputs that were not measured.
 
-    Also data.missing (outputs that were not measured), data.seconds (end within them) and data.seed.
+    Also data.Ts [s], data.orders (nb, nf, nk) or None, data.seconds (end within them), data.seed.
     """
     nb, na, nk = data.orders or (2, 2, 1)
-    rows = [regressors(u, y, nb, na, nk) for u, y in zip(data.u, data.y, strict=True)]
-    # Change this line: the estimate. A one-step-ahead least squares is biased by noise on the output.
-    theta = np.linalg.lstsq(np.concatenate([X for X, _ in rows]), np.concatenate([z for _, z in rows]), rcond=None)[0]
+    X, y = rows(data.u, data.y, data.missing, nb, na, nk)
+    theta = np.linalg.lstsq(X, y, rcond=None)[0]  # change this: noise on the output biases it
     return Arx(theta, nb, na, nk)
 
 
-def regressors(u, y, nb, na, nk):
-    """Rows [-y(k-1) .. -y(k-na), u(k-nk) .. u(k-nk-nb+1), 1] and y(k)."""
-    k = np.arange(max(na, nb + nk - 1), len(y))
-    past = [-y[k - i] for i in range(1, na + 1)] + [u[k - nk - j] for j in range(nb)]
-    return np.column_stack([*past, np.ones(len(k))]), y[k]
+def rows(inputs, outputs, missing, nb, na, nk):
+    """Regressors [-y(k-1) .. -y(k-na), u(k-nk) .. u(k-nk-nb+1), 1] and y(k) of all experiments, without gaps."""
+    X, z = [], []
+    for u, y, gone in zip(inputs, outputs, missing, strict=True):
+        k = np.arange(max(na, nb + nk - 1), len(y))
+        k = k[~np.any([gone[k - i] for i in range(na + 1)], axis=0)]
+        past = [-y[k - i] for i in range(1, na + 1)] + [u[k - nk - j] for j in range(nb)]
+        X.append(np.column_stack([*past, np.ones(len(k))]))
+        z.append(y[k])
+    return np.concatenate(X), np.concatenate(z)
 
 
 class Arx:
+    """What fit returns: simulate(u, y_init), and what else the table may show of it."""
+
     def __init__(self, theta, nb, na, nk):
         self.theta, self.nb, self.na, self.nk = theta, nb, na, nk
-        self.poles = np.roots([1.0, *theta[:na]])  # optional: the table then shows their error
-        self.details = {"structure": f"ARX {na}, {nb}, {nk}"}  # optional: stop, loss, structure
+        self.poles = np.roots([1.0, *theta[:na]])  # optional
+        self.details = {"structure": f"ARX {na}, {nb}, {nk}"}  # optional; also "stop", a sentence, and "loss"
 
     def simulate(self, u, y_init):
-        """Free run (N,): only u and the first outputs y_init are known."""
-        y = np.zeros(len(u))
-        y[: len(y_init)] = y_init
+        """Free run (N,): only u (N,) and the first outputs y_init (n,) are known."""
+        y = np.concatenate([y_init, np.zeros(len(u) - len(y_init))])
         for k in range(len(y_init), len(u)):
             past = [-y[k - i] if k >= i else 0.0 for i in range(1, self.na + 1)]
             past += [u[max(k - self.nk - j, 0)] for j in range(self.nb)]

@@ -5,7 +5,7 @@ from typing import Any
 
 import polars as pl
 
-from sysid.bench.leaderboard import BAR, CAP, ENOUGH, NEAR, against, calibration, method_of, ranked, winners
+from sysid.bench.leaderboard import CAP, ENOUGH, NEAR, against, calibration, method_of, ranked, winners
 from sysid.bench.statistics import Duel, wilson
 
 TENTH = 0.1  # of the seconds of the best peer with an equal fit: what ours should need
@@ -123,8 +123,8 @@ def of_the_bar(board: pl.DataFrame) -> list[str]:
     for family, share in board.group_by("family").agg(pl.col("bar_at_truth").mean()).sort("family").iter_rows():
         if share < 1:
             found.append(
-                f"{family}: the bar is the best fit of any method on {_percent(1 - share)} of the rows, since {BAR} "
-                "has no result there."
+                f"{family}: the bar is the best fit of any method on {_percent(1 - share)} of the rows, since "
+                "their truth is not known."
             )
     return found
 

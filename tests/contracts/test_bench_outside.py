@@ -63,13 +63,11 @@ def solve(method: Outside, seconds: float = 30.0, given: Task | None = None):
 
 
 def test_the_scaffold_finds_the_plant_it_can_describe(tmp_path):
-    """Without the samples that touch a gap the equations are exact, so an equation-error fit is too."""
+    """The rows that a gap does not touch are exact, so an equation-error fit is too."""
     given = task()
-    whole = Task(IOData.merge(given.train.experiments[0], given.train.select(350, 500)), given.tests, given.drop,
-                 orders=(2, 2, 1))  # fmt: skip
     method = load(add("my_arx", tmp_path))
     assert (method.name, method.requirements) == ("my_arx", ())
-    outcome = solve(method, given=whole)
+    outcome = solve(method, given=given)
     assert outcome.status == "ok"
     np.testing.assert_allclose(outcome.runs["test"], given.tests["test"].y[:, 0], atol=1e-9)
     poles = np.array([complex(*z) for z in outcome.details["poles"]])
@@ -79,7 +77,8 @@ def test_the_scaffold_finds_the_plant_it_can_describe(tmp_path):
     assert outcome.memory > 5.0 or np.isnan(outcome.memory)
 
 
-def test_the_data_arrives_and_the_answer_returns_bit_for_bit(tmp_path):
+def test_the_data_arrives_and_the_answer_returns_bit_for_bit(tmp_path, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
     body = """
     import os
 
@@ -136,6 +135,14 @@ def gone(pid: int) -> bool:
         return True
 
 
+def ends(pid: int) -> bool:
+    """Whether it does within 20 s: what is killed is gone a little later."""
+    until = time.monotonic() + 20.0
+    while not gone(pid) and time.monotonic() < until:
+        time.sleep(0.02)
+    return gone(pid)
+
+
 ENDLESS = """
     import pathlib
     import subprocess
@@ -155,7 +162,7 @@ def test_a_method_that_does_not_end_is_killed_with_its_children(tmp_path):
     outcome = solve(method, 0.3)
     assert outcome.status == "stopped after 1 s"
     assert 0.9 <= outcome.seconds < 5.0
-    assert gone(int((tmp_path / "pid").read_text()))
+    assert ends(int((tmp_path / "pid").read_text()))
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the processes are looked up in /proc")
@@ -179,10 +186,7 @@ def test_a_method_ends_with_the_process_that_asked_for_it(tmp_path):
     assert not gone(pid)
     parent.send_signal(signal.SIGKILL)
     parent.wait()
-    until = time.monotonic() + 20.0
-    while not gone(pid):
-        assert time.monotonic() < until
-        time.sleep(0.05)
+    assert ends(pid)
 
 
 def test_imports_do_not_count_as_time_of_the_fit(tmp_path):
@@ -229,7 +233,8 @@ def test_an_environment_is_made_once_and_anew_for_other_requirements(tmp_path, m
 def test_a_method_without_its_environment_says_so_in_its_row(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     method = written(tmp_path, "REQUIREMENTS = ['nowhere']\ndef fit(data): ...\n")
-    assert solve(method).status == "not installed: run qpal bench install mine"
+    assert solve(method).status == f"not installed: run qpal bench install {tmp_path / 'mine.py'}"
+    assert solve(TABLE["nfoursid"]).status == "not installed: run qpal bench install nfoursid"
 
 
 BAD = {
@@ -293,11 +298,14 @@ def test_forty_lines_find_a_hammerstein_wiener_plant():
         return np.tanh(0.6 * w)
 
     y, test = plant(u), rng.uniform(-2.0, 2.0, 300).repeat(5)
+    clean, test = plant(test)[203:], test[203:]  # a record that begins in motion
     train = IOData(u, y + 1e-3 * y.std() * rng.standard_normal(len(u)), 0.1)
-    given = Task(train, {"test": IOData(test, plant(test), 0.1)}, 20, orders=(2, 2, 1))
+    given = Task(train, {"test": IOData(test, clean, 0.1)}, 10, orders=(2, 2, 1))
     outcome = solve(TABLE["forty_lines"], given=given)
     assert outcome.status == "ok"
-    assert fit_percent(plant(test)[20:], outcome.runs["test"][20:]) > 97.0
+    run = outcome.runs["test"]
+    assert fit_percent(clean[10:], run[10:]) > 97.0
+    assert np.abs(run - clean)[:10].max() < 0.1 * clean.std()
     poles = np.sort_complex([complex(*z) for z in outcome.details["poles"]])
     np.testing.assert_allclose(poles, np.sort_complex(np.roots([1.0, -1.5, 0.7])), atol=2e-3)
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -46,14 +45,11 @@ class Joints:
         p = Parameters()
         free = linear and mode == "voltage"  # without stops, and nothing else that holds it
         inside = {"reach": _reach(joint, p)} if free else {}
-        first = ("aprbs", inside) if free else ("sweep", sweep(joint, p, mode))
-
-        def experiment(excitation: str, options: dict[str, Any], duration: float, part: int) -> Experiment:
-            return Experiment(joint, excitation, duration, TS, 2 * seed + part, without, options=options, mode=mode)
-
-        logs = both(experiment(*first, TRAIN, 0), experiment("aprbs", inside, TEST, 1))
-        said = f"{joint}, {mode}; without {', '.join(without) or 'nothing'}; {first[0]}, then aprbs"
-        return task(*logs, said, _lag(joint, p) if free else None)
+        excitation, options = ("aprbs", inside) if free else ("sweep", sweep(joint, p, mode))
+        train = Experiment(joint, excitation, TRAIN, TS, 2 * seed, without, p, options, mode)
+        test = Experiment(joint, "aprbs", TEST, TS, 2 * seed + 1, without, p, inside, mode)
+        said = f"{joint}, {mode}; without {', '.join(without) or 'nothing'}; {excitation}, then aprbs"
+        return task(*both(train, test), said, _lag(joint, p) if free else None)
 
 
 def left_out(kind: str) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """A stand-in for a real leg: a twin with hidden parameters, the other realisation and effects that the twin lacks."""
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ DUTY = 255  # counts of full duty
 # Effects of the stand-in that a calibrated twin is denied: its calibration runs without them.
 LACKS = ("nonlinearity", "sag", "stribeck")
 # Factors, or shifts for those with (low, high, "+"), of what is hidden, drawn uniformly.
-RANGES = {
+RANGES: dict[str, tuple[Any, ...]] = {
     "retracted_length": (0.98, 1.02),
     "stroke": (0.97, 1.03),
     "lower": (-0.05, 0.05, "+"),
@@ -30,7 +31,11 @@ RANGES = {
     "stribeck_speed": (0.7, 1.4),
     "delay": (0.0, 0.03, "+"),
 }
-COMMON = {"dead_band": (-0.15, 0.15, "+"), "supply_resistance": (0.5, 2.0), "pot_linearity": (0.5, 1.5)}
+COMMON: dict[str, tuple[Any, ...]] = {
+    "dead_band": (-0.15, 0.15, "+"),
+    "supply_resistance": (0.5, 2.0),
+    "pot_linearity": (0.5, 1.5),
+}
 
 
 def hidden(joint: str, seed: int) -> Parameters:

@@ -1,6 +1,7 @@
 """`qpal bench`: methods against plants with a truth, against each other, and on real records."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -170,7 +171,7 @@ def speed(as_json: options.Json = False) -> None:
     _say(found, as_json, *(f"{name}: {value}" for name, value in found.items()))
 
 
-VERBS = {
+VERBS: dict[str, Callable[..., None]] = {
     "run": run, "report": report, "list": show, "add": add, "install": install, "export": export, "speed": speed
 }  # fmt: skip
 

@@ -66,7 +66,7 @@ def none_given(given: Mapping[str, Any], structure: str) -> None:
 
 def counted_from_zero() -> str:
     """The structures whose records keep their means, in words."""
-    return ", ".join(f"{_article(name)} {name.replace('_', ' ')}" for name, kind in TABLE.items() if kind.zero)
+    return ", ".join(_with_article(name.replace("_", " ")) for name, kind in TABLE.items() if kind.zero)
 
 
 def _names(kind: type[Recipe]) -> list[str]:
@@ -115,5 +115,7 @@ def _dashed(name: str) -> str:
     return name.replace("_", "-")
 
 
-def _article(word: str) -> str:
-    return "an" if word[0] in "aeiou" else "a"
+def _with_article(noun: str) -> str:
+    if noun.endswith("s"):  # a plural
+        return noun
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"

@@ -8,4 +8,4 @@ from sysid.bench.peers import TABLE as PEERS
 
 GENERAL = tuple(method.name for method in METHODS)  # of this library, for any record
 OURS = (*GENERAL, *(method.name for method in PHYSICAL))  # with those that are made for one record
-TABLE: dict[str, Method] = {method.name: method for method in (FROM_TRUTH, *METHODS, *PHYSICAL)} | PEERS
+TABLE: dict[str, Method] = {**{method.name: method for method in (FROM_TRUTH, *METHODS, *PHYSICAL)}, **PEERS}

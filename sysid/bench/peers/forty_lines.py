@@ -1,4 +1,4 @@
-"""Hammerstein-Wiener by scipy.least_squares and finite differences: the forty lines that anyone would write."""
+"""scipy.least_squares: Hammerstein-Wiener by finite differences, as anyone would write it."""
 
 import time
 
@@ -49,7 +49,7 @@ class HammersteinWiener:
     def start(self, data, rng):
         """Straight maps about a stable first-order lag, or about random poles."""
         poles = np.full(self.nf, 0.8) if rng is None else rng.uniform(0.2, 0.99, self.nf)
-        f = np.poly(poles)[1:]
+        f = np.atleast_1d(np.poly(poles))[1:]
         span = self.grid_u[-1] - self.grid_u[0] or 1.0
         x = 4.0 * (self.grid_u - self.grid_u[0]) / span - 2.0
         side = 1.0 if rng is None else rng.choice([-1.0, 1.0])

@@ -4,55 +4,53 @@ import time
 
 import numpy as np
 
-REQUIREMENTS = ["jax-sysid>=1.0"]
-HIDDEN, ADAM, LBFGS = 8, 300, 2000
+REQUIREMENTS = ["jax-sysid>=1.1,<1.2"]  # below, its callback is replaced, which other versions may name otherwise
+HIDDEN, ADAM, LBFGS, STARTS = 8, 300, 2000, 8
 
 
 def fit(data):
     """A linear model; from it, and from random weights while there is time, nets beside its matrices."""
     import jax
     import jax.numpy as jnp
+    import jax_sysid._model as library
     from jax_sysid.models import LinearModel, Model
 
     jax.config.update("jax_enable_x64", True)
-    end = time.monotonic() + 0.85 * data.seconds
+    clock = Clock(time.monotonic() + 0.9 * data.seconds)
+    library.lbfgs_callback = lambda *_: (clock.look, None)
     u, y = np.concatenate(data.u), np.concatenate(data.y)
     scale = (u.mean(), u.std() or 1.0, y.mean(), y.std() or 1.0)
     nk = data.orders[2] if data.orders else 1
     n = max(data.orders[1], data.orders[0]) if data.orders else 3
     U = [delayed((a - scale[0]) / scale[1], nk)[:, None] for a in data.u]
-    Y = [((b - scale[2]) / scale[3])[:, None] for b in data.y]
-    seen = [jnp.asarray(~m, dtype=float)[:, None] for m in data.missing]
-    gaps = any(m.any() for m in data.missing)
-    if gaps and len(Y) > 1:
-        raise NotImplementedError("jax-sysid knows no gaps in several experiments; give one, or outputs without gaps")
-    output_loss = (lambda run, y: jnp.sum(seen[0] * (run - y) ** 2) / seen[0].sum()) if gaps else None
+    # The library knows no gaps, but hands a row of Y to the loss as it is: its second column says what was measured.
+    Y = [np.column_stack([(b - scale[2]) / scale[3], ~m]) for b, m in zip(data.y, data.missing, strict=True)]
+    measured = sum(each[:, 1].sum() for each in Y)
+
+    def output_loss(run, y):
+        return jnp.sum(y[:, 1] * (run[:, 0] - y[:, 0]) ** 2) / y[:, 1].sum()
 
     linear = LinearModel(n, 1, 1, feedthrough=False)
     linear.loss(output_loss=output_loss, rho_x0=1e-3, rho_th=1e-6)
     linear.optimization(adam_epochs=0, lbfgs_epochs=LBFGS, iprint=-1)
     linear.init(seed=data.seed)
+    clock.stop_after(0.2)
     linear.fit(list(Y), list(U))
 
-    best, count, rate = None, 0, None
-    while best is None or time.monotonic() + 5.0 < end:
+    best, count = None, 0
+    while best is None or (count < STARTS and clock.left() > 2.0 * clock.overhead):
         rng = np.random.default_rng([data.seed, count])
         model = Model(n, 1, 1, state_fcn=state, output_fcn=output)
         model.loss(output_loss=output_loss, rho_x0=1e-3, rho_th=1e-6)
         model.init(params=weights(n, rng, linear.params if count % 2 == 0 else None), x0=[np.zeros(n)] * len(U))
-        rate = rate or seconds_of_an_epoch(model, U, Y)
-        # The library does not stop by a clock, so the number of its iterations is what the time is enough for.
-        left = (end - time.monotonic()) / max(rate, 1e-9)
-        steps = int(min(LBFGS, left / 2 if count == 0 else left))
-        adam = ADAM if count % 2 else 0
-        if best is not None and steps < 2 * ADAM:
-            break
-        model.optimization(adam_eta=0.01, adam_epochs=adam, lbfgs_epochs=max(steps - adam, 20), iprint=-1)
+        adam = int(min(ADAM, 0.3 * clock.left() / clock.rate)) if count % 2 else 0
+        model.optimization(adam_eta=0.01, adam_epochs=adam, lbfgs_epochs=LBFGS, iprint=-1)
+        clock.stop_after(0.7 if count == 0 and clock.left() > 5.0 * clock.overhead else 1.0)
         model.fit(list(Y), list(U))
         starts = model.x0 if isinstance(model.x0, list) else [model.x0]
         runs = [np.asarray(model.predict(np.asarray(x), a)[0]) for x, a in zip(starts, U, strict=True)]
-        error = np.concatenate([((r - b) * np.asarray(s)).ravel() for r, b, s in zip(runs, Y, seen, strict=True)])
-        loss, count = float(np.nan_to_num(error @ error, nan=np.inf)) / sum(float(s.sum()) for s in seen), count + 1
+        error = np.concatenate([(r[:, 0] - b[:, 0]) * b[:, 1] for r, b in zip(runs, Y, strict=True)])
+        loss, count = float(np.nan_to_num(error @ error, nan=np.inf)) / measured, count + 1
         if best is None or loss < best.loss:
             best = NeuralStateSpace([np.asarray(p) for p in model.params], scale, nk, loss)
     best.details = {"loss": best.loss * scale[3] ** 2, "structure": f"order {n}, {HIDDEN} tanh units a map"}
@@ -91,16 +89,29 @@ def weights(n, rng, linear):
             0.01 * rng.standard_normal((1, HIDDEN))]  # fmt: skip
 
 
-def seconds_of_an_epoch(model, U, Y):
-    """Seconds of one gradient, from two short runs whose difference leaves the time of compilation out."""
-    params, x0, took = list(model.params), model.x0, []  # a fit lengthens the list that it is given
-    for epochs in (1, 21):
-        model.optimization(adam_epochs=epochs, lbfgs_epochs=0, iprint=-1)
-        began = time.monotonic()
-        model.fit(list(Y), list(U))
-        took.append(time.monotonic() - began)
-        model.params, model.x0 = list(params), x0
-    return max((took[1] - took[0]) / 20, 1e-5)
+class Clock:
+    """Ends L-BFGS when its time is up, which the library cannot do; scipy takes StopIteration from a callback."""
+
+    def __init__(self, end):
+        self.end, self.rate, self.overhead = end, 0.01, 0.0
+        self.stop_after(1.0)
+
+    def left(self):
+        return self.end - time.monotonic()
+
+    def stop_after(self, share):
+        """The next search may take this share of the time that is left."""
+        self.began, self.seen = time.monotonic(), []
+        self.until = self.began + share * max(self.left(), 0.0)
+
+    def look(self, _):
+        """The rate [s] of its iterations, and what passed before the first one: compilation."""
+        self.seen.append(time.monotonic())
+        self.overhead = self.seen[0] - self.began
+        if len(self.seen) > 1:
+            self.rate = max((self.seen[-1] - self.seen[0]) / (len(self.seen) - 1), 1e-5)
+        if self.seen[-1] > self.until:
+            raise StopIteration
 
 
 class NeuralStateSpace:

@@ -21,7 +21,11 @@ def fit(data):
     seen = [~m for m in data.missing]
     piece = slice(0, LONGEST)
     table = {"u": (data.u[longest][piece] - scale[0]) / scale[1], "y": (data.y[longest][piece] - scale[2]) / scale[3]}
-    orders = sorted({data.orders[1], data.orders[1] + max(data.orders[2] - 1, 0)}) if data.orders else range(1, 7)
+    orders = (
+        sorted({max(data.orders[1], 1), max(data.orders[1], 1) + max(data.orders[2] - 1, 0)})
+        if data.orders
+        else range(1, 7)
+    )
     for rows in (10, 15, 20, 30, 5):
         if 4 * rows > len(table["u"]) or (best is not None and time.monotonic() > end):
             continue
@@ -30,10 +34,8 @@ def fit(data):
         for n in (n for n in orders if 1 <= n < rows):
             found, _ = subspace.system_identification(rank=n)
             model = StateSpace(found.a, found.b, found.c, found.d, scale)
-            # The state at the start is fitted to the first samples, as it is in a test.
-            runs = [model.simulate(u, y[: 10 * n]) for u, y in zip(data.u, data.y, strict=True)]
-            errors = np.concatenate([(r - y)[m] for r, y, m in zip(runs, data.y, seen, strict=True)])
-            loss = float(np.mean(errors**2))
+            model.offset(data.u, data.y, seen)
+            loss = float(np.mean(model.errors(data.u, data.y, seen) ** 2))
             if np.isfinite(loss) and (best is None or loss < best.details["loss"]):
                 parts = f"the first {LONGEST} samples" if len(data.u[longest]) > LONGEST else "all samples"
                 parts += f" of experiment {longest + 1} of {len(data.u)}" if len(data.u) > 1 else ""
@@ -48,6 +50,16 @@ class StateSpace:
     def __init__(self, a, b, c, d, scale):
         self.a, self.b, self.c, self.d, self.scale = a, b.ravel(), c.ravel(), float(d.squeeze()), scale
         self.poles = np.linalg.eigvals(a)
+
+    def errors(self, u, y, seen):
+        """Of the free runs, whose first state is fitted to the first samples, as it is in a test."""
+        runs = [self.simulate(a, b[: 10 * len(self.b)]) for a, b in zip(u, y, strict=True)]
+        return np.concatenate([(r - b)[m] for r, b, m in zip(runs, y, seen, strict=True)])
+
+    def offset(self, u, y, seen):
+        """The means of u and y need not belong together, in a record that begins at rest for one."""
+        u0, su, y0, sy = self.scale
+        self.scale = u0, su, y0 - float(np.mean(self.errors(u, y, seen))), sy
 
     def simulate(self, u, y_init):
         """The state at the start is the least-squares one for the first outputs."""

@@ -20,12 +20,14 @@ def fit(data):
     early = [tuple(v[: 3 * len(v) // 4] for v in part) for part in parts]
     late = [tuple(v[3 * len(v) // 4 :] for v in part) for part in parts]
     warnings.simplefilter("ignore")
-    tried = []
+    began, tried = time.monotonic(), []
+    Narx(early, (max(nf, 1), nb, nk), HIDDEN[-1], DECAY[0], data.seed, 10)
+    most = int(np.clip(data.seconds / 8 / ((time.monotonic() - began) / 10), 20, 400))  # iterations of one fit
     for hidden, decay, more in ((h, d, m) for m in MORE_LAGS for d in DECAY for h in HIDDEN):
         if tried and time.monotonic() > end - 0.4 * data.seconds:
             break
         lags = (max(nf, 1) + more, nb + more, nk)
-        tried.append((Narx(early, lags, hidden, decay, data.seed).loss(late), lags, hidden, decay))
+        tried.append((Narx(early, lags, hidden, decay, data.seed, most).loss(late), lags, hidden, decay))
     tried.sort(key=lambda each: each[0])
     best, best_loss, seeds, longest = None, np.inf, 0, 0.0
     for _, lags, hidden, decay in tried[:2]:
@@ -33,7 +35,7 @@ def fit(data):
             began = time.monotonic()
             if best is not None and began + longest > end:
                 break
-            model = Narx(parts, lags, hidden, decay, 100 * data.seed + seed)
+            model = Narx(parts, lags, hidden, decay, 100 * data.seed + seed, most)
             loss, seeds, longest = model.loss(parts), seeds + 1, max(longest, time.monotonic() - began)
             if best is None or loss < best_loss:
                 best, best_loss = model, loss
@@ -44,7 +46,7 @@ def fit(data):
 
 
 class Narx:
-    def __init__(self, parts, lags, hidden, decay, seed):
+    def __init__(self, parts, lags, hidden, decay, seed, most):
         from sklearn.neural_network import MLPRegressor
 
         self.na, self.nb, self.nk = lags
@@ -57,7 +59,7 @@ class Narx:
             rows.append(np.column_stack(past)[good])
             targets.append(y[k][good])
         net = MLPRegressor(
-            hidden_layer_sizes=hidden, activation="tanh", solver="lbfgs", alpha=decay, max_iter=400, random_state=seed
+            hidden_layer_sizes=hidden, activation="tanh", solver="lbfgs", alpha=decay, max_iter=most, random_state=seed
         )
         net.fit(np.concatenate(rows), np.concatenate(targets))
         self.weights, self.biases = [w.T.copy() for w in net.coefs_], net.intercepts_

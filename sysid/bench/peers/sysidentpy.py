@@ -11,7 +11,7 @@ DEGREES, TERMS, MORE_LAGS = (2, 3, 1), (5, 10, 20, 40, 60), (0, 1, 2, 4)
 
 def fit(data):
     """Lags, degree, number of terms and estimator by the free run over the record's own experiments."""
-    end, best, tried = time.monotonic() + 0.7 * data.seconds, None, 0
+    end, best, tried, longest = time.monotonic() + 0.8 * data.seconds, None, 0, 0.0
     nb, nf, nk = data.orders or (2, 2, 1)
     u, y = np.concatenate(data.u), np.concatenate(data.y)
     scale = (u.mean(), u.std() or 1.0, y.mean(), y.std() or 1.0)
@@ -22,7 +22,8 @@ def fit(data):
         for degree in DEGREES:
             for terms in TERMS:
                 for extended in (True, False):
-                    if best is not None and time.monotonic() > end:
+                    began = time.monotonic()
+                    if best is not None and began + longest > end:
                         break
                     model = Narx(parts, data.missing, nb + more, max(nf, 1) + more, degree, terms, extended)
                     tried += 1
@@ -32,6 +33,12 @@ def fit(data):
                     errors = [(r - b)[m] for r, (_, b), m in zip(runs, parts, seen, strict=True)]
                     model.loss = float(np.nan_to_num(np.mean(np.concatenate(errors) ** 2), nan=np.inf))
                     model.score = model.loss * (1.0 + 2.0 * model.model.n_terms / len(y))  # Akaike's final prediction
+                    # A polynomial may explode a little outside its data: such a model gives way to any other one.
+                    wild = [np.abs(model.free_run(1.2 * a, b[: model.lag])).max() for a, b in parts]
+                    model.score += (
+                        0.0 if np.max(wild) < 3.0 * np.abs(np.concatenate([b for _, b in parts])).max() else 1e6
+                    )
+                    longest = max(longest, time.monotonic() - began)
                     if best is None or model.score < best.score:
                         best = model
     best.details = {"loss": best.loss * scale[3] ** 2, "structure": best.text, "stop": f"best of {tried} models"}

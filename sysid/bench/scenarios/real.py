@@ -1,9 +1,9 @@
 """Records that other people measured, each with its official split, dropped samples, unit and published errors.
 
 They are not shipped. Their folder holds ced/, emps/, cascaded_tanks/, silverbox/, daisy/ and bam_xl330/ with the files
-as they are downloaded. Published errors: Champneys et al., "Baseline results for selected nonlinear system
-identification benchmarks", IFAC-PapersOnLine 58 (15), 2024: the best linear model, a polynomial NARX, and the best
-listed there.
+as they are downloaded; whoever has the package nonlinear_benchmarks can give its sets to `sysid.bench.layouts` instead.
+Published errors: Champneys et al., "Baseline results for selected nonlinear system identification benchmarks",
+IFAC-PapersOnLine 58 (15), 2024: the best linear model, a polynomial NARX, and the best listed there.
 """
 
 import json
@@ -19,7 +19,7 @@ from sysid.bench.task import Task
 from sysid.data.record import IOData
 
 FOLDER = "QPAL_RECORDS"  # the environment variable that names the folder
-BENCHMARKS = "https://www.nonlinearbenchmark.org"
+BENCHMARKS = "https://www.nonlinearbenchmark.org (or by pip install nonlinear_benchmarks, which keeps the files)"
 DAISY = "https://homes.esat.kuleuven.be/~smc/daisy"
 BAM = "https://github.com/Rhoban/bam"
 FULL_DUTY = 885.0  # of an XL330's PWM, 100 % (ROBOTIS e-manual, XL330-M288-T, "Present PWM")
