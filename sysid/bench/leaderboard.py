@@ -1,9 +1,9 @@
 """The leaderboard as a pure function of the results table: a frame per question, by family and method.
 
-The bar of a task (scenario and seed) is the fit of the search that began at the truth (`BAR`). Without one it is the fit
-of the plant's noise-free output (the leg), or, without any truth (a real record), the best fit of any method. The gap of
-a row is the bar less its fit, in points. A method that crashed, refused or diverged has an infinite gap. Rows whose
-method or record is not there do not count.
+The bar of a task (scenario and seed) is the fit of the search that began at the truth (`BAR`). Without one it is the
+fit of the plant's noise-free output (the leg), or, without any truth (a real record), the best fit of any method. The
+gap of a row is the bar less its fit, in points. A method that crashed, refused or diverged has an infinite gap. Rows
+whose method or record is not there do not count.
 """
 
 from collections.abc import Collection, Sequence

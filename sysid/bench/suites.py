@@ -8,13 +8,14 @@ from importlib.metadata import version
 
 from sysid.base.errors import InputError, unknown
 from sysid.bench.cell import Cell
+from sysid.bench.drawing.plants import CHAINS
 from sysid.bench.method import Method
 from sysid.bench.task import Family
 
 OWN = "own"  # the method that is called as the drawn structure is
 BAR = "from_truth"
 PEERS = "peers"  # every method that is not of this library
-CHAINS = "drawn/[!n]*[!g]"  # short records of chains: not nlarx, not -long
+DRAWN = tuple(f"drawn/{structure}" for structure in CHAINS)
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ SUITES: Mapping[str, Suite] = {
         "what CI compares with its baseline: under 4 minutes on two cores",
         60.0,
         (
-            Part((CHAINS,), (BAR, OWN), 16),
-            Part(("drawn/output_error", "drawn/hammerstein", "drawn/wiener"), ("auto",), 3),
+            Part(DRAWN, (BAR, OWN), 16),
+            Part(("drawn/output_error-short", "drawn/hammerstein-short", "drawn/wiener-short"), (BAR, "auto"), 4),
             Part(("textbook/*",), (BAR, "hammerstein_wiener"), 2),
             Part(("twin/thigh",), ("actuated_joint",), 1),
         ),
@@ -56,7 +57,7 @@ SUITES: Mapping[str, Suite] = {
         "the leaderboard: this library and its peers on every family, about half an hour on two cores",
         5.0,
         (
-            Part((CHAINS, "drawn/nlarx"), (BAR, OWN, "auto", PEERS), 3),
+            Part((*DRAWN, "drawn/nlarx"), (BAR, OWN, "auto", PEERS), 3),
             Part(("textbook/*", "stress/*"), (BAR, "hammerstein_wiener", "auto", PEERS), 1),
             Part(JOINTS, ("actuated_joint", PEERS), 1),
             Part(("real/*",), ("output_error", "hammerstein_wiener", "wiener_hammerstein", PEERS), 1),

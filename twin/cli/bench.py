@@ -80,11 +80,12 @@ def report(
     """Write the leaderboard of a table; against an earlier one, exit with 1 if something got worse beyond noise."""
     from sysid.bench.methods import OURS
     from sysid.bench.regression import compare
+    from sysid.bench.suites import BAR
     from sysid.bench.table import read
     from sysid.report import bench as page
 
     rows = read(table)
-    verdict = None if against is None else compare(rows, read(against), OURS)
+    verdict = None if against is None else compare(rows, read(against), (*OURS, BAR))
     redraw = chosen.redraw(records) if draw else None
     with run_folder(out, "bench") as (folder, scratch):
         summary = page.write(scratch, rows, OURS, verdict, redraw, draw)

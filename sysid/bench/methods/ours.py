@@ -32,6 +32,7 @@ class Ours:
     fit: Fit | NlarxFit
     data: IOData
     zero: tuple[float, float]
+    chosen: str = ""  # what a search chose, in words
 
     def simulate(self, u: np.ndarray, y_init: np.ndarray) -> np.ndarray:
         """Free run (N,); the initial state is fitted to y_init (n,), rest without it."""
@@ -51,7 +52,7 @@ class Ours:
         """See `sysid.bench.contract.Model`."""
         found: dict[str, Any] = {"stop": self.fit.stop.reason, "loss": self.fit.criteria.mse}
         if isinstance(self.fit, Fit):
-            found["structure"] = f"{self.fit.model.structure}, d {self.fit.criteria.d}"
+            found["structure"] = f"{self.chosen or self.fit.model.structure}, d {self.fit.criteria.d}"
             found["intervals"] = {"pole": _claims(self.fit, self.data)}
         return found
 
@@ -106,8 +107,8 @@ def auto(data: Data) -> Ours:
     found = select(own, seed=data.seed, jobs=1)
     if found.chosen.candidate.zero:  # a structure whose zero means something, such as no voltage
         chosen = fit(found.chosen.candidate.model(), raw, seed=data.seed)
-        return Ours(chosen, raw, (0.0, 0.0))
-    return Ours(found.fit, own, zero)
+        return Ours(chosen, raw, (0.0, 0.0), str(found.chosen.candidate))
+    return Ours(found.fit, own, zero, str(found.chosen.candidate))
 
 
 METHODS = (

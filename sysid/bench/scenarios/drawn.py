@@ -12,7 +12,7 @@ from sysid.bench.drawing.signals import INPUTS, NOISES, excitation, noise
 from sysid.bench.task import Task, Truth
 from sysid.data.record import IOData
 
-LENGTHS = {"": (250, 4000), "-long": (10_000, 100_000)}  # samples, log-uniform
+LENGTHS = {"": (250, 4000), "-short": (250, 500), "-long": (10_000, 100_000)}  # samples, log-uniform
 SNR = (10.0, 60.0)  # dB, uniform
 DROP, TEST = 50, 2000
 
@@ -26,19 +26,19 @@ class Drawn:
     """
 
     name: str = "drawn"
-    about: str = "plants drawn at random, 250 to 4000 samples (-long: 10,000 to 100,000), 10 to 60 dB"
+    about: str = "plants drawn at random, 250 to 4000 samples (-short: to 500, -long: 10,000 to 100,000)"
 
     def scenarios(self) -> Sequence[str]:
-        """A structure each, and its long version."""
+        """A structure each, with its short and long versions."""
         return [kind + length for length in LENGTHS for kind in (*CHAINS, RECURSION)]
 
     def make(self, scenario: str, seed: int) -> Task:
         """See `Family`."""
         if scenario not in self.scenarios():
             raise unknown(f"scenario of {self.name}", scenario, self.scenarios())
-        kind, _, long = scenario.partition("-")
+        kind, dash, length = scenario.partition("-")
         rng = np.random.default_rng([seed, zlib.crc32(scenario.encode())])
-        least, most = LENGTHS["-long" if long else ""]
+        least, most = LENGTHS[dash + length]
         N = round(np.exp(rng.uniform(np.log(least), np.log(most))))
         Ts, excited = float(10 ** rng.uniform(-3, 0)), str(rng.choice(INPUTS))
         plant, u = _plant(kind, excited, N, rng)
