@@ -15,7 +15,8 @@ class Data:
 
     u and y hold one array (N,) an experiment, sampled every Ts [s]; `missing` marks outputs that were not measured,
     whose y lies on a straight line between their neighbours. `orders` are (nb, nf, nk) of a linear model that suits
-    the plant, None if nobody knows. A method should end within `seconds`; all its random numbers come from `seed`.
+    the plant, None if nobody knows. A method should end within `seconds`; all its random numbers come from `seed`,
+    which is below 2^20.
     """
 
     u: tuple[np.ndarray, ...]

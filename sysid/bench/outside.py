@@ -118,7 +118,7 @@ def _surroundings(own: bool) -> dict[str, str]:
 def _write(path: Path, task: Task, tests: Tests, seconds: float, seed: int) -> None:
     """What the worker reads."""
     data = task.data(seconds, seed)
-    arrays: dict[str, Any] = {"experiments": len(data.u), "Ts": data.Ts, "seconds": seconds, "seed": seed}
+    arrays: dict[str, Any] = {"experiments": len(data.u), "Ts": data.Ts, "seconds": seconds, "seed": data.seed}
     arrays["orders"] = np.array(data.orders or (), dtype=int)
     for k, each in enumerate(zip(data.u, data.y, data.missing, strict=True)):
         arrays |= {f"{name}{k}": values for name, values in zip(("u", "y", "missing"), each, strict=True)}

@@ -361,3 +361,21 @@ def test_a_task_without_truth_and_with_several_tests_has_files_of_its_own(tmp_pa
     scenario = json.loads((where / "scenario.json").read_text(encoding="utf-8"))
     assert scenario["orders"] is None
     assert scenario["tests"]["slow/ramp"] == [{"file": "test-2-slow_ramp.csv", "length": 300}]
+
+
+def test_a_method_gets_a_seed_that_every_library_takes(tmp_path):
+    """scikit-learn and numpy's old generators refuse 2^32 and more; a method may multiply its seed."""
+    path = tmp_path / "told.py"
+    path.write_text(
+        "import numpy as np\n\n\n"
+        "class Told:\n"
+        "    def __init__(self, seed):\n"
+        "        self.details = {'stop': str(seed)}\n\n"
+        "    def simulate(self, u, y_init):\n"
+        "        return np.zeros(len(u))\n\n\n"
+        "def fit(data):\n"
+        "    return Told(data.seed)\n"
+    )
+    found = load(path).solve(task(), {"a": (np.ones(9), np.zeros(2))}, 9.0, 10**12 + 7)
+    assert found.status == "ok"
+    assert int(found.details["stop"]) == (10**12 + 7) % 2**20
