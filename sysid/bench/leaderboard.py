@@ -40,7 +40,7 @@ def scored(table: pl.DataFrame) -> pl.DataFrame:
     tried = ~pl.any_horizontal(*(pl.col("status").str.starts_with(word) for word in UNTRIED))
     ok = (pl.col("status") == "ok") & (pl.col("fit") > DIVERGED)
     rows = table.filter(tried).with_columns(
-        pl.col("scenario").str.split("/").list.first().alias("family"),
+        _family().alias("family"),
         pl.when(_structure() == pl.col("method")).then(pl.lit(OWN)).otherwise("method").alias("method"),
         ok.fill_null(False).alias("ok"),
     )
@@ -59,6 +59,12 @@ def scored(table: pl.DataFrame) -> pl.DataFrame:
 def method_of(scenario: str, method: str) -> str:
     """The name in the table of a method on the leaderboard."""
     return scenario.partition("/")[2].partition("-")[0] if method == OWN else method
+
+
+def _family() -> pl.Expr:
+    """The family of a scenario; drawn records of another length are a family of their own."""
+    length = pl.col("scenario").str.extract(r"(-short|-long)$").fill_null("")
+    return pl.col("scenario").str.split("/").list.first() + length
 
 
 def _structure() -> pl.Expr:
