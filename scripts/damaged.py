@@ -8,7 +8,6 @@ Tables stay in the folder, and a run that was stopped continues. Exit status 1 i
 """
 
 import argparse
-import itertools
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -32,11 +31,6 @@ from sysid.selection import select as selecting
 from sysid.uncertainty import information as informing
 
 SEARCHES = "auto"  # the method that chooses its structure
-STRUCTURES, SHORT, EACH = (
-    ("output_error", "hammerstein", "wiener"),
-    500,
-    4,
-)  # samples at most, records of each structure
 
 
 @contextmanager
@@ -95,24 +89,14 @@ DAMAGES = {
 }
 
 
-def cells(tag: str, seeds: int | None, seconds: float) -> list[Cell]:
+def cells(tag: str, seeds: int | None) -> list[Cell]:
     """The cells of a tag on the families of the library, with at most so many seeds for each scenario."""
     parts = []
     for part in suites.SUITES[tag].parts:
         own = tuple(pattern for pattern in part.scenarios if pattern.partition("/")[0] in scenarios.TABLE)
         if own:
             parts.append(replace(part, scenarios=own, seeds=min(part.seeds, seeds or part.seeds)))
-    return suites.cells(parts, seconds, scenarios.TABLE, METHODS, ours=OURS)
-
-
-def short(skip: int, seconds: float) -> list[Cell]:
-    """The structure search on the first drawn records of at most `SHORT` samples, from `skip` seeds on."""
-    family, found = scenarios.TABLE["drawn"], list[Cell]()
-    for structure in STRUCTURES:
-        seeds = itertools.count(suites.first_seed() + skip)
-        few = (seed for seed in seeds if len(family.make(structure, seed).train.u) <= SHORT)
-        found += [Cell(family, structure, METHODS[SEARCHES], k, seconds) for k in itertools.islice(few, EACH)]
-    return found
+    return suites.cells(parts, suites.SUITES[tag].seconds, scenarios.TABLE, METHODS, ours=OURS)
 
 
 def fill(path: Path, todo: list[Cell]) -> None:
@@ -145,12 +129,9 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("runs/damaged"), help="folder of the tables")
     parser.add_argument("--tag", default="quick", choices=sorted(suites.SUITES))
     parser.add_argument("--seeds", type=int, help="at most so many for each scenario; the tag's if not given")
-    parser.add_argument("--skip", type=int, default=0, help="seeds to leave out before the short records")
-    parser.add_argument("--budget", type=float, default=300.0, help="seconds of a fit")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    every = [cell for cell in cells(given.tag, given.seeds, given.budget) if cell.method.name != SEARCHES]
-    every, unseen = every + short(given.skip, given.budget), []
+    every, unseen = cells(given.tag, given.seeds), []
     for name in given.damages or DAMAGES:
         seen, verdict = caught(name, given.out, every)
         print(f"\n{name}: {'caught and named' if seen else 'NOT named'}", *verdict.sentences, sep="\n  ", flush=True)
