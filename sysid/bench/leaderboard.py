@@ -37,7 +37,8 @@ def scored(table: pl.DataFrame) -> pl.DataFrame:
     """
     if table.is_empty():
         raise InputError("the table has no rows; run methods first: qpal bench run --tag quick")
-    tried = ~pl.any_horizontal(*(pl.col("status").str.starts_with(word) for word in UNTRIED))
+    no_chain = (pl.col("method") == BAR) & pl.col("status").str.starts_with("refused")
+    tried = ~pl.any_horizontal(no_chain, *(pl.col("status").str.starts_with(word) for word in UNTRIED))
     ok = (pl.col("status") == "ok") & (pl.col("fit") > DIVERGED)
     rows = table.filter(tried).with_columns(
         _family().alias("family"),

@@ -52,6 +52,12 @@ def test_a_plant_that_is_no_chain_has_its_noise_free_output_as_bar(table):
     assert scored.filter(pl.col("bar_is") == boards.AT_ORACLE)["bar"].to_list() == [65.0] * 3
 
 
+def test_the_bar_does_not_fail_where_the_plant_is_no_chain(table):
+    refused = table.with_columns(status=pl.col("status").str.replace("crashed: E", "refused: no chain"))
+    board = boards.leaderboard(boards.scored(refused))
+    assert board.filter(pl.col("method") == "from_truth")["n"].to_list() == [3]
+
+
 def test_the_leaderboard_by_hand(table):
     board = boards.leaderboard(boards.scored(table))
     ours, peer, bar = board.to_dicts()
