@@ -54,7 +54,7 @@ SUITES: Mapping[str, Suite] = {
         ),
     ),
     "standard": Suite(
-        "the leaderboard: this library and its peers on every family, 5 s a fit, which is too short for auto; about 25 minutes on two cores",
+        "the leaderboard: this library and its peers, 5 s a fit (too short for auto); 25 minutes on two cores",
         5.0,
         (
             Part((*DRAWN, "drawn/nlarx"), (BAR, OWN, PEERS), 3),
