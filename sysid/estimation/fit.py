@@ -76,7 +76,9 @@ def fit_chain(
 ) -> Fit:
     """Fit a chain to a record; see `sysid.fit` for the arguments and errors."""
     began = time.perf_counter()
-    run = _Run(model, data, objective or Objective(), make_search(search).name, options or Options(), progress)
+    run = _Run(
+        model, data, objective or Objective(), make_search(search).name, (options or Options()).begun(), progress
+    )
     _check(model, data, run.objective)
     if starts < 1:
         raise InputError(f"starts is {starts}; give at least 1")

@@ -1,5 +1,6 @@
 """Number of units: generalised cross-validation gives the maximum, cross-validation over blocks the choice."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -21,8 +22,13 @@ _AT_LEAST = 8  # units that a simulation focus may always try, whatever one-step
 _PATIENCE = 2  # sizes without improvement before the search for a size ends
 
 
-def choices(model: Nlarx, data: IOData, ridges: tuple[float, ...], search: str) -> tuple[Choice, ...]:
-    """Sizes up to the maximum of generalised cross-validation, each fitted to every record without one block."""
+def choices(
+    model: Nlarx, data: IOData, ridges: tuple[float, ...], search: str, deadline: float = np.inf
+) -> tuple[Choice, ...]:
+    """Sizes up to the maximum of generalised cross-validation, each fitted to every record without one block.
+
+    After `deadline` (`time.monotonic()`) no further size is tried.
+    """
     folds = _folds(model, data)
     Phi, y = rows(model, Piece.of(data))
     empty = empty_network(model, Phi)
@@ -40,11 +46,11 @@ def choices(model: Nlarx, data: IOData, ridges: tuple[float, ...], search: str) 
         best, fruitless = np.inf, 0
         for units in sizes:
             sized = replace(model, units=units)
-            error = float(np.sqrt(np.mean([_held_back(sized, *fold, ridge, search) ** 2 for fold in folds])))
+            error = float(np.sqrt(np.mean([_held_back(sized, *fold, ridge, search, deadline) ** 2 for fold in folds])))
             found.append(Choice(units, ridge, error))
             fruitless = 0 if error < _GAIN * best else fruitless + 1
             best = min(best, error)
-            if fruitless >= _PATIENCE:
+            if fruitless >= _PATIENCE or time.monotonic() > deadline:
                 break
         k = sizes.index(preferred(tuple(found)).units)
         sizes = sizes[k : k + 1 + _PATIENCE]  # another ridge may allow one or two more sizes
@@ -58,11 +64,10 @@ def preferred(tried: tuple[Choice, ...]) -> Choice:
     return min(near, key=lambda c: (c.units, c.error))
 
 
-def _held_back(model: Nlarx, estimation: IOData, held: IOData, ridge: float, search: str) -> float:
+def _held_back(model: Nlarx, estimation: IOData, held: IOData, ridge: float, search: str, deadline: float) -> float:
     """rms error on `held` of a model fitted to `estimation`."""
-    run = min(
-        runs_of(model, estimation, search, 1, 0, Options(max_iterations=30), ridge), key=lambda r: (not r.ended, r.loss)
-    )
+    options = Options(max_iterations=30, deadline=deadline)
+    run = min(runs_of(model, estimation, search, 1, 0, options, ridge), key=lambda r: (not r.ended, r.loss))
     pieces = Piece.of(held)
     judge: AnyProblem = SimulationProblem(run.network, pieces, model.lag)
     if model.focus == "prediction":

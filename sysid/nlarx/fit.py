@@ -39,7 +39,7 @@ def fit_nlarx(
     initial samples; missing samples do not count. Raises InputError for records that are too short or constant.
     """
     began = time.perf_counter()
-    options = options or Options(max_iterations=100)
+    options = (options or Options(max_iterations=100)).begun()
     make_search(search)
     pieces = Piece.of(data)
     check(model, pieces, starts)
@@ -49,7 +49,7 @@ def fit_nlarx(
         choice: tuple[Choice, ...] = ()
         chosen, weight = model, RIDGES[0] if ridge is None else ridge
         if model.units == "auto":
-            choice = choices(model, data, RIDGES if ridge is None else (ridge,), search)
+            choice = choices(model, data, RIDGES if ridge is None else (ridge,), search, options.deadline)
             best_choice = preferred(choice)
             chosen, weight = replace(model, units=best_choice.units), best_choice.ridge
         runs = runs_of(chosen, data, search, starts, seed, options, weight)

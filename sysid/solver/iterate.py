@@ -1,5 +1,6 @@
 """The loop of every search: linearise, compute a step, stop with a reason."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -39,11 +40,17 @@ class Problem(Protocol):
 
 @dataclass(frozen=True)
 class Options:
-    """Stopping options of a search."""
+    """Stopping options of a search. After `max_seconds` a fit ends with the best that its searches have found so far."""
 
     max_iterations: int = 200
     tolerance: float = 0.01  # [%] of the loss: expected improvement of a Gauss-Newton step
     max_halvings: int = 25
+    max_seconds: float = np.inf
+    deadline: float = np.inf  # [s] of time.monotonic(): one for all searches of a fit, see `begun`
+
+    def begun(self) -> "Options":
+        """The options of a fit that begins now."""
+        return replace(self, deadline=min(self.deadline, time.monotonic() + self.max_seconds))
 
 
 SMALL = 1.0  # [%] of the loss; with N samples noise alone moves the loss by 100 sqrt(2 / N) %
@@ -270,6 +277,9 @@ def iterate(
                 f"expected improvement {expected:.2g} % of the loss, below the tolerance of {options.tolerance:g} %"
             )
             converged = True
+            break
+        if time.monotonic() > options.deadline:
+            reason = f"limit of {options.max_seconds:g} s reached; expected improvement still {expected:.2g} %"
             break
         if iteration == options.max_iterations:
             reason = (

@@ -9,6 +9,8 @@ import sysid
 from sysid.base.poles import match
 from sysid.estimation.objective import huber, spread
 from sysid.estimation.problem import ChainProblem
+from sysid.solver.iterate import Options
+from sysid.structures import hammerstein_wiener
 from sysid.systems import system
 
 Objective, IOData = sysid.Objective, sysid.IOData
@@ -236,3 +238,21 @@ def test_the_spread_of_gaussian_errors_is_their_standard_deviation():
     e = 3.0 * ndtri((np.arange(10_000) + 0.5) / 10_000) + 7.0
     assert spread(e) == pytest.approx(3.0, rel=1e-3)
     assert spread(np.concatenate([e, np.full(500, 1e6), np.full(500, -1e6)])) == pytest.approx(3.0, rel=0.15)
+
+
+def test_a_fit_ends_after_its_seconds_with_the_best_so_far():
+    """200,000 samples: the limit passes within the first iterations, and the fit is what they reached."""
+    plant = system("textbook")
+    data = plant.record(200_000, 0.01, np.random.default_rng(3))
+    model = hammerstein_wiener(2, 2, 1)
+    short = sysid.fit(model, data, starts=1, options=Options(max_seconds=1e-3))
+    assert "limit of 0.001 s reached" in short.stop.reason
+    assert not short.stop.converged
+    assert short.stop.iterations == 0
+    free = sysid.fit(model, data, starts=1, options=Options(max_iterations=3, max_seconds=3600.0))
+    assert "limit of 3 iterations" in free.stop.reason
+    assert free.criteria.loss < short.criteria.loss
+    small = sysid.fit(
+        sysid.structures.nlarx(focus="simulation"), data.select(0, 400), options=Options(max_seconds=1e-3)
+    )
+    assert "limit of 0.001 s reached" in small.stop.reason

@@ -17,12 +17,14 @@ from sysid.nlarx.dispatch import fit
 from sysid.nlarx.model import Nlarx
 from sysid.nlarx.result import NlarxFit
 from sysid.selection.select import select
+from sysid.solver.iterate import Options
 from sysid.structures import actuated_joint, hammerstein, hammerstein_wiener, nlarx, wiener
 from sysid.structures.wiener_hammerstein import wiener_hammerstein
 from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import poles
 
 ORDERS = (2, 2, 1)  # where the scenario tells none
+SHARE = 0.8  # of the time for the searches, which begin after the starts and end with the iteration in hand
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,10 @@ def fitted(model: Callable[[int, int, int], Chain | Nlarx], absolute: bool = Fal
     def method(data: Data) -> Ours:
         raw = record(data)
         own, zero = (raw, (0.0, 0.0)) if absolute else about_means(raw)
-        return Ours(fit(model(*(data.orders or ORDERS)), own, seed=data.seed), own, zero)
+        chain = model(*(data.orders or ORDERS))
+        usual = 100 if isinstance(chain, Nlarx) else Options().max_iterations
+        options = Options(max_iterations=usual, max_seconds=SHARE * data.seconds)
+        return Ours(fit(chain, own, seed=data.seed, options=options), own, zero)
 
     return method
 
