@@ -3,6 +3,7 @@
 import polars as pl
 
 KEY = ("scenario", "method", "seed")
+UNTRIED = ("no data", "not installed")  # beginnings of a status: the method had no chance
 COLUMNS: dict[str, type[pl.DataType]] = {
     "scenario": pl.String,  # family/name
     "method": pl.String,

@@ -12,12 +12,12 @@ import numpy as np
 import polars as pl
 
 from sysid.base.errors import InputError
+from sysid.bench.columns import UNTRIED
 from sysid.bench.statistics import LEVEL, SHIFT, Duel, duel, performance_profile, wilson
 
 BAR = "from_truth"
 OWN = "own structure"  # all methods together that are told the structure of a drawn plant
 AT_TRUTH, AT_ORACLE, AT_BEST = "the fit from the truth", "the noise-free output", "the best fit of any method"
-UNTRIED = ("no data", "not installed")  # beginnings of a status: the method had no chance
 STOPPED = "stopped after"
 DIVERGED = -1e8  # a fit below it stands for a run that is not finite
 NEAR = (0.1, 1.0)  # points of fit from the bar
@@ -40,6 +40,10 @@ def scored(table: pl.DataFrame) -> pl.DataFrame:
     no_chain = (pl.col("method") == BAR) & pl.col("status").str.starts_with("refused")
     tried = ~pl.any_horizontal(no_chain, *(pl.col("status").str.starts_with(word) for word in UNTRIED))
     ok = (pl.col("status") == "ok") & (pl.col("fit") > DIVERGED)
+    if not table.select(tried.any()).item():
+        raise InputError(
+            f"no method of the table had a chance ({table['status'][0]}); install it or give its records, and run again"
+        )
     rows = table.filter(tried).with_columns(
         _family().alias("family"),
         pl.when(_structure() == pl.col("method")).then(pl.lit(OWN)).otherwise("method").alias("method"),

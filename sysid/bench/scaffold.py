@@ -1,6 +1,7 @@
 """Method files of other people: a first one to edit, and what a file says about itself."""
 
 import ast
+import importlib.util
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,15 @@ def add(name: str, folder: str | Path = ".") -> Path:
 
     Raises InputError for a name that is no Python name, and for a file that is there already.
     """
+    from sysid.bench.methods import TABLE
+
     if not name.isidentifier():
         raise InputError(f"{name!r} is no name for a method; use letters, digits and _, for example my_arx")
     path = Path(folder) / f"{name}.py"
     if path.exists():
         raise InputError(f"{path} exists already; choose another name, or edit it: qpal bench run --method {path}")
+    if name in TABLE or importlib.util.find_spec(name) is not None:
+        raise InputError(f"{name} is the name of a method or module that is there; choose another, such as my_{name}")
     return write_text(path, TEMPLATE.read_text(encoding="utf-8"))
 
 

@@ -6,7 +6,7 @@ A kill at any moment leaves both readable: a row that is in both counts once.
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -42,11 +42,14 @@ class Table:
             raise InputError(f"there are no results in {self.path}; run them first: qpal bench run --out {self.path}")
         return pl.concat(parts).unique(list(KEY), keep="last", maintain_order=True)
 
-    def done(self) -> set[tuple[str, str, int]]:
-        """Keys of the rows that are there."""
+    def done(self, but: Collection[str] = ()) -> set[tuple[str, str, int]]:
+        """Keys of the rows that are there, but for those whose status begins so."""
         if not self.path.exists() and not self._journal.read():
             return set()
-        return set(self.rows().select(KEY).iter_rows())
+        rows = self.rows()
+        for beginning in but:
+            rows = rows.filter(~pl.col("status").str.starts_with(beginning))
+        return set(rows.select(KEY).iter_rows())
 
     @contextmanager
     def writing(self) -> Iterator["Table"]:

@@ -149,7 +149,7 @@ def _scenario(
         sections.append(Section("The worst seed drawn", pictures=[picture]))
     if worst is not None and len(worst):
         top = worst.sort("gap", descending=True).row(0, named=True)
-        repeat = f"Repeat the worst: {words.again(scenario, top['method'], top['seed'])}"
+        repeat = f"Repeat the worst: {words.again(scenario, top['method'], top['seed'], top.get('budget'))}"
         sections.append(Section("Worst seeds", [repeat], tables=[_grid(worst, shown.WORST, last_text=True)]))
     most = max(row[0] for row in methods.select("n").iter_rows())
     verdict = [f"{most} tasks. The bar is {bar}."]

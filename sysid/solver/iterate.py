@@ -40,7 +40,7 @@ class Problem(Protocol):
 
 @dataclass(frozen=True)
 class Options:
-    """Stopping options of a search. After `max_seconds` a fit ends with the best that its searches have found so far."""
+    """Stopping options of a search. After `max_seconds` a fit ends with the best that its searches found so far."""
 
     max_iterations: int = 200
     tolerance: float = 0.01  # [%] of the loss: expected improvement of a Gauss-Newton step

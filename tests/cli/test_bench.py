@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -61,6 +62,28 @@ def test_exported_data_are_those_of_the_scenario(here, capsys):
     lines = (here / "data" / "train.csv").read_text().splitlines()
     assert len(lines) == 4001
     assert "not empty" in said(["export", "textbook/textbook", "--out", "data"], capsys, 2)
+
+
+def test_what_had_no_chance_is_told_and_run_again(here, capsys):
+    """First without the folder of the records, then with one in which the record lies."""
+    run = ["run", "--scenario", "real/ced", "--method", "output_error", "--workers", "1", "--out", "t.parquet"]
+    assert "nobody said where the record ced lies" in said(run, capsys)
+    assert "no method of the table had a chance" in said(["report", "t.parquet"], capsys, 2)
+    rng = np.random.default_rng(0)
+    (here / "ced").mkdir()
+    np.savetxt(here / "ced" / "DATAUNIF.csv", rng.standard_normal((500, 5)), delimiter=",", header="a,b,c,d,")
+    assert "1 rows run, 1 in t.parquet, 0 of them" in said([*run, "--records", str(here)], capsys)
+
+
+def test_a_method_of_ones_own_is_compared_too(here, capsys):
+    said(["add", "my_arx"], capsys)
+    run = ["run", "--method", "my_arx.py", "--scenario", "drawn/output_error", "--seeds", "8", "--out", "t.parquet"]
+    said(run, capsys)
+    worse = read("t.parquet").with_columns(pl.col("loss") * 1.5, pl.col("fit") - 5.0)
+    worse.write_parquet("worse.parquet")
+    assert "my_arx" in said(["report", "worse.parquet", "--against", "t.parquet", "--out", "a"], capsys, 1)
+    for name in ("hammerstein", "numpy"):
+        assert "is the name of a method or module" in said(["add", name], capsys, 2)
 
 
 def test_the_list_names_every_family(here, capsys):

@@ -168,10 +168,10 @@ def test_words_say_who_is_first_with_numbers(table):
 def test_words_say_plainly_where_a_peer_wins_and_is_faster(table):
     scored = boards.scored(table.with_columns(pl.col("method").replace({"ours": "peer", "peer": "ours"})))
     said = "\n".join(words.sentences(scored, boards.leaderboard(scored), ["ours"]))
-    assert "f: peer is first, a method of somebody else" in said
+    assert "f: peer is first, which is not of this library" in said
     assert "peer is farthest ahead on f/a, seed 1: 79.95 % against no result" in said
-    assert "qpal bench run --scenario f/a --method ours" in said
-    assert "ours is slower than peer, which is at least as good: 7 s against 1 s" in said
+    assert "qpal bench run --scenario f/a --method ours.py" in said  # not of the library: a file
+    assert "ours is slower than peer, whose mean gap is no larger: 7 s against 1 s" in said
 
 
 def test_words_on_intervals_that_hold_too_seldom():

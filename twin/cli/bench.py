@@ -59,10 +59,12 @@ def run(
             raise console.Stopped(f"the rows so far are in {out}; the same command goes on from there") from None
     rows = table.rows()
     failed = rows.filter(rows["status"] != "ok")
+    why = failed.unique("status", maintain_order=True).head(3)
     _say(
         {"table": str(out), "rows": len(rows), "new": count, "without result": len(failed)},
         as_json,
         f"{count} rows run, {len(rows)} in {out}, {len(failed)} of them without a result.",
+        *(f"{row['method']} on {row['scenario']}: {row['status']}" for row in why.to_dicts()),
         f"Next: qpal bench report {out}",
     )
 
@@ -79,13 +81,14 @@ def report(
 ) -> None:
     """Write the leaderboard of a table; against an earlier one, exit with 1 if something got worse beyond noise."""
     from sysid.bench.methods import OURS
+    from sysid.bench.peers import TABLE as PEERS
     from sysid.bench.regression import compare
-    from sysid.bench.suites import BAR
     from sysid.bench.table import read
     from sysid.report import bench as page
 
     rows = read(table)
-    verdict = None if against is None else compare(rows, read(against), (*OURS, BAR))
+    judged = set(rows["method"]) - set(PEERS)
+    verdict = None if against is None else compare(rows, read(against), judged)
     redraw = chosen.redraw(records) if draw else None
     with run_folder(out, "bench") as (folder, scratch):
         summary = page.write(scratch, rows, OURS, verdict, redraw, draw)

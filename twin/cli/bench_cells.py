@@ -105,6 +105,7 @@ def cells(
         raise InputError(f"--first is {first}; give a whole number of at least 0")
     known, suite = methods(), suites.SUITES[tag or "quick"]
     names = tuple(add_file(text, known) for text in named or ())
+    patterns = None if patterns is None else [p if "/" in p else f"{p}/*" for p in patterns]
     if patterns is not None:
         parts = [suites.Part(tuple(patterns), names or (suites.BAR, *GENERAL), seeds or 1)]
     else:
