@@ -50,7 +50,8 @@ def _family(row: dict[str, Any], rows: pl.DataFrame, board: pl.DataFrame, ours: 
     yield (
         f"{family}: {first} is first{'' if side == 'ours' else ', which is not of this library'}. It loses "
         f"{row[f'{side}_lost']:.2f} points of fit to the bar on average over {_tasks(rate.n)}; "
-        f"{_percent(rate.value)} of its fits ({_percent(rate.low)} to {_percent(rate.high)}) are within {NEAR[0]:g} point of the bar."
+        f"{_percent(rate.value)} of its fits ({_percent(rate.low)} to {_percent(rate.high)}) are within "
+        f"{NEAR[0]:g} point of the bar."
     )
     if mine is None or peer is None:
         yield f"{family}: the table has no method {'of others' if peer is None else 'of this library'} that is ranked."
