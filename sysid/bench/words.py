@@ -105,7 +105,8 @@ def _cost(row: dict[str, Any], board: pl.DataFrame, ours: Collection[str]) -> It
     if equal.is_empty():
         yield (
             f"no peer's mean gap is within {NEAR[0]:g} point of that of {mine}, which takes "
-            f"{_seconds(row['ours_seconds'])}; {row['peer']} takes {_seconds(row['peer_seconds'])} (shifted geometric means)."
+            f"{_seconds(row['ours_seconds'])}; {row['peer']} takes {_seconds(row['peer_seconds'])} (shifted geometric "
+            "means)."
         )
         return
     peer = equal.sort("seconds").row(0, named=True)
