@@ -66,5 +66,20 @@ def _on_cluster(function: Callable[[J], R], jobs: Sequence[J], address: str) -> 
     with client:
         futures = {client.submit(function, job, pure=False, retries=RETRIES): k for k, job in enumerate(jobs)}
         for future in as_completed(futures):
-            yield futures[future], future.result()
+            yield futures[future], _result(future, address)
             future.release()
+
+
+def _result(future: Any, address: str) -> Any:
+    """The result of a job; its own exceptions pass, those of a lost cluster become a sentence."""
+    from distributed.client import FutureCancelledError
+    from distributed.comm.core import CommClosedError
+    from distributed.scheduler import KilledWorker
+
+    try:
+        return future.result()
+    except (FutureCancelledError, KilledWorker, CommClosedError) as error:
+        raise InputError(
+            f"the cluster at {address} lost a job ({type(error).__name__}); start its scheduler and workers and run "
+            "again"
+        ) from None

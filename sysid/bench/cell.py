@@ -2,7 +2,8 @@
 
 import json
 import platform
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from sysid.bench.method import Method, Outcome
 from sysid.bench.task import Family, Task, Truth
 
 STEADY = "steady state"  # an extra run over levels, each held until the plant is at rest
+DIVERGED = -1e9  # the fit of a run that is not finite
 LEVELS = 9
 SETTLED = 1e-4  # what is left of a step when a level ends
 LONGEST = 20_000  # samples of a level; a slower plant has no steady state here
@@ -51,26 +53,59 @@ def run(cell: Cell) -> dict[str, Any]:
         tests[STEADY] = stairs[0], stairs[1][: task.drop]
     outcome = cell.method.solve(task, tests, cell.seconds, cell.seed)
     row |= {"status": outcome.status, "seconds": outcome.seconds, "memory": outcome.memory, "version": outcome.version}
-    row |= {name: str(outcome.details.get(name, "")) for name in ("stop", "structure")}
+    details = sound(outcome.details)
+    outcome = replace(outcome, status=_text(outcome.status), details=details)
+    row |= {"status": outcome.status, **{name: details.get(name, "") for name in ("stop", "structure")}}
     if outcome.status == "ok":
         row |= scores(task, outcome) | accuracy(task, outcome, stairs)
     return {name: None if isinstance(v, float) and not np.isfinite(v) else v for name, v in row.items()}
 
 
+def sound(details: Mapping[str, Any]) -> dict[str, Any]:
+    """Of what a method tells of itself, the parts that are what the contract says; the others are left out."""
+    found: dict[str, Any] = {name: _text(details[name]) for name in ("stop", "structure") if name in details}
+    try:
+        loss = float(details.get("loss"))  # type: ignore[arg-type]
+        found |= {"loss": loss} if np.isfinite(loss) else {}
+    except (TypeError, ValueError, OverflowError):
+        pass
+    poles = _numbers(details.get("poles"), 2)
+    if poles is not None and np.isfinite(poles).all():
+        found["poles"] = poles
+    claims = details.get("intervals")
+    claims = _numbers(claims.get("pole"), 4) if isinstance(claims, Mapping) else None
+    if claims is not None and np.isfinite(claims[:, :2]).all():
+        found["intervals"] = claims
+    return found
+
+
+def _text(value: Any) -> str:
+    return str(value).encode("utf-8", "replace").decode("utf-8")[:1000]
+
+
+def _numbers(value: Any, width: int) -> np.ndarray | None:
+    """value as (n, width) of floats, None if it is not that."""
+    try:
+        return np.array(value, dtype=float).reshape(-1, width)
+    except (TypeError, ValueError):
+        return None
+
+
 def scores(task: Task, outcome: Outcome) -> dict[str, Any]:
-    """Free-run errors on the tests. A run that is not finite has a fit of minus infinity, written as -1e9."""
+    """Free-run errors on the tests. A method with a run that is not finite has the fit `DIVERGED`."""
     errors, fits, best, squares = dict[str, float](), [], [], []
+    finite = all(np.isfinite(run).all() for run in outcome.runs.values())
     for name, test in task.tests.items():
         keep = test.observed[task.drop :, 0]
         y, run = test.y[task.drop :, 0][keep], outcome.runs[name][task.drop :][keep]
         run = np.where(np.isfinite(run), run, 1e12)
         errors[name] = float(np.sqrt(np.mean((y - run) ** 2)))
         squares.append((y - run) ** 2)
-        fits.append(max(fit_percent(y, run), -1e9))
+        fits.append(max(fit_percent(y, run), 0.1 * DIVERGED))
         if task.truth is not None:
             best.append(fit_percent(y, task.truth.y[name][task.drop :][keep]))
     return {
-        "fit": float(np.mean(fits)),
+        "fit": float(np.mean(fits)) if finite else DIVERGED,
         "oracle": float(np.mean(best)) if best else None,
         "rmse": float(np.sqrt(np.mean(np.concatenate(squares)))),
         "errors": json.dumps(errors),
@@ -89,11 +124,11 @@ def accuracy(task: Task, outcome: Outcome, stairs: tuple[np.ndarray, ...] | None
         out["map_error"] = float(min(np.sqrt(np.mean((found - y[ends]) ** 2)) / scale, 1e6))
     if truth is None or truth.poles is None or "poles" not in outcome.details:
         return out
-    poles = np.array([complex(*z) for z in outcome.details["poles"]])
+    poles = outcome.details["poles"] @ np.array([1.0, 1.0j])
     out["pole_error"] = pole_error(poles, truth.poles, task.train.Ts)
-    claims = outcome.details.get("intervals", {}).get("pole", [])
+    claims = outcome.details.get("intervals", ())
     if len(claims) == len(truth.poles):
-        out |= held(np.array(claims, dtype=float), truth.poles)
+        out |= held(claims, truth.poles)
     return out
 
 

@@ -16,8 +16,8 @@ import numpy as np
 import polars as pl
 
 from sysid.base.errors import InputError
-from sysid.bench.columns import KEY
-from sysid.bench.leaderboard import CLAIMED, STOPPED, UNTRIED, explained
+from sysid.bench.columns import KEY, UNTRIED
+from sysid.bench.leaderboard import CLAIMED, DIVERGED, STOPPED, explained
 from sysid.bench.measures import GROWTH, PLACES, SAME_FIT, TABLE, WIDTH, Measure, fell
 from sysid.bench.statistics import wilson
 
@@ -25,6 +25,7 @@ ALARM = 0.01
 FLIPPED = 0.02
 SIGN = 0.02
 JUDGED = 10  # intervals of a family
+SAME_ORACLE = 1e-3  # points
 NAMED = 10  # status changes that are written out one by one
 
 
@@ -97,6 +98,7 @@ def compare(new: pl.DataFrame, base: pl.DataFrame, ours: Collection[str] | None 
         )
     broken, mended, stopped = _statuses(pairs)
     both = pairs.filter((pl.col("status") == "ok") & (pl.col("status_base") == "ok"))
+    broken += [*_diverged(both), *_unjudged(pairs, both), *_other_records(both)]
     findings = [*_findings(both, 1.0), *_findings(both, -1.0)]
     notes = (*stopped, *_missing(new, base), *_budgets(pairs))
     return Verdict(tuple(findings), tuple(broken), tuple(mended), notes, len(pairs))
@@ -247,6 +249,31 @@ def _statuses(pairs: pl.DataFrame) -> tuple[list[str], list[str], list[str]]:
         else:
             other.append(f"Failed in another way: {sentence}")
     return broken, mended, list(_some(other))
+
+
+def _diverged(both: pl.DataFrame) -> Iterator[str]:
+    """Free runs that are not finite any more."""
+    for row in both.filter((pl.col("fit") < DIVERGED) & (pl.col("fit_base") > DIVERGED)).iter_rows(named=True):
+        yield f"{row['scenario']}, {row['method']}, seed {row['seed']}: the free run diverged. Before: it did not."
+
+
+def _unjudged(pairs: pl.DataFrame, both: pl.DataFrame) -> Iterator[str]:
+    """Methods of which less than half of the base's results have a counterpart: nothing can be said of these."""
+    there = dict(pairs.filter(pl.col("status_base") == "ok").group_by("method").len().rows())
+    judged = dict(both.group_by("method").len().rows())
+    for method, count in sorted(there.items()):
+        if 2 * judged.get(method, 0) < count:
+            yield f"{method}: only {judged.get(method, 0)} of {count} results of the base can be judged."
+
+
+def _other_records(both: pl.DataFrame) -> Iterator[str]:
+    """Pairs whose noise-free output has another fit: the two tables were not run on the same data."""
+    other = both.filter((pl.col("oracle") - pl.col("oracle_base")).abs() > SAME_ORACLE)
+    if len(other):
+        yield (
+            f"{len(other)} pairs were run on other data, as their oracle says, first {other['scenario'][0]}, seed "
+            f"{other['seed'][0]}: run the base again with this version's scenarios."
+        )
 
 
 def _missing(new: pl.DataFrame, base: pl.DataFrame) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 import ast
 import importlib.util
+import keyword
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,12 @@ def add(name: str, folder: str | Path = ".") -> Path:
     """
     from sysid.bench.methods import TABLE
 
-    if not name.isidentifier():
+    if not name.isidentifier() or keyword.iskeyword(name):
         raise InputError(f"{name!r} is no name for a method; use letters, digits and _, for example my_arx")
     path = Path(folder) / f"{name}.py"
     if path.exists():
         raise InputError(f"{path} exists already; choose another name, or edit it: qpal bench run --method {path}")
-    if name in TABLE or importlib.util.find_spec(name) is not None:
+    if name in TABLE or name in ("own", "peers") or importlib.util.find_spec(name) is not None:
         raise InputError(f"{name} is the name of a method or module that is there; choose another, such as my_{name}")
     return write_text(path, TEMPLATE.read_text(encoding="utf-8"))
 

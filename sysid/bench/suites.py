@@ -1,7 +1,7 @@
 """Which cells a tag stands for: scenarios by pattern, methods, how many seeds, and the time that each fit may take."""
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from importlib.metadata import version
@@ -50,7 +50,7 @@ SUITES: Mapping[str, Suite] = {
             Part(DRAWN, (BAR, OWN), 16),
             Part(("drawn/output_error-short", "drawn/hammerstein-short", "drawn/wiener-short"), (BAR, "auto"), 4),
             Part(("textbook/*",), (BAR, "hammerstein_wiener"), 2),
-            Part(("twin/thigh",), ("actuated_joint",), 1),
+            Part(("twin/shoulder", "twin/thigh", "twin/shank"), ("actuated_joint",), 4),
         ),
     ),
     "standard": Suite(
@@ -91,7 +91,7 @@ def names(families: Mapping[str, Family]) -> list[str]:
 
 
 def cells(
-    parts: Iterable[Part],
+    parts: Sequence[Part],
     seconds: float,
     families: Mapping[str, Family],
     methods: Mapping[str, Method],
@@ -103,6 +103,9 @@ def cells(
     Seeds count from `first`, that of the version if None. Raises InputError for a pattern that matches no scenario, and
     for unknown methods.
     """
+    for name in {name for part in parts for name in part.methods}:
+        if name not in methods and name not in (OWN, PEERS):
+            raise unknown("method", name, methods)
     start, found = first_seed() if first is None else first, dict[tuple[str, str, int], Cell]()
     everything = names(families)
     for part in parts:

@@ -35,12 +35,23 @@ class Table:
         parts = []
         if self.path.is_file():
             parts.append(_parquet(self.path))
-        new = [json.loads(line) for line in self._journal.read()]
+        new = self._new()
         if new:
             parts.append(pl.DataFrame(new, schema=COLUMNS))
         if not parts:
             raise InputError(f"there are no results in {self.path}; run them first: qpal bench run --out {self.path}")
         return pl.concat(parts).unique(list(KEY), keep="last", maintain_order=True)
+
+    def _new(self) -> list[dict[str, Any]]:
+        """Rows of the journal."""
+        try:
+            rows = [json.loads(line) for line in self._journal.read()]
+            if any(row[name] is None for row in rows for name in KEY):
+                raise ValueError("a row without a key")
+        except (ValueError, KeyError, TypeError) as error:
+            where = self._journal.path
+            raise InputError(f"{where} is damaged ({error}); remove the line, or the file, and run again") from None
+        return rows
 
     def done(self, but: Collection[str] = ()) -> set[tuple[str, str, int]]:
         """Keys of the rows that are there, but for those whose status begins so."""
@@ -73,7 +84,13 @@ class Table:
         self._waiting = 0
         if not self._journal.read():
             return
-        write(self.rows(), self.path)
+        try:
+            write(self.rows(), self.path)
+        except (OSError, pl.exceptions.PolarsError) as error:
+            raise InputError(
+                f"{self.path} cannot be written ({str(error).splitlines()[0]}); the rows are kept in "
+                f"{self._journal.path}: free some space and run again"
+            ) from None
         self._journal.path.unlink()
 
 

@@ -123,3 +123,30 @@ def test_a_scenario_without_its_records_is_a_row():
     found = cell.run(Cell(FAMILIES["drawn"], "none", Inside("x", "", abs), 0, 1.0))
     assert found["status"].startswith("no data: unknown scenario")
     assert found["fit"] is None
+
+
+@pytest.mark.parametrize(
+    "details",
+    [
+        {"poles": "abc"}, {"poles": [1, 2, 3]}, {"poles": [[np.nan, 0.0]]}, {"intervals": None}, {"intervals": [1.0]},
+        {"intervals": {"pole": [None, None]}}, {"intervals": {"pole": [[1.0, 2.0]]}}, {"loss": "small"},
+        {"loss": 10**400}, {"loss": [1.0, 2.0]}, {"stop": "\ud800"}, {"structure": object()},
+    ],
+)  # fmt: skip
+def test_what_a_method_says_of_itself_never_ends_a_run(details, tmp_path):
+    """The row is there, can be written and read, and keeps what was right."""
+    from sysid.bench.columns import COLUMNS
+    from sysid.bench.table import Table
+
+    found = row(details=details)
+    assert found["status"] == "ok"
+    table = Table(tmp_path / "t.parquet")
+    with table.writing():
+        table.add({name: found[name] for name in COLUMNS})
+    assert table.rows()["fit"].to_list() == pytest.approx([found["fit"]])
+
+
+def test_poles_that_are_no_numbers_are_left_out():
+    assert row(poles=(np.nan, 0.5))["pole_error"] is None
+    assert row(poles=(np.inf,))["pole_error"] is None
+    assert row(poles=(0.8,))["pole_error"] == pytest.approx(0.0)

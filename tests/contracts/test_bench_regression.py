@@ -208,3 +208,17 @@ def test_tables_without_a_common_cell_are_refused():
 def test_diverged_fits_count_as_no_model_and_not_as_a_billion_points(base):
     finding = only(compare(changed(base, "m1", fit=pl.lit(-1e9)), base))
     assert 160.0 < finding.size < 200.0
+
+
+def test_what_cannot_be_judged_or_diverged_is_worse():
+    base = run_of_the_library(np.random.default_rng(3), methods=3, tasks=24)
+    stopped = base.with_columns(status=pl.lit("stopped after 180 s"))
+    assert compare(stopped, base).worse
+    first = base["method"][0]
+    run = pl.when((pl.col("method") == first) & (pl.col("seed") == base["seed"][0]))
+    verdict = compare(base.with_columns(fit=run.then(-1e9).otherwise("fit")), base)
+    assert verdict.worse
+    assert "the free run diverged" in " ".join(verdict.broken)
+    verdict = compare(base.with_columns(oracle=pl.lit(77.0)), base.with_columns(oracle=pl.lit(78.0)))
+    assert "run on other data" in " ".join(verdict.broken)
+    assert not compare(base, base).worse

@@ -164,6 +164,8 @@ def export(
     from sysid.bench.export import export as write
 
     family, name = chosen.scenario(scenario, records)
+    if seed < 0:
+        raise InputError(f"--seed is {seed}; give a whole number of at least 0")
     print(f"Written: {write(family.make(name, seed), out)}")
 
 

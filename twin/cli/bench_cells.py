@@ -62,9 +62,10 @@ def add_file(text: str, into: "dict[str, AnyMethod]") -> str:
     if not text.endswith(".py") and os.sep not in text:
         return text
     from sysid.bench.scaffold import load
+    from sysid.bench.suites import OWN, PEERS
 
     method = load(text)
-    if method.name in into:
+    if method.name in into or method.name in (OWN, PEERS):
         raise InputError(f"{text} has the name of a method that is there already; rename the file")
     into[method.name] = method
     return method.name
@@ -101,8 +102,8 @@ def cells(
     for name, value in (("seeds", seeds), ("budget", budget)):
         if value is not None and not value > 0:
             raise InputError(f"--{name} is {value}; give a positive number")
-    if first is not None and first < 0:
-        raise InputError(f"--first is {first}; give a whole number of at least 0")
+    if first is not None and not 0 <= first < 2**62:
+        raise InputError(f"--first is {first}; give a whole number from 0 to 2^62")
     known, suite = methods(), suites.SUITES[tag or "quick"]
     names = tuple(add_file(text, known) for text in named or ())
     patterns = None if patterns is None else [p if "/" in p else f"{p}/*" for p in patterns]

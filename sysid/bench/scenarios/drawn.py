@@ -15,14 +15,15 @@ from sysid.data.record import IOData
 LENGTHS = {"": (250, 4000), "-short": (250, 500), "-long": (10_000, 100_000)}  # samples, log-uniform
 SNR = (10.0, 60.0)  # dB, uniform
 DROP, TEST = 50, 2000
+BEFORE = 300  # samples that the test does not show: it begins in motion, so the initial state counts
 
 
 @dataclass(frozen=True)
 class Drawn:
     """The seed draws all: orders 1 to 4, delay 0 to 4, poles, zeros, maps, input, N, Ts, noise and its size.
 
-    The maps come from eleven families. The test is 2000 further samples of the same kind of input and noise; both
-    records begin at rest.
+    The maps come from eleven families. The test is 2000 samples with the same kind of input and noise. The
+    estimation record begins at rest, the test in motion.
     """
 
     name: str = "drawn"
@@ -42,11 +43,12 @@ class Drawn:
         N = round(np.exp(rng.uniform(np.log(least), np.log(most))))
         Ts, excited = float(10 ** rng.uniform(-3, 0)), str(rng.choice(INPUTS))
         plant, u = _plant(kind, excited, N, rng)
-        v = excitation(excited, TEST, rng)
-        y, clean = plant.run(u), plant.run(v)
+        v = excitation(excited, BEFORE + TEST, rng)
+        y, clean = plant.run(u), plant.run(v)[BEFORE:]
         noisy, snr = str(rng.choice(NOISES)), rng.uniform(*SNR)
         size = float(y.std()) * 10 ** (-snr / 20)
         train = IOData(u, y + size * noise(noisy, u, rng), Ts)
+        v = v[BEFORE:]
         test = IOData(v, clean + size * noise(noisy, v, rng), Ts)
         truth = Truth({"test": clean}, size, plant.poles, plant.chain, plant.theta)
         given = f"{plant.given}; {excited} of {N} samples; {noisy} noise, {snr:.0f} dB"
