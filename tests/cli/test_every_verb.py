@@ -15,7 +15,8 @@ import sysid
 import twin
 from twin.cli import app, main
 
-COMMANDS = typer.main.get_command(app.build()).commands
+GROUP = typer.main.get_command(app.build()).commands  # `bench` among them, whose verbs have their own tests
+COMMANDS = {verb.__name__: GROUP[verb.__name__] for verb in app.VERBS}
 REPORTING = [verb.__name__ for verb in app.VERBS if verb not in app.SHOWN]
 SHARED = ("input", "output", "time", "params", "out", "as_json")  # one text wherever they are
 
