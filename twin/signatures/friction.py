@@ -1,5 +1,7 @@
 """Dry and viscous friction: the map of friction over speed, its parts, and the stick-slip limit cycle."""
 
+import math
+
 import numpy as np
 
 from twin.hardware.motor import Motor, motor
@@ -125,7 +127,7 @@ def stribeck(p: Parameters) -> Signature:
         speed, torque = speed[moving], torque[moving]
         excess = torque - level - slope * speed
         curves.append((speed, torque))
-        found.append((float(excess[0]) if len(excess) else np.nan, _falls_to(extra / np.e, speed, excess), level))
+        found.append((float(excess[0]) if len(excess) else np.nan, _falls_to(extra / math.e, speed, excess), level))
     (at_rest, speed_e, level), (off, _, _) = found
     return Signature(
         "stribeck",
