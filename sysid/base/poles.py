@@ -36,12 +36,17 @@ def mirrored(f: np.ndarray) -> np.ndarray:
     return np.real(np.poly(poles))[1:]
 
 
+def pairs(estimated: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the estimated and of the true poles that belong together: least total distance in the z-plane."""
+    return linear_sum_assignment(np.abs(estimated[:, None] - true[None, :]))
+
+
 def match(estimated: np.ndarray, true: np.ndarray, Ts: float) -> list[PoleMatch]:
     """Pairs of poles with the least total distance in the z-plane; surplus poles on either side stay unmatched."""
     estimated, true = np.asarray(estimated, dtype=complex), np.asarray(true, dtype=complex)
     if not len(estimated) or not len(true):
         return []
-    rows, columns = linear_sum_assignment(np.abs(estimated[:, None] - true[None, :]))
+    rows, columns = pairs(estimated, true)
     s_true = to_s(true, Ts)
     moving = np.abs(s_true[np.isfinite(s_true) & (np.abs(s_true) > 1e-9)])
     floor = float(moving.min()) if len(moving) else 1.0

@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
-from sysid.bench.columns import COLUMNS
+from sysid.base.poles import match, pairs
+from sysid.bench.columns import COLUMNS, DIVERGED
 from sysid.bench.method import Method, Outcome
-from sysid.bench.task import Family, Task, Truth
+from sysid.bench.task import Family, Task
 
 STEADY = "steady state"  # an extra run over levels, each held until the plant is at rest
-DIVERGED = -1e9  # the fit of a run that is not finite
 LEVELS = 9
 SETTLED = 1e-4  # what is left of a step when a level ends
 LONGEST = 20_000  # samples of a level; a slower plant has no steady state here
@@ -146,19 +145,10 @@ def staircase(task: Task) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     return u, truth.chain.simulate(truth.theta, u), np.arange(1, LEVELS + 1) * max(n, task.drop + 1) - 1
 
 
-def matched(poles: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """The estimated pole (n,) of each true one: the assignment of least total distance, nan where there is none."""
-    out = np.full(len(true), np.nan, dtype=complex)
-    i, j = linear_sum_assignment(np.abs(true[:, None] - poles[None]))
-    out[i] = poles[j]
-    return out
-
-
 def pole_error(poles: np.ndarray, true: np.ndarray, Ts: float) -> float:
-    """Largest |s - s true| / |s true| with s = log(z) / Ts; 1e6 at most, nan if poles are missing."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found, s = np.log(matched(poles, true)) / Ts, np.log(true.astype(complex)) / Ts
-        return float(np.minimum(np.max(np.abs(found - s) / np.abs(s)), 1e6))
+    """Largest error of a true pole in the s-plane (see `sysid.base.poles`), 1e6 at most; nan if poles are missing."""
+    found = match(poles, true, Ts)
+    return min(max(pair.s_error for pair in found), 1e6) if len(found) == len(true) > 0 else float("nan")
 
 
 def held(claims: np.ndarray, true: np.ndarray) -> dict[str, Any]:
@@ -167,8 +157,8 @@ def held(claims: np.ndarray, true: np.ndarray) -> dict[str, Any]:
     Conjugates are counted once, and the imaginary part of a real pole not at all.
     """
     rows = true.imag >= 0.0
-    estimate = claims[:, 0] + 1j * claims[:, 1]
-    _, order = linear_sum_assignment(np.abs(true[:, None] - estimate[None]))
+    which, of = pairs(claims[:, 0] + 1j * claims[:, 1], true)
+    order = which[np.argsort(of)]
     mine, z = claims[order][rows], true[rows]
     two = z.imag > 0.0
     off = np.concatenate([np.abs(mine[:, 0] - z.real), np.abs(mine[:, 1] - z.imag)[two]])
@@ -190,6 +180,3 @@ def _qpal() -> str:
     from importlib.metadata import version
 
     return version("qpal")
-
-
-__all__ = ["Cell", "Truth", "accuracy", "held", "matched", "pole_error", "run", "scores", "staircase"]

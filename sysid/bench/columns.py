@@ -3,6 +3,8 @@
 import polars as pl
 
 KEY = ("scenario", "method", "seed")
+BAR = "from_truth"  # the method whose search begins at the truth
+DIVERGED = -1e9  # the fit of a run that is not finite; a finite one is at least a tenth of it
 UNTRIED = ("no data", "not installed")  # beginnings of a status: the method had no chance
 COLUMNS: dict[str, type[pl.DataType]] = {
     "scenario": pl.String,  # family/name

@@ -12,14 +12,12 @@ import numpy as np
 import polars as pl
 
 from sysid.base.errors import InputError
-from sysid.bench.columns import UNTRIED
+from sysid.bench.columns import BAR, DIVERGED, UNTRIED
 from sysid.bench.statistics import LEVEL, SHIFT, Duel, duel, performance_profile, wilson
 
-BAR = "from_truth"
 OWN = "own structure"  # all methods together that are told the structure of a drawn plant
 AT_TRUTH, AT_ORACLE, AT_BEST = "the fit from the truth", "the noise-free output", "the best fit of any method"
 STOPPED = "stopped after"
-DIVERGED = -5e8  # a fit below it stands for a run that is not finite
 NEAR = (0.1, 1.0)  # points of fit from the bar
 CAP = 100.0  # points: a failure counts as much as a model that explains nothing
 CLAIMED = 0.95  # of the intervals
@@ -39,7 +37,7 @@ def scored(table: pl.DataFrame) -> pl.DataFrame:
         raise InputError("the table has no rows; run methods first: qpal bench run --tag quick")
     no_chain = (pl.col("method") == BAR) & pl.col("status").str.starts_with("refused")
     tried = ~pl.any_horizontal(no_chain, *(pl.col("status").str.starts_with(word) for word in UNTRIED))
-    ok = (pl.col("status") == "ok") & (pl.col("fit") > DIVERGED)
+    ok = (pl.col("status") == "ok") & (pl.col("fit") > DIVERGED / 2)
     if not table.select(tried.any()).item():
         raise InputError(
             f"no method of the table had a chance ({table['status'][0]}); install it or give its records, and run again"

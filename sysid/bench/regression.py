@@ -16,8 +16,8 @@ import numpy as np
 import polars as pl
 
 from sysid.base.errors import InputError
-from sysid.bench.columns import KEY, UNTRIED
-from sysid.bench.leaderboard import CLAIMED, DIVERGED, STOPPED, explained
+from sysid.bench.columns import DIVERGED, KEY, UNTRIED
+from sysid.bench.leaderboard import CLAIMED, STOPPED, explained
 from sysid.bench.measures import GROWTH, PLACES, SAME_FIT, TABLE, WIDTH, Measure, fell
 from sysid.bench.statistics import wilson
 
@@ -253,7 +253,7 @@ def _statuses(pairs: pl.DataFrame) -> tuple[list[str], list[str], list[str]]:
 
 def _diverged(both: pl.DataFrame) -> Iterator[str]:
     """Free runs that are not finite any more."""
-    for row in both.filter((pl.col("fit") < DIVERGED) & (pl.col("fit_base") > DIVERGED)).iter_rows(named=True):
+    for row in both.filter((pl.col("fit") < DIVERGED / 2) & (pl.col("fit_base") > DIVERGED / 2)).iter_rows(named=True):
         yield f"{row['scenario']}, {row['method']}, seed {row['seed']}: the free run diverged. Before: it did not."
 
 

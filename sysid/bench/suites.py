@@ -8,12 +8,12 @@ from importlib.metadata import version
 
 from sysid.base.errors import InputError, unknown
 from sysid.bench.cell import Cell
+from sysid.bench.columns import BAR
 from sysid.bench.drawing.plants import CHAINS
 from sysid.bench.method import Method
 from sysid.bench.task import Family
 
 OWN = "own"  # the method that is called as the drawn structure is
-BAR = "from_truth"
 PEERS = "peers"  # every method that is not of this library
 DRAWN = tuple(f"drawn/{structure}" for structure in CHAINS)
 
@@ -103,7 +103,7 @@ def cells(
     Seeds count from `first`, that of the version if None. Raises InputError for a pattern that matches no scenario, and
     for unknown methods.
     """
-    for name in {name for part in parts for name in part.methods}:
+    for name in (name for part in parts for name in part.methods):
         if name not in methods and name not in (OWN, PEERS):
             raise unknown("method", name, methods)
     start, found = first_seed() if first is None else first, dict[tuple[str, str, int], Cell]()
@@ -134,6 +134,4 @@ def _methods(part: Part, scenario: str, methods: Mapping[str, Method], ours: Seq
             found += [method for key, method in methods.items() if key not in ours and key != BAR]
         elif own in methods:
             found.append(methods[own])
-        elif name != OWN:
-            raise unknown("method", name, methods)
     return found

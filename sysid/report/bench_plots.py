@@ -7,7 +7,8 @@ import numpy as np
 import polars as pl
 
 from sysid.base import style
-from sysid.bench.leaderboard import BAR, CLAIMED, profile
+from sysid.bench.columns import BAR
+from sysid.bench.leaderboard import CLAIMED, profile
 
 ALL = "all families"
 # Okabe and Ito's colours, which colour-blind readers can tell apart; methods of others are dashed too.
