@@ -175,7 +175,7 @@ def _tried(run: Run, found: list[Point], before: Raced | None) -> Raced:
     problem, outcome = problems[k], outcomes[k]
     if np.isfinite(outcome.cost):
         problem, outcome = _polished(run, problem, outcome)
-    agreed = found[k].agreed
+    agreed = sum(p.agreed for p, c in zip(found, costs, strict=True) if c <= _SAME * outcome.cost or p is found[k])
     if before is not None:
         if outcome.cost > before.outcome.cost / _SAME:
             agreed += before.agreed

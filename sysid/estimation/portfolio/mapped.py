@@ -43,31 +43,41 @@ def as_block(block: StaticBlock, at: np.ndarray, values: np.ndarray, mass: np.nd
 def _nearest(
     block: StaticBlock, x: np.ndarray, y: np.ndarray, weight: np.ndarray, sign: float, rng: np.random.Generator | None
 ) -> tuple[Mapped, float]:
-    """One search over the map's parameters and the gains before and behind it."""
+    """One search over the map's parameters, the gains before and behind it, and an offset that others must take."""
     gain = float(np.ptp(y) / (np.ptp(x) or 1.0)) or 1.0
     theta = block.start(x)
     if rng is not None:
         theta = block.vary(theta, rng)
-    slots = block.slots()
-    n = len(theta)
-    low = np.array([s.lower for s in slots] + [-np.inf, -np.inf])
-    high = np.array([s.upper for s in slots] + [np.inf, np.inf])
+    slots, n = block.slots(), len(theta)
+    low = np.array([s.lower for s in slots] + [-np.inf] * 3)
+    high = np.array([s.upper for s in slots] + [np.inf] * 3)
+    # What the map can do by itself stays as it is.
+    own = block.symmetries(theta)
+    turned = np.array([not any(s.in_scale for s in own), not any(s.out_scale for s in own), True])
+    turned[2] = not any(s.out_shift and not s.in_shift for s in own)
+    moving = np.concatenate([np.ones(n, dtype=bool), turned])
+    first = np.concatenate([theta, [1.0, sign * gain if turned[1] else 1.0, 0.0]])
+    first = np.clip(first, low + 1e-12, high - 1e-12)
+
+    def whole(p: np.ndarray) -> np.ndarray:
+        full = first.copy()
+        full[moving] = p
+        if not block.admissible(full[:n]):
+            full[:n] = block.repair(full[:n])
+        return full
 
     def error(p: np.ndarray) -> np.ndarray:
-        own = p[:n]
-        if not block.admissible(own):
-            own = block.repair(own)
+        full = whole(p)
         with np.errstate(over="ignore", invalid="ignore"):
-            e = weight * (p[n + 1] * gain * block.output(own, p[n] * x) - y)
+            e = weight * (full[n + 1] * block.output(full[:n], full[n] * x) + full[n + 2] - y)
         return np.where(np.isfinite(e), e, 1e6 * (np.abs(y).max() + 1.0))
 
-    first = np.clip(np.concatenate([theta, [1.0, sign]]), low + 1e-12, high - 1e-12)
     try:
-        out = least_squares(error, first, bounds=(low, high), x_scale="jac", max_nfev=40)
+        out = least_squares(error, first[moving], bounds=(low[moving], high[moving]), x_scale="jac", max_nfev=60)
     except (ValueError, np.linalg.LinAlgError):
         return Mapped(theta, 1.0, gain * sign), np.inf
-    own = out.x[:n] if block.admissible(out.x[:n]) else block.repair(out.x[:n])
-    return Mapped(own, float(out.x[n]), float(out.x[n + 1] * gain)), float(out.cost)
+    full = whole(out.x)
+    return Mapped(full[:n], float(full[n]), float(full[n + 1])), float(out.cost)
 
 
 def _apart(places: np.ndarray, count: int) -> np.ndarray:

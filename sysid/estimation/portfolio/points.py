@@ -7,12 +7,15 @@ import numpy as np
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.portfolio import one_filter, two_filters
+from sysid.estimation.portfolio.relay import movable
 from sysid.estimation.portfolio.surrogate import Surrogate, is_map
+from sysid.estimation.starts import starts
 from sysid.model.chain import Chain
 
 _LADDER = ((6, 6, 8), (3, 12, 8), (2, 20, 6))  # candidates that go on, places of their curves, steps
 _ALIKE = 0.9995  # correlation of two candidates' signals above which they are one
 _SAME = 1.02  # losses within this ratio are one optimum
+_PLAIN = 3  # starts from the identity
 LONGEST = 6000  # samples that rank candidates
 
 
@@ -50,7 +53,12 @@ def points(chain: Chain, record: IOData, seed: int, turn: int, count: int, curva
         knots = max(4, min(knots, part.N // 25))
         field = [s.relaid(part, knots).searched(part, steps, curvature) for s in field[: min(width, count)]]
         field.sort(key=lambda s: s.loss)
-    return [Point(s.turned(chain, part), s.member, n) for s, n in _told_apart(field)]
+    told = _told_apart(field) if len(movable(chain)) == sum(map(is_map, chain.blocks)) else [(s, 1) for s in field]
+    found = [Point(s.turned(chain, part), s.member, n) for s, n in told if np.isfinite(s.loss)]
+    if turn == 0 and count > 1 and len(told) and len(movable(chain)) < sum(map(is_map, chain.blocks)):
+        # A map with a shape of its own may not come near to a free curve; then the search begins at the identity.
+        found += [Point(theta, "identity", 1) for theta in starts(chain, record, _PLAIN, seed)]
+    return found
 
 
 def _distinct(found: list, count: int) -> list:

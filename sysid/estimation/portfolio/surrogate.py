@@ -56,21 +56,33 @@ class Surrogate:
         return replace(self, chain=replace(self.chain, blocks=tuple(blocks)), theta=np.concatenate(parts))
 
     def turned(self, chain: Chain, record: IOData) -> np.ndarray:
-        """theta (P,) of the real chain, whose maps come as near to these curves as they can."""
-        signals = self.chain.signals(self.theta, record.u[:, 0])
+        """theta (P,) of the real chain, whose maps come as near to these curves as they can.
+
+        A map behind the last filter is fitted to the signal that really reaches it: a map before it may lack an
+        offset.
+        """
+        inner = self.chain.signals(self.theta, record.u[:, 0])
         parts = [self.chain.part(self.theta, block).copy() for block in self.chain.blocks]
+        x = record.u[:, 0]
         for k, (real, block) in enumerate(zip(chain.blocks, self.chain.blocks, strict=True)):
-            if not is_map(block):
-                continue
-            assert isinstance(block, PiecewiseLinear)
-            assert isinstance(real, StaticBlock)
-            at, x = np.array(block.at), signals[k]
-            found = as_block(real, at, parts[k], hats.mass(x, at))
-            parts[k] = found.theta
-            if k > 0:
-                parts[k - 1] = _scaled(chain.blocks[k - 1], parts[k - 1], found.before)
-            if k + 1 < len(parts):
-                parts[k + 1] = _gained(chain.blocks[k + 1], parts[k + 1], found.behind)
+            if is_map(block):
+                assert isinstance(block, PiecewiseLinear)
+                assert isinstance(real, StaticBlock)
+                at, values = np.array(block.at), parts[k]
+                if k and k + 1 == len(parts):
+                    at = hats.places(x, len(at))
+                    values = hats.fitted(x, record.y[:, 0], at)[0]
+                    seen = x
+                else:
+                    seen = inner[k]
+                found = as_block(real, at, values, hats.mass(seen, at))
+                parts[k] = found.theta
+                if k > 0:
+                    parts[k - 1] = _scaled(chain.blocks[k - 1], parts[k - 1], found.before)
+                    x = x * found.before
+                if k + 1 < len(parts):
+                    parts[k + 1] = _gained(chain.blocks[k + 1], parts[k + 1], found.behind)
+            x = real.output(parts[k], x)
         return np.concatenate(parts)
 
 
