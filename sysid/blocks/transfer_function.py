@@ -206,12 +206,12 @@ return y"""
         in complex pairs, some real and negative.
         """
         fresh = theta.copy()
-        poles = self._stretched(theta, rng) if rng.uniform() < 2 / 3 else _drawn(self.nf, rng)
+        poles = self.stretched(theta, rng) if rng.uniform() < 2 / 3 else _drawn(self.nf, rng)
         fresh[self.nb : self.nb + self.nf] = np.real(np.poly(poles))[1:]
         fresh[self.nb + self.nf :] = 0.0
         return fresh
 
-    def _stretched(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def stretched(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Poles with |z| raised to a power each, the same for both of a complex pair."""
         poles = self.poles(theta)
         powers = np.exp(0.5 * rng.normal(size=len(poles)))

@@ -28,8 +28,10 @@ ENOUGH = 2  # independent starts at one optimum end the rounds
 _SAME = 1.02  # losses within this ratio are one optimum
 _RELAYS, _WORTH = 6, 0.995  # times that break points are laid again, while the loss falls below this share
 _RELAID = 40  # iterations after break points were laid again
+_COLOURED = 0.5  # correlation of neighbouring residuals above which agreement must be wider
 _SETTLING = 4  # times that the curvature weight follows the residuals
 _WINDOW = 20_000  # samples that show where break points belong
+_LONG = 3  # times as many samples are a long record
 
 
 @dataclass(frozen=True)
@@ -138,8 +140,37 @@ class Raced:
 def portfolio(run: Run, seed: int, count: int | None) -> Raced | None:
     """Rounds of the portfolio until `ENOUGH` starts agree; with a count, that many candidates without this rule.
 
-    None if no candidate gives a valid model.
+    A long record is searched on its most varied part first. None if no candidate gives a valid model.
     """
+    part = longest(run.data)
+    if part.N > _LONG * _WINDOW:
+        found = _rounds(replace(run, data=_varied(part)), seed, count)
+        return None if found is None else _continued(run, found)
+    return _rounds(run, seed, count)
+
+
+def _varied(record: IOData) -> IOData:
+    """The part of `_WINDOW` samples over which input and output vary most."""
+    starts = range(0, record.N - _WINDOW + 1, _WINDOW // 2)
+    spread = [sum(float(np.ptp(x[k : k + _WINDOW]) / (np.ptp(x) or 1.0)) for x in (record.u, record.y)) for k in starts]
+    k = starts[int(np.argmax(spread))]
+    return record.select(k, k + _WINDOW)
+
+
+def _continued(run: Run, found: Raced) -> Raced:
+    """A search of the whole record from the optimum of a part."""
+    theta = found.problem.thetas(found.outcome.p)[0]
+    theta = np.where(run.model.initial, 0.0, theta)
+    problem = run.problem(with_initial_states(run.model, theta, run.data))
+    problem = with_curvature_weight(run, [problem])[0]
+    outcome = run.iterate(problem, problem.start, run.options)
+    whole, part = int(run.data.observed.sum()), int(found.problem.records[0].observed.sum())
+    costs = tuple(c * whole / part for c in found.costs)  # so that they are comparable as losses
+    return replace(found, problem=problem, outcome=outcome, costs=costs)
+
+
+def _rounds(run: Run, seed: int, count: int | None) -> Raced | None:
+    """The rounds on one record."""
     best: Raced | None = None
     costs: list[float] = []
     members: list[str] = []
@@ -152,11 +183,18 @@ def portfolio(run: Run, seed: int, count: int | None) -> Raced | None:
         costs += raced.costs
         members += raced.members
         best = replace(raced, costs=(), members=())
-        if (count is None and best.agreed >= ENOUGH) or run.late:
+        wanted = ENOUGH + (turn == 0 and _unexplained(best))
+        if (count is None and best.agreed >= wanted) or run.late:
             break
     if best is None or not np.isfinite(best.outcome.cost):
         return None
     return replace(best, costs=tuple(costs), members=tuple(members))
+
+
+def _unexplained(raced: Raced) -> bool:
+    """Whether the residuals go on from sample to sample: coloured noise, or a wrong optimum on which starts agree."""
+    e = raced.problem.plain.residual(raced.outcome.p)
+    return e is not None and float(np.corrcoef(e[1:], e[:-1])[0, 1]) > _COLOURED
 
 
 def _tried(run: Run, found: list[Point], before: Raced | None) -> Raced:

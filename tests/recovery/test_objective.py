@@ -249,8 +249,8 @@ def test_a_fit_ends_after_its_seconds_with_the_best_so_far():
     assert "limit of 0.001 s reached" in short.stop.reason
     assert not short.stop.converged
     assert short.stop.iterations == 0
-    free = sysid.fit(model, data, starts=1, options=Options(max_iterations=3, max_seconds=3600.0))
-    assert "limit of 3 iterations" in free.stop.reason
+    free = sysid.fit(model, data, starts=1, options=Options(max_seconds=3600.0))
+    assert "limit of" not in free.stop.reason
     assert free.criteria.loss < short.criteria.loss
     small = sysid.fit(
         sysid.structures.nlarx(focus="simulation"), data.select(0, 400), options=Options(max_seconds=1e-3)

@@ -64,6 +64,27 @@ def even_part(screen: Screen, linear: TransferFunction, rng: np.random.Generator
             yield from denominators(linear, x, w)[:2]
 
 
+def ringing(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:
+    """How the output goes on by itself: poles of its autoregression, and these at half the frequency.
+
+    A map that folds doubles the frequency of what rings before it.
+    """
+    if not screen.behind or linear.nf < 2:
+        return
+    y = screen.target
+    for n in (linear.nf, linear.nf + 2):
+        past = np.column_stack([_delayed(y, j + 1) for j in range(n)])[n:]
+        poles = np.roots(np.concatenate([[1.0], -np.linalg.lstsq(past, y[n:], rcond=1e-9)[0]])).astype(complex)
+        for turned in (
+            poles,
+            np.where(np.abs(poles.imag) > 1e-9, np.sqrt(np.abs(poles)) * np.sqrt(poles / np.abs(poles)), poles),
+        ):
+            pairs = turned[turned.imag > 1e-9]
+            for z in pairs[np.argsort(-np.abs(pairs))][:2]:
+                rest = random_poles(linear.nf - 2, len(y), rng)
+                yield np.convolve([1.0, -2.0 * z.real, min(abs(z), 0.999) ** 2], np.concatenate([[1.0], rest]))[1:]
+
+
 def drawn(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:
     """Poles drawn over all time constants up to a tenth of the record."""
     for _ in range(40 if linear.nf else 0):
@@ -71,7 +92,7 @@ def drawn(screen: Screen, linear: TransferFunction, rng: np.random.Generator) ->
 
 
 MEMBERS: dict[str, Callable[[Screen, TransferFunction, np.random.Generator], Found]] = {
-    each.__name__: each for each in (approximation, output_error, curved_input, even_part, drawn)
+    each.__name__: each for each in (approximation, output_error, curved_input, even_part, ringing, drawn)
 }
 
 
@@ -110,4 +131,4 @@ def random_poles(n: int, N: int, rng: np.random.Generator) -> np.ndarray:
             poles += [radius * turn, radius / turn]
         else:
             poles.append(radius if rng.uniform() < 0.85 else -radius)
-    return np.real(np.poly(np.array(poles)))[1:]
+    return np.real(np.poly(np.array(poles)))[1:] if poles else np.empty(0)

@@ -9,6 +9,8 @@ from sysid.estimation.portfolio.screen import Candidate, Screen
 from sysid.estimation.portfolio.surrogate import Surrogate, is_map, line
 from sysid.model.chain import Chain
 
+_BEST, _TRIES = 3, 4  # candidates that are varied, and how often
+
 
 def candidates(chain: Chain, record: IOData, rng: np.random.Generator, turn: int, draw: bool) -> list[Candidate]:
     """Candidates of one round, unsorted; later rounds only draw."""
