@@ -13,7 +13,8 @@ from sysid.base.threads import one_blas_thread
 from sysid.data.outliers import hampel
 from sysid.data.record import IOData
 from sysid.diagnosis import signals
-from sysid.diagnosis.whitening import Whitened, delay, drift, feedback, nonlinearity, whiten
+from sysid.diagnosis.response import Delay, delay
+from sysid.diagnosis.whitening import Whitened, drift, feedback, nonlinearity, whiten
 
 LEVEL = 0.01  # false-alarm rate of each statistical test
 KNOTS = 10  # break points of the default piecewise linear map
@@ -22,13 +23,17 @@ ORDER = 10  # twice the order of excitation that a model with nb + nf = 5 needs
 
 @dataclass(frozen=True)
 class Advice:
-    """One finding: `severity` is 'fine', 'note' or 'warning', `value` the number behind the sentence."""
+    """One finding: `severity` is 'fine', 'note' or 'warning', `value` the number behind the sentence.
+
+    `interval` holds the value with 99 % confidence, where it is an estimate that has one.
+    """
 
     topic: str
     sentence: str
     value: float
     action: str
     severity: str
+    interval: tuple[float, float] | None = None
 
     def __str__(self) -> str:
         return f"{self.sentence}; {self.action}" if self.action else self.sentence
@@ -153,7 +158,7 @@ def _between(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
         u = _name(data, "u", i)
         d = delay(white, i, LEVEL)
         nk = nk if d.nk is None else d.nk
-        yield _delay(u, y, d.nk, d.z, d.bound)
+        yield _delay(u, y, d, white.order)
         yield _feedback(u, y, feedback(white, i))
         yield _rate(data, white, i, u, y)
     yield _nonlinearity(data, white, y, nk)
@@ -167,25 +172,24 @@ def _between(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
     )
 
 
-def _delay(u: str, y: str, nk: int | None, z: np.ndarray, bound: float) -> Advice:
-    if nk is None:
+def _delay(u: str, y: str, d: Delay, longest: int) -> Advice:
+    if d.nk is None:
         return Advice(
             "delay",
-            f"no lag 0..{len(z) - 1} of {u} affects {y} (largest {np.abs(z).max():.1f} standard deviations, "
-            f"bound {bound:.1f})",
+            f"lags 0..{longest} of {u} together do not affect {y} (p = {d.p:.2g})",
             float("nan"),
             "check that the columns belong together, or increase the excitation",
             "warning",
         )
-    before = f", the {nk} before it at most {np.abs(z[:nk]).max():.1f}" if nk else ""
-    sentence = (
-        f"{y} responds to {u} after {nk} sample(s): lag {nk} is at {abs(z[nk]):.1f} standard deviations{before} "
-        f"(bound {bound:.1f})"
-    )
-    if nk == 0:
+    between = "" if d.low == d.high else f", {d.low} to {d.high} with 99 % confidence"
+    sentence = f"{y} responds to {u} after {d.nk} sample(s){between} (p = {d.p:.2g} without any response)"
+    if d.nk == 0:
         action = "use nk=0 if the plant has direct feedthrough; otherwise a controller responds within the sample"
-        return Advice("delay", sentence, 0.0, action, "note")
-    return Advice("delay", sentence, nk, f"use nk={nk}, or less if the response starts slowly", "fine")
+        return Advice("delay", sentence, 0.0, action, "note", (d.low, d.high))
+    action = f"use nk={d.nk}"
+    if d.low < d.high:
+        action += f", and compare fits with nk {d.low} to {d.high}"
+    return Advice("delay", sentence, d.nk, action, "fine", (d.low, d.high))
 
 
 def _feedback(u: str, y: str, p: float | None) -> Advice:

@@ -1,0 +1,169 @@
+"""The response of an output to an input out of a whitening regression: its delay with an interval, and its rise.
+
+The latest possible delay comes from joint tests: lags 0..k-1 together have no effect (given the later ones), or they
+have. The earliest one and the delay itself come from low-order models: for every delay, B/F of a few orders is fitted to
+the regression's coefficients with their covariance (weighted null-space fitting, Galrinho, Rojas and Hjalmarsson, IEEE
+Transactions on Automatic Control 64(7), 2019), and delays whose best model is much less likely are out.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular, toeplitz
+
+from sysid.diagnosis.joint import p_value
+from sysid.diagnosis.low_order import Model, Profile, pieces
+from sysid.diagnosis.whitening import Whitened
+
+ORDERS = ((1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 1), (3, 2), (3, 3), (4, 1), (4, 2), (4, 3))  # nf, nb
+LATEST = 24  # delays that are tried
+_LEADERS = 4
+_REFINED = 3  # passes that follow the weights
+_RIDGE = 1e-7  # of a column's norm: coefficients that the input does not determine are free, not zero
+
+
+@dataclass(frozen=True)
+class Delay:
+    """Delay nk in samples and its interval low..high; nk is None if no lag has an effect.
+
+    `p` is the probability that chance explains all lags together, `before` that it explains those before `high`. With
+    feedback, lag 0 may come from the controller and not from the plant. `models` are the likely models, best first.
+    """
+
+    nk: int | None
+    low: int
+    high: int
+    p: float
+    before: float
+    models: tuple[Model, ...] = ()
+
+
+def delay(white: Whitened, i: int = 0, level: float = 0.01) -> Delay:
+    """Delay from input i. `level` is the chance that an input without effect is found to have one."""
+    ps = _nested(white, i)
+    if ps[-1] >= level:
+        return Delay(None, 0, len(ps) - 1, float(ps[-1]), 1.0)
+    # From all lags down to the first k that may be without effect: each test only if the one before it rejects.
+    passed = np.flatnonzero(ps >= level)
+    high = int(passed[-1]) + 1 if len(passed) else 0
+    models = _models(white, i, min(high, LATEST))
+    likely = [m for m in models if m.criterion <= models[0].criterion + _odds(level)]
+    low = min(m.nk for m in likely)
+    high = min(high, max(m.nk for m in likely))
+    before = float(ps[high - 1]) if high else 1.0
+    return Delay(models[0].nk, low, high, float(ps[-1]), before, tuple(likely))
+
+
+def _odds(level: float) -> float:
+    """Difference of criteria at which one model is 1/level times as likely as the other."""
+    return -2.0 * float(np.log(level))
+
+
+def _nested(white: Whitened, i: int) -> np.ndarray:
+    """p-values (p + 1,) of the hypotheses that lags 0..k of input i together have no effect, given the later ones."""
+    own = white.lags(i)
+    lags = np.arange(own.stop - 1, own.start - 1, -1)  # the last lag first, so that the first ones are last in Q
+    others = np.setdiff1d(np.arange(white.X.shape[1]), lags)
+    X = np.column_stack([white.X[:, others], white.X[:, lags]])
+    norm = np.linalg.norm(X, axis=0)
+    Q, R = np.linalg.qr(X / np.where(norm > 0, norm, 1.0))
+    new = np.abs(np.diag(R)) > 1e-8
+    y = white.y
+    ps = np.ones(len(lags))
+    for k in range(len(lags)):
+        first = X.shape[1] - 1 - k
+        rest, added = Q[:, :first][:, new[:first]], Q[:, first:][:, new[first:]]
+        ps[k] = p_value(rest, added, y - rest @ (rest.T @ y))
+    return ps
+
+
+def _models(white: Whitened, i: int, latest: int) -> list[Model]:
+    """Models of all delays 0..latest and of several orders, best first."""
+    rough = _rough(white, i, latest)
+    if white.data.u.shape[1] > 1:
+        return rough
+    parts = pieces(white.data, i, white.output)
+    if not parts:
+        return rough
+    profile = Profile(parts)
+    first: dict[tuple[int, int], Model] = {}
+    for _ in range(2):
+        for nf, nb in ORDERS:
+            near = [m.f for m in rough if len(m.f) == nf] + [m.f for (n, _), m in first.items() if n == nf]
+            known = first.get((nf, nb))
+            starts = [known.f] if known else near[:1]
+            at = known.nk if known else rough[0].nk
+            tried = [profile.model(at, nf, nb, f) for f in starts]
+            if tried:
+                first[nf, nb] = min(tried, key=lambda m: m.criterion)
+        best = min(first.values(), key=lambda m: m.criterion)
+        profile.whiten(best)
+    found = []
+    ranked = sorted(first.values(), key=lambda m: m.criterion)[:_LEADERS]
+    for m in ranked:
+        f = m.f
+        for nk in range(min(latest, len(parts[0].u) // 10) + 1):
+            found.append(profile.model(nk, len(m.f), len(m.b), f))
+    return sorted(found, key=lambda m: m.criterion)
+
+
+def _rough(white: Whitened, i: int, latest: int) -> list[Model]:
+    """The same from the coefficients of the regression alone."""
+    p = white.order
+    norm = np.linalg.norm(white.X, axis=0)
+    norm = np.where(norm > 0, norm, 1.0)
+    n = len(norm)
+    R = np.linalg.qr(np.vstack([white.X / norm, _RIDGE * np.eye(n)]), mode="r")
+    e = white.regression.e
+    freedom = max(len(e) - n, 1)
+    half = solve_triangular(R, np.eye(n), trans="T") / norm * np.sqrt(float(e @ e) / freedom)
+    c = solve_triangular(R, solve_triangular(R, white.X.T @ white.y / norm, trans="T")) / norm
+    lags = white.lags(i)
+    own = np.r_[1 : p + 1, lags.start : lags.stop]
+    half = np.linalg.qr(half[:, own], mode="r")
+    a, g = np.concatenate([[1.0], -c[1 : p + 1]]), c[lags]
+    found = []
+    for nf, nb in ORDERS:
+        if nf + nb > p:
+            continue
+        for nk in range(min(latest, p + 1 - nb) + 1):
+            b, f, cost = _null_space(a, g, half, nk, nb, nf)
+            if np.isfinite(cost):
+                found.append((nk, b, f, cost, nf + nb))
+    if not found:
+        return [Model(latest, np.zeros(1), np.zeros(0), 0.0)]
+    # Coefficients of a linear model of a nonlinear plant scatter more than their covariance says.
+    excess = max(1.0, min(cost / max(p + 1 - d, 1) for *_, cost, d in found))
+    price = float(np.log(len(e)))
+    models = [Model(nk, b, f, cost / excess + price * d) for nk, b, f, cost, d in found]
+    return sorted(models, key=lambda m: m.criterion)
+
+
+def _null_space(
+    a: np.ndarray, g: np.ndarray, half: np.ndarray, nk: int, nb: int, nf: int
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """b (nb,), f (nf,) of F G = q^-nk B A and the weighted square of what is left; half'half is the covariance."""
+    p = len(a) - 1
+    columns = [-_shifted(g, j) for j in range(1, nf + 1)] + [_shifted(a, nk + j) for j in range(nb)]
+    Phi = np.column_stack(columns)
+    b, f, cost = np.zeros(nb), np.zeros(nf), np.inf
+    for _ in range(_REFINED):
+        F, B = np.zeros(p + 1), np.zeros(p + 1)
+        F[0], F[1 : nf + 1] = 1.0, f
+        B[nk : nk + nb] = b
+        low = np.zeros(p + 1)
+        low[0] = F[0]
+        TF, TB = toeplitz(F, low), toeplitz(B, np.r_[B[0], np.zeros(p)])
+        root = np.linalg.qr(half[:, p:] @ TF.T + half[:, :p] @ TB[:, 1:].T, mode="r")
+        try:
+            W = solve_triangular(root, np.column_stack([g, Phi]), trans="T")
+            x = np.linalg.lstsq(W[:, 1:], W[:, 0], rcond=None)[0]
+        except (np.linalg.LinAlgError, ValueError):
+            return b, f, np.inf
+        left = W[:, 0] - W[:, 1:] @ x
+        f, b, cost = x[:nf], x[nf:], float(left @ left)
+    return b, f, cost
+
+
+def _shifted(x: np.ndarray, k: int) -> np.ndarray:
+    return np.concatenate([np.zeros(min(k, len(x))), x[: max(len(x) - k, 0)]])
