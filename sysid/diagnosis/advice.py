@@ -18,6 +18,7 @@ from sysid.diagnosis.whitening import Whitened, drift, feedback, nonlinearity, w
 
 LEVEL = 0.01  # false-alarm rate of each statistical test
 KNOTS = 10  # break points of the default piecewise linear map
+_FAST = 0.1  # cycles per sample: slower inputs do not show what happens within three samples
 ORDER = 10  # twice the order of excitation that a model with nb + nf = 5 needs
 
 
@@ -160,7 +161,8 @@ def _between(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
         nk = nk if d.nk is None else d.nk
         yield _delay(u, y, d, white.order)
         yield _feedback(u, y, feedback(white, i))
-        yield _rate(data, white, i, u, y)
+        if d.models:
+            yield _rate(data, d, u, y)
     yield _nonlinearity(data, white, y, nk)
     p = drift(white)
     yield Advice(
@@ -219,10 +221,11 @@ def _nonlinearity(data: IOData, white: Whitened, y: str, nk: int) -> Advice:
     return Advice("nonlinearity", f"{y}: {said}", found.p_value, "add an input or an output map", "note")
 
 
-def _rate(data: IOData, white: Whitened, i: int, u: str, y: str) -> Advice:
-    c, p = white.regression.c, white.order
+def _rate(data: IOData, d: Delay, u: str, y: str) -> Advice:
+    """What the likely models of the response say of the rate; the smallest claim that all of them support."""
     longest = int(np.clip(data.N // 4, 50, 5000))
-    samples, settles = signals.rise(c[white.lags(i)], np.concatenate([[1.0], -c[1 : p + 1]]), longest)
+    rises = [signals.rise(np.r_[np.zeros(m.nk), m.b], np.r_[1.0, m.f], longest) for m in d.models]
+    samples, settles = rises[0]
     if not settles or samples is None:
         return Advice(
             "rate",
@@ -231,13 +234,18 @@ def _rate(data: IOData, white: Whitened, i: int, u: str, y: str) -> Advice:
             "expect a pole near 1",
             "note",
         )
+    found = [n for n, settled in rises if settled and n is not None]
+    low, high = min(found), max(found)
     tau = f"{y} reaches 63 % of its response to a step of {u} after {samples} samples ({samples * data.Ts:.3g} s)"
-    if samples < 3:
-        return Advice("rate", tau, samples, "sample at least 3 times faster: most of the response is lost", "warning")
-    if samples > 100:
-        slower = samples // 30
-        return Advice("rate", tau, samples, f"resample {slower} times slower: the poles are all close to 1", "note")
-    return Advice("rate", tau, samples, "", "fine")
+    swing = min(signals.swing(m.f) for m in d.models)
+    if high < 3 and swing < 6.0 and signals.reaches(data.u, _FAST):
+        action = "sample at least 3 times faster: most of the response is lost"
+        return Advice("rate", tau, samples, action, "warning", (low, high))
+    slower = int(min(low // 30, swing / 15.0))
+    if low > 100 and slower > 1:
+        action = f"resample {slower} times slower: the poles are all close to 1"
+        return Advice("rate", tau, samples, action, "note", (low, high))
+    return Advice("rate", tau, samples, "", "fine", (low, high))
 
 
 def _too_little(data: IOData, j: int) -> Advice:

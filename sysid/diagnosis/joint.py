@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 _NEW = 1e-6  # part of a column that is left after the others, below which it adds nothing
-_LEVERAGE = 0.5
+_LEVERAGE = 0.5  # largest that counts: rows that determine their own value have no error to judge by
 
 
 @dataclass(frozen=True)
@@ -42,25 +42,31 @@ def joint(Q: np.ndarray, extra: np.ndarray, e: np.ndarray) -> Directions:
 
 
 def p_value(Q: np.ndarray, U: np.ndarray, e: np.ndarray) -> float:
-    """Probability that chance alone gives projections U'e (k,) as large (Wald, F).
-
-    e are the errors after Q (M, r). Their covariance under U is that of the errors after U as well, robust to errors
-    whose size changes along the record (White 1980, in the form HC3 of MacKinnon and White 1985).
-    """
-    k, freedom = U.shape[1], len(e) - Q.shape[1] - U.shape[1]
-    if k == 0 or freedom < 1 or not np.any(e):
+    """Probability that chance alone gives projections U'e (k,) as large, for errors e after the orthonormal Q (M, r)."""
+    if not U.shape[1] or not np.any(e):
         return 1.0
     s = U.T @ e
-    left = e - U @ s
-    leverage = np.minimum(np.sum(Q**2, axis=1) + np.sum(U**2, axis=1), 1.0 - _LEVERAGE)
-    half = np.linalg.qr(U * (left / (1.0 - leverage))[:, None], mode="r")
-    values, vectors = np.linalg.eigh(half.T @ half)
-    keep = values > 1e-8 * values[-1]
-    if not keep.any():
-        return 1.0
-    wald = float(np.sum((vectors[:, keep].T @ s) ** 2 / values[keep]))
+    return wald(s, meat(np.hstack([Q, U]), U, e - U @ s), len(e) - Q.shape[1] - U.shape[1])
+
+
+def meat(Q: np.ndarray, U: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """Covariance (k, k) of U'e for errors `left` after the orthonormal Q (M, r), which holds U.
+
+    Robust to errors whose size changes along the record (White 1980, in the form HC3 of MacKinnon and White 1985).
+    """
+    leverage = np.minimum(np.sum(Q**2, axis=1), _LEVERAGE)
+    half = U * (left / (1.0 - leverage))[:, None]
+    return np.asarray(half.T @ half)
+
+
+def wald(s: np.ndarray, covariance: np.ndarray, freedom: int) -> float:
+    """Probability that chance alone gives s (k,) of this covariance (k, k) as large (F)."""
+    values, vectors = np.linalg.eigh(covariance)
+    keep = values > 1e-8 * max(values[-1], 1e-300)
     m = int(keep.sum())
-    return float(fdtrc(m, freedom, wald / m))
+    if freedom < 1 or not m:
+        return 1.0
+    return float(fdtrc(m, freedom, float(np.sum((vectors[:, keep].T @ s) ** 2 / values[keep])) / m))
 
 
 def _norm(X: np.ndarray) -> np.ndarray:

@@ -12,10 +12,10 @@ from scipy.signal import lfilter
 from sysid.base.poles import mirrored
 from sysid.data.record import IOData
 
-_STEPS = 8
+_STEPS = 6
 _COLOURS = 12  # highest order of the autoregression
 _LARGEST = 0.99995  # radius of a pole
-MOST = 4000  # samples
+MOST = 3000  # samples
 
 
 @dataclass(frozen=True)
@@ -48,74 +48,77 @@ def pieces(data: IOData, i: int, j: int) -> list[Piece]:
     return found
 
 
+@dataclass(frozen=True)
+class _Solved:
+    """Loss, b and errors for one denominator; the columns of each experiment, and all of them whitened."""
+
+    loss: float
+    b: np.ndarray
+    e: np.ndarray
+    each: list[np.ndarray]
+    X: np.ndarray
+
+
 class Profile:
     """Models of a record by delay and orders; `colour` (m + 1,) is the filter that whitens the errors."""
 
     def __init__(self, parts: list[Piece]):
         self.parts = parts
         self.colour = np.ones(1)
-        self.starts: dict[int, np.ndarray] = {}
 
     def model(self, nk: int, nf: int, nb: int, f: np.ndarray) -> Model:
         """The best model of this delay and these orders, from the denominator f (nf,)."""
         f = _inside(f)
         here = self._solved(nk, nb, f)
         for _ in range(_STEPS if nf else 0):
-            J = self._columns(nk, f, here[1], nb)
-            step = np.linalg.lstsq(J, here[2], rcond=1e-10)[0][:nf]
+            step = self._step(f, here)
             scale, tried = 1.0, here
             while scale > 0.01:
                 g = _inside(f + scale * step)
                 tried = self._solved(nk, nb, g)
-                if tried[0] < here[0]:
+                if tried.loss < here.loss:
                     break
                 scale *= 0.3
             else:
                 break
-            gain = here[0] - tried[0]
+            gain = here.loss - tried.loss
             f, here = g, tried
-            if gain < 1e-5 * here[0]:
+            if gain < 1e-4 * here.loss:
                 break
-        M = len(here[2])
-        return Model(nk, here[1], f, M * np.log(here[0] / M + 1e-300) + (nf + nb) * np.log(M))
+        M = len(here.e)
+        return Model(nk, here.b, f, M * np.log(here.loss / M + 1e-300) + (nf + nb) * np.log(M))
 
     def whiten(self, best: Model) -> None:
         """Take the colour of the errors of this model for all further ones."""
         self.colour = np.ones(1)
-        nf = len(best.f)
-        _, b, _ = self._solved(best.nk, len(best.b), best.f)
-        v = []
-        for part in self.parts:
-            columns = _free(best.f, len(part.u), part.u, best.nk, len(best.b))
-            x = columns[:, : len(b)] @ b
-            rest = np.linalg.lstsq(columns[:, len(b) :], part.y - x, rcond=1e-10)[0]
-            v.append(part.y - x - columns[:, len(b) :] @ rest)
-        self.colour = _autoregression(v)
-        del nf
+        e = self._solved(best.nk, len(best.b), best.f).e
+        ends = np.cumsum([int(p.seen.sum()) for p in self.parts])
+        self.colour = _autoregression(np.split(e, ends[:-1]))
 
     def _filtered(self, columns: np.ndarray, part: Piece) -> np.ndarray:
         m = len(self.colour) - 1
-        white = lfilter(self.colour, [1.0], columns, axis=0)[m:]
+        n = len(columns) - m
+        white = columns[m:].copy()
+        for k, c in enumerate(self.colour[1:], 1):
+            white += c * columns[m - k : m - k + n]
         seen = part.seen
         keep = np.convolve(~seen, np.ones(m + 1))[m : len(seen)] == 0 if not seen.all() else slice(None)
         return np.asarray(white[keep])
 
-    def _solved(self, nk: int, nb: int, f: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Loss, b (nb,) and errors for a denominator; initial states and a constant belong to each experiment."""
-        X, y = self._stacked([_free(f, len(p.u), p.u, nk, nb) for p in self.parts], nb)
-        c = np.linalg.lstsq(X, y, rcond=1e-10)[0]
-        e = y - X @ c
-        return float(e @ e), c[:nb], e
+    def _solved(self, nk: int, nb: int, f: np.ndarray) -> "_Solved":
+        """The best b for a denominator; initial states and a constant belong to each experiment."""
+        each = [_free(f, len(p.u), p.u, nk, nb) for p in self.parts]
+        X, y = self._stacked(each, nb)
+        c, e = _least(X, y)
+        return _Solved(float(e @ e), c[:nb], e, each, X)
 
-    def _columns(self, nk: int, f: np.ndarray, b: np.ndarray, nb: int) -> np.ndarray:
-        """Jacobian with respect to f and b, and the columns of initial states."""
-        nf, each = len(f), []
-        den = np.concatenate([[1.0], f])
-        for part in self.parts:
-            free = _free(f, len(part.u), part.u, nk, nb)
-            slope = lfilter([1.0], den, -(free[:, :nb] @ b))
-            each.append(np.column_stack([*(_late(slope, j) for j in range(1, nf + 1)), free]))
-        return self._stacked(each, nf + nb)[0]
+    def _step(self, f: np.ndarray, here: "_Solved") -> np.ndarray:
+        """Gauss-Newton step of f with b and the initial states solved for (variable projection, Kaufman's form)."""
+        nf, nb, den = len(f), len(here.b), np.concatenate([[1.0], f])
+        slopes = [lfilter([1.0], den, -(free[:, :nb] @ here.b)) for free in here.each]
+        columns = [np.column_stack([_late(s, j) for j in range(1, nf + 1)]) for s in slopes]
+        J = self._stacked(columns, nf)[0]
+        return _least(np.column_stack([J, here.X]), here.e)[0][:nf]
 
     def _stacked(self, each: list[np.ndarray], common: int) -> tuple[np.ndarray, np.ndarray]:
         rows, ys = [], []
@@ -142,6 +145,15 @@ def _free(f: np.ndarray, n: int, u: np.ndarray, nk: int, nb: int) -> np.ndarray:
     )
 
 
+def _least(X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least squares: coefficients, and the errors."""
+    norm = np.linalg.norm(X, axis=0)
+    norm = np.where(norm > 0, norm, 1.0)
+    R = np.linalg.qr(np.column_stack([X / norm, y]), mode="r")
+    c = np.linalg.lstsq(R[:-1, :-1], R[:-1, -1], rcond=1e-10)[0] / norm
+    return c, y - X @ c
+
+
 def _late(x: np.ndarray, k: int) -> np.ndarray:
     return np.concatenate([np.zeros(min(k, len(x))), x[: max(len(x) - k, 0)]])
 
@@ -149,9 +161,17 @@ def _late(x: np.ndarray, k: int) -> np.ndarray:
 def _inside(f: np.ndarray) -> np.ndarray:
     if not len(f):
         return f
-    f = mirrored(f)
-    size = np.max(np.abs(np.roots(np.concatenate([[1.0], f]))), initial=0.0)
+    size = float(np.max(np.abs(np.linalg.eigvals(_companion(f))), initial=0.0))
+    if size > 1.0:
+        f = mirrored(f)
+        size = float(np.max(np.abs(np.linalg.eigvals(_companion(f))), initial=0.0))
     return f if size <= _LARGEST else np.asarray(f * (_LARGEST / size) ** np.arange(1, len(f) + 1))
+
+
+def _companion(f: np.ndarray) -> np.ndarray:
+    M = np.eye(len(f), k=-1)
+    M[0] = -f
+    return M
 
 
 def _autoregression(pieces: list[np.ndarray]) -> np.ndarray:

@@ -11,13 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular, toeplitz
 
-from sysid.diagnosis.joint import p_value
+from sysid.diagnosis.joint import meat, wald
 from sysid.diagnosis.low_order import Model, Profile, pieces
 from sysid.diagnosis.whitening import Whitened
 
 ORDERS = ((1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 1), (3, 2), (3, 3), (4, 1), (4, 2), (4, 3))  # nf, nb
-LATEST = 24  # delays that are tried
-_LEADERS = 4
+LATEST = 24  # longest delay that is tried
+_SURE, _BEYOND = 1e-10, 3  # p-value of a response within the first lags, and how many later delays are tried
+_LEADERS, _ROUNDS = 3, 2
+_HOPELESS = 60.0  # difference of criteria after which delays further away are not tried
+_NEW = 1e-8  # part of a lag that later lags leave, below which it adds nothing
+_POLES = (0.9,)  # a further pole to begin with
 _REFINED = 3  # passes that follow the weights
 _RIDGE = 1e-7  # of a column's norm: coefficients that the input does not determine are free, not zero
 
@@ -26,15 +30,14 @@ _RIDGE = 1e-7  # of a column's norm: coefficients that the input does not determ
 class Delay:
     """Delay nk in samples and its interval low..high; nk is None if no lag has an effect.
 
-    `p` is the probability that chance explains all lags together, `before` that it explains those before `high`. With
-    feedback, lag 0 may come from the controller and not from the plant. `models` are the likely models, best first.
+    `p` is the probability that chance explains all lags together. With feedback, lag 0 may come from the controller and
+    not from the plant. `models` are the likely models, best first.
     """
 
     nk: int | None
     low: int
     high: int
     p: float
-    before: float
     models: tuple[Model, ...] = ()
 
 
@@ -42,16 +45,13 @@ def delay(white: Whitened, i: int = 0, level: float = 0.01) -> Delay:
     """Delay from input i. `level` is the chance that an input without effect is found to have one."""
     ps = _nested(white, i)
     if ps[-1] >= level:
-        return Delay(None, 0, len(ps) - 1, float(ps[-1]), 1.0)
-    # From all lags down to the first k that may be without effect: each test only if the one before it rejects.
-    passed = np.flatnonzero(ps >= level)
-    high = int(passed[-1]) + 1 if len(passed) else 0
-    models = _models(white, i, min(high, LATEST))
-    likely = [m for m in models if m.criterion <= models[0].criterion + _odds(level)]
-    low = min(m.nk for m in likely)
-    high = min(high, max(m.nk for m in likely))
-    before = float(ps[high - 1]) if high else 1.0
-    return Delay(models[0].nk, low, high, float(ps[-1]), before, tuple(likely))
+        return Delay(None, 0, len(ps) - 1, float(ps[-1]))
+    sure = np.flatnonzero(ps < _SURE)
+    latest = min(int(sure[0]) + _BEYOND if len(sure) else LATEST, LATEST)
+    models = _models(white, i, latest)
+    likely = tuple(m for m in models if m.criterion <= models[0].criterion + _odds(level))
+    lags = [m.nk for m in likely]
+    return Delay(models[0].nk, min(lags), max(lags), float(ps[-1]), likely)
 
 
 def _odds(level: float) -> float:
@@ -67,13 +67,15 @@ def _nested(white: Whitened, i: int) -> np.ndarray:
     X = np.column_stack([white.X[:, others], white.X[:, lags]])
     norm = np.linalg.norm(X, axis=0)
     Q, R = np.linalg.qr(X / np.where(norm > 0, norm, 1.0))
-    new = np.abs(np.diag(R)) > 1e-8
-    y = white.y
-    ps = np.ones(len(lags))
+    new = np.abs(np.diag(R)) > _NEW
+    s = Q.T @ white.y
+    left = white.y - Q[:, new] @ s[new]
+    covariance = meat(Q[:, new], Q, left)
+    freedom, ps = len(left) - int(new.sum()), np.ones(len(lags))
     for k in range(len(lags)):
-        first = X.shape[1] - 1 - k
-        rest, added = Q[:, :first][:, new[:first]], Q[:, first:][:, new[first:]]
-        ps[k] = p_value(rest, added, y - rest @ (rest.T @ y))
+        own = np.flatnonzero(new[-1 - k :]) + X.shape[1] - 1 - k
+        if len(own):
+            ps[k] = wald(s[own], covariance[np.ix_(own, own)], freedom)
     return ps
 
 
@@ -86,25 +88,52 @@ def _models(white: Whitened, i: int, latest: int) -> list[Model]:
     if not parts:
         return rough
     profile = Profile(parts)
-    first: dict[tuple[int, int], Model] = {}
-    for _ in range(2):
-        for nf, nb in ORDERS:
-            near = [m.f for m in rough if len(m.f) == nf] + [m.f for (n, _), m in first.items() if n == nf]
-            known = first.get((nf, nb))
-            starts = [known.f] if known else near[:1]
-            at = known.nk if known else rough[0].nk
-            tried = [profile.model(at, nf, nb, f) for f in starts]
-            if tried:
-                first[nf, nb] = min(tried, key=lambda m: m.criterion)
-        best = min(first.values(), key=lambda m: m.criterion)
-        profile.whiten(best)
-    found = []
-    ranked = sorted(first.values(), key=lambda m: m.criterion)[:_LEADERS]
-    for m in ranked:
+    nk, latest = rough[0].nk, min(latest, len(parts[0].u) // 10)
+    near = {len(m.f): [m.f] for m in reversed(rough)}
+    for _ in range(_ROUNDS):  # the colour of the errors follows the model, the orders the delay
+        tried = _orders(profile, nk, near)
+        profile.whiten(tried[0])
+        near = {len(m.f): [m.f] for m in reversed(tried)}
+        found = {(m.nk, len(m.f), len(m.b)): m for m in _orders(profile, nk, near)}
+        for m in sorted(found.values(), key=_criterion)[:_LEADERS]:
+            _sweep(profile, m, latest, found)
+        for m in sorted(found.values(), key=_criterion)[:_LEADERS]:
+            for k in range(1, min(len(m.b), latest - m.nk + 1)):  # leading zeros of b are delay
+                key = (m.nk + k, len(m.f), len(m.b) - k)
+                found.setdefault(key, profile.model(*key, m.f))
+        models = sorted(found.values(), key=_criterion)
+        nk, near = models[0].nk, {len(m.f): [m.f] for m in reversed(models)}
+    return models
+
+
+def _orders(profile: Profile, nk: int, near: dict[int, list[np.ndarray]]) -> list[Model]:
+    """The best model of every pair of orders at one delay, best first; those of more poles begin at fewer, too."""
+    found: list[Model] = []
+    for nf in sorted({nf for nf, _ in ORDERS}):
+        fewer = [m.f for m in sorted(found, key=_criterion) if len(m.f) == nf - 1][:1] or [np.zeros(nf - 1)]
+        starts = near.get(nf, []) + [np.convolve(np.r_[1.0, fewer[0]], [1.0, -z])[1:] for z in _POLES]
+        widest = max(nb for n, nb in ORDERS if n == nf)
+        best = min((profile.model(nk, nf, widest, f) for f in starts), key=_criterion)
+        found.append(best)
+        found += [profile.model(nk, nf, nb, best.f) for n, nb in ORDERS if n == nf and nb < widest]
+    return sorted(found, key=_criterion)
+
+
+def _sweep(profile: Profile, m: Model, latest: int, found: dict[tuple[int, int, int], Model]) -> None:
+    """Models of the same orders at all other delays, each from its neighbour."""
+    for way in (range(m.nk - 1, -1, -1), range(m.nk + 1, latest + 1)):
         f = m.f
-        for nk in range(min(latest, len(parts[0].u) // 10) + 1):
-            found.append(profile.model(nk, len(m.f), len(m.b), f))
-    return sorted(found, key=lambda m: m.criterion)
+        for k in way:
+            key = (k, len(m.f), len(m.b))
+            if key not in found:
+                found[key] = profile.model(k, len(m.f), len(m.b), f)
+            f = found[key].f
+            if found[key].criterion > m.criterion + _HOPELESS:
+                break
+
+
+def _criterion(m: Model) -> float:
+    return m.criterion
 
 
 def _rough(white: Whitened, i: int, latest: int) -> list[Model]:
@@ -123,7 +152,7 @@ def _rough(white: Whitened, i: int, latest: int) -> list[Model]:
     half = np.linalg.qr(half[:, own], mode="r")
     a, g = np.concatenate([[1.0], -c[1 : p + 1]]), c[lags]
     found = []
-    for nf, nb in ORDERS:
+    for nf, nb in ((1, 2), (2, 2), (3, 2), (4, 3)) if white.data.u.shape[1] == 1 else ORDERS:
         if nf + nb > p:
             continue
         for nk in range(min(latest, p + 1 - nb) + 1):
