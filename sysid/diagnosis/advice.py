@@ -14,10 +14,11 @@ from sysid.data.outliers import hampel
 from sysid.data.record import IOData
 from sysid.diagnosis import signals
 from sysid.diagnosis.response import Delay, delay
-from sysid.diagnosis.whitening import Whitened, drift, feedback, nonlinearity, whiten
+from sysid.diagnosis.whitening import Whitened, drift, drift_size, feedback, nonlinearity, whiten
 
 LEVEL = 0.01  # false-alarm rate of each statistical test
 KNOTS = 10  # break points of the default piecewise linear map
+_DRIFT = 0.3  # standard deviations of the output over the record; less hardly moves a fit
 _FAST = 0.1  # cycles per sample: slower inputs do not show what happens within three samples
 ORDER = 10  # twice the order of excitation that a model with nb + nf = 5 needs
 
@@ -139,6 +140,7 @@ def _outliers(data: IOData, j: int, white: Whitened | None, name: str) -> Advice
         odd = np.zeros(data.N, dtype=bool)
         odd[white.times[size > max(6.0, float(-ndtri(LEVEL / 2 / len(e)))) * 1.4826 * np.median(size)]] = True
         found &= odd
+    found = _returning(y, found)
     n = int(found.sum())
     if not n:
         return Advice("outliers", f"{name} has no isolated outliers", 0.0, "", "fine")
@@ -150,6 +152,20 @@ def _outliers(data: IOData, j: int, white: Whitened | None, name: str) -> Advice
         "mark them as missing (preprocess.outliers) or fit with a robust loss",
         "warning",
     )
+
+
+def _returning(y: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Those of the found samples (N,) that lie further from both neighbours than these from each other.
+
+    The neighbours are the nearest samples that are not found. A sudden move does not come back.
+    """
+    sound = np.flatnonzero(~found)
+    kept = np.zeros(len(y), dtype=bool)
+    for t in np.flatnonzero(found):
+        k = int(np.searchsorted(sound, t))
+        before, after = y[sound[max(k - 1, 0)]], y[sound[min(k, len(sound) - 1)]]
+        kept[t] = min(abs(y[t] - before), abs(y[t] - after)) > 2.0 * abs(after - before)
+    return kept
 
 
 def _between(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
@@ -164,13 +180,21 @@ def _between(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
         if d.models:
             yield _rate(data, d, u, y)
     yield _nonlinearity(data, white, y, nk)
+    yield _drift(y, white)
+
+
+def _drift(y: str, white: Whitened) -> Advice:
     p = drift(white)
-    yield Advice(
+    if p >= LEVEL:
+        said = f"{y} has no linear drift that the input does not explain (p = {p:.2g})"
+        return Advice("drift", said, p, "", "fine")
+    size = drift_size(white)
+    return Advice(
         "drift",
-        f"{y} has {'a' if p < LEVEL else 'no'} linear drift that the input does not explain (p = {p:.2g})",
+        f"{y} has a linear drift of {size:.2g} standard deviations that the input does not explain (p = {p:.2g})",
         p,
-        "remove linear trends (preprocess.Trend) or find the cause, such as warming or the supply" if p < LEVEL else "",
-        "warning" if p < LEVEL else "fine",
+        "remove linear trends (preprocess.Trend) or find the cause, such as warming or the supply",
+        "warning" if size > _DRIFT else "note",
     )
 
 
@@ -178,7 +202,7 @@ def _delay(u: str, y: str, d: Delay, longest: int) -> Advice:
     if d.nk is None:
         return Advice(
             "delay",
-            f"lags 0..{longest} of {u} together do not affect {y} (p = {d.p:.2g})",
+            f"lags 0..{longest} of {u} together show no effect on {y} (p = {d.p:.2g})",
             float("nan"),
             "check that the columns belong together, or increase the excitation",
             "warning",

@@ -20,12 +20,16 @@ MOST = 3000  # samples
 
 @dataclass(frozen=True)
 class Model:
-    """y = q^-nk B/F u with its criterion: twice the negative log likelihood and BIC's price of the parameters."""
+    """y = q^-nk B/F u with its criterion: twice the negative log likelihood and BIC's price of the parameters.
+
+    `variance` is that of its whitened errors.
+    """
 
     nk: int
     b: np.ndarray
     f: np.ndarray
     criterion: float
+    variance: float
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,8 @@ class Profile:
             if gain < 1e-4 * here.loss:
                 break
         M = len(here.e)
-        return Model(nk, here.b, f, M * np.log(here.loss / M + 1e-300) + (nf + nb) * np.log(M))
+        criterion = M * np.log(here.loss / M + 1e-300) + (nf + nb) * np.log(M)
+        return Model(nk, here.b, f, criterion, here.loss / max(M - nf - nb, 1))
 
     def whiten(self, best: Model) -> None:
         """Take the colour of the errors of this model for all further ones."""
@@ -140,9 +145,7 @@ def _free(f: np.ndarray, n: int, u: np.ndarray, nk: int, nb: int) -> np.ndarray:
     impulse = np.zeros(n)
     impulse[0] = 1.0
     g = lfilter([1.0], den, impulse)
-    return np.column_stack(
-        [*(_late(w, nk + k) for k in range(nb)), *(_late(g, k) for k in range(len(f))), np.ones(n)]
-    )
+    return np.column_stack([*(_late(w, nk + k) for k in range(nb)), *(_late(g, k) for k in range(len(f))), np.ones(n)])
 
 
 def _least(X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

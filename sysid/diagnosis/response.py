@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular, toeplitz
 
-from sysid.diagnosis.joint import meat, wald
+from sysid.diagnosis.joint import joint, meat, span, wald
 from sysid.diagnosis.low_order import Model, Profile, pieces
 from sysid.diagnosis.whitening import Whitened
 
@@ -44,14 +44,36 @@ class Delay:
 def delay(white: Whitened, i: int = 0, level: float = 0.01) -> Delay:
     """Delay from input i. `level` is the chance that an input without effect is found to have one."""
     ps = _nested(white, i)
-    if ps[-1] >= level:
-        return Delay(None, 0, len(ps) - 1, float(ps[-1]))
+    p = min(1.0, 2.0 * min(float(ps[-1]), _smoothed(white, i)))
+    if p >= level:
+        return Delay(None, 0, len(ps) - 1, p)
     sure = np.flatnonzero(ps < _SURE)
     latest = min(int(sure[0]) + _BEYOND if len(sure) else LATEST, LATEST)
     models = _models(white, i, latest)
     likely = tuple(m for m in models if m.criterion <= models[0].criterion + _odds(level))
     lags = [m.nk for m in likely]
-    return Delay(models[0].nk, min(lags), max(lags), float(ps[-1]), likely)
+    if not _adequate(models[0], white):  # then only lags that have an effect for certain bound the delay
+        lags.append(int(np.argmax(ps < level)) if np.any(ps < level) else latest)
+    return Delay(models[0].nk, min(lags), max(lags), p, likely)
+
+
+def _adequate(m: Model, white: Whitened) -> bool:
+    """Whether a low-order model leaves hardly more than the whole regression."""
+    e = white.regression.e
+    return m.variance <= 1.1 * float(e @ e) / max(len(e) - white.X.shape[1], 1)
+
+
+def _smoothed(white: Whitened, i: int) -> float:
+    """p-value of the hypothesis that input i has no effect, from a few averages over its lags.
+
+    A test of all lags spreads over as many directions; a plant's response is mostly in few.
+    """
+    own = white.lags(i)
+    k = np.arange(own.stop - own.start)
+    averages = white.X[:, own] @ np.column_stack([np.exp(-k / tau) for tau in (1.0, 4.0, 16.0)])
+    others = np.delete(white.X, np.r_[own], axis=1)
+    Q = span(others)
+    return joint(Q, averages, white.y - Q @ (Q.T @ white.y)).p
 
 
 def _odds(level: float) -> float:
@@ -160,11 +182,11 @@ def _rough(white: Whitened, i: int, latest: int) -> list[Model]:
             if np.isfinite(cost):
                 found.append((nk, b, f, cost, nf + nb))
     if not found:
-        return [Model(latest, np.zeros(1), np.zeros(0), 0.0)]
+        return [Model(latest, np.zeros(1), np.zeros(0), 0.0, np.inf)]
     # Coefficients of a linear model of a nonlinear plant scatter more than their covariance says.
     excess = max(1.0, min(cost / max(p + 1 - d, 1) for *_, cost, d in found))
     price = float(np.log(len(e)))
-    models = [Model(nk, b, f, cost / excess + price * d) for nk, b, f, cost, d in found]
+    models = [Model(nk, b, f, cost / excess + price * d, 0.0) for nk, b, f, cost, d in found]
     return sorted(models, key=lambda m: m.criterion)
 
 

@@ -16,6 +16,7 @@ from sysid.diagnosis.joint import Directions, joint, span
 
 ORDERS = (2, 4, 8, 12, 16, 24, 32, 48)
 LONGEST = 20_000  # samples; with more, the tests reject every model
+_LOOP = 0.01  # least share of the error's variance that is feedback
 _SLOW = 20  # cosines beside a line
 _LEAST = 30  # rows that a test needs beyond the number of coefficients
 
@@ -137,11 +138,15 @@ def feedback(white: Whitened, i: int = 0, ahead: int = 5) -> float | None:
     """p-value of the hypothesis that inputs 1..ahead samples later do not predict this output beyond its past.
 
     They do predict it if a controller responds to the output (Sims' test in the form of Geweke, Meese and Dent 1983). A
-    response within the same sample appears in lag 0 of `delay`, not here. None if past inputs determine later ones.
+    response within the same sample appears in lag 0 of `delay`, not here. None if past inputs determine later ones. Less
+    than a hundredth of the one-step error's variance counts as none: the error of a linear model of a nonlinear plant
+    is a function of the input, and over many samples a trace of it follows later inputs too.
     """
     columns, has = zip(*(white.shifted(i, k) for k in range(1, ahead + 1)), strict=True)
     found = white.added(np.column_stack(columns), np.all(has, axis=0))
-    return found.p if found.U.shape[1] else None
+    if not found.U.shape[1]:
+        return None
+    return found.p if found.share >= _LOOP else 1.0
 
 
 @dataclass(frozen=True)
@@ -190,3 +195,11 @@ def drift(white: Whitened) -> float:
     if len(s) < 5 or not np.any(s[1:]):
         return 1.0
     return float(fdtrc(1, len(s) - 1, s[0] ** 2 / np.mean(s[1:] ** 2)))
+
+
+def drift_size(white: Whitened) -> float:
+    """Change of the output over the record by a linear drift, in standard deviations of the output."""
+    t = (white.times - white.times.mean()) / max(np.ptp(white.times), 1)
+    slope = regress(np.column_stack([white.X, t]), white.y).c[-1]
+    stays = 1.0 - float(np.sum(white.regression.c[1 : white.order + 1]))
+    return float(abs(slope) / max(abs(stays), 1e-12) / (white.y.std() or 1.0))

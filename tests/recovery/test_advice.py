@@ -14,7 +14,8 @@ from sysid import IOData
 from sysid.base.threads import one_blas_thread
 from sysid.diagnosis import signals
 from sysid.diagnosis.advice import LEVEL, Advice, advise
-from sysid.diagnosis.whitening import delay, drift, feedback, nonlinearity, whiten
+from sysid.diagnosis.response import delay
+from sysid.diagnosis.whitening import drift, feedback, nonlinearity, whiten
 from sysid.excitations import Aprbs, Sweep
 from sysid.systems import system
 
@@ -251,7 +252,7 @@ def test_end_stops_slow_sampling_and_oversampling_are_named():
 def test_no_answer_and_direct_answer():
     rng = np.random.default_rng(14)
     u = white(rng)
-    assert "no lag" in told(IOData(u, white(rng), 1.0))["delay"].sentence
+    assert "show no effect" in told(IOData(u, white(rng), 1.0))["delay"].sentence
     direct = told(IOData(u, 0.7 * u + 0.1 * white(rng), 1.0))["delay"]
     assert direct.value == 0
     assert "within the sample" in direct.action
