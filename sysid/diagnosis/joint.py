@@ -42,7 +42,7 @@ def joint(Q: np.ndarray, extra: np.ndarray, e: np.ndarray) -> Directions:
 
 
 def p_value(Q: np.ndarray, U: np.ndarray, e: np.ndarray) -> float:
-    """Probability that chance alone gives projections U'e (k,) as large, for errors e after the orthonormal Q (M, r)."""
+    """Probability that chance alone gives U'e (k,) as large, for errors e after the orthonormal Q (M, r)."""
     if not U.shape[1] or not np.any(e):
         return 1.0
     s = U.T @ e

@@ -152,7 +152,7 @@ def _least(X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Least squares: coefficients, and the errors."""
     norm = np.linalg.norm(X, axis=0)
     norm = np.where(norm > 0, norm, 1.0)
-    R = np.linalg.qr(np.column_stack([X / norm, y]), mode="r")
+    R = np.asarray(np.linalg.qr(np.column_stack([X / norm, y]), mode="r"))
     c = np.linalg.lstsq(R[:-1, :-1], R[:-1, -1], rcond=1e-10)[0] / norm
     return c, y - X @ c
 

@@ -1,9 +1,9 @@
 """The response of an output to an input out of a whitening regression: its delay with an interval, and its rise.
 
-The latest possible delay comes from joint tests: lags 0..k-1 together have no effect (given the later ones), or they
-have. The earliest one and the delay itself come from low-order models: for every delay, B/F of a few orders is fitted to
-the regression's coefficients with their covariance (weighted null-space fitting, Galrinho, Rojas and Hjalmarsson, IEEE
-Transactions on Automatic Control 64(7), 2019), and delays whose best model is much less likely are out.
+Joint tests of the lags say whether there is a response at all. Its delay comes from low-order models: for every delay,
+B/F of a few orders is fitted, and delays whose best model is much less likely are out. Rough models to begin with come
+from the regression's coefficients and their covariance (weighted null-space fitting, Galrinho, Rojas and Hjalmarsson,
+IEEE Transactions on Automatic Control 64(7), 2019).
 """
 
 from dataclasses import dataclass
@@ -171,7 +171,7 @@ def _rough(white: Whitened, i: int, latest: int) -> list[Model]:
     c = solve_triangular(R, solve_triangular(R, white.X.T @ white.y / norm, trans="T")) / norm
     lags = white.lags(i)
     own = np.r_[1 : p + 1, lags.start : lags.stop]
-    half = np.linalg.qr(half[:, own], mode="r")
+    half = np.asarray(np.linalg.qr(half[:, own], mode="r"))
     a, g = np.concatenate([[1.0], -c[1 : p + 1]]), c[lags]
     found = []
     for nf, nb in ((1, 2), (2, 2), (3, 2), (4, 3)) if white.data.u.shape[1] == 1 else ORDERS:

@@ -1,8 +1,8 @@
 """Tests on a record by whitening regression: one output on its own past, on the past of the inputs and on added terms.
 
 A high-order ARX model whitens the output noise of any linear system, also of an integrating one (Ljung, System
-Identification, 2nd ed. 1999, sections 10.3 and 16.5). What further columns explain of its errors is then tested jointly,
-see `joint`.
+Identification, 2nd ed. 1999, sections 10.3 and 16.5). What further columns explain of its errors is then tested
+jointly, see `joint`.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from sysid.diagnosis.joint import Directions, joint, span
 ORDERS = (2, 4, 8, 12, 16, 24, 32, 48)
 LONGEST = 20_000  # samples; with more, the tests reject every model
 _LOOP = 0.01  # least share of the error's variance that is feedback
-_SLOW = 20  # cosines beside a line
+_SLOW = 60  # cosines beside a line
 _LEAST = 30  # rows that a test needs beyond the number of coefficients
 
 
@@ -138,9 +138,9 @@ def feedback(white: Whitened, i: int = 0, ahead: int = 5) -> float | None:
     """p-value of the hypothesis that inputs 1..ahead samples later do not predict this output beyond its past.
 
     They do predict it if a controller responds to the output (Sims' test in the form of Geweke, Meese and Dent 1983). A
-    response within the same sample appears in lag 0 of `delay`, not here. None if past inputs determine later ones. Less
-    than a hundredth of the one-step error's variance counts as none: the error of a linear model of a nonlinear plant
-    is a function of the input, and over many samples a trace of it follows later inputs too.
+    response within the same sample appears in lag 0 of `delay`, not here. None if past inputs determine later ones. A
+    share below a hundredth of the one-step error's variance counts as none: the error of a linear model of a nonlinear
+    plant is a function of the input, and over many samples a trace of it follows later inputs too.
     """
     columns, has = zip(*(white.shifted(i, k) for k in range(1, ahead + 1)), strict=True)
     found = white.added(np.column_stack(columns), np.all(has, axis=0))
@@ -181,7 +181,7 @@ def drift(white: Whitened) -> float:
     no drift by themselves (Mueller and Watson, Econometrica 76, 2008).
     """
     t = (white.times - white.times.mean()) / max(np.ptp(white.times), 1)
-    slow = np.cos(np.pi * np.outer(t + 0.5, np.arange(1, _SLOW + 1)))
+    slow = np.cos(np.pi * np.outer(t + 0.5, np.arange(1, min(_SLOW, len(t) // 8) + 1)))
     Q, e = white.basis, white.regression.e
     columns = np.column_stack([t, slow])
     columns = columns - columns.mean(axis=0)
