@@ -45,7 +45,8 @@ def advise(data: IOData) -> tuple[Advice, ...]:
     """Findings on the record, by topic, for every input and output.
 
     Topics: excitation, levels, delay, feedback, nonlinearity, rate, rest, resolution, outliers, drift. The level of
-    the statistical tests is 1 % false alarms per record, see scripts/advice_rates.py for the rates by class of input. The tests use at most the first 20,000 samples.
+    the statistical tests is 1 % false alarms per record; scripts/advice_rates.py prints their rates by class of input.
+    The tests use at most the first 20,000 samples.
     """
     with one_blas_thread():
         found = [a for i in range(data.u.shape[1]) for a in _input(data, i)]

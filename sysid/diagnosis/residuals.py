@@ -113,6 +113,7 @@ def _independence(e: np.ndarray, u: np.ndarray, max_lag: int) -> float:
     e, u = e[-N:], u[-N:]
     if not (np.any(e) and np.any(u)):
         return 1.0
+    max_lag = min(max_lag, (N - 1) // 3)  # twice as many lags of the input are needed
     r = _covariance(e, u, max_lag) * np.sqrt(N / (N - np.abs(np.arange(-max_lag, max_lag + 1))))
     # Of white e the correlations at lags k and l have the covariance R_e(0) R_u(k - l) / N.
     values, vectors = np.linalg.eigh(toeplitz(_covariance(u, u, 2 * max_lag)[2 * max_lag :]))

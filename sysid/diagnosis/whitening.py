@@ -17,7 +17,7 @@ from sysid.diagnosis.joint import Directions, joint, span
 ORDERS = (2, 4, 8, 12, 16, 24, 32, 48)
 LONGEST = 20_000  # samples; with more, the tests reject every model
 _LOOP = 0.01  # least share of the error's variance that is feedback
-_SLOW = 60  # cosines beside a line
+_SLOW = 20  # cosines beside a line
 _LEAST = 30  # rows that a test needs beyond the number of coefficients
 
 
@@ -177,8 +177,8 @@ def nonlinearity(white: Whitened, nk: int = 1) -> Nonlinearity | None:
 def drift(white: Whitened) -> float:
     """p-value of the hypothesis that the output has no linear drift beyond what its past and the inputs explain.
 
-    The measure of chance is the errors' power in the slowest cosines, so that slow errors, which any model leaves, are
-    no drift by themselves (Mueller and Watson, Econometrica 76, 2008).
+    Where the errors have more power in the slowest cosines than elsewhere, that power is the measure of chance, so that
+    slow errors are no drift by themselves (Mueller and Watson, Econometrica 76, 2008).
     """
     t = (white.times - white.times.mean()) / max(np.ptp(white.times), 1)
     slow = np.cos(np.pi * np.outer(t + 0.5, np.arange(1, min(_SLOW, len(t) // 8) + 1)))
@@ -194,7 +194,10 @@ def drift(white: Whitened) -> float:
     s = (U.T @ e)[np.abs(np.diag(R)) > 1e-3]
     if len(s) < 5 or not np.any(s[1:]):
         return 1.0
-    return float(fdtrc(1, len(s) - 1, s[0] ** 2 / np.mean(s[1:] ** 2)))
+    slowness = float(np.mean(s[1:] ** 2)) / (float(e @ e) / max(len(e) - Q.shape[1], 1))
+    if fdtrc(len(s) - 1, len(e), slowness) < 0.05:
+        return float(fdtrc(1, len(s) - 1, s[0] ** 2 / np.mean(s[1:] ** 2)))
+    return white.added(t[:, None]).p
 
 
 def drift_size(white: Whitened) -> float:
