@@ -195,7 +195,7 @@ def drift(white: Whitened) -> float:
     if len(s) < 5 or not np.any(s[1:]):
         return 1.0
     slowness = float(np.mean(s[1:] ** 2)) / (float(e @ e) / max(len(e) - Q.shape[1], 1))
-    if fdtrc(len(s) - 1, len(e), slowness) < 0.05:
+    if fdtrc(len(s) - 1, len(e), slowness) < 0.01:
         return float(fdtrc(1, len(s) - 1, s[0] ** 2 / np.mean(s[1:] ** 2)))
     return white.added(t[:, None]).p
 
