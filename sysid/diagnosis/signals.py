@@ -81,3 +81,19 @@ def rise(b: np.ndarray, a: np.ndarray, longest: int) -> tuple[int | None, bool]:
     if not np.all(np.isfinite(g)) or abs(tail.mean() - before.mean()) > 0.02 * float(np.ptp(g)) or tail.mean() == 0:
         return None, False
     return int(np.argmax(np.abs(g) >= (1 - np.exp(-1.0)) * abs(tail.mean()))), True
+
+
+def swing(f: np.ndarray) -> float:
+    """Samples in a period of the fastest oscillation of 1/F that rings (damping below 0.5); infinite if none does."""
+    roots = np.roots(np.concatenate([[1.0], f])).astype(complex)
+    s = np.log(roots[np.abs(roots) > 1e-3])
+    ringing = s[(np.abs(s.imag) > 1e-6) & (-s.real < 0.5 * np.abs(s))]
+    return float(2 * np.pi / np.max(np.abs(ringing.imag))) if len(ringing) else np.inf
+
+
+def reaches(u: np.ndarray, frequency: float) -> bool:
+    """Whether an input (N, nu) has a hundredth of its variance above this frequency [cycles/sample]."""
+    x = u - u.mean(axis=0)
+    power = np.abs(np.fft.rfft(x, axis=0)) ** 2
+    above = np.fft.rfftfreq(len(x)) > frequency
+    return bool(np.any(power[above].sum(axis=0) > 0.01 * power.sum(axis=0)))

@@ -1,50 +1,32 @@
 """Tests on a record by whitening regression: one output on its own past, on the past of the inputs and on added terms.
 
-A high-order ARX model whitens the output noise of any linear system, also of an integrating one. Then a coefficient
-beyond its bound is significant (Ljung, System Identification, 2nd ed. 1999, sections 10.3 and 16.5). The covariances
-are robust to errors whose size changes along the record (White 1980, in the form HC3 of MacKinnon and White 1985). The
-error of a linear model of a nonlinear plant is such an error.
+A high-order ARX model whitens the output noise of any linear system, also of an integrating one (Ljung, System
+Identification, 2nd ed. 1999, sections 10.3 and 16.5). What further columns explain of its errors is then tested
+jointly, see `joint`.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.special import fdtrc, stdtrit
+from scipy.special import fdtrc
 
 from sysid.data.record import IOData
+from sysid.diagnosis.joint import Directions, joint, span
 
 ORDERS = (2, 4, 8, 12, 16, 24, 32, 48)
 LONGEST = 20_000  # samples; with more, the tests reject every model
+_LOOP = 0.01  # least share of the error's variance that is feedback
+_SLOW = 20  # cosines beside a line
 _LEAST = 30  # rows that a test needs beyond the number of coefficients
 
 
 @dataclass(frozen=True)
 class Regression:
-    """Coefficients c (n,) by least squares with their robust covariance (n, n), and errors e (M,)."""
+    """Coefficients c (n,) by least squares, and errors e (M,)."""
 
     c: np.ndarray
-    covariance: np.ndarray
     e: np.ndarray
-
-    @property
-    def freedom(self) -> int:
-        """Rows less coefficients."""
-        return len(self.e) - len(self.c)
-
-    def z(self, k: int) -> float:
-        """Coefficient k divided by its standard deviation."""
-        return float(self.c[k] / np.sqrt(self.covariance[k, k])) if self.covariance[k, k] > 0 else 0.0
-
-    def p_value(self, which: slice) -> float:
-        """Probability that chance alone moves these coefficients jointly as far from zero (Wald, F)."""
-        c, C = self.c[which], self.covariance[which, which]
-        scale = np.sqrt(np.diag(C))
-        if not len(c) or not np.all(scale > 0):
-            return 1.0
-        values, vectors = np.linalg.eigh(C / np.outer(scale, scale))
-        keep = values > 1e-8 * values[-1]
-        wald = float(np.sum((vectors[:, keep].T @ (c / scale)) ** 2 / values[keep]))
-        return float(fdtrc(keep.sum(), max(self.freedom, 1), wald / keep.sum()))
 
 
 @dataclass(frozen=True)
@@ -65,19 +47,17 @@ class Whitened:
         start = 1 + self.order + i * (self.order + 1)
         return slice(start, start + self.order + 1)
 
-    def with_columns(self, extra: np.ndarray, use: np.ndarray | None = None) -> tuple[Regression, slice]:
-        """The regression with further columns (M, k) over the rows `use`, without columns that depend on the others.
+    @cached_property
+    def basis(self) -> np.ndarray:
+        """Orthonormal columns (M, r) that span X."""
+        return span(self.X)
 
-        The slice gives the further columns.
-        """
-        X = self.X if use is None else self.X[use]
-        y = self.y if use is None else self.y[use]
-        extra = extra if use is None else extra[use]
-        n = X.shape[1]
-        size = np.linalg.norm(extra - extra.mean(axis=0), axis=0)
-        left = extra - X @ np.linalg.lstsq(X, extra, rcond=1e-10)[0]
-        extra = extra[:, (np.linalg.norm(left, axis=0) > 1e-4 * size) & (size > 0)]
-        return regress(np.column_stack([X, extra]), y), slice(n, n + extra.shape[1])
+    def added(self, extra: np.ndarray, use: np.ndarray | None = None) -> Directions:
+        """The joint test of further columns (M, k) over the rows `use`."""
+        if use is None or use.all():
+            return joint(self.basis, extra, self.regression.e)
+        Q, y = span(self.X[use]), self.y[use]
+        return joint(Q, extra[use], y - Q @ (Q.T @ y))
 
     def shifted(self, i: int, ahead: int) -> tuple[np.ndarray, np.ndarray]:
         """Input i `ahead` samples after each row's own (M,), and which rows have that sample."""
@@ -91,18 +71,11 @@ class Whitened:
 
 
 def regress(X: np.ndarray, y: np.ndarray) -> Regression:
-    """Least squares of y (M,) on X (M, n) with covariance HC3; directions that X does not determine get no variance."""
+    """Least squares of y (M,) on X (M, n); directions that X does not determine are zero."""
     norm = np.linalg.norm(X, axis=0)
     norm = np.where(norm > 0, norm, 1.0)
-    U, s, Vt = np.linalg.svd(X / norm, full_matrices=False)
-    keep = s > 1e-10 * s[0]
-    U, V = U[:, keep], Vt[keep].T / s[keep]
-    c = V @ (U.T @ y)
-    e = y - (X / norm) @ c
-    leverage = np.minimum(np.sum(U**2, axis=1), 0.99)
-    meat = U * (e / (1.0 - leverage))[:, None]
-    half = meat @ V.T / norm
-    return Regression(c / norm, half.T @ half, e)
+    c = np.linalg.lstsq(X / norm, y, rcond=1e-10)[0]
+    return Regression(c / norm, y - (X / norm) @ c)
 
 
 def whiten(data: IOData, output: int = 0) -> Whitened | None:
@@ -161,36 +134,19 @@ def _design(
     return np.concatenate(blocks), np.concatenate(ys), np.concatenate(times), tuple(rows)
 
 
-@dataclass(frozen=True)
-class Delay:
-    """First input lag outside the bound: nk or None; z (p + 1,) of all lags in standard deviations."""
-
-    nk: int | None
-    z: np.ndarray
-    bound: float
-
-
-def delay(white: Whitened, i: int = 0, level: float = 0.01) -> Delay:
-    """Delay from input i. `level` is the chance that any of the lags 0..p of an input without effect leaves the bound.
-
-    With feedback, lag 0 may come from the controller and not from the plant.
-    """
-    lags = white.lags(i)
-    z = np.array([white.regression.z(k) for k in range(lags.start, lags.stop)])
-    bound = float(-stdtrit(max(white.regression.freedom, 1), level / (2 * len(z))))
-    beyond = np.flatnonzero(np.abs(z) > bound)
-    return Delay(int(beyond[0]) if len(beyond) else None, z, bound)
-
-
 def feedback(white: Whitened, i: int = 0, ahead: int = 5) -> float | None:
     """p-value of the hypothesis that inputs 1..ahead samples later do not predict this output beyond its past.
 
     They do predict it if a controller responds to the output (Sims' test in the form of Geweke, Meese and Dent 1983). A
-    response within the same sample appears in lag 0 of `delay`, not here. None if past inputs determine later ones.
+    response within the same sample appears in lag 0 of `delay`, not here. None if past inputs determine later ones. A
+    share below a hundredth of the one-step error's variance counts as none: the error of a linear model of a nonlinear
+    plant is a function of the input, and over many samples a trace of it follows later inputs too.
     """
     columns, has = zip(*(white.shifted(i, k) for k in range(1, ahead + 1)), strict=True)
-    regression, extra = white.with_columns(np.column_stack(columns), np.all(has, axis=0))
-    return regression.p_value(extra) if extra.stop > extra.start else None
+    found = white.added(np.column_stack(columns), np.all(has, axis=0))
+    if not found.U.shape[1]:
+        return None
+    return found.p if found.share >= _LOOP else 1.0
 
 
 @dataclass(frozen=True)
@@ -214,16 +170,39 @@ def nonlinearity(white: Whitened, nk: int = 1) -> Nonlinearity | None:
     ]
     signals = [white.X[:, k] for k in (*lags, 1, 2)]
     scaled = [(s - s.mean()) / (s.std() or 1.0) for s in signals]
-    regression, extra = white.with_columns(np.column_stack([f for s in scaled for f in (s**2, s**3)]))
-    if extra.stop == extra.start:
-        return None
-    before = float(np.sum(white.regression.e**2))
-    share = 1.0 - float(np.sum(regression.e**2)) / before if before > 0 else 0.0
-    return Nonlinearity(regression.p_value(extra), share)
+    found = white.added(np.column_stack([f for s in scaled for f in (s**2, s**3)]))
+    return Nonlinearity(found.p, found.share) if found.U.shape[1] else None
 
 
 def drift(white: Whitened) -> float:
-    """p-value of the hypothesis that the output has no linear drift beyond what its past and the inputs explain."""
+    """p-value of the hypothesis that the output has no linear drift beyond what its past and the inputs explain.
+
+    Where the errors have more power in the slowest cosines than elsewhere, that power is the measure of chance, so that
+    slow errors are no drift by themselves (Mueller and Watson, Econometrica 76, 2008).
+    """
     t = (white.times - white.times.mean()) / max(np.ptp(white.times), 1)
-    regression, extra = white.with_columns(t[:, None])
-    return regression.p_value(extra) if extra.stop > extra.start else 1.0
+    slow = np.cos(np.pi * np.outer(t + 0.5, np.arange(1, min(_SLOW, len(t) // 8) + 1)))
+    Q, e = white.basis, white.regression.e
+    columns = np.column_stack([t, slow])
+    columns = columns - columns.mean(axis=0)
+    columns = columns / np.linalg.norm(columns, axis=0)
+    for _ in range(2):
+        columns = columns - Q @ (Q.T @ columns)
+    if np.linalg.norm(columns[:, 0]) < 1e-3:
+        return 1.0
+    U, R = np.linalg.qr(columns)
+    s = (U.T @ e)[np.abs(np.diag(R)) > 1e-3]
+    if len(s) < 5 or not np.any(s[1:]):
+        return 1.0
+    slowness = float(np.mean(s[1:] ** 2)) / (float(e @ e) / max(len(e) - Q.shape[1], 1))
+    if fdtrc(len(s) - 1, len(e), slowness) < 0.01:
+        return float(fdtrc(1, len(s) - 1, s[0] ** 2 / np.mean(s[1:] ** 2)))
+    return white.added(t[:, None]).p
+
+
+def drift_size(white: Whitened) -> float:
+    """Change of the output over the record by a linear drift, in standard deviations of the output."""
+    t = (white.times - white.times.mean()) / max(np.ptp(white.times), 1)
+    slope = regress(np.column_stack([white.X, t]), white.y).c[-1]
+    stays = 1.0 - float(np.sum(white.regression.c[1 : white.order + 1]))
+    return float(abs(slope) / max(abs(stays), 1e-12) / (white.y.std() or 1.0))

@@ -8,7 +8,7 @@ import numpy as np
 from sysid.data.record import IOData
 from sysid.estimation.objective import huber
 from sysid.model.chain import Chain
-from sysid.solver.covariance import Covariance, covariance
+from sysid.solver.covariance import Covariance, covariance, rank
 
 
 @dataclass(frozen=True)
@@ -159,8 +159,13 @@ class ChainProblem:
         return covariance(e, J, redundant, basis, self.count(p))
 
     def count(self, p: np.ndarray) -> int:
-        """d of the criteria: free directions after the gauge, with the initial states of every experiment."""
-        return self.chain.count(self.thetas(p)[0]) + (len(self.records) - 1) * int(self.own.sum())
+        """d of the criteria: free directions after the gauge, with the initial states of every experiment.
+
+        Directions that the data do not determine, such as knots that no sample reaches, fit no noise and do not count.
+        """
+        free = self.chain.count(self.thetas(p)[0]) + (len(self.records) - 1) * int(self.own.sum())
+        e, J = self.bare.linearise(p)
+        return min(free, rank(e, J)) if np.all(np.isfinite(e)) and np.all(np.isfinite(J)) else free
 
     @property
     def _nominal(self) -> np.ndarray:

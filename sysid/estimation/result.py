@@ -162,7 +162,9 @@ class Fit:
         theta = rested(self.model, self.theta)
         if n >= 2:
             with one_blas_thread():
-                theta = estimate_initial(self.model, theta, data.select(0, n))
+                # In the unit of y, also for weighted errors; errors that the fit took for outliers make it cautious.
+                noise = self.criteria.mse * self.criteria.N / max(self.criteria.N - self.criteria.d, 1)
+                theta = estimate_initial(self.model, theta, data.select(0, n), data.u, noise)
         return self.model.outputs(theta, data.u)
 
     def _scored(self, data: IOData, n_init: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -6,6 +6,8 @@ import numpy as np
 
 from sysid.solver.iterate import Linearisation, column_scale
 
+_RCOND = 1e-7  # singular value, of the largest, below which a direction is not determined
+
 
 @dataclass(frozen=True)
 class Covariance:
@@ -39,10 +41,19 @@ def covariance(e: np.ndarray, J: np.ndarray, gauge: np.ndarray, basis: np.ndarra
     R = Linearisation.of(e, J).R  # its columns have the norms of J's
     scale = column_scale(R)
     _, s, Vt = np.linalg.svd(R / scale)
-    keep = s > 1e-7 * s[0] if s[0] > 0 else np.zeros(len(s), dtype=bool)
+    keep = s > _RCOND * s[0] if s[0] > 0 else np.zeros(len(s), dtype=bool)
     V = basis @ (Vt.T[:, keep] / s[keep] / scale[:, None])
     unidentifiable = _unidentifiable(Vt.T[:, ~keep], gauge * np.where(np.isfinite(scale), scale, 1.0)[:, None])
     return Covariance(sigma2 * (V @ V.T), np.abs(basis) @ unidentifiable > 0, sigma2)
+
+
+def rank(e: np.ndarray, J: np.ndarray) -> int:
+    """Number of directions that J (N, n) determines, by the rule of `covariance`."""
+    if not J.shape[1]:
+        return 0
+    R = Linearisation.of(e, J).R
+    s = np.linalg.svd(R / column_scale(R), compute_uv=False)
+    return int(np.sum(s > _RCOND * s[0])) if s[0] > 0 else 0
 
 
 def _unidentifiable(null: np.ndarray, gauge: np.ndarray) -> np.ndarray:

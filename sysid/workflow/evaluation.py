@@ -27,6 +27,7 @@ from sysid.workflow.extrapolation import ends_met, extrapolated_joint, extrapola
 
 RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
+AMPLE = 100  # samples for each parameter
 Progress = Callable[[str], None] | None
 
 
@@ -206,9 +207,10 @@ def evaluate_fit(setting: Setting, fit: Fit | NlarxFit, estimation: IOData, vali
         notes.append(f"in the validation data {network.divergence(validation)}")
     if np.isfinite(fits).all() and fits[0] - fits[1] > OVERFITTED:
         seen, unseen = (f"{f:.0f} %" if f > -1000 else "below -1000 %" for f in fits)
+        cause = "the two parts differ" if ample(fit) else "the model is too large for this record, or its parts differ"
         notes.append(
-            f"the fit is {seen} on the estimation data and {unseen} on the validation data: the model is too large "
-            f"for this record, or its parts differ; lower the orders, choose smaller maps or inspect the data"
+            f"the fit is {seen} on the estimation data and {unseen} on the validation data: {cause}; lower the orders, "
+            f"choose smaller maps or inspect the data"
         )
     physical = chain is not None and physics is not None
     if chain and physical:
@@ -239,6 +241,11 @@ def check_parts(estimation: IOData, validation: IOData) -> None:
     """Raises InputError if a signal is constant in one of the two parts, because no fit or score is possible there."""
     _check_can_be_scored(estimation, "estimation")
     _check_can_be_scored(validation, "validation")
+
+
+def ample(fit: Fit | NlarxFit) -> bool:
+    """Whether the record has so many samples for each parameter that their number cannot overfit it."""
+    return isinstance(fit, Fit) and AMPLE * fit.criteria.d < fit.criteria.N
 
 
 def _one_step(fit: NlarxFit, estimation: IOData, validation: IOData) -> OneStep:

@@ -12,7 +12,7 @@ from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
 from sysid.model.recipes import Recipe
 from sysid.structures import ActuatedJoint, HammersteinWiener, NonlinearArx, OutputError
-from sysid.workflow.evaluation import OVERFITTED
+from sysid.workflow.evaluation import OVERFITTED, ample
 from sysid.workflow.extrapolation import extrapolated_signals
 from sysid.workflow.identified import Identification, NextStep
 
@@ -145,7 +145,7 @@ def _search_structures(result: Identification) -> NextStep | None:
         return None
     why = "this structure does not explain the record"
     if e.estimation_fit - e.validation_fit > OVERFITTED:
-        why = "the model is too large for this record"
+        why = "the two parts of the record differ" if ample(e.fit) else "the model is too large for this record"
     elif e.validation_fit >= POOR:
         why = "the residuals are coloured, so the model is incomplete"
     return NextStep(why, command(result, structure="auto", starts=2))

@@ -14,11 +14,13 @@ from sysid import IOData
 from sysid.base.threads import one_blas_thread
 from sysid.diagnosis import signals
 from sysid.diagnosis.advice import LEVEL, Advice, advise
-from sysid.diagnosis.whitening import delay, drift, feedback, nonlinearity, whiten
+from sysid.diagnosis.response import delay
+from sysid.diagnosis.whitening import drift, feedback, nonlinearity, whiten
 from sysid.excitations import Aprbs, Sweep
 from sysid.systems import system
 
 RUNS = 1000 if os.environ.get("QPAL_FULL") == "1" else 200
+DELAYS = max(RUNS // 5, 1)  # a profile over delays takes longer than the other tests together
 N = 500
 # 3.5 % and four standard errors of that on top.
 WORST = 0.035 + 4 * np.sqrt(0.035 * 0.965 / RUNS)
@@ -70,9 +72,10 @@ PLANTS = {
 @pytest.mark.parametrize("excitation", [white, held])
 @pytest.mark.parametrize("plant", sorted(PLANTS))
 def test_false_alarms_on_linear_plants_in_open_loop(plant, excitation):
-    """No bend, no feedback, no drift, and no answer before the true delay."""
+    """No bend, no feedback, no drift, and the interval holds the true delay."""
     make, nk = PLANTS[plant]
-    alarms = {"bend": 0, "feedback": 0, "drift": 0, "too early": 0}
+    alarms = {"bend": 0, "feedback": 0, "drift": 0}
+    missed = 0
     for seed in range(RUNS):
         rng = np.random.default_rng([1, seed])
         u = excitation(rng)
@@ -80,9 +83,11 @@ def test_false_alarms_on_linear_plants_in_open_loop(plant, excitation):
         alarms["bend"] += nonlinearity(w).p_value < LEVEL
         alarms["feedback"] += feedback(w) < LEVEL
         alarms["drift"] += drift(w) < LEVEL
-        found = delay(w, level=LEVEL).nk
-        alarms["too early"] += found is not None and found < nk
+        if seed < DELAYS:
+            found = delay(w, level=LEVEL)
+            missed += found.nk is None or not found.low <= nk <= found.high
     assert max(alarms.values()) <= WORST * RUNS, alarms
+    assert missed <= 2, missed  # of 40 intervals of 99 %
 
 
 @pytest.mark.slow
@@ -93,11 +98,11 @@ def test_false_alarms_on_linear_plants_in_open_loop(plant, excitation):
 def test_delay_is_found(plant, excitation, power):
     make, nk = PLANTS[plant]
     hits = 0
-    for seed in range(RUNS):
+    for seed in range(DELAYS):
         rng = np.random.default_rng([2, seed])
         u = excitation(rng)
         hits += delay(whiten(IOData(u, make(u, rng), 1.0))).nk == nk
-    assert hits >= power * RUNS - 4 * np.sqrt(power * (1 - power) * RUNS)
+    assert hits >= power * DELAYS - 4 * np.sqrt(power * (1 - power) * DELAYS)
 
 
 @pytest.mark.slow
@@ -248,10 +253,32 @@ def test_end_stops_slow_sampling_and_oversampling_are_named():
     assert "slower" in crowded.action
 
 
+def test_an_input_without_high_frequencies_shows_its_lag():
+    """Single lags of a smooth input say nothing of themselves; together they explain nearly all of the output."""
+    rng = np.random.default_rng(17)
+    t = np.arange(1500)
+    k, phase = rng.uniform(0.005, 0.02, 20), rng.uniform(0, 6.28, 20)
+    u = np.cos(2 * np.pi * np.outer(t, k) + phase).sum(axis=1)
+    found = told(IOData(u, lfilter([0, 0, 0, 0.2], [1, -0.8], u) + 0.05 * white(rng, 1500), 1.0))
+    assert found["delay"].interval[0] <= 3 <= found["delay"].interval[1]
+    assert found["rate"].severity == "fine"
+    assert found["drift"].severity == "fine"
+
+
+def test_a_spike_is_an_outlier_and_a_jump_is_none():
+    rng = np.random.default_rng(18)
+    u = held(rng, 1000)
+    y = lfilter([0, 0.1], [1, -0.9], u) + 0.003 * white(rng, 1000)
+    jump = y + 5.0 * (np.arange(1000) >= 500)
+    assert told(IOData(u, jump, 1.0))["outliers"].value == 0
+    y[500] += 5.0
+    assert told(IOData(u, y, 1.0))["outliers"].value == 1
+
+
 def test_no_answer_and_direct_answer():
     rng = np.random.default_rng(14)
     u = white(rng)
-    assert "no lag" in told(IOData(u, white(rng), 1.0))["delay"].sentence
+    assert "show no effect" in told(IOData(u, white(rng), 1.0))["delay"].sentence
     direct = told(IOData(u, 0.7 * u + 0.1 * white(rng), 1.0))["delay"]
     assert direct.value == 0
     assert "within the sample" in direct.action

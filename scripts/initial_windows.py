@@ -1,0 +1,91 @@
+"""Free runs from a fitted initial state beside runs from rest, over plants, windows, noise and how a record begins.
+
+python scripts/initial_windows.py [PLANTS] [FIRST_SEED]
+
+Each plant (output error of order 1 to 6) is fitted to one record and run over others that begin at rest, in the middle
+of an experiment, or at a constant level. The first `window` outputs give the initial state; the error counts after
+them, over 200 samples, as a share [%] of the standard deviation of the noise-free output (root mean square error of the
+free run against the noise-free output). The mean over plants of (error - error from rest) must not be positive.
+"""
+
+import sys
+
+import numpy as np
+
+from sysid import IOData, fit
+from sysid.bench.drawing.linear import linear
+from sysid.bench.drawing.signals import excitation
+from sysid.estimation.initial_state import estimate_initial
+from sysid.estimation.result import rested
+from sysid.model.chain import Chain
+
+WINDOWS = (2, 5, 10, 20, 50, 200)
+BEGINS = ("at rest", "in the middle", "at a level")
+SCORED = 200
+INPUTS = ("aprbs", "multisine", "slow noise", "random steps")
+
+
+def record(chain: Chain, theta: np.ndarray, u: np.ndarray, noise: float, rng: np.random.Generator) -> IOData:
+    """A record of the plant from rest with white noise of this standard deviation."""
+    return IOData(u, chain.simulate(theta, u) + noise * rng.standard_normal(len(u)), 1.0)
+
+
+def errors(seed: int) -> dict[tuple[str, int], tuple[int, float, np.ndarray]]:
+    """By beginning and window: order, noise [dB], and the errors [%] from rest, by least squares and as simulated."""
+    rng = np.random.default_rng([13, seed])
+    order = 1 + seed % 6
+    block, theta, _ = linear(rng, 1000, order, "linear")
+    chain = Chain((block,), structure="output_error")
+    kind = INPUTS[int(rng.integers(4))]
+    u = excitation(kind, 1000, rng)
+    clean = chain.simulate(theta, u)
+    level = float(rng.uniform(10.0, 60.0))
+    noise = float(clean.std()) * 10 ** (-level / 20)
+    found = fit(chain, record(chain, theta, u, noise, rng), starts=2)
+    rows = {}
+    for begin in BEGINS:
+        u = excitation(kind, 2000, rng)
+        cut = {"at rest": 0, "in the middle": 1000, "at a level": 1000}[begin]
+        if begin == "at a level":
+            u[:cut] = u[cut]
+        clean = chain.simulate(theta, u)[cut:]
+        u = u[cut:]
+        size = float(clean.std())
+        data = IOData(u, clean + noise * rng.standard_normal(len(u)), 1.0)
+        for window in WINDOWS:
+            after = slice(window, window + SCORED)
+            rest = chain.simulate(rested(chain, found.theta), u)
+            plain = chain.simulate(estimate_initial(chain, found.theta, data.select(0, window)), u)
+            ours = found.simulate(data, n_init=window)
+            shares = [float(np.sqrt(np.mean((y - clean)[after] ** 2))) / size for y in (rest, plain, ours)]
+            rows[begin, window] = order, level, 100 * np.array(shares)
+    return rows
+
+
+def main(plants: int, first: int) -> None:
+    """Print the table by beginning and window, and the worst class of order and noise."""
+    runs = [errors(seed) for seed in range(first, first + plants)]
+    print(f"{plants} plants, seeds {first} to {first + plants - 1}; errors in % of the output, after the window")
+    print("| begins | window | rest | least squares | simulate | mean excess over rest | std. error | largest |")
+    print("| :-- | --: | --: | --: | --: | --: | --: | --: |")
+    for begin in BEGINS:
+        for window in WINDOWS:
+            e = np.array([run[begin, window][2] for run in runs])
+            excess = e[:, 2] - e[:, 0]
+            mean = e.mean(axis=0)
+            print(
+                f"| {begin} | {window} | {mean[0]:.3g} | {mean[1]:.3g} | {mean[2]:.3g} | {excess.mean():+.3f} | "
+                f"{excess.std() / np.sqrt(plants):.3f} | {excess.max():+.2f} |"
+            )
+    print("\nMean excess over rest by order and by noise, all windows:")
+    for begin in BEGINS:
+        rows = [run[begin, w] for run in runs for w in WINDOWS]
+        order, level = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
+        excess = np.array([r[2][2] - r[2][0] for r in rows])
+        groups = [(f"order {k}", order == k) for k in range(1, 7)]
+        groups += [(f"{d}-{d + 10} dB", (level >= d) & (level < d + 10)) for d in range(10, 60, 10)]
+        print(f"{begin}: " + ", ".join(f"{name} {excess[own].mean():+.3f}" for name, own in groups if own.any()))
+
+
+if __name__ == "__main__":
+    main(*(int(a) for a in (sys.argv[1:] + ["120", "0"][len(sys.argv) - 1 :])))

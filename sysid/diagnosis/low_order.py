@@ -1,0 +1,190 @@
+"""Low-order output-error models of one input and output, for every delay: which delays does the record allow?
+
+The errors are whitened by an autoregression, so that their colour neither hides nor feigns a delay (Ljung, System
+Identification, 2nd ed. 1999, section 10.4: output error of filtered data). Orders and delay are weighed by BIC.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from sysid.base.poles import mirrored
+from sysid.data.record import IOData
+
+_STEPS = 6
+_COLOURS = 12  # highest order of the autoregression
+_LARGEST = 0.99995  # radius of a pole
+MOST = 3000  # samples
+
+
+@dataclass(frozen=True)
+class Model:
+    """y = q^-nk B/F u with its criterion: twice the negative log likelihood and BIC's price of the parameters.
+
+    `variance` is that of its whitened errors.
+    """
+
+    nk: int
+    b: np.ndarray
+    f: np.ndarray
+    criterion: float
+    variance: float
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Input, output and observed samples (n,) of one experiment."""
+
+    u: np.ndarray
+    y: np.ndarray
+    seen: np.ndarray
+
+
+def pieces(data: IOData, i: int, j: int) -> list[Piece]:
+    """Input i and output j of the experiments, up to `MOST` samples in all."""
+    found, left = [], MOST
+    for e in data.experiments:
+        n = min(e.N, left)
+        if n >= 30:
+            found.append(Piece(e.u[:n, i], e.y[:n, j], e.observed[:n, j]))
+            left -= n
+    return found
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """Loss, b and errors for one denominator; the columns of each experiment, and all of them whitened."""
+
+    loss: float
+    b: np.ndarray
+    e: np.ndarray
+    each: list[np.ndarray]
+    X: np.ndarray
+
+
+class Profile:
+    """Models of a record by delay and orders; `colour` (m + 1,) is the filter that whitens the errors."""
+
+    def __init__(self, parts: list[Piece]):
+        self.parts = parts
+        self.colour = np.ones(1)
+
+    def model(self, nk: int, nf: int, nb: int, f: np.ndarray) -> Model:
+        """The best model of this delay and these orders, from the denominator f (nf,)."""
+        f = _inside(f)
+        here = self._solved(nk, nb, f)
+        for _ in range(_STEPS if nf else 0):
+            step = self._step(f, here)
+            scale, tried = 1.0, here
+            while scale > 0.01:
+                g = _inside(f + scale * step)
+                tried = self._solved(nk, nb, g)
+                if tried.loss < here.loss:
+                    break
+                scale *= 0.3
+            else:
+                break
+            gain = here.loss - tried.loss
+            f, here = g, tried
+            if gain < 1e-4 * here.loss:
+                break
+        M = len(here.e)
+        criterion = M * np.log(here.loss / M + 1e-300) + (nf + nb) * np.log(M)
+        return Model(nk, here.b, f, criterion, here.loss / max(M - nf - nb, 1))
+
+    def whiten(self, best: Model) -> None:
+        """Take the colour of the errors of this model for all further ones."""
+        self.colour = np.ones(1)
+        e = self._solved(best.nk, len(best.b), best.f).e
+        ends = np.cumsum([int(p.seen.sum()) for p in self.parts])
+        self.colour = _autoregression(np.split(e, ends[:-1]))
+
+    def _filtered(self, columns: np.ndarray, part: Piece) -> np.ndarray:
+        m = len(self.colour) - 1
+        n = len(columns) - m
+        white = columns[m:].copy()
+        for k, c in enumerate(self.colour[1:], 1):
+            white += c * columns[m - k : m - k + n]
+        seen = part.seen
+        keep = np.convolve(~seen, np.ones(m + 1))[m : len(seen)] == 0 if not seen.all() else slice(None)
+        return np.asarray(white[keep])
+
+    def _solved(self, nk: int, nb: int, f: np.ndarray) -> "_Solved":
+        """The best b for a denominator; initial states and a constant belong to each experiment."""
+        each = [_free(f, len(p.u), p.u, nk, nb) for p in self.parts]
+        X, y = self._stacked(each, nb)
+        c, e = _least(X, y)
+        return _Solved(float(e @ e), c[:nb], e, each, X)
+
+    def _step(self, f: np.ndarray, here: "_Solved") -> np.ndarray:
+        """Gauss-Newton step of f with b and the initial states solved for (variable projection, Kaufman's form)."""
+        nf, nb, den = len(f), len(here.b), np.concatenate([[1.0], f])
+        slopes = [lfilter([1.0], den, -(free[:, :nb] @ here.b)) for free in here.each]
+        columns = [np.column_stack([_late(s, j) for j in range(1, nf + 1)]) for s in slopes]
+        J = self._stacked(columns, nf)[0]
+        return _least(np.column_stack([J, here.X]), here.e)[0][:nf]
+
+    def _stacked(self, each: list[np.ndarray], common: int) -> tuple[np.ndarray, np.ndarray]:
+        rows, ys = [], []
+        for k, (part, columns) in enumerate(zip(self.parts, each, strict=True)):
+            white = self._filtered(np.column_stack([columns, part.y]), part)
+            own = white.shape[1] - 1 - common
+            wide = np.zeros((len(white), common + own * len(each)))
+            wide[:, :common] = white[:, :common]
+            wide[:, common + k * own : common + (k + 1) * own] = white[:, common:-1]
+            rows.append(wide)
+            ys.append(white[:, -1])
+        return np.concatenate(rows), np.concatenate(ys)
+
+
+def _free(f: np.ndarray, n: int, u: np.ndarray, nk: int, nb: int) -> np.ndarray:
+    """Columns (n, nb + nf + 1): the delayed inputs behind 1/F, the free responses of F, and a constant."""
+    den = np.concatenate([[1.0], f])
+    w = lfilter([1.0], den, u)
+    impulse = np.zeros(n)
+    impulse[0] = 1.0
+    g = lfilter([1.0], den, impulse)
+    return np.column_stack([*(_late(w, nk + k) for k in range(nb)), *(_late(g, k) for k in range(len(f))), np.ones(n)])
+
+
+def _least(X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least squares: coefficients, and the errors."""
+    norm = np.linalg.norm(X, axis=0)
+    norm = np.where(norm > 0, norm, 1.0)
+    R = np.asarray(np.linalg.qr(np.column_stack([X / norm, y]), mode="r"))
+    c = np.linalg.lstsq(R[:-1, :-1], R[:-1, -1], rcond=1e-10)[0] / norm
+    return c, y - X @ c
+
+
+def _late(x: np.ndarray, k: int) -> np.ndarray:
+    return np.concatenate([np.zeros(min(k, len(x))), x[: max(len(x) - k, 0)]])
+
+
+def _inside(f: np.ndarray) -> np.ndarray:
+    if not len(f):
+        return f
+    size = float(np.max(np.abs(np.linalg.eigvals(_companion(f))), initial=0.0))
+    if size > 1.0:
+        f = mirrored(f)
+        size = float(np.max(np.abs(np.linalg.eigvals(_companion(f))), initial=0.0))
+    return f if size <= _LARGEST else np.asarray(f * (_LARGEST / size) ** np.arange(1, len(f) + 1))
+
+
+def _companion(f: np.ndarray) -> np.ndarray:
+    M = np.eye(len(f), k=-1)
+    M[0] = -f
+    return M
+
+
+def _autoregression(pieces: list[np.ndarray]) -> np.ndarray:
+    """The whitening filter (m + 1,) of the order that AIC prefers."""
+    most = min(_COLOURS, min(len(v) for v in pieces) // 10)
+    X = np.concatenate([np.column_stack([v[most - k : len(v) - k] for k in range(most + 1)]) for v in pieces])
+    best, found = np.inf, np.ones(1)
+    for m in range(most + 1):
+        c = np.linalg.lstsq(X[:, 1 : m + 1], X[:, 0], rcond=1e-10)[0] if m else np.zeros(0)
+        aic = len(X) * np.log(np.mean((X[:, 0] - X[:, 1 : m + 1] @ c) ** 2) + 1e-300) + 2 * m
+        if aic < best - 1e-9:
+            best, found = aic, np.concatenate([[1.0], -c])
+    return found

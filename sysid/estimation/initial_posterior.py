@@ -1,0 +1,155 @@
+"""The initial state of a free run given its first outputs: the mean over what it may be, or exactly rest.
+
+For a fixed Gaussian the state is a ridge regression with a known weight; its marginal likelihood tells how well this
+Gaussian, this size and this correlation of the noise explain the outputs (Rasmussen and Williams 2006, chapter 5). The
+mean over all of them has the smallest expected error (Hoeting et al. 1999, Bayesian model averaging).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.blocks import TransferFunction
+from sysid.data.record import IOData
+from sysid.estimation.initial_prior import Gaussian, priors
+from sysid.model.chain import Chain
+
+_INFLATED = ((1.0, 0.6), (4.0, 0.2), (25.0, 0.1), (400.0, 0.1))  # noise variance by that of the fit, prior share
+_CORRELATED = (0.0, 0.5, 0.8, 0.95)  # of neighbouring errors: those of a model that is not exact are seldom white
+_DOUBT = 0.03  # probability of rest above which the run begins there: no estimate then spoils a record from rest
+_STEPS = 12  # Gauss-Newton steps of a chain with a map behind its filter
+
+
+@dataclass(frozen=True)
+class _Window:
+    """The outputs' distance r (M,) from the run at some states x (s,), and their Jacobian J (M, s) there.
+
+    `rows` are the lengths of the outputs' stretches in r.
+    """
+
+    x: np.ndarray
+    r: np.ndarray
+    J: np.ndarray
+    rows: tuple[int, ...]
+
+    def at_zero(self) -> np.ndarray:
+        """r (M,) of the linearisation at x = 0."""
+        return np.asarray(self.r + self.J @ self.x)
+
+
+def likely_initial(
+    chain: Chain, rest: np.ndarray, data: IOData, u: np.ndarray, noise_variance: float
+) -> np.ndarray | None:
+    """theta (P,) whose initial states are likely after the outputs of `data`; None if the model's run is not finite.
+
+    rest (P,) has initial states of zero, u (N, nu) is the input of the whole record, which tells how large states
+    become; noise_variance [unit of y squared] is that of the fit.
+    """
+    window = _linearised(chain, rest, data, np.zeros(int(chain.initial.sum())))
+    if window is None or not len(window.r):
+        return None
+    size = float(np.sqrt(np.mean(window.r**2)))
+    if size == 0.0:
+        return rest
+    noise = max(noise_variance, (1e-9 * size) ** 2)
+    seen = window.J / size
+    behind = [entry for b in chain.blocks[_first(chain) :] for _, entry in b.parts()]
+    affine = all(isinstance(entry, TransferFunction) for entry in behind)
+    states, evidence = [], []
+    for g in priors(chain, rest, u, seen):
+        near = window if affine else _settled(chain, rest, data, g, noise, window)
+        x, log = _posterior(near, g, noise)
+        states.append(x)
+        evidence.append(log + np.log(g.weight))
+    share = np.exp(np.array(evidence) - max(evidence))
+    share /= share.sum()
+    best = int(np.argmax(share))
+    if share[0] > _DOUBT:
+        return rest
+    theta = rest.copy()
+    theta[chain.initial] = share @ np.array(states) if affine else states[best]
+    return theta
+
+
+def _first(chain: Chain) -> int:
+    """Number of the first block with an initial state."""
+    return next(k for k, b in enumerate(chain.blocks) if any(s.initial for s in b.slots()))
+
+
+def _linearised(chain: Chain, theta: np.ndarray, data: IOData, x: np.ndarray) -> _Window | None:
+    theta = theta.copy()
+    theta[chain.initial] = x
+    y, J = chain.sensitivities(theta, data.u)
+    seen = data.observed.T
+    r, J = (data.y - y).T[seen], J[:, chain.initial][seen.ravel()]
+    if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
+        return None
+    return _Window(x, r, J, tuple(int(k) for k in seen.sum(axis=1)))
+
+
+def _settled(chain: Chain, rest: np.ndarray, data: IOData, g: Gaussian, noise: float, window: _Window) -> _Window:
+    """The linearisation at the most likely states under one Gaussian and white noise."""
+
+    def cost(w: _Window, z: np.ndarray) -> float:
+        return float(w.r @ w.r) / noise + float(z @ z)
+
+    z = np.zeros(g.root.shape[1])
+    here = _linearised(chain, rest, data, g.mean) if g.mean.any() else window
+    if here is None:
+        return window
+    for _ in range(_STEPS if len(z) else 0):
+        A = np.vstack([here.J @ g.root / np.sqrt(noise), np.eye(len(z))])
+        step = np.linalg.lstsq(A, np.concatenate([here.r / np.sqrt(noise), -z]), rcond=None)[0]
+        before, scale = cost(here, z), 1.0
+        while scale > 1e-3:
+            tried = _linearised(chain, rest, data, g.mean + g.root @ (z + scale * step))
+            if tried is not None and cost(tried, z + scale * step) < before:
+                break
+            scale *= 0.25
+        else:
+            break
+        z, here = z + scale * step, tried
+        if cost(here, z) > before - 1e-3:
+            break
+    return here
+
+
+def _posterior(window: _Window, g: Gaussian, noise: float) -> tuple[np.ndarray, float]:
+    """Mean of the states (s,) under one Gaussian, over sizes and correlations of the noise, and the log evidence."""
+    apart, J = window.at_zero() - window.J @ g.mean, window.J @ g.root
+    means, logs = [], []
+    for correlation in _CORRELATED:
+        r, A, logdet = _whitened(apart, J, window.rows, correlation)
+        U, s, Vt = np.linalg.svd(A, full_matrices=False)
+        along = U.T @ r
+        left = max(float(r @ r - along @ along), 0.0)
+        for inflated, share in _INFLATED:
+            variance = inflated * noise
+            shrunk = 1.0 + s**2 / variance
+            means.append(Vt.T @ (s * along / variance / shrunk))
+            square = left / variance + float(np.sum(along**2 / shrunk)) / variance
+            logs.append(
+                np.log(share) - 0.5 * (square + float(np.sum(np.log(shrunk))) + len(r) * np.log(variance) + logdet)
+            )
+    highest = max(logs)
+    weight = np.exp(np.array(logs) - highest)
+    total = float(weight.sum())
+    return g.mean + g.root @ (weight / total @ np.array(means)), highest + float(np.log(total))
+
+
+def _whitened(
+    r: np.ndarray, J: np.ndarray, rows: tuple[int, ...], correlation: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """r and J in coordinates in which AR(1) noise of variance 1 is white, and the log determinant of its covariance."""
+    if correlation == 0.0:
+        return r, J, 0.0
+    both = np.column_stack([r, J])
+    parts, end = [], 0
+    for n in rows:
+        piece = both[end : end + n]
+        end += n
+        if n:
+            parts += [piece[:1], (piece[1:] - correlation * piece[:-1]) / np.sqrt(1.0 - correlation**2)]
+    white = np.concatenate(parts)
+    steps = sum(max(n - 1, 0) for n in rows)
+    return white[:, 0], white[:, 1:], steps * float(np.log(1.0 - correlation**2))
