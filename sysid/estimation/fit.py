@@ -76,6 +76,7 @@ def fit_chain(
 ) -> Fit:
     """Fit a chain to a record; see `sysid.fit` for the arguments and errors."""
     began = time.perf_counter()
+    model = model if start is not None else model.scaled(data.u, data.y)
     run = _Run(
         model, data, objective or Objective(), make_search(search).name, (options or Options()).begun(), progress
     )

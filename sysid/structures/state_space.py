@@ -1,0 +1,45 @@
+"""Nonlinear state space: a linear one with a tanh network or a polynomial in its state equation."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from sysid.blocks import StateSpace, static
+from sysid.model.chain import Chain
+from sysid.model.recipes import Map, Recipe, order, static_map
+
+
+def state_space(
+    nx: int = 2,
+    units: int = 5,
+    degree: int = 0,
+    output: Map | None = None,
+    nu: int = 1,
+    ny: int = 1,
+    readout: bool = False,
+    **limits: Any,
+) -> Chain:
+    """x(t+1) = A x + B u + E f(x, u), y = C x + D u + d: nx states, f of `units` tanh units and a polynomial.
+
+    The polynomial has all monomials of the state and the input of degree 2 to `degree`. With `readout` f enters y too;
+    `output` is a static map behind, for one output. Signals are scaled by the record inside, so units and offsets do
+    not matter. It is the general model of a plant of which no structure is known; where a structure with fewer
+    parameters fits as well, that one extrapolates better. `limits` are the `fixed` and `bounds` of the chain, by
+    parameter.
+    """
+    block = StateSpace(nx, units, degree, readout, nu, ny, role="state")
+    blocks = (block,) if output is None else (block, static(output, "output"))
+    return Chain(blocks, structure="state_space", **limits)
+
+
+@dataclass(frozen=True)
+class NonlinearStateSpace(Recipe):
+    """Settings of `state_space`."""
+
+    name: ClassVar[str] = "state_space"
+    nx: int = order(2, "states", least=1)
+    units: int = order(5, "units of the network")
+    degree: int = order(0, "degree of the polynomial of state and input, 0 for none")
+    output_map: str | None = static_map("output map", "static map after the state space")
+
+    def model(self) -> Chain:
+        return state_space(self.nx, self.units, self.degree, self.output_map)
