@@ -122,7 +122,7 @@ BLOCKS = {
         np.array([0.2, 0.7, 1.0, -0.8, 0.5, 3.0, 2.0, -4.0, 1.0, -0.5, 0.7]),
     ),
     "state_space": (
-        StateSpace(nx=2, units=2, degree=2, output=True, u_scale=(1.7,), y_centre=(0.3,), y_scale=(-2.5,), role="map"),
+        StateSpace(nx=2, units=2, degree=2, readout=True, u_scale=(1.7,), y_centre=(0.3,), y_scale=(-2.5,), role="map"),
         np.array(
             [
                 *(0.7, 0.3, -0.25, 0.6, 0.5, -0.4, 0.8, 0.3, 0.2, 0.1),  # A, B, C, D, d

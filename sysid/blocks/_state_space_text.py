@@ -1,28 +1,25 @@
 """The nonlinear state space of one input and one output as C99, Python and equations."""
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from sysid.block.writing import Code, Writer, number
 
-if TYPE_CHECKING:
-    from sysid.blocks.state_space import StateSpace
 
-
-def _tables(block: "StateSpace", theta: np.ndarray) -> dict[str, np.ndarray]:
+def _tables(block: Any, theta: np.ndarray) -> dict[str, np.ndarray]:
     m = block.split(theta)
     tables = {"A": m.A, "B": m.B, "C": m.C, "E": m.E, "F": m.F, "W": m.W, "V": m.V, "b": m.b, "b0": np.tanh(m.b)}
     return {name: np.ravel(part) for name, part in tables.items() if part.size}
 
 
-def _monomials(block: "StateSpace", x: str, u: str) -> list[str]:
+def _monomials(block: Any, x: str, u: str) -> list[str]:
     """Each monomial as a product, state i as `x` with its number."""
     names = [*(x.format(i) for i in range(block.nx)), *([u] * block.nu)]
     return ["*".join(n for n, k in zip(names, row, strict=True) for _ in range(k)) for row in block.powers.tolist()]
 
 
-def c(block: "StateSpace", theta: np.ndarray) -> Code:
+def c(block: Any, theta: np.ndarray) -> Code:
     """One sample: the output, then the state."""
     m, (u0, us, y0, ys) = block.split(theta), (float(v[0]) for v in block.scales())
     nx, units, n = block.nx, block.units, block.features
@@ -53,7 +50,7 @@ def c(block: "StateSpace", theta: np.ndarray) -> Code:
     return Code("\n".join(lines), nx, _tables(block, theta))
 
 
-def python(block: "StateSpace", theta: np.ndarray) -> Code:
+def python(block: Any, theta: np.ndarray) -> Code:
     """The same in Python."""
     m, (u0, us, y0, ys) = block.split(theta), (float(v[0]) for v in block.scales())
     nx, units, n = block.nx, block.units, block.features
@@ -74,7 +71,7 @@ def python(block: "StateSpace", theta: np.ndarray) -> Code:
     return Code("\n".join(lines), nx, _tables(block, theta))
 
 
-def equations(block: "StateSpace", theta: np.ndarray, w: Writer) -> list[str]:
+def equations(block: Any, theta: np.ndarray, w: Writer) -> list[str]:
     """One line for the output, one for each state, one for each unit; the input and the output are scaled."""
     m, (u0, us, y0, ys) = block.split(theta), (float(v[0]) for v in block.scales())
     x = [f"x{i}" for i in range(1, block.nx + 1)]
@@ -92,7 +89,7 @@ def equations(block: "StateSpace", theta: np.ndarray, w: Writer) -> list[str]:
     return lines
 
 
-def _named(block: "StateSpace") -> list[str]:
+def _named(block: Any) -> list[str]:
     """Each monomial as it is read: x1^2*v."""
     names = [*(f"x{i}" for i in range(1, block.nx + 1)), "v"]
     return [

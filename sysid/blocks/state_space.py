@@ -13,7 +13,8 @@ from sysid.block.writing import Code, Writer
 from sysid.blocks import _state_space_text as text
 
 _CIRCLE = 1.0 + 1e-9  # eigenvalues of A up to here: an integrator is allowed, but for rounding
-_SPREAD = 3.0  # standard deviation of a network's weight before the record is seen, signals and states being about 1
+_STEPS = 20  # of an input on its way to a steady state, and of Newton's at each
+_ACTS = 3.0  # spread of the weights that act on the next state, by that of those that look and by the pace
 
 
 class Matrices(NamedTuple):
@@ -25,7 +26,7 @@ class Matrices(NamedTuple):
     D: np.ndarray  # (ny, nu)
     d: np.ndarray  # (ny,)
     E: np.ndarray  # (nx, features)
-    F: np.ndarray  # (ny, features), or (ny, 0) without `output`
+    F: np.ndarray  # (ny, features), or (ny, 0) without `readout`
     W: np.ndarray  # (units, nx)
     V: np.ndarray  # (units, nu)
     b: np.ndarray  # (units,)
@@ -38,7 +39,7 @@ class StateSpace(Block):
 
     v = (u - u_centre)/u_scale, y = y_centre + y_scale z; empty centres and scales are 0 and 1 until `scaled` takes them
     from a record. f holds tanh(W x + V v + b) - tanh(b) of `units` units and all monomials of x and v of degree 2 to
-    `degree`; F is there with `output`. f(0, 0) = 0: with the input at its centre the state rests at 0. This is the
+    `degree`; F is there with `readout`. f(0, 0) = 0: with the input at its centre the state rests at 0. This is the
     polynomial nonlinear state space of Paduart et al. (2010, Automatica 46) with a network beside the polynomial. The
     eigenvalues of A stay within the unit circle; tanh is bounded, so a run without monomials stays bounded too. The
     coordinates of the state are redundant (`symmetries`).
@@ -47,13 +48,15 @@ class StateSpace(Block):
     nx: int = 2
     units: int = 5
     degree: int = 0
-    output: bool = False
+    readout: bool = False
     nu: int = 1
     ny: int = 1
     u_centre: tuple[float, ...] = ()
     u_scale: tuple[float, ...] = ()
     y_centre: tuple[float, ...] = ()
     y_scale: tuple[float, ...] = ()
+    pace: float = 1.0
+    spread: float = 0.3
 
     def __post_init__(self) -> None:
         for name, least in (("nx", 1), ("units", 0), ("degree", 0), ("nu", 1), ("ny", 1)):
@@ -90,7 +93,7 @@ class StateSpace(Block):
         """Shape of each of `Matrices`, in the order of theta."""
         nx, nu, ny, m, units = self.nx, self.nu, self.ny, self.features, self.units
         linear = {"A": (nx, nx), "B": (nx, nu), "C": (ny, nx), "D": (ny, nu), "d": (ny,)}
-        net = {"E": (nx, m), "F": (ny, m if self.output else 0), "W": (units, nx), "V": (units, nu), "b": (units,)}
+        net = {"E": (nx, m), "F": (ny, m if self.readout else 0), "W": (units, nx), "V": (units, nu), "b": (units,)}
         return linear | net | {"x0": (nx,)}
 
     @cached_property
@@ -133,6 +136,8 @@ class StateSpace(Block):
                 pairs = [_scale(column) for column in signal.T]
                 fresh[f"{name}_centre"] = tuple(c for c, _ in pairs)
                 fresh[f"{name}_scale"] = tuple(s for _, s in pairs)
+                if name == "y":
+                    fresh["pace"] = _pace(signal)
         return replace(self, **fresh) if fresh else self
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
@@ -159,6 +164,57 @@ class StateSpace(Block):
             dU = np.stack(Js) if q else np.empty((self.nu, len(U), 0))
         run_tangent(*m[:-1], self.powers, m.x0, U, dU, Z, out, q, self.n_parameters, ys, 1.0 / us)
         return _columns(y0 + ys * Z), list(out)
+
+    def rest(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The state (nx,) that a constant input u (nu,) keeps: Newton's steps from the rest at the input's centre, at
+        once or over smaller inputs. Raises InputError where there is none on this way (an integrator).
+        """
+        u0, us, _, _ = self.scales()
+        v = (np.asarray(u, dtype=float) - u0) / us
+        for count in (1, _STEPS):
+            x = np.zeros(self.nx)
+            for share in np.linspace(0.0, 1.0, count + 1)[1:]:
+                x = self._newton(theta, x, share * v)
+            if np.all(np.isfinite(x)):
+                return x
+        raise InputError(f"the state space has no steady state near rest for the constant input {u}; give another one")
+
+    def _newton(self, theta: np.ndarray, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The steady state (nx,) of the scaled input v (nu,) near x (nx,); nan where the search does not end."""
+        for _ in range(_STEPS):
+            if not np.all(np.isfinite(x)):
+                break
+            A, _, _, _, gone, _ = self._linear(theta, x, v)
+            still = np.eye(self.nx) - A
+            if np.abs(np.linalg.det(still)) < 1e-14:
+                break
+            step = np.linalg.solve(still, gone - x)
+            x = x + step
+            if np.abs(step).max() < 1e-12 * (1.0 + np.abs(x).max()):
+                return x
+        return np.full(self.nx, np.nan)
+
+    def linearised(
+        self, theta: np.ndarray, u: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """A (nx, nx), B (nx, nu), C (ny, nx), D (ny, nu) in the units of u and y around the steady state of a constant
+        input u (nu,), and the output there (ny,). Raises InputError where there is no steady state.
+        """
+        u0, us, y0, ys = self.scales()
+        A, B, C, D, _, z = self._linear(theta, self.rest(theta, u), (np.asarray(u, dtype=float) - u0) / us)
+        return A, B / us, C * ys[:, None], D * ys[:, None] / us, y0 + ys * z
+
+    def _linear(self, theta: np.ndarray, x: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
+        """A, B, C, D of the tangent at x (nx,) and v (nu,), the next state and the output z there."""
+        from sysid.block.kernels_state_space import feature_slopes, features
+
+        m, n = self.split(theta), self.features
+        f, g, dx, du = np.empty(n), np.empty(self.units), np.empty((n, self.nx)), np.empty((n, self.nu))
+        features(x, v, m.W, m.V, m.b, np.tanh(m.b), self.powers, f, g)
+        feature_slopes(x, v, m.W, m.V, g, self.powers, dx, du)
+        F = m.F if self.readout else np.zeros((self.ny, self.features))
+        z = m.C @ x + m.D @ v + m.d + F @ f
+        return m.A + m.E @ dx, m.B + m.E @ du, m.C + F @ dx, m.D + F @ du, m.A @ x + m.B @ v + m.E @ f, z
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """The scaled input as the scaled output, channel by channel, with states that decay and do nothing."""
@@ -188,8 +244,14 @@ class StateSpace(Block):
 
         A fit weighs each as one error of the noise's size, so that this is the prior of a Gaussian weight.
         """
+        spread = np.concatenate(
+            [
+                np.full(np.prod(self.shapes[name], dtype=int), self.spread * size)
+                for name, size in (("E", _ACTS * self.pace), ("F", _ACTS), ("W", 1.0), ("V", 1.0), ("b", 1.0))
+            ]
+        )
         net = np.r_[self.places["E"].start : self.places["b"].stop]
-        return theta[net] / _SPREAD, np.eye(len(theta))[net] / _SPREAD
+        return theta[net] / spread, np.eye(len(theta))[net] / spread[:, None]
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         """The coordinates of the state; gain and offset of each output; gain of each input that has no centre."""
@@ -206,7 +268,7 @@ class StateSpace(Block):
             unit = np.eye(self.nu)[i]
             power = np.concatenate([np.zeros(self.units), self.powers[:, self.nx + i]])
             less = self._none()._replace(B=-m.B * unit, D=-m.D * unit, V=-m.V * unit, E=-m.E * power)
-            less = less._replace(F=-m.F * power if self.output else m.F)
+            less = less._replace(F=-m.F * power if self.readout else m.F)
             found.append(Symmetry(self.joined(less), in_scale=unit))
         return found
 
@@ -225,12 +287,9 @@ class StateSpace(Block):
                 moved[j] += 1
                 at = int(np.flatnonzero((self.powers == moved).all(axis=1))[0])
                 T[self.units + k, self.units + at] = row[i]
-        F = -m.F @ T if self.output else m.F
-        turned = Matrices(
-            M @ m.A - m.A @ M, M @ m.B, -m.C @ M, 0 * m.D, 0 * m.d, M @ m.E - m.E @ T, F, -m.W @ M, 0 * m.V, 0 * m.b,
-            M @ m.x0,
-        )  # fmt: skip
-        return self.joined(turned)
+        F = -m.F @ T if self.readout else m.F
+        states = m._replace(A=M @ m.A - m.A @ M, B=M @ m.B, E=M @ m.E - m.E @ T, x0=M @ m.x0)
+        return self.joined(states._replace(C=-m.C @ M, D=0 * m.D, d=0 * m.d, F=F, W=-m.W @ M, V=0 * m.V, b=0 * m.b))
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """The same linear part with another network that does nothing yet: its units look in drawn directions."""
@@ -263,3 +322,9 @@ def _scale(x: np.ndarray) -> tuple[float, float]:
     cubes, late = float(np.mean(z**3)) / size**3, float(z @ np.arange(len(z)))
     odd = cubes if abs(cubes) > 1e-3 else late
     return centre, float(np.copysign(size, odd)) if odd else size
+
+
+def _pace(Y: np.ndarray) -> float:
+    """How far the fastest output of Y (N, ny) moves in a sample, by its standard deviation; at most 1."""
+    moves = np.sqrt(np.mean(np.diff(Y, axis=0) ** 2, axis=0)) / np.maximum(np.std(Y, axis=0), 1e-300)
+    return float(np.clip(moves.max(), 1e-6, 1.0))

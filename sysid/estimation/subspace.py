@@ -6,7 +6,6 @@ v and z are a record's input (N, nu) and output (N, ny) on the scale of a `State
 import numpy as np
 
 from sysid.blocks import StateSpace, TransferFunction
-from sysid.blocks.state_space import Matrices
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.linear_start import denominators, solve_linear
@@ -43,13 +42,8 @@ def normalised(block: StateSpace, theta: np.ndarray, data: IOData) -> np.ndarray
     """theta (P,) of a linear block in coordinates in which the states have covariance 1 over the record."""
     m = block.split(theta)
     states = StateSpace(block.nx, 0, nu=block.nu, ny=block.nx, role="states")
-    X = Chain((states,)).outputs(
-        states.joined(
-            Matrices(m.A, m.B, np.eye(block.nx), np.zeros((block.nx, block.nu)), np.zeros(block.nx), *_no_net(states),
-                     m.x0)
-        ),
-        data.u,
-    )  # fmt: skip
+    bare = states.split(np.zeros(states.n_parameters))
+    X = Chain((states,)).outputs(states.joined(bare._replace(A=m.A, B=m.B, C=np.eye(block.nx), x0=m.x0)), data.u)
     if not np.all(np.isfinite(X)):
         return theta
     _, s, Vt = np.linalg.svd(X / np.sqrt(len(X)), full_matrices=False)
@@ -72,7 +66,7 @@ def subspace(nx: int, data: IOData, rows: int, canonical: bool) -> tuple[np.ndar
     past, future = signals[:, :rows], signals[:, rows:]
     parts = [future[:, :, :nu], past, future[:, :, nu:]]
     sizes = np.cumsum([rows * nu, rows * (nu + ny)])
-    R = np.linalg.qr(np.column_stack([p.reshape(len(H), -1) for p in parts]), mode="r").T
+    R = np.asarray(np.linalg.qr(np.column_stack([p.reshape(len(H), -1) for p in parts]), mode="r")).T
     middle, low = R[sizes[1] :, sizes[0] : sizes[1]], R[sizes[1] :, sizes[0] :]
     weight = np.eye(len(low))
     if canonical:
@@ -136,8 +130,3 @@ def _hankel(X: np.ndarray, rows: int) -> np.ndarray:
     """Windows of X (N, n) of `rows` samples, one a row (N - rows + 1, rows * n)."""
     windows = np.lib.stride_tricks.sliding_window_view(X, rows, axis=0)
     return np.swapaxes(windows, 1, 2).reshape(len(windows), -1)
-
-
-def _no_net(block: StateSpace) -> tuple[np.ndarray, ...]:
-    m = block.split(np.zeros(block.n_parameters))
-    return m.E, m.F, m.W, m.V, m.b

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import fdtri
 
 from sysid.base.errors import InputError
-from sysid.blocks import TransferFunction
+from sysid.blocks import StateSpace, TransferFunction
 from sysid.model.tangents import steady_curve, tangent, transfer
 from sysid.uncertainty.information import Information
 
@@ -112,8 +112,14 @@ def parameters(info: Information, level: float = 0.95) -> dict[str, Interval]:
 
 
 def poles(info: Information, level: float = 0.95) -> tuple[Root, ...]:
-    """Poles of every transfer function of the chain, in the order of `Fit.poles`."""
+    """Poles of every transfer function of the chain, in the order of `Fit.poles`; of a state space, the eigenvalues of
+    its tangent with the input at its centre.
+    """
     found = []
+    first = info.chain.blocks[0]
+    if isinstance(first, StateSpace):
+        own = tangent(info.chain, info.theta, float(first.scales()[0][0]))
+        return tuple(_roots(info, own.F, own.F_gradient, level))
     for b in _linear(info):
         own = transfer(info.chain, info.theta, b)
         found += _roots(info, own.F[: b.nf + 1], own.F_gradient[: b.nf + 1], level)
