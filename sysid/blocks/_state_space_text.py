@@ -1,4 +1,4 @@
-"""The nonlinear state space of one input and one output as C99, Python and equations."""
+"""The nonlinear state space as C99, Python and equations."""
 
 from typing import Any
 
@@ -7,91 +7,117 @@ import numpy as np
 from sysid.block.writing import Code, Writer, number
 
 
-def _tables(block: Any, theta: np.ndarray) -> dict[str, np.ndarray]:
-    m = block.split(theta)
-    tables = {"A": m.A, "B": m.B, "C": m.C, "E": m.E, "F": m.F, "W": m.W, "V": m.V, "b": m.b, "b0": np.tanh(m.b)}
-    return {name: np.ravel(part) for name, part in tables.items() if part.size}
-
-
-def _monomials(block: Any, x: str, u: str) -> list[str]:
-    """Each monomial as a product, state i as `x` with its number."""
-    names = [*(x.format(i) for i in range(block.nx)), *([u] * block.nu)]
-    return ["*".join(n for n, k in zip(names, row, strict=True) for _ in range(k)) for row in block.powers.tolist()]
-
-
 def c(block: Any, theta: np.ndarray) -> Code:
-    """One sample: the output, then the state."""
-    m, (u0, us, y0, ys) = block.split(theta), (float(v[0]) for v in block.scales())
-    nx, units, n = block.nx, block.units, block.features
-    lines = [f"const double u = (x - ({number(u0)})) / ({number(us)});", f"double y, next[{nx}];"]
+    """One sample: the outputs, then the state."""
+    nx, nu, ny, units, n = block.nx, block.nu, block.ny, block.units, block.features
+    one = block.channels == (1, 1)
+    inputs = ", ".join(_scaled(block, "x" if one else "x[{}]"))
+    lines = [f"const double u[{nu}] = {{{inputs}}};", f"double z[{ny}], next[{nx}];"]
     if n:
         lines.append(f"double f[{n}];")
     if units:
         lines += [
             f"for (int k = 0; k < {units}; ++k) {{",
-            "    double z = b[k];",
-            f"    for (int j = 0; j < {nx}; ++j) z += W[{nx} * k + j] * s[j];",
-            "    f[k] = tanh(z + V[k] * u) - b0[k];",
+            "    double v = b[k];",
+            f"    for (int j = 0; j < {nx}; ++j) v += W[{nx} * k + j] * s[j];",
+            f"    for (int j = 0; j < {nu}; ++j) v += V[{nu} * k + j] * u[j];",
+            "    f[k] = tanh(v) - b0[k];",
             "}",
         ]
-    lines += [f"f[{units + k}] = {v};" for k, v in enumerate(_monomials(block, "s[{}]", "u"))]
-    lines += [f"y = {number(m.d[0])} + ({number(m.D[0, 0])}) * u;", f"for (int j = 0; j < {nx}; ++j) y += C[j] * s[j];"]
-    if m.F.size:
-        lines.append(f"for (int k = 0; k < {n}; ++k) y += F[k] * f[k];")
-    lines += [
-        f"for (int i = 0; i < {nx}; ++i) {{",
-        "    next[i] = B[i] * u;",
-        f"    for (int j = 0; j < {nx}; ++j) next[i] += A[{nx} * i + j] * s[j];",
-        *([f"    for (int k = 0; k < {n}; ++k) next[i] += E[{n} * i + k] * f[k];"] if n else []),
-        "}",
-        f"for (int i = 0; i < {nx}; ++i) s[i] = next[i];",
-        f"return {number(y0)} + ({number(ys)}) * y;",
-    ]
-    return Code("\n".join(lines), nx, _tables(block, theta))
+    lines += [f"f[{units + k}] = {v};" for k, v in enumerate(_monomials(block))]
+    for to, first, rows, (own, through, more) in (
+        ("z", "d[i]", ny, ("C", "D", "F" if block.readout and n else "")),
+        ("next", "0.0", nx, ("A", "B", "E" if n else "")),
+    ):
+        lines += [
+            f"for (int i = 0; i < {rows}; ++i) {{",
+            f"    {to}[i] = {first};",
+            f"    for (int j = 0; j < {nu}; ++j) {to}[i] += {through}[{nu} * i + j] * u[j];",
+            f"    for (int j = 0; j < {nx}; ++j) {to}[i] += {own}[{nx} * i + j] * s[j];",
+            *([f"    for (int k = 0; k < {n}; ++k) {to}[i] += {more}[{n} * i + k] * f[k];"] if more else []),
+            "}",
+        ]
+    lines.append(f"for (int i = 0; i < {nx}; ++i) s[i] = next[i];")
+    outputs = _outputs(block)
+    lines += [f"return {outputs[0]};"] if one else [f"y[{j}] = {value};" for j, value in enumerate(outputs)]
+    return Code("\n".join(lines), nx, _tables(block, theta), channels=block.channels)
 
 
 def python(block: Any, theta: np.ndarray) -> Code:
-    """The same in Python."""
-    m, (u0, us, y0, ys) = block.split(theta), (float(v[0]) for v in block.scales())
-    nx, units, n = block.nx, block.units, block.features
-    lines = [f"u = (x - ({number(u0)})) / ({number(us)})", "f = []"]
+    """The same in Python; of several channels x and the value are lists."""
+    nx, nu, ny, units, n = block.nx, block.nu, block.ny, block.units, block.features
+    one = block.channels == (1, 1)
+
+    def product(table: str, width: int, row: str, of: str) -> str:
+        return f"sum({table}[{width} * {row} + j] * {of}[j] for j in range({width}))"
+
+    lines = [f"u = [{', '.join(_scaled(block, 'x' if one else 'x[{}]'))}]", "f = []"]
     if units:
-        look = f"sum(W[{nx} * k + j] * s[j] for j in range({nx}))"
-        lines.append(f"f += [math.tanh(b[k] + {look} + V[k] * u) - b0[k] for k in range({units})]")
+        look = f"b[k] + {product('W', nx, 'k', 's')} + {product('V', nu, 'k', 'u')}"
+        lines.append(f"f += [math.tanh({look}) - b0[k] for k in range({units})]")
     if len(block.powers):
-        lines.append(f"f += [{', '.join(_monomials(block, 's[{}]', 'u'))}]")
-    lines.append(f"y = {number(m.d[0])} + ({number(m.D[0, 0])}) * u + sum(C[j] * s[j] for j in range({nx}))")
-    if m.F.size:
-        lines.append(f"y += sum(F[k] * f[k] for k in range({n}))")
-    more = f" + sum(E[{n} * i + k] * f[k] for k in range({n}))" if n else ""
+        lines.append(f"f += [{', '.join(_monomials(block))}]")
+    seen = f" + {product('F', n, 'i', 'f')}" if block.readout and n else ""
+    moved = f" + {product('E', n, 'i', 'f')}" if n else ""
     lines += [
-        f"s[:] = [B[i] * u + sum(A[{nx} * i + j] * s[j] for j in range({nx})){more} for i in range({nx})]",
-        f"return {number(y0)} + ({number(ys)}) * y",
+        f"z = [d[i] + {product('D', nu, 'i', 'u')} + {product('C', nx, 'i', 's')}{seen} for i in range({ny})]",
+        f"s[:] = [{product('B', nu, 'i', 'u')} + {product('A', nx, 'i', 's')}{moved} for i in range({nx})]",
+        f"return {_outputs(block)[0] if one else '[' + ', '.join(_outputs(block)) + ']'}",
     ]
-    return Code("\n".join(lines), nx, _tables(block, theta))
+    return Code("\n".join(lines), nx, _tables(block, theta), channels=block.channels)
 
 
 def equations(block: Any, theta: np.ndarray, w: Writer) -> list[str]:
-    """One line for the output, one for each state, one for each unit; the input and the output are scaled."""
-    m, (u0, us, y0, ys) = block.split(theta), (float(v[0]) for v in block.scales())
-    x = [f"x{i}" for i in range(1, block.nx + 1)]
-    f = [f"f{k}" for k in range(1, block.units + 1)]
-    f += _named(block)
-    lines = [f"v(t) = ({w.sum([(1.0, f'{w.x}(t)'), (-u0, '')])})/{w.num(us)}, states and f at t"]
-    now = [(m.d[0], ""), *zip(m.C[0], x, strict=True), (m.D[0, 0], "v"), *zip(m.F[0], f, strict=False)]
-    lines.append(f"{w.y}(t) = {w.sum([(y0, '')])} + {w.num(ys)}*({w.sum(now)})")
-    for i in range(block.nx):
-        terms = [*zip(m.A[i], x, strict=True), (m.B[i, 0], "v"), *zip(m.E[i], f, strict=True)]
-        lines.append(f"  x{i + 1}(t+1) = {w.sum(terms)}")
+    """A line for each scaled input, output, state and unit; w names all inputs and outputs, separated by commas."""
+    m, (u0, us, y0, ys) = block.split(theta), block.scales()
+    x, f = _names("x", block.nx), [*_names("f", block.units), *_read(block)]
+    v = ["v"] if block.nu == 1 else _names("v", block.nu)
+    lines = [
+        f"{name}(t) = ({w.sum([(1.0, f'{signal}(t)'), (-centre, '')])})/{w.num(scale)}"
+        for name, signal, centre, scale in zip(v, w.x.split(", "), u0, us, strict=True)
+    ]
+    F = m.F if block.readout else np.zeros((block.ny, len(f)))
+    for o, signal in enumerate(w.y.split(", ")):
+        terms = [(m.d[o], ""), *zip(m.C[o], x, strict=True), *zip(m.D[o], v, strict=True), *zip(F[o], f, strict=True)]
+        lines.append(f"{signal}(t) = {w.num(y0[o])} + {w.num(ys[o])}*({w.sum(terms)}), states and features at t")
+    for i, name in enumerate(x):
+        terms = [*zip(m.A[i], x, strict=True), *zip(m.B[i], v, strict=True), *zip(m.E[i], f, strict=True)]
+        lines.append(f"  {name}(t+1) = {w.sum(terms)}")
     for k in range(block.units):
-        inside = w.sum([(m.b[k], ""), *zip(m.W[k], x, strict=True), (m.V[k, 0], "v")])
-        lines.append(f"  f{k + 1} = {w.sum([(-float(np.tanh(m.b[k])), '')])} + tanh({inside})")
+        inside = w.sum([(m.b[k], ""), *zip(m.W[k], x, strict=True), *zip(m.V[k], v, strict=True)])
+        lines.append(f"  f{k + 1} = tanh({inside}) - {w.num(float(np.tanh(m.b[k])))}")
     return lines
 
 
-def _named(block: Any) -> list[str]:
-    """Each monomial as it is read: x1^2*v."""
-    names = [*(f"x{i}" for i in range(1, block.nx + 1)), "v"]
+def _tables(block: Any, theta: np.ndarray) -> dict[str, np.ndarray]:
+    m = block.split(theta)
+    tables = {name: np.ravel(part) for name, part in m._asdict().items() if part.size and name != "x0"}
+    return tables | ({"b0": np.tanh(m.b)} if block.units else {})
+
+
+def _scaled(block: Any, x: str) -> list[str]:
+    u0, us, _, _ = block.scales()
+    return [f"({x.format(j)} - ({number(c)})) / ({number(s)})" for j, (c, s) in enumerate(zip(u0, us, strict=True))]
+
+
+def _outputs(block: Any) -> list[str]:
+    _, _, y0, ys = block.scales()
+    return [f"{number(c)} + ({number(s)}) * z[{j}]" for j, (c, s) in enumerate(zip(y0, ys, strict=True))]
+
+
+def _monomials(block: Any) -> list[str]:
+    """Each monomial as a product in code."""
+    names = [*(f"s[{i}]" for i in range(block.nx)), *(f"u[{j}]" for j in range(block.nu))]
+    return [" * ".join(n for n, k in zip(names, row, strict=True) for _ in range(k)) for row in block.powers.tolist()]
+
+
+def _names(letter: str, n: int) -> list[str]:
+    return [f"{letter}{i}" for i in range(1, n + 1)]
+
+
+def _read(block: Any) -> list[str]:
+    """Each monomial as people write it: x1^2*v."""
+    names = [*_names("x", block.nx), *(["v"] if block.nu == 1 else _names("v", block.nu))]
     return [
         "*".join(name if k == 1 else f"{name}^{k}" for name, k in zip(names, row, strict=True) if k)
         for row in block.powers.tolist()

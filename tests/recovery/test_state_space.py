@@ -9,6 +9,7 @@ import sysid
 from sysid import IOData
 from sysid.blocks import StateSpace
 from sysid.estimation.subspace import linear_state_space
+from sysid.export import closed_form
 from sysid.model.chain import Chain
 from sysid.model.tangents import steady_curve, tangent
 from sysid.structures import output_error, state_space
@@ -154,12 +155,31 @@ def test_units_signs_and_offsets_change_nothing(a, b, c, d):
 
 
 def test_exported_files_run_as_the_fit_does(tmp_path):
-    block = StateSpace(nx=3, units=4, degree=2, readout=True, u_scale=(-2.0,), y_centre=(5.0,), role="state")
-    theta = drawn(block, 13, size=0.02)
-    theta[block.places["x0"]] = 0.0
-    fit, u = made(Chain((block,)), theta), excitation()
-    agrees(python_run(fit, u), plainly(block, theta, u[:, None])[:, 0])
-    agrees(c_run(fit, u, tmp_path), plainly(block, theta, u[:, None])[:, 0])
+    one = StateSpace(nx=3, units=4, degree=2, readout=True, u_scale=(-2.0,), y_centre=(5.0,), role="state")
+    for block in (one, WIDE, StateSpace(nx=2, units=2, ny=3, role="state"), StateSpace(nx=1, units=0, nu=2)):
+        theta = drawn(block, 13, size=0.02)
+        theta[block.places["x0"]] = 0.0
+        fit, u = made(Chain((block,)), theta), excitation(block.nu)
+        expected = plainly(block, theta, u.reshape(len(u), -1))
+        expected = expected[:, 0] if block.ny == 1 else expected
+        agrees(python_run(fit, u), expected)
+        agrees(c_run(fit, u, tmp_path), expected)
+
+
+def test_the_equations_give_the_next_sample():
+    """What a person gets who types them in: the features, then the outputs and the next state."""
+    theta = drawn(WIDE, 15, size=0.02)
+    u, m = np.array([0.3, -0.9]), WIDE.split(theta)
+    lines = closed_form.text(made(Chain((WIDE,)), theta), None).replace("^", "**").replace("(t)", "").splitlines()[3:]
+    space = {"u1": u[0], "u2": u[1], **{f"x{i + 1}": v for i, v in enumerate(m.x0)}, "tanh": np.tanh}
+    formulas = dict(line.partition(", states")[0].strip().split(" = ") for line in lines)
+    for wanted in ("v", "f", "y", "x"):
+        found = {k: eval(v, space) for k, v in formulas.items() if k.startswith(wanted)}
+        space |= {k: v for k, v in found.items() if wanted != "x"}
+    y = plainly(WIDE, theta, u[None])[0]
+    np.testing.assert_allclose([space["y1"], space["y2"]], y, rtol=1e-12)
+    later = plainly(WIDE, WIDE.joined(m._replace(x0=np.array(list(found.values())))), u[None])
+    np.testing.assert_allclose(plainly(WIDE, theta, np.tile(u, (2, 1)))[1], later[0], rtol=1e-12)
 
 
 def test_tangent_is_the_free_run_s_answer_to_a_small_step():
