@@ -42,7 +42,8 @@ class StateSpace(Block):
     `degree`; F is there with `readout`. f(0, 0) = 0: with the input at its centre the state rests at 0. This is the
     polynomial nonlinear state space of Paduart et al. (2010, Automatica 46) with a network beside the polynomial. The
     eigenvalues of A stay within the unit circle; tanh is bounded, so a run without monomials stays bounded too. The
-    coordinates of the state are redundant (`symmetries`).
+    coordinates of the state are redundant (`symmetries`). `spread` is the size of a weight before a record is seen, and
+    `pace` how far the output moves in a sample (`kinks`).
     """
 
     nx: int = 2
@@ -69,6 +70,10 @@ class StateSpace(Block):
                 raise InputError(f"{name} of a state space is {values}; give {n} finite number(s), or none")
             if name.endswith("scale") and 0.0 in values:
                 raise InputError(f"{name} of a state space is {values}; give numbers that are not 0")
+
+        for name in ("pace", "spread"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise InputError(f"{name} of a state space is {getattr(self, name)!r}; give a positive number")
 
     @property
     def channels(self) -> tuple[int, int]:

@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from sysid.base.errors import unknown
 from sysid.blocks import StateSpace, static
 from sysid.model.chain import Chain
-from sysid.model.recipes import Map, Recipe, order, static_map
+from sysid.model.recipes import Map, Recipe, choice, number, order, static_map
+
+READOUTS = ("network", "linear")
 
 
 def state_space(
@@ -15,18 +18,22 @@ def state_space(
     output: Map | None = None,
     nu: int = 1,
     ny: int = 1,
-    readout: bool = False,
+    readout: str = "network",
+    spread: float = 0.3,
     **limits: Any,
 ) -> Chain:
-    """x(t+1) = A x + B u + E f(x, u), y = C x + D u + d: nx states, f of `units` tanh units and a polynomial.
+    """x(t+1) = A x + B u + E f(x, u), y = C x + D u + d + F f(x, u) with nx states, f of tanh units and a polynomial.
 
-    The polynomial has all monomials of the state and the input of degree 2 to `degree`. With `readout` f enters y too;
-    `output` is a static map behind, for one output. Signals are scaled by the record inside, so units and offsets do
-    not matter. It is the general model of a plant of which no structure is known; where a structure with fewer
-    parameters fits as well, that one extrapolates better. `limits` are the `fixed` and `bounds` of the chain, by
-    parameter.
+    The polynomial has all monomials of the state and the input of degree 2 to `degree`. readout is "network", or
+    "linear" for an output without F. `spread` is the size of the network's weights before the record is seen, on
+    signals of size 1: 1 lets it bend, 0.1 keeps it nearly linear where the record does not insist. `output` is a static
+    map behind, for one output. Signals are scaled by the record inside, so units and offsets do not matter. It is the
+    general model of a plant of which no structure is known; where a structure with fewer parameters fits as well, that
+    one extrapolates better. `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
-    block = StateSpace(nx, units, degree, readout, nu, ny, role="state")
+    if readout not in READOUTS:
+        raise unknown("readout", readout, READOUTS)
+    block = StateSpace(nx, units, degree, readout == "network", nu, ny, spread=spread, role="state")
     blocks = (block,) if output is None else (block, static(output, "output"))
     return Chain(blocks, structure="state_space", **limits)
 
@@ -39,7 +46,9 @@ class NonlinearStateSpace(Recipe):
     nx: int = order(2, "states", least=1)
     units: int = order(5, "units of the network")
     degree: int = order(0, "degree of the polynomial of state and input, 0 for none")
+    readout: str = choice("network", "what the output of a state space sees beside states and input", READOUTS)
+    spread: float = number(0.3, "size of the weights of a state space's network before the record is seen", unit="")
     output_map: str | None = static_map("output map", "static map after the state space")
 
     def model(self) -> Chain:
-        return state_space(self.nx, self.units, self.degree, self.output_map)
+        return state_space(self.nx, self.units, self.degree, self.output_map, readout=self.readout, spread=self.spread)
