@@ -1,6 +1,6 @@
 """Nonlinear state space: a linear one with a tanh network or a polynomial in its state equation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from sysid.base.errors import unknown
@@ -9,6 +9,7 @@ from sysid.model.chain import Chain
 from sysid.model.recipes import Map, Recipe, choice, number, order, static_map
 
 READOUTS = ("network", "linear")
+_STATES, _FEW, _MANY, _FACTOR = 6, 5, 20, 3.0  # how far a structure search goes, and in which steps
 
 
 def state_space(
@@ -43,6 +44,11 @@ class NonlinearStateSpace(Recipe):
     """Settings of `state_space`."""
 
     name: ClassVar[str] = "state_space"
+    rungs: ClassVar[tuple[dict[str, Any], ...]] = (
+        *({"nx": nx, "units": 5} for nx in (1, 2, 3, 4)),
+        {"nx": 2, "units": 5, "readout": "linear"},
+        {"nx": 2, "units": 0, "degree": 3, "readout": "linear"},
+    )
     nx: int = order(2, "states", least=1)
     units: int = order(5, "units of the network")
     degree: int = order(0, "degree of the polynomial of state and input, 0 for none")
@@ -52,3 +58,12 @@ class NonlinearStateSpace(Recipe):
 
     def model(self) -> Chain:
         return state_space(self.nx, self.units, self.degree, self.output_map, readout=self.readout, spread=self.spread)
+
+    def neighbours(self) -> "tuple[NonlinearStateSpace, ...]":
+        """One state more or less, twice or half the units, the other readout, a network that bends more or less."""
+        steps: list[dict[str, Any]] = [{"nx": self.nx + 1}, {"nx": self.nx - 1}]
+        if not self.degree:
+            steps += [{"units": n} for n in (2 * self.units or _FEW, self.units // 2) if n <= _MANY]
+            steps += [{"spread": factor * self.spread} for factor in (1 / _FACTOR, _FACTOR)]
+        steps.append({"readout": READOUTS[1 - READOUTS.index(self.readout)]})
+        return tuple(replace(self, **step) for step in steps if 1 <= step.get("nx", self.nx) <= _STATES)

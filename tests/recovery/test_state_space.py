@@ -107,6 +107,7 @@ def test_a_noise_free_linear_plant_of_several_channels_is_found_exactly():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_without_features_its_optimum_is_that_of_output_error(seed):
+    """And so are its poles and zeros, and how sure they are."""
     rng = np.random.default_rng([20, seed])
     F = np.poly(rng.uniform(0.5, 0.95, 2))
     u = np.repeat(rng.normal(size=300), 3)
@@ -116,6 +117,9 @@ def test_without_features_its_optimum_is_that_of_output_error(seed):
     ours = sysid.fit(state_space(2, 0, readout="linear", fixed={"state.d1": 0.0}), data)
     theirs = sysid.fit(output_error(3, 2, 0), data)
     assert ours.criteria.loss == pytest.approx(theirs.criteria.loss, rel=1e-4)
+    for found, wanted in ((ours.poles, theirs.poles), (ours.zeros, theirs.zeros)):
+        np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(wanted), rtol=0.02)
+    np.testing.assert_allclose(np.sort(ours.pole_std), np.sort(theirs.pole_std), rtol=0.1)
 
 
 def tank(u, seed, noise):
