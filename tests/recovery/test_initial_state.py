@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import sysid
 from sysid import IOData
 from sysid.bench.drawing.linear import linear
 from sysid.bench.drawing.signals import excitation
@@ -108,7 +109,7 @@ def test_the_unit_of_the_output_changes_nothing():
 
 def test_filters_of_different_lengths_have_a_common_initial_state():
     """A Wiener-Hammerstein chain whose filters remember 2 and 6 samples, at rest in a window of ten."""
-    chain = structures.wiener_hammerstein(1, 2, 0, 2, 2, 4)
+    chain = sysid.structures.wiener_hammerstein(1, 2, 0, 2, 2, 4)
     rng = np.random.default_rng(3)
     u = rng.standard_normal(800)
     theta = np.array(
