@@ -9,6 +9,8 @@ from scipy.signal import lfilter
 import sysid
 from sysid.base.errors import InputError
 from sysid.data.preprocess import detrend
+from sysid.selection.folds import Fold, folds
+from sysid.selection.judge import Effort, Job, judge
 from sysid.selection.select import select
 from sysid.selection.space import Space
 from sysid.structures import ActuatedJoint, Hammerstein, HammersteinWiener, OutputError
@@ -58,16 +60,40 @@ def test_larger_equals_are_named_and_passed_over():
     assert not linear.equal
 
 
-def test_every_half_is_judged_by_the_model_of_the_other():
+def test_each_part_is_judged_by_the_model_of_the_other():
     """The plant turns its sign after half the record, noise-free: a model of one half says the other's negative, an
     error of twice the output and so -100 %; on its own half it would reach 100 %."""
     u = np.repeat(np.random.default_rng(2).choice([-1.0, 1.0], 240) * np.tile([1.0, 2.0], 120), 5)
     first, second = np.split(u, 2)
     y = np.concatenate([lfilter([0, 0.5], [1, -0.8], first), lfilter([0, -0.5], [1, -0.8], second)])
-    space = Space(nb=(1,), nf=(1,), nk=(1,), input=("unit_gain",), output=("unit_gain",), structures=("output_error",))
-    found = select(sysid.IOData(u, y, 0.1), space, jobs=1)
-    row = next(r for r in found.rows if r.candidate == OutputError(1, 1, 1, offset="free"))
+    one, other = sysid.IOData(u, y, 0.1).split(0.5)
+    parts = Fold(one, other, 50), Fold(other, one, 50)
+    row = judge(Job(OutputError(1, 1, 1), parts, Effort(1, 50), "auto", 0, 1, whole=True))
     assert row.fit_percent == pytest.approx(-100.0, abs=10.0)
+
+
+def test_both_parts_of_a_record_meet_what_only_its_first_half_shows():
+    """Positive levels stand in the first half alone, negative ones in the second: halves would judge every model beyond
+    its data. No sample is in both parts, and none is lost."""
+    levels = np.random.default_rng(0).uniform(0.2, 1.0, 80) * np.repeat([1.0, -1.0], 40)
+    u = np.repeat(levels, 20)
+    record = sysid.IOData(u, lfilter([0, 0.2], [1, -0.8], u), 0.1)
+    first, second = folds(record)
+    for fold in (first, second):
+        for part in (fold.estimation, fold.unseen):
+            assert part.y.min() < -0.7
+            assert part.y.max() > 0.7
+        both = np.concatenate([fold.estimation.y, fold.unseen.y])
+        np.testing.assert_array_equal(np.sort(both, axis=0), np.sort(record.y, axis=0))
+    np.testing.assert_array_equal(first.estimation.y, second.unseen.y)
+
+
+def test_a_record_whose_halves_show_the_same_is_halved_and_experiments_stay_apart():
+    u = np.tile(np.repeat(np.random.default_rng(0).uniform(-1, 1, 40), 20), 2)
+    record = sysid.IOData(u, lfilter([0, 0.2], [1, -0.8], u), 0.1)
+    assert [fold.estimation.lengths for fold in folds(record)] == [(800,), (800,)]
+    two = sysid.IOData.merge(*record.split(0.5))
+    assert [fold.unseen.lengths for fold in folds(two)] == [(800,), (800,)]
 
 
 def joint_record(N=1000, seed=0):
