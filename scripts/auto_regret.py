@@ -125,9 +125,8 @@ def main() -> None:
         for note in found.notes:
             print(f"    {note}")
     within = sum(r <= WITHIN for r in regrets)
-    print(
-        f"within {WITHIN:g} point: {within} of {len(regrets)}; median {np.median(regrets):.2f}, worst {max(regrets):.2f}"
-    )
+    middle, worst = np.median(regrets), max(regrets)
+    print(f"within {WITHIN:g} point: {within} of {len(regrets)}; median {middle:.2f}, worst {worst:.2f}")
 
 
 if __name__ == "__main__":
