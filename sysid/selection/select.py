@@ -1,16 +1,16 @@
 """Structure search: every structure, cross-validated in free run within a budget of seconds, parallel, resumable.
 
 Round 1: linear models of all orders and delays, which cost little, and the first settings of every structure that has
-some of its own. Round 2: every pair of maps around the few best orders. Both use one or two starts, and the first part
-of every block of a long record. Round 3: the best of every structure and the best others, with many starts on the
-whole record. Round 4 and later: what lies around the best ones (orders, delays, knots and maps), until nothing there is
-better. Each candidate is fitted to one part of the record and judged on the other, and vice versa, so the winner is
-chosen on unseen data; `sysid.selection.folds` makes the parts.
+some of its own. Round 2: every pair of maps around the best orders, and the best pairs around the next ones. Both use
+few starts, and the first part of every block of a long record. Round 3: the best of every structure and the best
+others, with many starts on the whole record. Round 4 and later: what lies around the best ones (orders, delays, knots
+and maps), until nothing there is better. Each candidate is fitted to one part of the record and judged on the other,
+and vice versa, so the winner is chosen on unseen data; `sysid.selection.folds` makes the parts.
 """
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -86,7 +86,11 @@ def _rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:
     take(work.judge(1, [*first, *space.ladders(data)], cheap, _SCREENING, short=True))
     linear = sorted((judged[c] for c in grid if c in judged), key=_by_fit)
     orders = [{name: r.candidate.orders[name] for name in ORDERS} for r in linear if np.isfinite(r.fit_percent)]
-    take(work.judge(2, space.around(orders[: space.kept_orders]), Effort(1, 30, cheap.seconds), _SCREENING, short=True))
+    brief = Effort(1, 30, cheap.seconds)
+    mapped = work.judge(2, space.around(orders[:1]), brief, _SCREENING, short=True)
+    few = sorted(mapped, key=_by_fit)[: -(-len(mapped) // 3)]
+    more = [replace(r.candidate, **o) for o in orders[1 : space.kept_orders] for r in few]
+    take([*mapped, *work.judge(2, more, brief, _SCREENING, short=True)])
     take(work.judge(3, _leaders(judged), full, _LEADING))
     decided = {c for c, r in judged.items() if r.round >= 3}
     for k in range(_CLIMBS):
