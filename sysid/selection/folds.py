@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -12,13 +13,19 @@ COUNTS = (2, 3, 4, 5, 6, 7, 8, 10)  # blocks that are tried
 _SHORTEST = 100  # samples of a block of a record that allows more than two
 _BALANCE = 0.35  # least share of the samples in each part
 _PRICE = 0.01  # of the coverage that one more block must bring: every block loses the samples of its initial state
+_MARGIN = 0.02  # of the range of the output, by which a sample may be beyond it
+_LEAST = 0.3  # share of the unseen samples that must remain to judge
+_CLOSE = 6  # choices of blocks, of each count, whose folds are compared
 _BINS, _CELLS = 12, 5  # of each signal, and of each in the plane of both
 
 
 @dataclass(frozen=True)
 class Fold:
-    """A part to fit, and the unseen part that judges the fit; the first `skip` samples of each unseen experiment give
-    its initial state and are not judged.
+    """A part to fit, and the unseen part that judges the fit.
+
+    The first `skip` samples of each unseen experiment give its initial state and are not judged. Neither is what
+    follows once its output leaves the range of the part to fit: an end that a record meets once cannot be in both
+    parts, no model could know it, and a plant that integrates carries the error on.
     """
 
     estimation: IOData
@@ -28,8 +35,27 @@ class Fold:
     @property
     def judged(self) -> np.ndarray:
         """True (N,) for the unseen samples that count."""
+        known = self._after & self.known
+        return known if known.sum() >= _LEAST * self._after.sum() else self._after
+
+    @property
+    def lost(self) -> float:
+        """The share of the unseen samples that cannot be judged."""
+        return 1.0 - float((self._after & self.known).mean())
+
+    @property
+    def _after(self) -> np.ndarray:
         after = np.concatenate([np.arange(n) >= self.skip for n in self.unseen.lengths])
         return after & self.unseen.observed[:, 0]
+
+    @cached_property
+    def known(self) -> np.ndarray:
+        """True (N,) up to the sample of each unseen experiment whose output leaves the range of the part to fit."""
+        y = self.estimation.y[self.estimation.observed[:, 0], 0]
+        margin = _MARGIN * float(np.ptp(y))
+        left = (self.unseen.y[:, 0] < y.min() - margin) | (self.unseen.y[:, 0] > y.max() + margin)
+        ends = np.cumsum(self.unseen.lengths)[:-1]
+        return np.concatenate([np.cumsum(part) == 0 for part in np.split(left, ends)])
 
     def shortened(self, samples: int) -> "Fold":
         """The same with the first part of every experiment only, about `samples` to fit and `samples` to judge."""
@@ -43,7 +69,7 @@ def folds(data: IOData) -> tuple[Fold, Fold]:
     The parts are contiguous halves where both meet all levels and ends of the record, else as few interleaved blocks
     as let them; whole experiments are blocks. Raises InputError for a record that is too short to be halved.
     """
-    best: tuple[float, tuple[IOData, IOData]] | None = None
+    best: tuple[float, tuple[Fold, Fold]] | None = None
     marks = _marks(data)
     for count in COUNTS:
         cuts = _cuts(data, count)
@@ -53,14 +79,17 @@ def folds(data: IOData) -> tuple[Fold, Fold]:
         met = np.array([np.bincount(np.concatenate(marks[start:stop]), minlength=_SIZE) for start, stop in cuts])
         chosen = _halves(lengths)
         missed = [_missed(met, part) + _PRICE * _pieces(part, cuts, data) for part in chosen]
-        if not missed:
-            continue
-        k = int(np.argmin(missed))
-        if best is None or missed[k] < best[0] - 1e-12:
-            best = missed[k], (_merged(data, cuts, chosen[k]), _merged(data, cuts, ~chosen[k]))
+        for k in np.argsort(missed, kind="stable")[:_CLOSE]:
+            pair = _pair(_merged(data, cuts, chosen[k]), _merged(data, cuts, ~chosen[k]))
+            cost = missed[k] + float(np.mean([fold.lost for fold in pair]))
+            if best is None or cost < best[0] - 1e-12:
+                best = cost, pair
     if best is None:
         raise InputError(f"the record has {data.N} samples in {len(data.lengths)} experiment(s); give a longer one")
-    first, second = best[1]
+    return best[1]
+
+
+def _pair(first: IOData, second: IOData) -> tuple[Fold, Fold]:
     return Fold(first, second, _skip(second)), Fold(second, first, _skip(first))
 
 

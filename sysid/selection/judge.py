@@ -8,7 +8,9 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
+from sysid.estimation.fit import fit_chain
 from sysid.estimation.result import Fit
+from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
 from sysid.nlarx.dispatch import fit as fit_model
 from sysid.nlarx.result import NlarxFit
@@ -50,8 +52,18 @@ def fitted(c: Recipe, data: IOData, search: str, seed: int, effort: Effort, dead
     """The candidate fitted to a record that is on its own scale."""
     options = Options(max_iterations=effort.iterations, max_seconds=effort.seconds, deadline=deadline)
     method = c.auto if search == "auto" else search
-    starts = max(effort.starts, c.least_starts)
-    return fit_model(c.model(), data, search=method, starts=starts, seed=seed, options=options)
+    starts, model = max(effort.starts, c.least_starts), c.model()
+    found = fit_model(model, data, search=method, starts=starts, seed=seed, options=options)
+    if starts == 1 or len(data.lengths) == 1 or not isinstance(model, Chain):
+        return found
+    # Several experiments, with an initial state each, have more local optima than the longest of them alone.
+    longest = max(data.experiments, key=lambda e: e.N)
+    try:
+        alone = fit_chain(model, longest, search=method, starts=starts, seed=seed, options=options)
+        again = fit_chain(model, data, search=method, start=alone.theta, options=options)
+    except InputError:
+        return found
+    return again if again.criteria.loss < found.criteria.loss else found
 
 
 def _fits(job: Job, deadline: float) -> list[AnyFit]:
