@@ -16,6 +16,7 @@ from sysid.solver.iterate import Options
 
 _BELOW = 2.0  # points of fit by which the fit to all the data may be below that on unseen data
 _TRIED = 3  # candidates
+_USUAL = 0.6  # of the time, for the fit from the usual starts
 
 
 def final_fit(
@@ -53,11 +54,11 @@ def final_fit(
 def _fit(row: Row, data: IOData, search: str, seed: int, effort: Effort) -> AnyFit:
     """The better of a fit from the usual starts and one from the fits to the parts."""
     model = row.candidate.model()
-    usual = fitted(row.candidate, data, search, seed, effort)
+    usual = fitted(row.candidate, data, search, seed, replace(effort, seconds=_USUAL * effort.seconds))
     if not isinstance(model, Chain) or not isinstance(usual, Fit) or not row.thetas:
         return usual
     method = row.candidate.auto if search == "auto" else search
-    options = Options(max_iterations=effort.iterations, max_seconds=effort.seconds)
+    options = Options(max_iterations=effort.iterations, max_seconds=(1.0 - _USUAL) * effort.seconds)
     points = np.array([theta for theta in row.thetas if len(theta) == len(usual.theta)])
     try:
         again = fit_chain(model, data, search=method, seed=seed, options=options, start=points)
