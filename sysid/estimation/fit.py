@@ -2,72 +2,36 @@
 
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from sysid.base.criteria import criteria
-from sysid.base.errors import InputError, unknown
-from sysid.base.threads import available, one_blas_thread
+from sysid.base.errors import InputError
+from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.objective import Objective, spread
+from sysid.estimation.objective import Objective
+from sysid.estimation.portfolio.points import applies
 from sysid.estimation.problem import ChainProblem
+from sysid.estimation.race import ENOUGH, Raced, Run, noise_of, portfolio, race, with_curvature_weight
 from sysid.estimation.result import Fit, check_channels
 from sysid.estimation.starts import starts as make_starts
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance
-from sysid.solver.iterate import Options, Outcome, iterate
+from sysid.solver.iterate import Options, Outcome
 from sysid.solver.searches import search as make_search
 
-# Every start gets a few iterations, then only the best go on: a start that is far behind by then seldom wins.
-# The first iterations always use Levenberg-Marquardt, the most reliable search far from an optimum.
-_TRIAL, _TRIAL_SEARCH, _LEADERS = 15, "lm", 2
+AUTO = "auto"
+_USUAL = 5  # starts of a chain for which there is no portfolio
 _PASSES = 4  # the standard deviation of the residuals converges within this many
-
-
-@dataclass(frozen=True)
-class _Run:
-    """The data that all starts of one fit share."""
-
-    model: Chain
-    data: IOData
-    objective: Objective
-    search: str
-    options: Options
-    progress: Callable[[str], None] | None
-    huber_threshold: float = np.inf
-
-    def problem(self, thetas: np.ndarray) -> ChainProblem:
-        """The problem around thetas (K, P)."""
-        prior_weight, nominal = _ridge(self.model, self.objective)
-        return ChainProblem(
-            self.model,
-            thetas,
-            self.data.experiments,
-            self.model.free,
-            self.huber_threshold,
-            prior_weight,
-            nominal,
-            weights=np.array(self.objective.weights or (1.0,)),
-        )
-
-    def iterate(self, problem: ChainProblem, p: np.ndarray, options: Options, search: str = "") -> Outcome:
-        """One search, by default with the requested method."""
-        outcome = iterate(problem, p, make_search(search or self.search), options)
-        problem.scratch.clear()  # otherwise each of several starts of a long record would keep a Jacobian
-        if self.progress is not None:
-            loss = outcome.cost / max(int(self.data.observed.sum()), 1)
-            self.progress(f"{self.model.structure}: loss {loss:.4g} after {outcome.stop.iterations} iterations")
-        return outcome
 
 
 def fit_chain(
     model: Chain,
     data: IOData,
     search: str = "auto",
-    starts: int = 5,
+    starts: int | str = AUTO,
     seed: int = 0,
     options: Options | None = None,
     start: np.ndarray | None = None,
@@ -76,26 +40,13 @@ def fit_chain(
 ) -> Fit:
     """Fit a chain to a record; see `sysid.fit` for the arguments and errors."""
     began = time.perf_counter()
-    run = _Run(
-        model, data, objective or Objective(), make_search(search).name, (options or Options()).begun(), progress
-    )
+    run = Run(model, data, objective or Objective(), make_search(search).name, (options or Options()).begun(), progress)
     _check(model, data, run.objective)
-    if starts < 1:
-        raise InputError(f"starts is {starts}; give at least 1")
+    if starts != AUTO and (isinstance(starts, str) or starts < 1):
+        raise InputError(f"starts is {starts!r}; give {AUTO!r} or a number of at least 1")
     with one_blas_thread():
-        points = _own_starts(model, start) if start is not None else make_starts(model, data, starts, seed)
-        problems = [run.problem(with_initial_states(model, theta, data)) for theta in points]
-        problems = _with_curvature_weight(run, problems)
-        outcomes = _race(run, problems)
-        costs = [o.cost for o in outcomes]
-        best = int(np.argmin(costs))
-        if not np.isfinite(costs[best]):
-            raise InputError(
-                f"none of {len(points)} start(s) gives a valid model: {outcomes[best].stop.reason}; "
-                "detrend the data or lower the orders"
-            )
-        problem, outcome = problems[best], outcomes[best]
-        problem, outcome = _follow_noise(run, problem, outcome)
+        raced = _raced(run, starts, seed, start)
+        problem, outcome = _follow_noise(run, raced.problem, raced.outcome)
         theta, cov, d = problem.thetas(outcome.p)[0], problem.covariance(outcome.p), problem.count(outcome.p)
     N = int(data.observed.sum())
     e, plain = problem.bare.residual(outcome.p), problem.plain.residual(outcome.p)
@@ -109,8 +60,10 @@ def fit_chain(
         covariance=cov,
         stop=outcome.stop,
         history=outcome.history,
-        warnings=_warnings(model, theta, cov, outcome),
-        losses=tuple(c / N for c in costs),
+        warnings=_warnings(model, theta, cov, outcome) + _alone(raced),
+        losses=tuple(c / N for c in raced.costs),
+        members=raced.members,
+        agreed=raced.agreed,
         seconds=time.perf_counter() - began,
         search=run.search,
         n_init=_n_init(model, data),
@@ -118,25 +71,42 @@ def fit_chain(
     )
 
 
-def _race(run: _Run, problems: list[ChainProblem]) -> list[Outcome]:
-    if len(problems) == 1:
-        return [run.iterate(problems[0], problems[0].start, run.options)]
-    trial = replace(run.options, max_iterations=min(_TRIAL, run.options.max_iterations))
-    # Threads, not processes: the loops over samples release the interpreter's lock, and no data are copied.
-    with ThreadPoolExecutor(min(len(problems), available())) as pool:
-        outcomes = list(pool.map(lambda problem: run.iterate(problem, problem.start, trial, _TRIAL_SEARCH), problems))
-        leaders = [int(k) for k in np.argsort([o.cost for o in outcomes], kind="stable")[:_LEADERS]]
-        ends = list(pool.map(lambda k: run.iterate(problems[k], outcomes[k].p, run.options), leaders))
-    for k, end in zip(leaders, ends, strict=True):
-        outcomes[k] = outcomes[k].then(end)
-    return outcomes
+def _raced(run: Run, starts: int | str, seed: int, start: np.ndarray | None) -> Raced:
+    """The best of the given starts, of the portfolio where there is one for this chain, or of its own starts."""
+    if start is None and applies(run.model):
+        found = portfolio(run, seed, None if isinstance(starts, str) else starts)
+        if found is not None:
+            return found
+    count = _USUAL if isinstance(starts, str) else starts
+    points = _own_starts(run.model, start) if start is not None else make_starts(run.model, run.data, count, seed)
+    problems = [run.problem(with_initial_states(run.model, theta, run.data)) for theta in points]
+    problems = with_curvature_weight(run, problems)
+    outcomes = race(run, problems)
+    costs = [o.cost for o in outcomes]
+    best = int(np.argmin(costs))
+    if not np.isfinite(costs[best]):
+        raise InputError(
+            f"none of {len(points)} start(s) gives a valid model: {outcomes[best].stop.reason}; "
+            "detrend the data or lower the orders"
+        )
+    return Raced(problems[best], outcomes[best], tuple(costs))
 
 
-def _follow_noise(run: _Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
+def _alone(raced: Raced) -> tuple[str, ...]:
+    """A warning where the portfolio ended without agreement."""
+    if not raced.members or len(raced.members) < ENOUGH or raced.agreed >= ENOUGH:
+        return ()
+    return (
+        f"only one of {len(raced.members)} starts came to this loss: a better optimum may exist; give more starts, for "
+        f"example starts={4 * len(raced.members)}",
+    )
+
+
+def _follow_noise(run: Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
     """Continue the search while Huber's threshold and the curvature weight follow the spread of the residuals."""
     threshold, curvature = run.objective.huber_threshold, run.objective.curvature_weight
     for _ in range(_PASSES):
-        noise = _noise(problem, outcome.p, threshold is not None)
+        noise = noise_of(problem, outcome.p, threshold is not None)
         # A rough curvature weight is sufficient; the threshold needs a little more accuracy.
         steady = threshold is None or abs(problem.huber_threshold / threshold - noise) < 0.05 * noise
         known = problem.curvature_weight
@@ -146,25 +116,6 @@ def _follow_noise(run: _Run, problem: ChainProblem, outcome: Outcome) -> tuple[C
         problem = replace(problem, huber_threshold=huber, curvature_weight=curvature * noise if known else 0.0)
         outcome = outcome.then(run.iterate(problem, outcome.p, run.options))
     return problem, outcome
-
-
-def _with_curvature_weight(run: _Run, problems: list[ChainProblem]) -> list[ChainProblem]:
-    """The problems with one curvature weight, from the smallest residuals of any start."""
-    weight, kinks = run.objective.curvature_weight, len(run.model.kinks(problems[0].theta0[0])[0])
-    if not weight or not kinks:
-        return problems
-    noise = min(_noise(problem, problem.start, False) for problem in problems)
-    if not np.isfinite(noise):
-        return problems
-    return [replace(problem, curvature_weight=weight * noise) for problem in problems]
-
-
-def _noise(problem: ChainProblem, p: np.ndarray, robust: bool) -> float:
-    """Standard deviation of the residuals at p; infinite if the model is invalid, never exactly zero."""
-    e = replace(problem.bare, huber_threshold=np.inf).residual(p)
-    if e is None or not np.all(np.isfinite(e)):
-        return np.inf
-    return max(spread(e) if robust else float(np.std(e)), 1e-12 * np.sqrt(problem.size / len(e)))
 
 
 def _n_init(model: Chain, data: IOData) -> int:
@@ -185,17 +136,6 @@ def _own_starts(model: Chain, start: np.ndarray) -> list[np.ndarray]:
             "several such rows"
         )
     return list(points)
-
-
-def _ridge(model: Chain, objective: Objective) -> tuple[np.ndarray | None, np.ndarray | None]:
-    if not objective.ridge:
-        return None, None
-    for name in objective.nominal:
-        if name not in model.names:
-            raise unknown("parameter", name, model.names)
-    nominal = np.array([objective.nominal.get(name, 0.0) for name in model.names])
-    size = np.where(nominal != 0.0, np.abs(nominal), 1.0)
-    return np.where(model.free & ~model.initial, np.sqrt(objective.ridge) / size, 0.0), nominal
 
 
 def _check(model: Chain, data: IOData, objective: Objective) -> None:

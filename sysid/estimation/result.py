@@ -50,6 +50,8 @@ class Fit:
     search: str
     n_init: int
     u_span: tuple[float, float] = field(default=(0.0, 0.0))  # range of the input in the estimation data
+    members: tuple[str, ...] = ()  # where each start of the portfolio came from
+    agreed: int = 0  # independent starts of the portfolio that came to this optimum
 
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
         """Free run: (N,) for one output, else (N, ny). For a record, the initial state of each experiment is fitted to
@@ -149,7 +151,7 @@ class Fit:
                 "zeros": [{"re": z.real, "im": z.imag} for z in self.zeros.tolist()],
                 "parameters": [vars(p) for p in self.parameters],
                 "stop": vars(self.stop),
-                "starts": {"losses": list(self.losses)},
+                "starts": {"losses": list(self.losses), "members": list(self.members), "agreed": self.agreed},
                 "warnings": list(self.warnings),
                 "seconds": self.seconds,
             }

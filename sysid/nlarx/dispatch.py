@@ -29,7 +29,7 @@ def fit(
     model: Chain | Nlarx,
     data: IOData,
     search: str = "auto",
-    starts: int = 5,
+    starts: int | str = "auto",
     seed: int = 0,
     options: Options | None = None,
     start: np.ndarray | None = None,
@@ -38,15 +38,16 @@ def fit(
 ) -> Fit | NlarxFit:
     """Fit a chain to a record of one or several merged experiments by least squares on its free-run output.
 
-    search: a name of `sysid.solver.searches.TABLE`; starts: how many starting points, the first from a linear model,
-    the others varied with `seed`; start (P,) or (K, P): one or several starting points to use instead; objective:
-    Huber's threshold, ridge, output weights, and the curvature weight that prevents kinks of free maps without data
-    (on by default: `Objective`). Equal seeds give equal numbers for any number of threads. Raises InputError for a
-    record that is too short, has other channels than the model, or has a constant input or output. For an Nlarx,
-    `sysid.fit_nlarx` does the fit.
+    search: a name of `sysid.solver.searches.TABLE`; starts: "auto", which goes on until two independent starts agree
+    (`Fit.agreed`) or three rounds are over, or how many starting points; `seed` draws them; start (P,) or (K, P): one
+    or several starting points to use instead; objective: Huber's threshold, ridge, output weights, and the curvature
+    weight that prevents kinks of free maps without data (on by default: `Objective`). Equal seeds give equal numbers
+    for any number of threads. Raises InputError for a record that is too short, has other channels than the model, or
+    has a constant input or output. For an Nlarx, `sysid.fit_nlarx` does the fit.
     """
     if isinstance(model, Nlarx):
         if start is not None or objective is not None:
             raise InputError("a nonlinear ARX model takes no start and no objective; leave them out or see fit_nlarx")
-        return fit_nlarx(model, data, search=search, starts=starts, seed=seed, options=options, progress=progress)
+        count = 5 if isinstance(starts, str) else starts
+        return fit_nlarx(model, data, search=search, starts=count, seed=seed, options=options, progress=progress)
     return fit_chain(model, data, search, starts, seed, options, start, objective, progress)

@@ -1,0 +1,152 @@
+"""How often the default fit reaches the optimum: drawn plants, loss over that of fits begun at the truth.
+
+Plants have orders 1 to 4, maps of eleven families, N 1000 to 4000, 10 to 60 dB. The model has the true orders and the
+structure's default maps, or with --own the plant's own maps. Fits from the truth begin at the true filters, with the
+break points at quantiles and at the true kinks; the best of them is the reference.
+
+    python scripts/global_optimum.py --seeds 0:20 --structures wiener hammerstein_wiener
+"""
+
+import argparse
+import json
+import sys
+import time
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from sysid.bench.drawing.plants import CHAINS, Plant, chain, scaled
+from sysid.bench.drawing.signals import INPUTS, excitation
+from sysid.blocks import PiecewiseLinear
+from sysid.data.record import IOData
+from sysid.estimation.fit import fit_chain
+from sysid.estimation.result import Fit
+from sysid.model.chain import Chain
+from sysid.structures import TABLE
+
+
+def drawn(structure: str, seed: int) -> tuple[Plant, IOData, float, str]:
+    """A plant, its record, the noise variance, and what was drawn."""
+    rng = np.random.default_rng([seed, zlib.crc32(structure.encode()), 13])
+    N, kind = int(rng.integers(1000, 4001)), str(rng.choice(INPUTS))
+    u = excitation(kind, N, rng)
+    plant = None
+    while plant is None:
+        plant = scaled(chain(structure, N, rng), u)
+    y, snr = plant.run(u), rng.uniform(10.0, 60.0)
+    size = float(y.std()) * 10 ** (-snr / 20)
+    return plant, IOData(u, y + size * rng.standard_normal(N), 1.0), size**2, f"{plant.given}; {kind} {N}, {snr:.0f} dB"
+
+
+def model_of(plant: Plant) -> Chain:
+    nb, nf, nk = plant.orders
+    made = {"nk2": 0} if plant.chain.structure == "wiener_hammerstein" else {}
+    found = TABLE[plant.chain.structure](nb=nb, nf=nf, nk=nk).model()
+    assert not made or found.dynamics[1][1].nk == 0
+    return found
+
+
+def from_truth(plant: Plant, model: Chain, data: IOData) -> float:
+    """The smallest loss of fits that begin at the true filters and curves."""
+    starts = []
+    for way in ("quantiles", "kinks", "even"):
+        theta, x = [], data.u[:, 0]
+        for true, block in zip(plant.chain.blocks, model.blocks, strict=True):
+            part = plant.theta[plant.chain.index(true)]
+            if (isinstance(block, PiecewiseLinear) and not isinstance(true, PiecewiseLinear)) or block != true:
+                places = _places(true, part, x, block.knots, way)
+                theta.append(np.concatenate([places, true.output(part, places)]))
+            else:
+                theta.append(part)
+            x = true.output(part, x)
+        starts.append(np.concatenate(theta))
+        if model.blocks == plant.chain.blocks:
+            break
+    return min(fit_chain(model, data, start=s).criteria.mse for s in starts)
+
+
+def _places(true, part: np.ndarray, x: np.ndarray, knots: int, way: str) -> np.ndarray:
+    if way == "even":
+        return np.linspace(x.min(), x.max(), knots)
+    places = np.quantile(x, np.linspace(0, 1, knots))
+    if way == "kinks":
+        fine = np.linspace(x.min(), x.max(), 4001)
+        bend = np.abs(np.diff(true.output(part, fine), 2))
+        at = np.flatnonzero(bend > max(0.02 * bend.max(), 1e-9))
+        groups = np.split(at, np.flatnonzero(np.diff(at) > 3) + 1) if len(at) else []
+        kinks = [fine[1 + g[len(g) // 2]] for g in groups][: knots - 2]
+        if len(kinks) < knots - 2:  # the others halve the widest gaps
+            all_ = sorted([x.min(), *kinks, x.max()])
+            while len(all_) < knots:
+                k = int(np.argmax(np.diff(all_)))
+                all_.insert(k + 1, 0.5 * (all_[k] + all_[k + 1]))
+            places = np.array(all_)
+    gap = 0.012 * (places[-1] - places[0])
+    for k in range(1, knots):
+        places[k] = max(places[k], places[k - 1] + gap)
+    return places
+
+
+def one(structure: str, seed: int, own: bool, starts) -> dict:
+    plant, data, variance, given = drawn(structure, seed)
+    model = plant.chain if own else model_of(plant)
+    began = time.process_time()
+    try:
+        fit = fit_chain(model, data) if starts is None else fit_chain(model, data, starts=starts)
+    except Exception as e:
+        return {"structure": structure, "seed": seed, "ratio": np.inf, "error": str(e), "given": given}
+    seconds = time.process_time() - began
+    bar = from_truth(plant, model, data)
+    return {
+        "structure": structure,
+        "seed": seed,
+        "ratio": fit.criteria.mse / bar,
+        "fit": fit.fit_percent(data),
+        "bar": bar / variance,
+        "own": fit.criteria.mse / variance,
+        "seconds": seconds,
+        "warned": list(fit.warnings),
+        "found": _found(fit),
+        "given": given,
+    }
+
+
+def _found(fit: Fit):
+    return getattr(fit, "agreed", None), getattr(fit, "member", None)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", default="0:10")
+    parser.add_argument("--structures", nargs="+", default=list(CHAINS))
+    parser.add_argument("--own", action="store_true", help="the plant's own maps")
+    parser.add_argument("--starts", default=None)
+    parser.add_argument("--rows", type=Path, help="append each row to this file")
+    parser.add_argument("--worst", type=int, default=8)
+    given = parser.parse_args()
+    first, last = map(int, given.seeds.split(":"))
+    starts = given.starts if given.starts in (None, "auto") else int(given.starts)
+    rows = []
+    for seed in range(first, last):
+        for structure in given.structures:
+            row = one(structure, seed, given.own, starts)
+            rows.append(row)
+            if given.rows:
+                with given.rows.open("a") as f:
+                    f.write(json.dumps(row) + "\n")
+    for structure in [*given.structures, "all"]:
+        some = [r for r in rows if structure in (r["structure"], "all")]
+        ratio, s = np.array([r["ratio"] for r in some]), np.array([r.get("seconds", np.nan) for r in some])
+        silent = sum(1 for r in some if r["ratio"] > 1.1 and not r.get("warned"))
+        print(
+            f"{structure:20s} n {len(some):4d}  within 1 % {100 * np.mean(ratio <= 1.01):5.1f} %  10 % "
+            f"{100 * np.mean(ratio <= 1.1):5.1f} %  silent {silent}  median {np.nanmedian(s):.2f} s  "
+            f"longest {np.nanmax(s):.2f} s  lower than the truth's {np.mean(ratio < 0.99):.2f}"
+        )
+    for r in sorted(rows, key=lambda r: -r["ratio"])[: given.worst]:
+        print(f"{r['ratio']:10.4g} {r['structure']} {r['seed']}: {r['given']} {r.get('found')} {r.get('warned')}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,113 @@
+"""Where candidates for the poles of one filter come from; each member finds what the others miss."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from scipy.signal import lfilter
+
+from sysid.base.poles import mirrored
+from sysid.blocks import TransferFunction
+from sysid.estimation.linear_start import denominators, polished
+from sysid.estimation.portfolio.screen import Screen
+
+Found = Iterator[np.ndarray]
+
+_PASSES = 12  # of the prefiltered regression
+_SLOW = (1.0, 2.5, 6.0, 15.0, 40.0, 100.0)  # [samples] time constants of the filters of the quadratic regression
+
+
+def approximation(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:
+    """Instrumental variables at several rates: the best linear approximation."""
+    yield from denominators(linear, screen.u - screen.u.mean(), screen.y - screen.y.mean())
+
+
+def output_error(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:
+    """The same after output error, whose poles may describe a curve in place of the dynamics."""
+    u, y = screen.u - screen.u.mean(), screen.y - screen.y.mean()
+    yield polished(linear, denominators(linear, u, y), u, y)[linear.nb : linear.nb + linear.nf]
+
+
+def curved_input(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:
+    """A regression on past outputs and on hat functions of the input, prefiltered by its own 1/F until it stays.
+
+    Steiglitz and McBride 1965 (IEEE Trans. Automatic Control 10) with the input map of Bai 1998 (Automatica 34): it
+    needs no start and does not mind a map that folds.
+    """
+    if not screen.before:
+        return
+    f, y, target = np.zeros(linear.nf), screen.y - screen.y.mean(), screen.skipped
+    past = np.column_stack([_delayed(y, j + 1) for j in range(linear.nf)]) if linear.nf else np.empty((len(y), 0))
+    for k in range(_PASSES):
+        F = np.concatenate([[1.0], f])
+        A = np.column_stack([-lfilter([1.0], F, past, axis=0), screen.hat_lags(f)])[target:]
+        fresh = np.linalg.lstsq(A, lfilter([1.0], F, y)[target:], rcond=1e-9)[0][: linear.nf]
+        fresh = mirrored(fresh)
+        if k in (3, _PASSES - 1) or np.allclose(fresh, f, rtol=0, atol=1e-4):
+            yield fresh
+        if np.allclose(fresh, f, rtol=0, atol=1e-4):
+            return
+        f = fresh
+
+
+def even_part(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:
+    """A quadratic regression on low passes of the input; its main axes are signals, and each has a linear model.
+
+    This finds the filter before a map that folds, where the output hardly correlates with the input.
+    """
+    if not screen.behind or not linear.nf:
+        return
+    for x, _ in screen.inputs:
+        X = np.column_stack([_delayed(_low_pass(x, T), linear.nk) for T in _SLOW])
+        X = np.column_stack([X, _delayed(x, linear.nk), _delayed(x, linear.nk + 1)])
+        for w in _axes(X, screen)[:3]:
+            w = np.concatenate([np.zeros(len(x) - len(w)), w])
+            yield from denominators(linear, x, w)[:2]
+
+
+def drawn(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:
+    """Poles drawn over all time constants up to a tenth of the record."""
+    for _ in range(40 if linear.nf else 0):
+        yield random_poles(linear.nf, len(screen.u), rng)
+
+
+MEMBERS: dict[str, Callable[[Screen, TransferFunction, np.random.Generator], Found]] = {
+    each.__name__: each for each in (approximation, output_error, curved_input, even_part, drawn)
+}
+
+
+def _delayed(x: np.ndarray, k: int) -> np.ndarray:
+    return np.concatenate([np.zeros(k), x[: len(x) - k]])
+
+
+def _low_pass(x: np.ndarray, T: float) -> np.ndarray:
+    pole = float(np.exp(-1.0 / T))
+    return lfilter([1.0 - pole], [1.0, -pole], x)
+
+
+def _axes(X: np.ndarray, screen: Screen) -> list[np.ndarray]:
+    """Signals along the main axes of the quadratic regression of the output on X (N, m), and along its linear part."""
+    X = X[screen.skipped :]
+    X = X - X.mean(axis=0)
+    U, s, _ = np.linalg.svd(X, full_matrices=False)
+    Z = U[:, s > 1e-6 * s[0]] * np.sqrt(len(X))
+    m = Z.shape[1]
+    i, j = np.triu_indices(m)
+    A = np.column_stack([np.ones(len(Z)), Z, Z[:, i] * Z[:, j]])
+    c = np.linalg.lstsq(A, screen.target, rcond=1e-8)[0][1 + m :]
+    Q = np.zeros((m, m))
+    Q[i, j] = Q[j, i] = c / np.where(i == j, 1.0, 2.0)
+    size, axes = np.linalg.eigh(Q)
+    return [Z @ axes[:, k] for k in np.argsort(-np.abs(size))]
+
+
+def random_poles(n: int, N: int, rng: np.random.Generator) -> np.ndarray:
+    """f (n,): time constants log-uniform from 0.5 to N / 10 samples, some poles in pairs, some negative."""
+    poles: list[complex] = []
+    while len(poles) < n:
+        radius = float(np.exp(-1.0 / np.exp(rng.uniform(np.log(0.5), np.log(max(N / 10, 2.0))))))
+        if n - len(poles) >= 2 and rng.uniform() < 0.4:
+            turn = np.exp(1j * np.pi * rng.uniform(0.02, 0.95))
+            poles += [radius * turn, radius / turn]
+        else:
+            poles.append(radius if rng.uniform() < 0.85 else -radius)
+    return np.real(np.poly(np.array(poles)))[1:]

@@ -1,0 +1,152 @@
+"""Break points that stand in the wrong places: chosen again, all at once, from what the record says of the curve.
+
+A search that moves break points ends in one of many local optima. Around a fit, the loss is a quadratic form in the
+values of the map at many places; in it the best few of these places are found by exchange, without another run.
+"""
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from sysid.block.block import Block
+from sysid.blocks import PiecewiseLinear
+from sysid.data.record import IOData
+from sysid.estimation.portfolio import hats
+from sysid.estimation.portfolio.surrogate import is_map, line
+from sysid.estimation.problem import ChainProblem
+from sysid.model.chain import Chain
+from sysid.solver.iterate import Linearisation
+
+_FINE = 40  # places among which break points are chosen
+_SWEEPS = 4
+_SHARES = (0.05, 0.2)  # of the gap to the next break point, for small moves
+_DAMPING = 1e-3  # of the filters, in columns of unit norm
+
+
+def movable(chain: Chain) -> list[PiecewiseLinear]:
+    """The maps whose break points may move."""
+    return [b for b in chain.blocks if isinstance(b, PiecewiseLinear) and b.free_knots and not b.at]
+
+
+def relaid(
+    chain: Chain, theta: np.ndarray, record: IOData, near: bool = False, gain: float = 0.003
+) -> np.ndarray | None:
+    """theta (P,) with the break points of one map laid again, or None if none promises a loss lower by `gain` of it.
+
+    near: among places close to the present break points, else among places over the whole range. The filters move with
+    the curve by a damped step.
+    """
+    if not movable(chain) or chain.channels != (1, 1):
+        return None
+    fine, values = _refined(chain, theta, record, near)
+    e, J = ChainProblem(fine, values[None, :], (record,), fine.free).linearise(np.zeros(len(values)))
+    least, best, fresh = gain * float(e @ e), 0.0, None
+    others = np.concatenate([np.arange(*fine.index(b).indices(len(values))) for b in fine.blocks if not is_map(b)])
+    if not np.all(np.isfinite(J)):
+        return None
+    for block in movable(chain):
+        own = fine.index(fine.blocks[chain.blocks.index(block)])
+        places = np.array(fine.blocks[chain.blocks.index(block)].at)  # type: ignore[attr-defined]
+        lin = _damped(e, J, others, own)
+        n = len(others)
+        M, z = lin.R[n:, n:], lin.z[n:] + lin.R[n:, n:] @ values[own]
+        found = _laid(M, z, places, theta[chain.index(block)][: block.knots], least)
+        if found is None or found[0] <= best:
+            continue
+        best, fresh = found[0], theta.copy()
+        fresh[chain.index(block)] = found[1]
+        change = np.interp(places, found[1][: block.knots], found[1][block.knots :]) - values[own]
+        step = np.zeros(len(values))
+        step[others] = solve_triangular(lin.R[:n, :n], lin.z[:n] - lin.R[:n, n:] @ change)
+        step = fine.basis @ step
+        for b, f in zip(chain.blocks, fine.blocks, strict=True):
+            if not is_map(b):
+                fresh[chain.index(b)] += step[fine.index(f)]
+        if not chain.admissible(fresh):
+            for b in chain.blocks:
+                if not is_map(b):
+                    fresh[chain.index(b)] = theta[chain.index(b)]
+    return fresh
+
+
+def _damped(e: np.ndarray, J: np.ndarray, others: np.ndarray, own: slice) -> Linearisation:
+    """The loss in the parameters `others` (n,), damped, and then those of one map."""
+    A = np.column_stack([J[:, others], J[:, own]])
+    size = np.linalg.norm(A, axis=0)
+    damping = np.zeros((len(others), A.shape[1]))
+    np.fill_diagonal(damping, np.sqrt(_DAMPING) * np.where(size > 0, size, 1.0)[: len(others)])
+    return Linearisation.of(np.concatenate([e, np.zeros(len(others))]), np.concatenate([A, damping]))
+
+
+def _refined(chain: Chain, theta: np.ndarray, record: IOData, near: bool) -> tuple[Chain, np.ndarray]:
+    """The chain with its curves at many fixed places, among them the present break points, and its parameters."""
+    signals = chain.signals(theta, record.u[:, 0])
+    blocks, parts = list[Block](), list[np.ndarray]()
+    for block, x in zip(chain.blocks, signals, strict=False):
+        part = chain.part(theta, block)
+        if block in movable(chain):
+            own = part[: block.knots]
+            low, high = float(x.min()), float(x.max())
+            at = np.concatenate([_close(own) if near else hats.places(x, _FINE), own, [low, high]])
+            at = at[(at >= low) & (at <= high)]
+            order = np.argsort(at, kind="stable")
+            at = at[order]
+            at = at[np.concatenate([[True], np.diff(at) > 1e-3 * (high - low)])]
+            blocks.append(line(at, block.role))
+            parts.append(block.output(part, at))
+        else:
+            blocks.append(block)
+            parts.append(part)
+    return Chain(tuple(blocks), structure=chain.structure), np.concatenate(parts)
+
+
+def _close(own: np.ndarray) -> np.ndarray:
+    """Places around break points (knots,), at shares of the gaps beside them."""
+    gap = np.diff(own)
+    return np.concatenate([own[1:-1] + side * share for share in _SHARES for side in (gap[1:], -gap[:-1])])
+
+
+def _laid(
+    J: np.ndarray, z: np.ndarray, places: np.ndarray, now: np.ndarray, least: float
+) -> tuple[float, np.ndarray] | None:
+    """What is won, and break points with values (2 knots,), of the polygon that is best in |z - J v|^2.
+
+    None if less than `least` is won.
+    """
+    from sysid.estimation.portfolio.kernels import exchanged, polygon
+
+    G, h = J.T @ J, J.T @ z
+    k, ridge = len(places), 1e-10 * float(np.diag(G).mean())
+    G = G + ridge * np.eye(k)
+    if k <= len(now) or not ridge > 0.0:
+        return None
+    present = _nearest(places, now)
+    start = polygon(G, h, places, present, ridge)[1]
+    curve = np.linalg.lstsq(G, h, rcond=1e-10)[0]
+    ways = [present, _nearest(places, hats.fewer(places, curve, np.diag(G), len(now)))]
+    ways += [
+        _nearest(places, np.linspace(places[0], places[-1], len(now))),
+        np.linspace(0, k - 1, len(now)).astype(int),
+    ]
+    best, chosen = start, present
+    for way in ways:
+        found, cost = exchanged(G, h, places, way.astype(np.int64), ridge, _SWEEPS, 0.1 * least)
+        if cost < best:
+            best, chosen = cost, found
+    if start - best < least:
+        return None
+    values = polygon(G, h, places, chosen, ridge)[0]
+    at = places[chosen]
+    gap = 0.011 * (at[-1] - at[0])
+    for j in range(1, len(at)):
+        at[j] = max(at[j], at[j - 1] + gap)
+    return start - best, np.concatenate([at, np.interp(at, places[chosen], values)])
+
+
+def _nearest(places: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Numbers (m,) of different places nearest to `wanted` (m,); both ends are among them."""
+    k, m = len(places), len(wanted)
+    chosen = {0, k - 1, *(int(np.argmin(np.abs(places - x))) for x in wanted[1:-1])}
+    spare = [i for i in range(k) if i not in chosen]
+    while len(chosen) < m:
+        chosen.add(spare.pop(len(spare) // 2))
+    return np.array(sorted(chosen), dtype=np.int64)
