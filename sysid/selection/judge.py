@@ -10,6 +10,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.result import Fit
+from sysid.estimation.starts import starts as make_starts
 from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
 from sysid.nlarx.dispatch import fit as fit_model
@@ -53,8 +54,11 @@ def fitted(c: Recipe, data: IOData, search: str, seed: int, effort: Effort, dead
     options = Options(max_iterations=effort.iterations, max_seconds=effort.seconds, deadline=deadline)
     method = c.auto if search == "auto" else search
     starts, model = max(effort.starts, c.least_starts), c.model()
+    if starts == 1 and isinstance(model, Chain):  # a look: the first own start, without the portfolio's screening
+        point = np.array(make_starts(model, data, 1, seed))
+        return fit_chain(model, data, search=method, seed=seed, options=options, start=point)
     found = fit_model(model, data, search=method, starts=starts, seed=seed, options=options)
-    if starts == 1 or len(data.lengths) == 1 or not isinstance(model, Chain):
+    if c.least_starts == 1 or len(data.lengths) == 1 or not isinstance(model, Chain):
         return found
     # Several experiments, with an initial state each, have more local optima than the longest of them alone.
     longest = max(data.experiments, key=lambda e: e.N)
