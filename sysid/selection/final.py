@@ -14,7 +14,7 @@ from sysid.selection.judge import AnyFit, Effort, fitted
 from sysid.selection.table import Row
 from sysid.solver.iterate import Options
 
-_BELOW = 2.0  # points of fit by which the fit to all the data may be below that on unseen data
+_FAR = 2.0  # times the error on unseen data, above which the fit to all the data has ended in a poor optimum
 _TRIED = 3  # candidates
 _USUAL = 0.6  # of the time, for the fit from the usual starts
 
@@ -39,7 +39,8 @@ def final_fit(
             notes.append(f"{row.candidate} was passed over: {error}")
             continue
         found.append((percent, row, fit))
-        if percent >= row.fit_percent - _BELOW:
+        # The parts are short free runs with initial states of their own, so some difference says nothing.
+        if 100.0 - percent <= _FAR * (100.0 - row.fit_percent) or percent >= row.fit_percent - 1.0:
             break
         notes.append(
             f"{row.candidate} reaches {percent:.1f} % on all the data and {row.fit_percent:.1f} % on unseen parts: its "

@@ -31,6 +31,7 @@ _SCREENED = 2000  # samples of each part in the first two rounds
 _LEADERS = 12  # candidates of round 3
 _CLIMBS = 10  # rounds around the best
 _REACH = 1.5  # times the error of the best, within which another structure is searched further
+_PERFECT = 99.9  # fit [%] beyond which no other structure has anything to gain
 # Shares of the budget at whose end a round begins no more candidates; the rest is for the fit to all the data.
 _SCREENING, _LEADING, _CLIMBING = 0.45, 0.65, 0.8
 _ONE, _ONE_SCREENED = 0.1, 0.03  # of the budget, for one fit
@@ -93,14 +94,20 @@ def _rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:
     take([*mapped, *work.judge(2, more, brief, _SCREENING, short=True)])
     take(work.judge(3, _leaders(judged), full, _LEADING))
     decided = {c for c, r in judged.items() if r.round >= 3}
+    best: Recipe | None = None
+    smallest: Recipe | None = None
     for k in range(_CLIMBS):
-        around = [r.candidate for r in _reached(judged)]
+        rows, chosen = ranked(judged)
+        if chosen.candidate == smallest and any(r.equal for r in rows if r.candidate == best):
+            break  # the last round brought nothing that differs from what was there
+        best, smallest = rows[0].candidate, chosen.candidate
+        around = [r.candidate for r in _reached(rows, chosen)]
         new = [c for c in dict.fromkeys(n for c in around for n in space.beside(c)) if c not in decided]
         new = [*_beating(judged, decided), *new]
-        rows = work.judge(4 + k, new, full, _CLIMBING)
-        decided |= {r.candidate for r in rows}
-        take(rows)
-        if not rows:
+        found = work.judge(4 + k, new, full, _CLIMBING)
+        decided |= {r.candidate for r in found}
+        take(found)
+        if not found:
             break
     return judged
 
@@ -129,11 +136,12 @@ def _beating(judged: dict[Recipe, Row], decided: set[Recipe]) -> list[Recipe]:
     return [r.candidate for r in rows[:_LEADERS]]
 
 
-def _reached(judged: dict[Recipe, Row]) -> list[Row]:
+def _reached(rows: list[Row], chosen: Row) -> list[Row]:
     """The rows around which it goes on: chosen, best, and the best of every structure that is not far behind."""
-    rows, chosen = ranked(judged)
     if not np.isfinite(rows[0].fit_percent) or not rows[0].whole:
         return []
+    if rows[0].fit_percent > _PERFECT:
+        return [chosen]
     limit = 100.0 - _REACH * (100.0 - rows[0].fit_percent)
     found, names = [chosen, rows[0]], {rows[0].candidate.name}
     for r in rows:
