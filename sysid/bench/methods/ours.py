@@ -81,8 +81,10 @@ def record(data: Data) -> IOData:
 def about_means(raw: IOData) -> tuple[IOData, tuple[float, float]]:
     """The record less the means of u and of the measured y, and these."""
     u0, y0 = float(raw.u.mean()), float(raw.y[raw.observed].mean())
-    zero = {"u_offset": np.array([u0]), "y_offset": np.array([y0])}
-    parts = (IOData(e.u - u0, e.y - y0, e.Ts, missing=e.missing, **zero) for e in raw.experiments)
+    parts = (
+        IOData(e.u - u0, e.y - y0, e.Ts, missing=e.missing, u_offset=np.array([u0]), y_offset=np.array([y0]))
+        for e in raw.experiments
+    )
     return IOData.merge(*parts), (u0, y0)
 
 
