@@ -45,7 +45,7 @@ class Split:
         return np.concatenate([self.w, self.rest.signal / (self.rest.signal.std() or 1.0)])
 
 
-def splits(chain: Chain, record: IOData, rng: np.random.Generator, turn: int) -> list[Split]:
+def splits(chain: Chain, record: IOData, rng: np.random.Generator, turn: int, draw: bool) -> list[Split]:
     """Candidates of one round, unsorted."""
     u, y = record.u[:, 0] - record.u[:, 0].mean(), record.y[:, 0]
     (_, first), (_, second) = chain.dynamics
@@ -59,7 +59,7 @@ def splits(chain: Chain, record: IOData, rng: np.random.Generator, turn: int) ->
         for member, theta in linear:
             for b, f, other in _dealt(whole, theta, first, rng):
                 found += _rest(member, first, second, b, f, u, y, other)
-    for member, f in _others(u, y, first, second, rng, turn):
+    for member, f in _others(u, y, first, second, rng, turn) if draw else ():
         for b in _numerators(first, rng):
             found += _rest(member, first, second, b, f, u, y, None)
     return found
