@@ -29,6 +29,7 @@ from sysid.blocks import (
     Rectifier,
     Saturation,
     SigmoidNetwork,
+    StateSpace,
     TransferFunction,
     TransferMatrix,
     TravelMap,
@@ -44,6 +45,7 @@ from sysid.structures import (
     HammersteinWiener,
     MotorProfile,
     NonlinearArx,
+    NonlinearStateSpace,
     OutputError,
     Wiener,
     WienerHammerstein,
@@ -118,6 +120,17 @@ BLOCKS = {
     "sigmoid_network": (
         SigmoidNetwork(units=3, role="map"),
         np.array([0.2, 0.7, 1.0, -0.8, 0.5, 3.0, 2.0, -4.0, 1.0, -0.5, 0.7]),
+    ),
+    "state_space": (
+        StateSpace(nx=2, units=2, degree=2, readout=True, u_scale=(1.7,), y_centre=(0.3,), y_scale=(-2.5,), role="map"),
+        np.array(
+            [
+                *(0.7, 0.3, -0.25, 0.6, 0.5, -0.4, 0.8, 0.3, 0.2, 0.1),  # A, B, C, D, d
+                *(0.3, -0.2, 0.03, -0.02, 0.04, 0.01, 0.02, -0.05, 0.1, 0.25, 0.02, 0.03, -0.03, 0.05, -0.01, 0.02),
+                *(0.2, -0.3, 0.05, 0.04, -0.03, 0.02, 0.01, -0.04),  # after E: F
+                *(0.6, -0.4, 0.3, 0.9, 0.7, -0.5, 0.4, -0.3, 0.2, -0.1),  # W, V, b, x0
+            ]
+        ),
     ),
     "transfer_function": (
         TransferFunction(nb=2, nf=3, nk=2, role="map"),
@@ -260,6 +273,7 @@ STRUCTURES = {
     "motor_profile": MotorProfile(5, -1.5, 2.0),
     "nlarx": NonlinearArx(2, 2, 1),
     "output_error": OutputError(2, 2, 1),
+    "state_space": NonlinearStateSpace(2, 3, 2, "linear", 0.1, "polynomial"),
     "wiener": Wiener(2, 2, 1, "polynomial"),
     "wiener_hammerstein": WienerHammerstein(2, 2, 1),
 }

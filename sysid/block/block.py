@@ -95,6 +95,10 @@ class Block(ABC):
     def start(self, x: np.ndarray) -> np.ndarray:
         """theta (p,) that makes this block the identity on the range of x (N,), or as near as possible."""
 
+    def scaled(self, u: np.ndarray | None, y: np.ndarray | None) -> "Block":
+        """This block on the scale of a record's input u (N, nu) and output y (N, ny), None where it meets neither."""
+        return self
+
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         """The block's symmetries at theta."""
         return []

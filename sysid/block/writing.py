@@ -16,6 +16,7 @@ class Code:
     state: int = 0
     tables: dict[str, np.ndarray] = field(default_factory=dict)
     start: dict[str, float] = field(default_factory=dict)
+    channels: tuple[int, int] = (1, 1)  # of several, `x` is an array, and so is what comes out (`y` in C)
 
 
 @dataclass(frozen=True)

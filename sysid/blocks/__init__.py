@@ -25,6 +25,7 @@ from sysid.blocks.quantiser import Quantiser
 from sysid.blocks.rectifier import Rectifier
 from sysid.blocks.saturation import Saturation
 from sysid.blocks.sigmoid_network import SigmoidNetwork
+from sysid.blocks.state_space import StateSpace
 from sysid.blocks.transfer_function import TransferFunction
 from sysid.blocks.transfer_matrix import TransferMatrix
 from sysid.blocks.travel_map import TravelMap
@@ -57,6 +58,7 @@ TABLE: dict[str, Callable[..., Block]] = {
     "profiled_motor": ProfiledMotor,
     "quantiser": Quantiser,
     "rectifier": Rectifier,
+    "state_space": StateSpace,
     "transfer_function": TransferFunction,
     "transfer_matrix": TransferMatrix,
     "travel_map": TravelMap,
@@ -95,6 +97,7 @@ __all__ = [
     "Rectifier",
     "Saturation",
     "SigmoidNetwork",
+    "StateSpace",
     "TransferFunction",
     "TransferMatrix",
     "TravelMap",

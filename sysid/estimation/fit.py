@@ -40,6 +40,7 @@ def fit_chain(
 ) -> Fit:
     """Fit a chain to a record; see `sysid.fit` for the arguments and errors."""
     began = time.perf_counter()
+    model = model if start is not None else model.scaled(data.u, data.y)
     run = Run(model, data, objective or Objective(), make_search(search).name, (options or Options()).begun(), progress)
     _check(model, data, run.objective)
     if starts != AUTO and (isinstance(starts, str) or starts < 1):

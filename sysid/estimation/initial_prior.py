@@ -52,7 +52,8 @@ def priors(chain: Chain, rest: np.ndarray, u: np.ndarray, seen: np.ndarray) -> l
         level = _held(block, own)
         levels.append(level[:, None] * np.sqrt(np.mean(block.output(own, w) ** 2)))
         loose.append(_root(_visited(block, own, np.eye(1, _IMPULSE)[0])))
-    root, n = _root(np.hstack(states)), len(seen.T)
+    shortest = min(len(s) for s in states)  # the same samples of every filter
+    root, n = _root(np.hstack([s[len(s) - shortest :] for s in states])), len(seen.T)
     nothing, mean = np.zeros(n), np.concatenate(steady)
     held, free = block_diag(*levels), block_diag(*loose)
     free = free / (np.sqrt(np.sum((seen @ free) ** 2) / len(seen)) or 1.0)

@@ -12,10 +12,12 @@ from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
 from sysid.base.json_values import plain
 from sysid.base.threads import one_blas_thread
+from sysid.blocks import StateSpace
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.initial_state import estimate_initial
 from sysid.model.chain import Chain
+from sysid.model.tangents import Rational, tangent
 from sysid.solver.covariance import Covariance, pole_std
 from sysid.solver.iterate import Stop
 
@@ -94,22 +96,44 @@ class Fit:
 
     @property
     def poles(self) -> np.ndarray:
-        """Poles in z, complex: of the linear block (nf,), or of several blocks in order."""
+        """Poles in z, complex: of the linear block (nf,), or of several blocks in order; of a state space, those of its
+        tangent with the input at its centre.
+        """
+        if self._around_centre is not None:
+            return np.roots(self._around_centre.F).astype(complex)
         return np.concatenate([np.empty(0), *(b.poles(self.theta[part]) for part, b in self.model.dynamics)])
 
     @property
     def zeros(self) -> np.ndarray:
         """Finite zeros in z, complex, in the order of `poles`."""
+        if self._around_centre is not None:
+            return np.roots(self._around_centre.B).astype(complex)
         return np.concatenate([np.empty(0), *(b.zeros(self.theta[part]) for part, b in self.model.dynamics)])
 
     @cached_property
     def pole_std(self) -> np.ndarray:
         """Standard deviation of each pole, nan if the data do not determine it."""
         found = [np.empty(0)]
+        if self._around_centre is not None:
+            F, G = self._around_centre.F, self._around_centre.F_gradient[1:]
+            return pole_std(F[1:], G @ self.covariance.cov @ G.T)
         for part, b in self.model.dynamics:
             f = slice(part.start + b.nb, part.start + b.nb + b.nf)
             found.append(pole_std(self.theta[f], self.covariance.cov[f, f]))
         return np.concatenate(found)
+
+    @cached_property
+    def _around_centre(self) -> Rational | None:
+        """The tangent of a chain that begins with a state space of one channel; None for other chains, and where the
+        input's centre gives no steady state.
+        """
+        first = self.model.blocks[0]
+        if not isinstance(first, StateSpace) or first.channels != (1, 1):
+            return None
+        try:
+            return tangent(self.model, self.theta, float(first.scales()[0][0]))
+        except InputError:
+            return None
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -9,7 +9,7 @@ from sysid.base.files import write_text
 from sysid.block.writing import Code, number
 from sysid.estimation.result import Fit
 from sysid.export import closed_form
-from sysid.model.wiring import Layer, Unit, identifier, layers, offsets, written
+from sysid.model.wiring import Layer, Unit, identifier, layers, offsets, whole, written
 
 
 def write(fit: Fit, path: str | os.PathLike, name: str = "model", **scale: float) -> Path:
@@ -73,6 +73,9 @@ def _function(name: str, unit: str, code: Code) -> str:
     tables = [f"    static const double {k}[{len(v)}] = {{{_list(v)}}};" for k, v in code.tables.items()]
     body = [f"    {line}" for line in code.body.split("\n")]
     state = "double *s, " if code.state else ""
+    if code.channels != (1, 1):
+        head = f"static void {name}_{unit}({state}const double x[{code.channels[0]}], double y[{code.channels[1]}])"
+        return "\n".join([head, "{", *tables, *body, "}"])
     return "\n".join([f"static double {name}_{unit}({state}double x)", "{", *tables, *body, "}"])
 
 
@@ -82,6 +85,14 @@ def _step(name: str, wired: tuple[Layer, ...], codes: dict[str, Code], u0: np.nd
     lines = []
     signals = [f"{u} - ({number(o)})" if o else u for u, o in zip(signals, u0, strict=True)]
     for k, layer in enumerate(wired, 1):
+        unit = whole(layer)
+        if unit is not None:
+            place = f"s->{unit.name}, " if codes[unit.name].state else ""
+            lines.append(f"    const double v{k}[{len(signals)}] = {{{', '.join(signals)}}};")
+            lines.append(f"    double x{k}[{len(layer)}];")
+            lines.append(f"    {name}_{unit.name}({place}v{k}, x{k});")
+            signals = [f"x{k}[{j}]" for j in range(len(layer))]
+            continue
         terms = [[_call(name, unit, codes[unit.name], signals[i]) for unit, i in row] for row in layer]
         names = [f"x{k}_{j}" for j in range(1, len(layer) + 1)]
         lines += [f"    const double {n} = {' + '.join(row)};" for n, row in zip(names, terms, strict=True)]

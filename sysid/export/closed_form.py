@@ -6,7 +6,7 @@ Static formulas use * and ^ and the functions min, max, exp, floor, so that they
 from sysid.block.block import StaticBlock
 from sysid.block.writing import Writer
 from sysid.estimation.result import Fit
-from sysid.model.wiring import layers, written
+from sysid.model.wiring import layers, whole, written
 
 
 def text(fit: Fit, digits: int | None = 6) -> str:
@@ -21,6 +21,12 @@ def text(fit: Fit, digits: int | None = 6) -> str:
     for block, layer, name in zip(fit.model.blocks, wired, names, strict=True):
         outputs = _channels(name, len(layer))
         lines += ["", f"{block.role}:"]
+        unit = whole(layer)
+        if unit is not None:
+            names_of = Writer(", ".join(signals), ", ".join(outputs), digits)
+            lines += written(unit, "equations")(unit.theta, names_of)
+            signals = outputs
+            continue
         for output, units in zip(outputs, layer, strict=True):
             alone = len(units) == 1
             for unit, i in units:

@@ -9,7 +9,7 @@ from sysid.base.files import write_text
 from sysid.block.writing import Code, number
 from sysid.estimation.result import Fit
 from sysid.export import closed_form
-from sysid.model.wiring import Layer, Unit, layers, offsets, written
+from sysid.model.wiring import Layer, Unit, layers, offsets, whole, written
 
 
 def write(fit: Fit, path: str | os.PathLike, **scale: float) -> Path:
@@ -96,6 +96,11 @@ def _step(wired: tuple[Layer, ...], codes: dict[str, Code], u0: np.ndarray, y0: 
     signals = [f"{u} - ({number(o)})" if o else u for u, o in zip(signals, u0, strict=True)]
     lines = []
     for k, layer in enumerate(wired, 1):
+        unit = whole(layer)
+        if unit is not None:
+            lines.append(f"        x{k} = {_call(unit, codes[unit.name], '[' + ', '.join(signals) + ']')}")
+            signals = [f"x{k}[{j}]" for j in range(len(layer))]
+            continue
         names = [f"x{k}_{j}" for j in range(1, len(layer) + 1)]
         for n, row in zip(names, layer, strict=True):
             terms = [_call(unit, codes[unit.name], signals[i]) for unit, i in row]

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.blocks import StateSpace as Dynamics
 from sysid.estimation.result import Fit
+from sysid.model.tangents import tangent as rational
 from sysid.nlarx.result import NlarxFit
 
 if TYPE_CHECKING:
@@ -57,6 +59,10 @@ def tangent(fit: Fit | NlarxFit, u: float = 0.0, x: float | None = None) -> "Tra
         from sysid.nlarx import linearize as nlarx_linearize
 
         return nlarx_linearize.tangent(fit, u)
+
+    if any(isinstance(b, Dynamics) for b in fit.model.blocks):
+        G = rational(fit.model, fit.theta, u)
+        return control.tf(np.trim_zeros(G.B, "f"), G.F, fit.Ts)
 
     op = findop(fit, u, x)
     B, F = fit.model.linear.padded(fit.model.part(fit.theta, fit.model.linear))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
-from sysid.block.block import Block, Slot
+from sysid.block.block import Block, Slot, StaticBlock
 from sysid.blocks import TransferFunction
 from sysid.model.gauge import gauge
 
@@ -135,6 +135,12 @@ class Chain:
         if blocks == self.blocks or self.fixed or self.bounds:
             return None
         return replace(self, blocks=blocks)
+
+    def scaled(self, u: np.ndarray, y: np.ndarray) -> "Chain":
+        """The chain on the scale of a record u (N, nu), y (N, ny): blocks that have a scale and none yet take it."""
+        behind = [all(isinstance(b, StaticBlock) for b in self.blocks[k + 1 :]) for k in range(len(self.blocks))]
+        scaled = tuple(b.scaled(None if k else u, y if behind[k] else None) for k, b in enumerate(self.blocks))
+        return self if scaled == self.blocks else replace(self, blocks=scaled)
 
     def refine(self, coarse: "Chain", theta: np.ndarray) -> np.ndarray:
         """theta (P,) with the output of the coarser chain at theta."""

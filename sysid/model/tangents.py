@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.block.block import StaticBlock
-from sysid.blocks import TransferFunction
+from sysid.blocks import StateSpace, TransferFunction
 from sysid.model.chain import Chain
 
 _STEP = 1e-6  # of the signal's size: step of the central difference that gives the gradient of a slope
@@ -48,8 +48,8 @@ class Rational:
 def tangent(chain: Chain, theta: np.ndarray, u: float = 0.0) -> Rational:
     """B/F from du to dy at the steady state of the constant input u, static slopes included.
 
-    Raises InputError for blocks other than transfer functions and maps, and for an integrator followed by a nonlinear
-    map: such a chain has no steady state.
+    Raises InputError for blocks other than transfer functions, state spaces of one channel and maps, and for an
+    integrator followed by a nonlinear map: such a chain has no steady state.
     """
     P = len(theta)
     total = Rational(np.ones(1), np.ones(1), np.zeros((1, P)), np.zeros((1, P)))
@@ -64,6 +64,9 @@ def tangent(chain: Chain, theta: np.ndarray, u: float = 0.0) -> Rational:
                 x, J = gain * x, gain * J + x * own.gain_gradient
             else:  # the level is undefined here; maps with slope one do not need it
                 x, J = np.full_like(x, np.nan), np.full_like(J, np.nan)
+        elif isinstance(b, StateSpace) and b.channels == (1, 1) and np.all(np.isfinite(x)):
+            own, x, J = _around(b, theta, part, x, J)
+            total = total.times(own)
         elif isinstance(b, StaticBlock):
             if not np.all(np.isfinite(x)) and b.n_parameters:
                 raise InputError("the chain integrates before a static map, so a constant input has no steady state")
@@ -89,6 +92,30 @@ def transfer(chain: Chain, theta: np.ndarray, block: TransferFunction) -> Ration
     return Rational(B, F, dB, dF)
 
 
+def _around(
+    block: StateSpace, theta: np.ndarray, part: slice, x: np.ndarray, J: np.ndarray
+) -> tuple[Rational, np.ndarray, np.ndarray]:
+    """B/F of a state space around the steady state of x (1,), its output (1,) and that one's gradient (1, P)."""
+    n = block.nx + 1
+
+    def polynomials(own: np.ndarray, level: float) -> np.ndarray:
+        A, B, C, D, y = block.linearised(own, np.array([level]))
+        F = np.real(np.poly(A))
+        return np.concatenate([np.real(np.poly(A - B @ C)) + (D[0, 0] - 1.0) * F, F, y])  # the matrix determinant lemma
+
+    own, level = theta[part], float(x[0])
+    value, gradient = polynomials(own, level), np.zeros((2 * n + 1, len(theta)))
+    for i in range(len(own)):
+        h = _STEP * max(1.0, abs(own[i]))
+        e = h * np.eye(len(own))[i]
+        gradient[:, part.start + i] = (polynomials(own + e, level) - polynomials(own - e, level)) / (2.0 * h)
+    if np.any(J):
+        h = _STEP * max(1.0, abs(level))
+        gradient += np.outer((polynomials(own, level + h) - polynomials(own, level - h)) / (2.0 * h), J[0])
+    rational = Rational(value[:n], value[n : 2 * n], gradient[:n], gradient[n : 2 * n])
+    return rational, value[2 * n :], gradient[2 * n :]
+
+
 def steady_curve(chain: Chain, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Steady-state output (n,) for constant inputs u (n,), and its gradient (n, P)."""
     x, J = np.ascontiguousarray(u, dtype=float), np.zeros((len(u), len(theta)))
@@ -98,6 +125,9 @@ def steady_curve(chain: Chain, theta: np.ndarray, u: np.ndarray) -> tuple[np.nda
             if not np.isfinite(own.gain):
                 raise InputError("the chain integrates, so a constant input has no steady state")
             x, J = own.gain * x, own.gain * J + x[:, None] * own.gain_gradient
+        elif isinstance(b, StateSpace) and b.channels == (1, 1):
+            levels = [_around(b, theta, chain.index(b), x[i : i + 1], J[i : i + 1])[1:] for i in range(len(x))]
+            x, J = np.concatenate([y for y, _ in levels]), np.concatenate([G for _, G in levels])
         elif isinstance(b, StaticBlock):
             x, J = _through(b, theta, chain.index(b), x, J)
         else:

@@ -15,14 +15,17 @@ from sysid.model.chain import Chain
 
 @dataclass(frozen=True)
 class Unit:
-    """A block of one input and one output with its parameters theta (p,); `name` is an identifier, unique."""
+    """A block with its parameters theta (p,), of one input and one output but for `whole`; `name` is an identifier,
+    unique.
+    """
 
     name: str
     block: Block
     theta: np.ndarray
 
 
-# A layer is one block of the chain: for each of its outputs, the units that are summed and the input each one reads.
+# A layer is one block of the chain: for each of its outputs, the units that are summed and the input each one reads;
+# a block of several channels that has no parts is one unit, see `whole`.
 Layer = tuple[tuple[tuple[Unit, int], ...], ...]
 
 
@@ -41,11 +44,19 @@ def _layer(k: int, block: Block, theta: np.ndarray) -> Layer:
     parts = block.parts()
     name = re.sub(r"\W", "_", f"block{k}_{block.role}", flags=re.ASCII)
     units = [Unit(name if len(parts) == 1 else f"{name}_{i}", b, theta[s]) for i, (s, b) in enumerate(parts, 1)]
+    if len(units) == 1 and (n_in, n_out) != (1, 1):
+        return tuple(((units[0], 0),) for _ in range(n_out))
     if len(units) == n_in == n_out:  # one map, or maps side by side
         return tuple(((unit, i),) for i, unit in enumerate(units))
     if len(units) == n_in * n_out:  # a matrix, row after row
         return tuple(tuple((units[j * n_in + i], i) for i in range(n_in)) for j in range(n_out))
     raise InputError(f"block {block.role!r} has {len(units)} parts for {n_in} inputs and {n_out} outputs")
+
+
+def whole(layer: Layer) -> Unit | None:
+    """The unit that takes all inputs of a layer and gives all its outputs; None for a layer of one-channel units."""
+    unit = layer[0][0][0]
+    return unit if unit.block.channels != (1, 1) else None
 
 
 def written(unit: Unit, what: str) -> Callable[..., Any]:

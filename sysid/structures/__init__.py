@@ -8,6 +8,7 @@ from sysid.structures.hammerstein_wiener import HammersteinWiener, hammerstein_w
 from sysid.structures.motor_profile import MotorProfile, motor_profile
 from sysid.structures.nlarx import NonlinearArx, nlarx
 from sysid.structures.output_error import OutputError, output_error
+from sysid.structures.state_space import NonlinearStateSpace, state_space
 from sysid.structures.wiener import Wiener, wiener
 from sysid.structures.wiener_hammerstein import WienerHammerstein, wiener_hammerstein
 
@@ -19,6 +20,7 @@ TABLE: dict[str, type[Recipe]] = {
     "motor_profile": MotorProfile,
     "nlarx": NonlinearArx,
     "output_error": OutputError,
+    "state_space": NonlinearStateSpace,
     "wiener": Wiener,
     "wiener_hammerstein": WienerHammerstein,
 }
@@ -31,6 +33,7 @@ __all__ = [
     "HammersteinWiener",
     "MotorProfile",
     "NonlinearArx",
+    "NonlinearStateSpace",
     "OutputError",
     "Recipe",
     "Wiener",
@@ -42,6 +45,7 @@ __all__ = [
     "motor_profile",
     "nlarx",
     "output_error",
+    "state_space",
     "wiener",
     "wiener_hammerstein",
 ]

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.special import fdtri
 
 from sysid.base.errors import InputError
-from sysid.blocks import TransferFunction
-from sysid.model.tangents import steady_curve, tangent, transfer
+from sysid.blocks import StateSpace, TransferFunction
+from sysid.model.tangents import Rational, steady_curve, tangent, transfer
 from sysid.uncertainty.information import Information
 
 _ROUGH = "is within three standard deviations of another root: the interval is inaccurate"
@@ -112,8 +112,13 @@ def parameters(info: Information, level: float = 0.95) -> dict[str, Interval]:
 
 
 def poles(info: Information, level: float = 0.95) -> tuple[Root, ...]:
-    """Poles of every transfer function of the chain, in the order of `Fit.poles`."""
+    """Poles of every transfer function of the chain, in the order of `Fit.poles`; of a state space, the eigenvalues of
+    its tangent with the input at its centre.
+    """
     found = []
+    own = _of_state_space(info)
+    if own is not None:
+        return tuple(_roots(info, own.F, own.F_gradient, level))
     for b in _linear(info):
         own = transfer(info.chain, info.theta, b)
         found += _roots(info, own.F[: b.nf + 1], own.F_gradient[: b.nf + 1], level)
@@ -122,6 +127,9 @@ def poles(info: Information, level: float = 0.95) -> tuple[Root, ...]:
 
 def zeros(info: Information, level: float = 0.95) -> tuple[Root, ...]:
     """Finite zeros of every transfer function of the chain, in the order of `Fit.zeros`."""
+    whole = _of_state_space(info)
+    if whole is not None:
+        return tuple(_roots(info, whole.B, whole.B_gradient, level))
     found = []
     for b in _linear(info):
         own = transfer(info.chain, info.theta, b)
@@ -143,6 +151,12 @@ def steady_state(info: Information, u: np.ndarray | None = None, level: float = 
         u = np.linspace(info.data.u.min(), info.data.u.max(), 101)
     u = np.asarray(u, dtype=float)
     return band(info, u, *steady_curve(info.chain, info.theta, u), level)
+
+
+def _of_state_space(info: Information) -> Rational | None:
+    """The tangent with the input at its centre, of a chain that begins with a state space."""
+    first = info.chain.blocks[0]
+    return tangent(info.chain, info.theta, float(first.scales()[0][0])) if isinstance(first, StateSpace) else None
 
 
 def _linear(info: Information) -> list[TransferFunction]:

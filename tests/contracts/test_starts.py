@@ -8,7 +8,14 @@ from sysid.blocks import CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledM
 from sysid.data.record import IOData
 from sysid.estimation.starts import TABLE, starts
 from sysid.model.chain import Chain
-from sysid.structures import actuated_joint, coupled_drives, hammerstein_wiener, output_error, wiener_hammerstein
+from sysid.structures import (
+    actuated_joint,
+    coupled_drives,
+    hammerstein_wiener,
+    output_error,
+    state_space,
+    wiener_hammerstein,
+)
 
 MADE_FOR = {
     "own_blocks": Chain((dynamic("def step(s, x, p):\n    return p.gain * x\n", {"gain": 1.0}),)),
@@ -16,6 +23,7 @@ MADE_FOR = {
     "staged_joint": actuated_joint(motor=Motor(load=3, stribeck=True), play=CoastingPlay()),
     "joint": actuated_joint(play=Play()),
     "profile": Chain((ProfiledMotor(knots=3, low=0.0, high=1.0),)),
+    "state_space": state_space(),
     "two_filters": wiener_hammerstein(2, 2, 1),
     "single_linear": hammerstein_wiener(2, 2, 1),
     "matrix": hammerstein_wiener(1, 1, 1, "saturation", "unit_gain", nu=2, ny=2),

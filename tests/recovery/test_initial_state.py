@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import sysid
 from sysid import IOData
 from sysid.bench.drawing.linear import linear
 from sysid.bench.drawing.signals import excitation
@@ -104,3 +105,30 @@ def test_the_unit_of_the_output_changes_nothing():
         for t, k in ((theta, 1.0), (scaled, 1000.0))
     ]
     np.testing.assert_allclose(runs[1], 1000.0 * runs[0], rtol=1e-6, atol=1e-6)
+
+
+def test_filters_of_different_lengths_have_a_common_initial_state():
+    """A Wiener-Hammerstein chain whose filters remember 2 and 6 samples, at rest in a window of ten."""
+    chain = sysid.structures.wiener_hammerstein(1, 2, 0, 2, 2, 4)
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal(800)
+    theta = np.array(
+        [
+            0.2,
+            -1.2,
+            0.4,
+            0,
+            0,
+            *np.linspace(-3, 3, 10),
+            *np.tanh(np.linspace(-3, 3, 10)),
+            1.0,
+            0.3,
+            -0.5,
+            0.1,
+            *np.zeros(5),
+        ]
+    )
+    y = chain.simulate(theta, u)
+    data = sysid.IOData(u, y + 1e-3 * rng.standard_normal(800))
+    fit = sysid.fit(chain, data, start=theta)
+    assert fit.fit_percent(data, 10) > 99.5

@@ -73,7 +73,8 @@ def _nearest(
         return np.where(np.isfinite(e), e, 1e6 * (np.abs(y).max() + 1.0))
 
     try:
-        out = least_squares(error, first[moving], bounds=(low[moving], high[moving]), x_scale="jac", max_nfev=60)
+        with np.errstate(all="ignore"):  # values near the limits of numbers end the search, they do not warn
+            out = least_squares(error, first[moving], bounds=(low[moving], high[moving]), x_scale="jac", max_nfev=60)
     except (ValueError, np.linalg.LinAlgError):
         return Mapped(theta, 1.0, gain * sign), np.inf
     full = whole(out.x)

@@ -12,6 +12,7 @@ from sysid.estimation.starts.own_blocks import OwnBlocks
 from sysid.estimation.starts.profile import Profile
 from sysid.estimation.starts.single_linear import SingleLinear
 from sysid.estimation.starts.staged_joint import StagedJoint
+from sysid.estimation.starts.state_space import StateSpaces
 from sysid.estimation.starts.two_filters import TwoFilters
 from sysid.model.chain import Chain
 
@@ -21,6 +22,7 @@ TABLE: dict[str, Start] = {
     "staged_joint": StagedJoint(),
     "joint": Joint(),
     "profile": Profile(),
+    "state_space": StateSpaces(),
     "two_filters": TwoFilters(),
     "single_linear": SingleLinear(),
     "matrix": Matrix(),
