@@ -141,7 +141,7 @@ class Linearisation:
             return self
         P = int(directions.sum())
         A = np.column_stack([self.R[:, directions], self.z])
-        R = np.linalg.qr(np.vstack([A, np.zeros((max(P - len(A), 0), P + 1))]), mode="r")
+        R = np.asarray(np.linalg.qr(np.vstack([A, np.zeros((max(P - len(A), 0), P + 1))]), mode="r"))
         return Linearisation(R[:P, :P], R[:P, P], self.cost, self.N)
 
     @cached_property
