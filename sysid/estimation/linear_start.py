@@ -61,14 +61,16 @@ def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iteratio
     return best
 
 
-def denominators(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
-    """Candidates for f (nf,) by refined IV, from the record and from decimated records.
+def denominators(
+    linear: TransferFunction, w: np.ndarray, y: np.ndarray, rates: tuple[int, ...] = (4, 16, 64, 256)
+) -> list[np.ndarray]:
+    """Candidates for f (nf,) by refined IV, from the record and from records decimated by `rates`.
 
     If sampling is much faster than the dynamics, all poles are close to 1; poles of a decimated record are converted
     to the full rate.
     """
     found = [refined_iv(linear.nb, linear.nf, linear.nk, w, y)]
-    for thin in (4, 16, 64, 256):
+    for thin in rates:
         n = len(w) // thin
         if linear.nf == 0 or n < 20 * (linear.nb + linear.nf):
             break

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -58,14 +58,18 @@ class Recipe(ABC):
     """Settings of one structure of one input and one output; fields are made by `order`, `static_map`, `choice` and
     `number`, and command line, summary, report and structure search read them from here.
 
-    name: by which `sysid.structures.TABLE` has it. searched: whether structure search tries it, at every order with
-    exactly its own maps if its orders are nb, nf, nk, and as it is if it has no orders. grown: whether it is fitted by
+    name: by which `sysid.structures.TABLE` has it. searched: whether structure search tries it, and rungs: the settings
+    that it tries first; none means every order of the search space, with every combination of maps around the best
+    linear orders, and the defaults where the orders are not nb, nf, nk. `ladder` and `neighbours` say the same of a
+    record and of one setting. least_starts: of a search that must find its optimum. grown: whether it is fitted by
     `sysid.grow_joint` instead of `sysid.fit`. auto: the search that "auto" means. zero: what of its record counts from
     zero, so that no means may be removed. Raises InputError for settings that give no model, before any work.
     """
 
     name: ClassVar[str]
     searched: ClassVar[bool] = False
+    rungs: ClassVar[tuple[dict[str, Any], ...]] = ()
+    least_starts: ClassVar[int] = 1
     grown: ClassVar[bool] = False
     auto: ClassVar[str] = "auto"
     zero: ClassVar[str] = ""
@@ -86,6 +90,23 @@ class Recipe(ABC):
     def of_kind(cls, kind: str) -> tuple[str, ...]:
         """Names of the fields of one kind."""
         return tuple(name for name, option in cls.options().items() if option.kind == kind)
+
+    @classmethod
+    def ladder(cls, data: IOData) -> "tuple[Recipe, ...]":
+        """What a structure search tries first on a record, which is on the scale of this structure."""
+        return tuple(cls(**rung) for rung in cls.rungs or ({},))
+
+    def neighbours(self) -> "tuple[Recipe, ...]":
+        """The same with one order more or less; a structure search tries them around its best candidates."""
+        steps = [{name: step} for name in self.orders for step in (1, -1)]
+        return tuple(found for step in steps if (found := self.stepped(**step)) is not None)
+
+    def stepped(self, **steps: int) -> "Recipe | None":
+        """The same with its orders changed by `steps`; None below the least order."""
+        orders = {name: self.orders[name] + step for name, step in steps.items()}
+        if any(value < self.options()[name].least for name, value in orders.items()):
+            return None
+        return replace(self, **orders)
 
     @property
     def orders(self) -> dict[str, int]:
@@ -156,6 +177,13 @@ class LinearOrders(Recipe):
     nb: int = order(2, "zeros + 1", least=1)
     nf: int = order(3, "poles")
     nk: int = order(1, "delay in samples")
+
+    def neighbours(self) -> tuple[Recipe, ...]:
+        """One zero, pole or both more or less, the delay off by one, and a coefficient of B replaced by a delay."""
+        steps = [(1, 0, 0), (0, 1, 0), (1, 1, 0), (-1, 0, 0), (0, -1, 0), (-1, -1, 0)]
+        steps += [(0, 0, 1), (0, 0, -1), (-1, 0, 1), (1, 0, -1)]
+        found = (self.stepped(nb=nb, nf=nf, nk=nk) for nb, nf, nk in steps)
+        return tuple(recipe for recipe in found if recipe is not None)
 
 
 def named(**maps: str | None) -> dict[str, Any]:

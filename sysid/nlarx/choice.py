@@ -1,79 +1,101 @@
-"""Number of units: generalised cross-validation gives the maximum, cross-validation over blocks the choice."""
+"""Number of units: cross-validation over blocks, in free run too, whatever the focus."""
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sysid.data.record import IOData
 from sysid.nlarx.model import Nlarx
-from sysid.nlarx.problem import AnyProblem, Piece, PredictionProblem, SimulationProblem, rows
+from sysid.nlarx.problem import Piece, PredictionProblem, SimulationProblem, rows
 from sysid.nlarx.result import Choice
-from sysid.nlarx.runs import runs_of
+from sysid.nlarx.runs import Linear, linear_start, runs_of
 from sysid.nlarx.start import empty_network, network_start
 from sysid.solver.iterate import Options
 
-RIDGES = (1e-4, 0.1)
-_LADDER = (0, 1, 2, 3, 5, 8, 12, 20)
+RIDGES = (1e-2, 1e-4, 0.1)  # the first is tried with every size, the others with those around the best
+_LADDER = (0, 1, 3, 6, 10, 15, 20)
 _FOLDS = 3  # each experiment is split into this many blocks, and each block is held back in turn
-_LONGEST = 6000  # samples of an experiment that the choice uses
+_LONGEST = 3000  # samples of an experiment that the choice uses
 _GAIN = 0.98  # a larger network must reduce the held-back error (rms) to below this share of the smaller one's
-_AT_LEAST = 8  # units that a simulation focus may always try, whatever one-step cross-validation gives
-_PATIENCE = 2  # sizes without improvement before the search for a size ends
+_VETO = 1.2  # times the least free-run error on held-back blocks, above which a size is out
+_ITERATIONS = 25  # of each fit
+_PATIENCE = 3  # sizes without improvement before the search for a size ends
 
 
 def choices(
     model: Nlarx, data: IOData, ridges: tuple[float, ...], search: str, deadline: float = np.inf
 ) -> tuple[Choice, ...]:
-    """Sizes up to the maximum of generalised cross-validation, each fitted to every record without one block.
+    """Sizes with their errors, each fitted to every record without one block and judged on that block.
 
     After `deadline` (`time.monotonic()`) no further size is tried.
     """
     folds = _folds(model, data)
     Phi, y = rows(model, Piece.of(data))
     empty = empty_network(model, Phi)
-    most = network_start(empty, Phi, y)[0].units
     linear = np.column_stack([np.ones(len(y)), Phi])
     exact = np.ptp(y - linear @ np.linalg.lstsq(linear, y, rcond=None)[0]) <= 1e-9 * np.ptp(y)
-    if model.focus == "simulation" and empty.m and not exact:
-        # The noise hides a slow nonlinearity one step ahead; in free run its effect accumulates and becomes visible.
-        most = max(most, _AT_LEAST)
+    most = 0 if exact or not empty.m else min(_LADDER[-1], (len(y) - linear.shape[1]) // (2 * (empty.m + 2)))
     found: list[Choice] = []
-    if not most or not folds:
-        return (Choice(most, ridges[0], 0.0),)
-    sizes = sorted({*(k for k in _LADDER if k < most), most})
+    if most <= 0 or not folds:
+        return (Choice(max(most, 0) and network_start(empty, Phi, y)[0].units, ridges[0], 0.0, 0.0),)
+    judges = [_Judge.of(model, *fold, search, deadline) for fold in folds]
+    sizes = [k for k in _LADDER if k <= most]
     for ridge in ridges:
-        best, fruitless = np.inf, 0
+        best, fruitless = (np.inf, np.inf), 0
         for units in sizes:
-            sized = replace(model, units=units)
-            error = float(np.sqrt(np.mean([_held_back(sized, *fold, ridge, search, deadline) ** 2 for fold in folds])))
-            found.append(Choice(units, ridge, error))
-            fruitless = 0 if error < _GAIN * best else fruitless + 1
-            best = min(best, error)
-            if fruitless >= _PATIENCE or time.monotonic() > deadline:
+            step, free = np.sqrt(np.mean([judge.errors(units, ridge) for judge in judges], axis=0))
+            found.append(Choice(units, ridge, float(step if model.focus == "prediction" else free), float(free)))
+            better = step < _GAIN * best[0] or free < _GAIN * best[1]
+            fruitless, best = 0 if better else fruitless + 1, (min(step, best[0]), min(free, best[1]))
+            # The first units may gain nothing where several do; beyond some that gain, fewer need to be tried.
+            if fruitless >= _PATIENCE - bool(preferred(tuple(found)).units) or time.monotonic() > deadline:
                 break
         k = sizes.index(preferred(tuple(found)).units)
-        sizes = sizes[k : k + 1 + _PATIENCE]  # another ridge may allow one or two more sizes
+        sizes = sizes[k : k + 2]  # another ridge may allow one size more
+        if time.monotonic() > deadline:
+            break
     return tuple(found)
 
 
 def preferred(tried: tuple[Choice, ...]) -> Choice:
-    """The smallest size whose error is as close to the least error as `_GAIN` requires."""
-    least = min(c.error for c in tried)
-    near = [c for c in tried if c.error <= least / _GAIN] or [tried[0]]
+    """The smallest size whose error is as close to the least error as `_GAIN` requires.
+
+    Sizes whose free run on held-back blocks is far above the least one are out: one step ahead, a network may predict
+    well and yet run away from the plant.
+    """
+    runs = min(c.free for c in tried)
+    kept = [c for c in tried if c.free <= _VETO * runs] if np.isfinite(runs) else list(tried)
+    least = min(c.error for c in kept)
+    near = [c for c in kept if c.error <= least / _GAIN] or kept[:1]
     return min(near, key=lambda c: (c.units, c.error))
 
 
-def _held_back(model: Nlarx, estimation: IOData, held: IOData, ridge: float, search: str, deadline: float) -> float:
-    """rms error on `held` of a model fitted to `estimation`."""
-    options = Options(max_iterations=30, deadline=deadline)
-    run = min(runs_of(model, estimation, search, 1, 0, options, ridge), key=lambda r: (not r.ended, r.loss))
-    pieces = Piece.of(held)
-    judge: AnyProblem = SimulationProblem(run.network, pieces, model.lag)
-    if model.focus == "prediction":
-        judge = PredictionProblem(run.network, *rows(model, pieces))
-    e = judge.residual(run.outcome.p)
-    return np.inf if e is None else float(np.sqrt(np.mean(e**2)))
+@dataclass(frozen=True)
+class _Judge:
+    """A record without one block, and that block; the linear model with the least free-run error is fitted once."""
+
+    model: Nlarx
+    estimation: IOData
+    held: IOData
+    search: str
+    deadline: float
+    linear: Linear
+
+    @classmethod
+    def of(cls, model: Nlarx, estimation: IOData, held: IOData, search: str, deadline: float) -> "_Judge":
+        return cls(model, estimation, held, search, deadline, linear_start(model, estimation))
+
+    def errors(self, units: int, ridge: float) -> tuple[float, float]:
+        """Mean squares of the errors on the block, one step ahead and in free run; infinite where it diverges."""
+        options = Options(max_iterations=_ITERATIONS, deadline=self.deadline)
+        sized = replace(self.model, units=units)
+        runs = runs_of(sized, self.estimation, self.search, 1, 0, options, ridge, self.linear, leaders=1)
+        run = min(runs, key=lambda r: (not r.ended, r.loss))
+        pieces = Piece.of(self.held)
+        step = PredictionProblem(run.network, *rows(self.model, pieces)).residual(run.outcome.p)
+        free = SimulationProblem(run.network, pieces, self.model.lag).residual(run.outcome.p)
+        return tuple(np.inf if e is None else float(np.mean(e**2)) for e in (step, free))  # type: ignore[return-value]
 
 
 def _folds(model: Nlarx, data: IOData) -> list[tuple[IOData, IOData]]:

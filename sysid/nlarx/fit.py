@@ -12,12 +12,14 @@ from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData
 from sysid.nlarx.choice import RIDGES, Choice, choices, preferred
 from sysid.nlarx.model import Nlarx
-from sysid.nlarx.problem import Piece, limit
+from sysid.nlarx.problem import Piece, SimulationProblem, limit
 from sysid.nlarx.result import FREE_RUN, ONE_STEP, NlarxFit
-from sysid.nlarx.runs import runs_of
+from sysid.nlarx.runs import Run, runs_of
 from sysid.solver.covariance import covariance
 from sysid.solver.iterate import Linearisation, Options
 from sysid.solver.searches import search as make_search
+
+_FREE = 2.0  # times the least mean square of a free run, above which a start is out
 
 
 def fit_nlarx(
@@ -34,9 +36,10 @@ def fit_nlarx(
 
     search: a name of `sysid.solver.searches.TABLE`; starts: number of initial networks, the first on a dyadic grid, the
     others on points drawn with `seed`; a simulation focus adds the linear output-error model. ridge: penalty on large
-    weights (see `PredictionProblem`); None means 1e-4, and with units='auto' the better of 1e-4 and 0.1 on the last
-    quarter of each experiment, which also selects the units (see `choice` of the fit). Each experiment has its own
-    initial samples; missing samples do not count. Raises InputError for records that are too short or constant.
+    weights (see `PredictionProblem`); None means 1e-2, and with units='auto' the best of three on held-back blocks,
+    which also select the units (see `choice` of the fit): a size whose free run on them is poor is out. Each experiment
+    has its own initial samples; missing samples do not count. Raises InputError for records that are too short or
+    constant.
     """
     began = time.perf_counter()
     options = (options or Options(max_iterations=100)).begun()
@@ -53,7 +56,7 @@ def fit_nlarx(
             best_choice = preferred(choice)
             chosen, weight = replace(model, units=best_choice.units), best_choice.ridge
         runs = runs_of(chosen, data, search, starts, seed, options, weight)
-        best = min(runs, key=lambda run: (not run.ended, run.loss))
+        best = _best(runs, pieces, model.lag)
         if not np.isfinite(best.loss):
             raise InputError(
                 f"the free run of each of {len(runs)} start(s) diverges; use focus='prediction' or other orders"
@@ -88,6 +91,18 @@ def fit_nlarx(
     return replace(found, warnings=_warnings(found, data), seconds=time.perf_counter() - began)
 
 
+def _best(runs: list[Run], pieces: tuple[Piece, ...], lag: int) -> Run:
+    """The least loss among those whose free run on the record itself is not far worse than the best one's."""
+    ended = [run for run in runs if run.ended] or runs
+    free = []
+    for run in ended:
+        e = SimulationProblem(run.network, pieces, lag).residual(run.outcome.p)
+        free.append(np.inf if e is None else float(np.mean(e**2)))
+    least = min(free)
+    kept = [run for run, f in zip(ended, free, strict=True) if f <= _FREE * least or not np.isfinite(least)]
+    return min(kept, key=lambda run: run.loss)
+
+
 def check(model: Nlarx, pieces: tuple[Piece, ...], starts: int) -> None:
     if starts < 1:
         raise InputError(f"starts is {starts}; give at least 1")
@@ -118,9 +133,15 @@ def _warnings(fit: NlarxFit, data: IOData) -> tuple[str, ...]:
     found = []
     if not fit.stop.converged:
         found.append(f"the search did not converge: {fit.stop.reason}")
-    away = fit.divergence(data)
+    away = fit.divergence(data) or fit.excursion(data)
     if away is not None:
         found.append(f"on the estimation record {away}")
+    held = [c.free for c in fit.choice if (c.units, c.ridge) == (fit.network.units, fit.ridge)]
+    if away is None and held and not held[0] <= float(np.std(data.y)):
+        found.append(
+            "on blocks held back from the choice of units the free run is worse than the mean of the output: the model "
+            "predicts one step ahead only; use focus='simulation', other orders or a longer record"
+        )
     lost = [n for n, bad in zip(fit.network.names, fit.covariance.unidentifiable, strict=True) if bad]
     if lost:
         shown = ", ".join(lost[:6]) + (f" and {len(lost) - 6} more" if len(lost) > 6 else "")

@@ -18,15 +18,18 @@ from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
 
 ONE_STEP, FREE_RUN = "one step ahead", "free run"
+AWAY = 0.5  # spans of the estimation data's output beyond its range, which no model of the plant reaches
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One tried size: rms error on the held-back blocks, of the kind that the focus selects; inf if diverged."""
+    """One tried size: rms error on the held-back blocks, of the kind that the focus selects, and that of the free run;
+    inf if diverged."""
 
     units: int
     ridge: float
     error: float
+    free: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,23 @@ class NlarxFit:
                     "focus='simulation', fewer units or other orders"
                 )
         return None
+
+    def excursion(self, data: IOData, n_init: int | None = None) -> str | None:
+        """A sentence if the free run on this record leaves the estimation data's range of outputs by far, else None.
+
+        A network has no data there; its output may be anything.
+        """
+        low, high = self.y_span
+        far = AWAY * max(high - low, 1e-300)
+        run = self.simulate(data, n_init)
+        beyond = np.maximum(low - run, run - high)
+        if not np.max(beyond) > far:
+            return None
+        return (
+            f"the free run leaves the range of the estimation data from sample {int(np.argmax(beyond > far))} on "
+            f"(output {low:.4g} to {high:.4g}), where the network has no data; use focus='simulation', fewer units, or "
+            "estimation data that cover these levels"
+        )
 
     def residuals(self, data: IOData) -> np.ndarray:
         """e = y - yhat of the kind `criteria_of`, without each experiment's first n_init samples and missing ones."""

@@ -40,12 +40,27 @@ class Run:
         return np.inf if e is None else float(np.mean(e[: self.problem.N] ** 2))
 
 
+Linear = tuple[np.ndarray, float, float] | None
+
+
 def runs_of(
-    model: Nlarx, data: IOData, search: str, starts: int, seed: int, options: Options, ridge: float
+    model: Nlarx,
+    data: IOData,
+    search: str,
+    starts: int,
+    seed: int,
+    options: Options,
+    ridge: float,
+    linear: Linear = None,
+    leaders: int = _LEADERS,
 ) -> list[Run]:
-    """All starts with the results of their searches: all get a few iterations, then the best continue to the end."""
+    """All starts with the results of their searches: all get a few iterations, then the best continue to the end.
+
+    On a long record they continue on its first part, and only the best of them goes on with the whole. `linear` is a
+    start that is known already, see `linear_start`.
+    """
     pieces = Piece.of(data)
-    linear = _output_error(model, data) if model.focus == "simulation" else None
+    linear = linear_start(model, data) if linear is None else linear
     trial = replace(options, max_iterations=min(_TRIAL, options.max_iterations))
     runs, whole = [], []
     for prediction, theta in _starts(model, pieces, starts, seed, ridge):
@@ -58,12 +73,20 @@ def runs_of(
             short = problem.shortened(_MANY)
         runs += [Run(short, iterate(short, point, make_search(search), trial)) for point in points]
         whole += [problem] * len(points)
-    for k in sorted(range(len(runs)), key=lambda k: runs[k].loss)[:_LEADERS]:
-        if np.isfinite(runs[k].loss):
-            first = runs[k].outcome
-            then = iterate(whole[k], first.p, make_search(search), options)
-            runs[k] = Run(whole[k], first.then(then), ended=True)
+    best = [k for k in sorted(range(len(runs)), key=lambda k: runs[k].loss)[:leaders] if np.isfinite(runs[k].loss)]
+    for k in best:
+        runs[k] = _continued(runs[k], runs[k].problem, search, options)
+    if any(runs[k].problem.N < whole[k].N for k in best):
+        best = sorted(best, key=lambda k: runs[k].loss)[:1]
+        runs[best[0]] = _continued(runs[best[0]], whole[best[0]], search, options)
+    for k in best:
+        runs[k] = replace(runs[k], ended=True)
     return runs
+
+
+def _continued(run: Run, problem: AnyProblem, search: str, options: Options) -> Run:
+    then = iterate(problem, run.outcome.p, make_search(search), options)
+    return Run(problem, run.outcome.then(then))
 
 
 def _starts(
@@ -85,7 +108,7 @@ def _starts(
 def _more_points(
     prediction: PredictionProblem,
     theta: np.ndarray,
-    linear: tuple[np.ndarray, float, float] | None,
+    linear: Linear,
     trial: Options,
 ) -> list[np.ndarray]:
     """Further starts of a search on the free run besides the initial theta (P,).
@@ -103,9 +126,12 @@ def _more_points(
     return points
 
 
-def _output_error(model: Nlarx, data: IOData) -> tuple[np.ndarray, float, float] | None:
-    """L (n,) of the output-error model with these orders, and the means of y and u that it refers to."""
-    if not model.nb:
+def linear_start(model: Nlarx, data: IOData) -> Linear:
+    """L (n,) of the output-error model with these orders, and the means of y and u that it refers to.
+
+    None where the focus is on the prediction, or without inputs.
+    """
+    if not model.nb or model.focus != "simulation":
         return None
     u0, y0 = float(data.u.mean()), float(data.y.mean())
     linear = Chain((TransferFunction(model.nb, model.na, model.nk, role="linear"),), structure="output_error")

@@ -7,7 +7,7 @@ from sysid.export import closed_form
 from sysid.report import figures, sections
 from sysid.report.page import Grid, Listing, Page, Section
 from sysid.report.words import tests_in_words
-from sysid.selection.select import Selection
+from sysid.selection.table import Selection
 from sysid.structures import TABLE
 from sysid.workflow.evaluation import Evaluation
 from sysid.workflow.exports import Exports
@@ -68,17 +68,26 @@ def ranking_grid(result: Identification) -> Grid:
     """The best candidates of a structure search; the chosen one and those equal to the best are marked."""
     assert result.selection is not None
     rows = []
+    leaders = {id(row) for row in result.selection.best_of_each}
     for k, row in enumerate(result.selection.rows, start=1):
         c = row.candidate
-        if k > RANKED and c != result.selection.chosen.candidate:
+        if k > RANKED and c != result.selection.chosen.candidate and id(row) not in leaders:
             continue
         maps = " / ".join(m.replace("_", " ") for m in c.maps.values()) or "–"
         chosen = c == result.selection.chosen.candidate
-        mark = "chosen" if chosen else ("equal" if row.equal else "")
+        mark = "chosen" if chosen else "equal" if row.equal else _short(row.why)
         rows.append((str(k), c.short, maps, percent(row.fit_percent), str(row.d), mark))
     total = len(result.selection.rows)
-    caption = f"The best {min(RANKED, total)} of {total} candidates and the chosen one: fit on validation data"
+    caption = (
+        f"The best {min(RANKED, total)} of {total} candidates, the chosen one and the best of every structure: fit on "
+        "unseen parts of the estimation data"
+    )
     return Grid(("", "structure", "maps", "fit", "d", ""), rows, caption, text_columns=3, last_text=True)
+
+
+def _short(why: str) -> str:
+    """The finding of a complaint, without what to do about it."""
+    return why.partition(";")[0]
 
 
 def _found(selection: Selection) -> str:
@@ -93,11 +102,14 @@ def _search(result: Identification) -> list[Section]:
     if result.selection is None:
         return []
     how = (
-        "Every candidate was fitted to one half of the estimation data and simulated in free run on the other half, "
-        "and vice versa; d is the number of free parameters. Candidates marked equal do not differ significantly "
-        "from the best (paired t-test at 95 %); the smallest of them is chosen. The validation data were not used."
+        "Every candidate was fitted to one part of the estimation data and simulated in free run on the other part, "
+        "and vice versa; the parts are interleaved blocks where halves would not show the same levels; d is the number "
+        "of free parameters. Candidates marked equal do not differ significantly from the best (paired t-test at 95 "
+        "%); the smallest of them is chosen. The validation data were not used. The search took "
+        f"{result.selection.seconds:.0f} s."
     )
-    return [Section("Structure search", [_found(result.selection), how], [ranking_grid(result)])]
+    notes = [sections.sentence(note) for note in result.selection.notes]
+    return [Section("Structure search", [_found(result.selection), how, *notes], [ranking_grid(result)])]
 
 
 def _advice(result: Identification) -> Section:

@@ -1,111 +1,40 @@
-"""Structure search: orders x delay x maps, cross-validated in free run, with early pruning, parallel, resumable.
+"""Structure search: every structure, cross-validated in free run within a budget of seconds, parallel, resumable.
 
-The search has four rounds. Round 1: linear models of all orders and delays, which cost little, and an actuated joint.
-Round 2: every pair of maps around the few best orders, one start each. Round 3: the best third of these with many
-starts, and the joint if it beat every linear model, as on an integrating record with end stops. Round 4: lower orders
-around the winner, as long as the fit does not get worse. Each candidate is fitted to one half of the record and
-validated on the other, and vice versa (two folds), so the winner is chosen on unseen data.
+Round 1: linear models of all orders and delays, which cost little, and the first settings of every structure that has
+some of its own. Round 2: every pair of maps around the best orders, and the best pairs around the next ones. Both use
+few starts, and the first part of every block of a long record. Round 3: the best of every structure and the best
+others, with many starts on the whole record. Round 4 and later: what lies around the best ones (orders, delays, knots
+and maps), until nothing there is better. Each candidate is fitted to one part of the record and judged on the other,
+and vice versa, so the winner is chosen on unseen data; `sysid.selection.folds` makes the parts.
 """
 
-import itertools
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from sysid.base.errors import InputError
 from sysid.base.executor import results
-from sysid.base.json_values import plain
 from sysid.data.record import IOData
-from sysid.estimation.fit import fit_chain
-from sysid.estimation.result import Fit
 from sysid.model.recipes import Recipe
+from sysid.selection.final import final_fit
+from sysid.selection.folds import Fold, folds
 from sysid.selection.journal import Journal
-from sysid.solver.iterate import Options
-from sysid.structures import TABLE
+from sysid.selection.judge import Effort, Job, from_journal, judge, unchanged
+from sysid.selection.space import ORDERS, Space
+from sysid.selection.table import Row, Selection, ranked, settings
 
-_SHRINKING = 6  # how often the winner's orders may come down
-_SAME, _NEAR = 1.01, 1.1  # times the loss of the best
-BLOCKS = 20  # stretches of the judged samples whose errors are compared pair by pair
-ORDERS = ("nb", "nf", "nk")
-MAPS = ("unit_gain", "saturation", "dead_zone", "piecewise_linear")
-
-
-@dataclass(frozen=True)
-class Space:
-    """The search space: every combination of nb, nf, nk, and of the maps that the structure has.
-
-    alone: structures without orders, tried as they are (an actuated joint).
-    """
-
-    nb: tuple[int, ...] = (1, 2, 3)
-    nf: tuple[int, ...] = (1, 2, 3)
-    nk: tuple[int, ...] = (1, 2, 3)
-    input: tuple[str, ...] = MAPS
-    output: tuple[str, ...] = MAPS
-    kept_orders: int = 3
-    starts: int = 5
-    alone: bool = True
-
-    def __post_init__(self) -> None:
-        for name in ("nb", "nf", "nk", "input", "output"):
-            if not getattr(self, name):
-                raise InputError(f"the search space has no {name}; name at least one")
-
-
-@dataclass(frozen=True)
-class Row:
-    """One candidate of the ranked table; `errors` (BLOCKS,) are mean squared free-run errors on unseen segments.
-
-    `equal`: its errors do not differ significantly from the best candidate's (paired t-test on their logarithms at 95
-    %; `_ranked` has the tolerances).
-    """
-
-    candidate: Recipe
-    fit_percent: float
-    d: int
-    round: int
-    errors: np.ndarray
-    converged: bool
-    equal: bool = False
-
-
-@dataclass(frozen=True)
-class Selection:
-    """Ranked rows, the chosen one (the smallest of those equal to the best), and its fit to all the data."""
-
-    rows: tuple[Row, ...]
-    chosen: Row
-    fit: Fit
-
-    def sentence(self) -> str:
-        """The result in words."""
-        equals = [r for r in self.rows if r.equal]
-        best = self.rows[0]
-        text = f"{best.candidate} has the best free run on unseen data ({best.fit_percent:.2f} %, d {best.d})"
-        if len(equals) > 1:
-            text += f"; {len(equals) - 1} other(s) do not differ from it significantly"
-        if self.chosen is not best:
-            small = self.chosen
-            text += f", of which {small.candidate} is the smallest ({small.fit_percent:.2f} %, d {small.d})"
-        return text + "."
-
-    def as_dict(self) -> dict[str, Any]:
-        """The ranked table, ready for JSON."""
-        rows = [
-            {
-                **_row(r.candidate),
-                "fit_percent": r.fit_percent,
-                "d": r.d,
-                "round": r.round,
-                "equal": r.equal,
-            }
-            for r in self.rows
-        ]
-        return plain({"chosen": _row(self.chosen.candidate), "sentence": self.sentence(), "rows": rows})
+SECONDS = 110.0  # of a whole search
+_SCREENED = 2000  # samples of each part in the first two rounds
+_LEADERS = 12  # candidates of round 3
+_CLIMBS = 10  # rounds around the best
+_REACH = 1.5  # times the error of the best, within which another structure is searched further
+_PERFECT = 99.9  # fit [%] beyond which no other structure has anything to gain
+# Shares of the budget at whose end a round begins no more candidates; the rest is for the fit to all the data.
+_SCREENING, _LEADING, _CLIMBING = 0.45, 0.65, 0.8
+_ONE, _ONE_SCREENED = 0.1, 0.03  # of the budget, for one fit
 
 
 def select(
@@ -117,165 +46,156 @@ def select(
     journal: str | Path | None = None,
     progress: Callable[[int, int, str], None] | None = None,
     scheduler: str | None = None,
+    seconds: float = SECONDS,
 ) -> Selection:
     """Search the space on a record of one input and output and fit the chosen structure to all of it.
 
     jobs: processes (all cores if None), or the address of a Dask `scheduler` (see `sysid.base.executor`); journal: a
     file of finished candidates from which a stopped search continues; progress(done, total, name) is called after each
-    candidate. The results do not depend on jobs. A structure with absolute signals is fitted to the record with its
-    means restored, see `Recipe.scale`. Raises InputError for a journal of another record, space or seed.
+    candidate. seconds: budget of the search, with the last fit; the result does not depend on jobs unless the budget
+    ends the search or a fit, which `notes` of the result say. A structure with absolute signals is fitted to the record
+    with its means restored, see `Recipe.scale`. Raises InputError for a journal of another record, space or seed, for
+    a record too short to be halved, and where no structure has a valid free run.
     """
     space = space or Space()
-    folds = _folds(data)
+    if not seconds > 0:
+        raise InputError(f"seconds is {seconds}; give a positive number")
     book = Journal(journal, data, (vars(space), search, seed))
-    work = _Work(folds, search, seed, jobs, scheduler, book, progress)
-    every = [dict(zip(ORDERS, o, strict=True)) for o in itertools.product(space.nb, space.nf, space.nk)]
-    linear = [c for o in every if o["nb"] <= o["nf"] + 1 for c in _made_of(o)]
-    first = work.judge(1, linear, starts=1, iterations=50)
-    alone = work.judge(1, _alone() if space.alone else [], starts=1, iterations=50)
-    orders = _best_orders(first, space.kept_orders)
-    second = work.judge(2, _around(space, orders), starts=1, iterations=30)
-    survivors = sorted(second, key=_score)[: max(3, -(-len(second) // 3))]
-    survivors += [r for r in alone if r.fit_percent > max(other.fit_percent for other in first)]
-    third = work.judge(3, [r.candidate for r in survivors], starts=space.starts, iterations=200)
-    judged = {r.candidate: r for r in (*first, *alone, *second, *third)}  # the latest round counts
-    rows, chosen = _ranked(judged)
-    for _ in range(_SHRINKING):
-        smaller = [c for c in _smaller(chosen.candidate) if c not in judged or judged[c].round < 3]
-        judged |= {r.candidate: r for r in work.judge(4, smaller, starts=space.starts, iterations=200)}
-        before = chosen
-        rows, chosen = _ranked(judged)
-        if chosen.candidate == before.candidate:
-            break
+    work = _Work(folds(data), search, seed, jobs, scheduler, book, progress, time.time(), seconds)
+    judged = _rounds(space, data, work)
+    rows, chosen = ranked(judged)
     if not np.isfinite(rows[0].fit_percent):
         raise InputError(
             "no structure of the space has a valid free run on this record; inspect the data or widen the space"
         )
-    winner = chosen.candidate
-    best = fit_chain(winner.model(), winner.scale(data), search=search, starts=space.starts, seed=seed)
-    return Selection(tuple(rows), chosen, best)
+    left = max(work.begun + seconds - time.time(), 0.1 * seconds)
+    chosen, fit, notes = final_fit(rows, chosen, data, search, seed, Effort(space.starts, 200, left))
+    return Selection(tuple(rows), chosen, fit, (*work.notes(), *notes), time.time() - work.begun)
 
 
-@dataclass(frozen=True)
+def _rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:
+    """Every candidate with its last row."""
+    judged: dict[Recipe, Row] = {}
+
+    def take(rows: Sequence[Row]) -> None:
+        judged.update({r.candidate: r for r in rows})
+
+    cheap = Effort(1, 50, _ONE_SCREENED * work.seconds)
+    full = Effort(space.starts, 200, _ONE * work.seconds)
+    grid = space.grid()
+    first = [c for c in grid if type(c) in space.kinds or len(space.kinds) > 1]
+    take(work.judge(1, [*first, *space.ladders(data)], cheap, _SCREENING, short=True))
+    linear = sorted((judged[c] for c in grid if c in judged), key=_by_fit)
+    orders = [{name: r.candidate.orders[name] for name in ORDERS} for r in linear if np.isfinite(r.fit_percent)]
+    brief = Effort(1, 30, cheap.seconds)
+    mapped = work.judge(2, space.around(orders[:1]), brief, _SCREENING, short=True)
+    few = sorted(mapped, key=_by_fit)[: -(-len(mapped) // 3)]
+    more = [replace(r.candidate, **o) for o in orders[1 : space.kept_orders] for r in few]
+    take([*mapped, *work.judge(2, more, brief, _SCREENING, short=True)])
+    take(work.judge(3, _leaders(judged), full, _LEADING))
+    decided = {c for c, r in judged.items() if r.round >= 3}
+    best: Recipe | None = None
+    smallest: Recipe | None = None
+    for k in range(_CLIMBS):
+        rows, chosen = ranked(judged)
+        if chosen.candidate == smallest and any(r.equal for r in rows if r.candidate == best):
+            break  # the last round brought nothing that differs from what was there
+        best, smallest = rows[0].candidate, chosen.candidate
+        around = [r.candidate for r in _reached(rows, chosen)]
+        new = [c for c in dict.fromkeys(n for c in around for n in space.beside(c)) if c not in decided]
+        new = [*_beating(judged, decided), *new]
+        found = work.judge(4 + k, new, full, _CLIMBING)
+        decided |= {r.candidate for r in found}
+        take(found)
+        if not found:
+            break
+    return judged
+
+
+def _by_fit(row: Row) -> tuple[float, int]:
+    return -row.fit_percent, row.d
+
+
+def _leaders(judged: dict[Recipe, Row]) -> list[Recipe]:
+    """The best of every structure, best first, then the best others."""
+    found: list[Recipe] = []
+    names: set[str] = set()
+    rows = [r for r in sorted(judged.values(), key=_by_fit) if np.isfinite(r.fit_percent)]
+    for r in rows:
+        if r.candidate.name not in names:
+            names.add(r.candidate.name)
+            found.append(r.candidate)
+    others = [r.candidate for r in rows if r.candidate not in found]
+    return found + others[: max(0, _LEADERS - len(found))]
+
+
+def _beating(judged: dict[Recipe, Row], decided: set[Recipe]) -> list[Recipe]:
+    """Candidates that had little effort and are nevertheless better than the best of those that had all of it."""
+    best = max((judged[c].fit_percent for c in decided), default=-np.inf)
+    rows = sorted((r for c, r in judged.items() if c not in decided and r.fit_percent > best), key=_by_fit)
+    return [r.candidate for r in rows[:_LEADERS]]
+
+
+def _reached(rows: list[Row], chosen: Row) -> list[Row]:
+    """The rows around which it goes on: chosen, best, and the best of every structure that is not far behind."""
+    if not np.isfinite(rows[0].fit_percent) or not rows[0].whole:
+        return []
+    if rows[0].fit_percent > _PERFECT:
+        return [chosen]
+    limit = 100.0 - _REACH * (100.0 - rows[0].fit_percent)
+    found, names = [chosen, rows[0]], {rows[0].candidate.name}
+    for r in rows:
+        if r.whole and r.candidate.name not in names and r.fit_percent >= limit:
+            names.add(r.candidate.name)
+            found.append(r)
+    return found
+
+
+@dataclass
 class _Work:
-    folds: tuple[tuple[IOData, IOData], ...]
+    folds: tuple[Fold, Fold]
     search: str
     seed: int
     jobs: int | None
     scheduler: str | None
     book: Journal
     progress: Callable[[int, int, str], None] | None
+    begun: float  # of time.time(), which the machines of a cluster share
+    seconds: float
+    left_out: list[Recipe] = field(default_factory=list)
 
-    def judge(self, number: int, candidates: Sequence[Recipe], starts: int, iterations: int) -> list[Row]:
-        """Validate candidates; those that are not in the journal run in parallel."""
+    def judge(
+        self, number: int, candidates: Sequence[Recipe], effort: Effort, share: float, short: bool = False
+    ) -> list[Row]:
+        """Validate candidates; those that are not in the journal run in parallel, until their `share` of the time."""
+        parts = tuple(f.shortened(_SCREENED) for f in self.folds) if short else self.folds
+        whole = all(p.estimation.N == f.estimation.N for p, f in zip(parts, self.folds, strict=True))
         rows: dict[Recipe, Row] = {}
         todo = []
         for c in candidates:
-            known = self.book.find(number, _row(c))
+            known = self.book.find(number, settings(c))
             if known is None:
                 todo.append(c)
             else:
-                rows[c] = Row(c, known["fit"], known["d"], number, np.array(known["errors"]), known["converged"])
-        options = Options(max_iterations=iterations)
-        jobs = [(c, self.folds, self.search, starts, self.seed, options, number) for c in todo]
+                rows[c] = from_journal(c, number, known)
+        deadline = self.begun + share * self.seconds
+        jobs = [Job(c, parts, effort, self.search, self.seed, number, whole, deadline) for c in todo]
         # Results come as they finish, so that the journal holds them when the search is killed.
-        for _, row in results(_judge_one, jobs, self.jobs, self.scheduler):
+        for k, row in results(judge, jobs, self.jobs, self.scheduler):
+            if row is None:
+                self.left_out.append(todo[k])
+                continue
             rows[row.candidate] = row
-            values = {"fit": row.fit_percent, "d": row.d, "errors": row.errors.tolist(), "converged": row.converged}
-            self.book.add(number, _row(row.candidate), values)
+            if time.time() < deadline:  # else its fits may have ended early
+                self.book.add(number, settings(row.candidate), unchanged(row))
             if self.progress is not None:
                 self.progress(len(rows), len(candidates), str(row.candidate))
-        return [rows[c] for c in candidates]
+        return [rows[c] for c in candidates if c in rows]
 
-
-def _judge_one(job: tuple[Any, ...]) -> Row:
-    """Free-run errors of one candidate on the unseen part of every fold."""
-    candidate, folds, search, starts, seed, options, number = job
-    parts, d, converged, variance = [], 0, True, 0.0
-    for estimation, unseen in folds:
-        try:
-            estimation, unseen = candidate.scale(estimation), candidate.scale(unseen)
-            fit = fit_chain(candidate.model(), estimation, search=search, starts=starts, seed=seed, options=options)
-            error = fit.residuals(unseen) ** 2
-        except InputError:  # too short for these orders: not a usable structure here
-            return Row(candidate, -np.inf, 0, number, np.full(BLOCKS, np.inf), False)
-        d, converged = fit.criteria.d, converged and fit.stop.converged
-        parts.append(np.array([block.mean() for block in np.array_split(error, BLOCKS // len(folds))]))
-        variance += float(unseen.y[fit.n_init :].var()) / len(folds)
-    errors = np.concatenate(parts)
-    mean = float(errors.mean())
-    percent = 100.0 * (1.0 - np.sqrt(mean / variance)) if np.isfinite(mean) and variance > 0 else -np.inf
-    return Row(candidate, percent, d, number, np.where(np.isfinite(errors), errors, np.inf), converged)
-
-
-def _folds(data: IOData) -> tuple[tuple[IOData, IOData], ...]:
-    """Two halves, one for estimation and the other for validation, and vice versa; every experiment is halved."""
-    first, second = data.split(0.5)
-    return (first, second), (second, first)
-
-
-def _score(row: Row) -> tuple[float, int]:
-    return -row.fit_percent, row.d
-
-
-def _best_orders(rows: list[Row], count: int) -> list[dict[str, int]]:
-    ranked = [r for r in sorted(rows, key=_score) if np.isfinite(r.fit_percent)]
-    return [r.candidate.orders for r in ranked[:count]]
-
-
-def _made_of(orders: dict[str, int], **maps: str) -> list[Recipe]:
-    """Every structure of these orders that has exactly these maps."""
-    kinds = [kind for kind in TABLE.values() if kind.searched and kind.of_kind("order") == ORDERS]
-    return [kind(**orders, **maps) for kind in kinds if set(kind.of_kind("map")) == set(maps)]
-
-
-def _alone() -> list[Recipe]:
-    """The structures without orders."""
-    return [kind() for kind in TABLE.values() if kind.searched and not kind.of_kind("order")]
-
-
-def _around(space: Space, orders: list[dict[str, int]]) -> list[Recipe]:
-    """Every pair of maps at every order, as the resulting structure."""
-    found = []
-    for o, first, last in itertools.product(orders, space.input, space.output):
-        maps = {name: m for name, m in (("input_map", first), ("output_map", last)) if m != "unit_gain"}
-        if maps:
-            found += _made_of(o, **maps)
-    return found
-
-
-def _smaller(c: Recipe) -> list[Recipe]:
-    """The same maps with fewer zeros, fewer poles, or one coefficient of B replaced by a delay."""
-    if not c.orders:
-        return []
-    nb, nf, nk = (c.orders[name] for name in ORDERS)
-    orders = [(nb - 1, nf, nk), (nb, nf - 1, nk), (nb - 1, nf - 1, nk), (nb - 1, nf, nk + 1)]
-    return [replace(c, **dict(zip(ORDERS, o, strict=True))) for o in orders if o[0] >= 1 and o[1] >= 0]
-
-
-def _row(c: Recipe) -> dict[str, Any]:
-    """A candidate in the form of tables and journals: orders 0 if it has none, None for a missing map."""
-    orders = {**dict.fromkeys(ORDERS, 0), **c.orders}
-    return {"structure": c.name, **orders, "input": c.maps.get("input_map"), "output": c.maps.get("output_map")}
-
-
-def _ranked(judged: dict[Recipe, Row]) -> tuple[list[Row], Row]:
-    """Rows sorted best first, with those equal to the best marked, and the smallest of these.
-
-    Errors are compared by their logarithms; otherwise one bad segment, on which every model fails, would hide all
-    differences. A loss up to `_SAME` times the best counts as equal even if the difference is significant. A loss
-    above `_NEAR` times the best is not equal even if it is not significant: a test on twenty segments that differ
-    strongly has little power.
-    """
-    rows = sorted(judged.values(), key=_score)
-    limit = float(stdtrit(BLOCKS - 1, 0.975))
-    best = np.log(np.maximum(rows[0].errors, 1e-300))
-    out = []
-    for k, r in enumerate(rows):
-        gap = np.log(np.maximum(r.errors, 1e-300)) - best
-        finite = bool(np.all(np.isfinite(gap)))
-        told = not finite or float(gap.mean()) > limit * float(gap.std(ddof=1)) / np.sqrt(BLOCKS)
-        ratio = float(r.errors.mean()) / max(float(rows[0].errors.mean()), 1e-300) if finite else np.inf
-        told = (told and ratio > _SAME) or ratio > _NEAR
-        out.append(replace(r, equal=k == 0 or not told))
-    return out, min((r for r in out if r.equal), key=lambda r: (r.d, -r.fit_percent))
+    def notes(self) -> tuple[str, ...]:
+        """What the budget left out."""
+        if not self.left_out:
+            return ()
+        shown = ", ".join(str(c) for c in self.left_out[:3])
+        more = f" and {len(self.left_out) - 3} more" if len(self.left_out) > 3 else ""
+        return (f"the budget of {self.seconds:g} s ended the search before {shown}{more}; give it more seconds",)

@@ -66,6 +66,7 @@ class ActuatedJoint(Recipe):
 
     name: ClassVar[str] = "actuated_joint"
     searched: ClassVar[bool] = True
+    least_starts: ClassVar[int] = 10  # a record in blocks has an initial position for each, and more local optima
     grown: ClassVar[bool] = True
     auto: ClassVar[str] = "lm"  # a joint's cost bends too much for the changes of method that "auto" makes
     zero: ClassVar[str] = "volts and angles"

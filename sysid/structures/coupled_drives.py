@@ -35,6 +35,8 @@ class CoupledDrives(Recipe):
     """Settings of `coupled_drives`; the orders are those of the belt."""
 
     name: ClassVar[str] = "coupled_drives"
+    searched: ClassVar[bool] = True
+    rungs: ClassVar = ({"nb": 2, "nf": 2},)
     zero: ClassVar[str] = "volts and speeds"
     nb: int = order(2, "zeros + 1", least=1)
     nf: int = order(2, "poles", least=2)

@@ -1,9 +1,10 @@
 """Motor profile: a motor whose friction and load are free functions of its position."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from sysid.blocks import ProfiledMotor
+from sysid.data.record import IOData
 from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe, number, order
 
@@ -23,10 +24,21 @@ class MotorProfile(Recipe):
     """Settings of `motor_profile`."""
 
     name: ClassVar[str] = "motor_profile"
+    searched: ClassVar[bool] = True
     zero: ClassVar[str] = "volts and positions"
     knots: int = order(9, "places of the friction profile", least=1)
     low: float = number(0.0, "lower end of the way of a motor with a friction profile", unit="Y")
     high: float = number(1.0, "upper end of the way of a motor with a friction profile", unit="Y")
+
+    @classmethod
+    def ladder(cls, data: IOData) -> tuple[Recipe, ...]:
+        """Few and many places over the range of the record."""
+        low, high = float(data.y.min()), float(data.y.max())
+        return tuple(cls(knots, low, high) for knots in (5, 9))
+
+    def neighbours(self) -> tuple[Recipe, ...]:
+        """Twice or half the places."""
+        return tuple(replace(self, knots=knots) for knots in (2 * self.knots - 1, (self.knots + 1) // 2) if knots > 1)
 
     def model(self) -> Chain:
         return motor_profile(self.knots, self.low, self.high)

@@ -30,6 +30,8 @@ class NonlinearArx(Recipe):
     """Settings of `nlarx` with an automatic network size."""
 
     name: ClassVar[str] = "nlarx"
+    searched: ClassVar[bool] = True
+    rungs: ClassVar = ({"focus": "simulation"}, {"na": 1, "nb": 1, "focus": "simulation"})
     na: int = order(2, "past outputs")
     nb: int = order(2, "past inputs", least=1)
     nk: int = order(1, "delay in samples")

@@ -33,6 +33,8 @@ class WienerHammerstein(LinearOrders):
     """Settings of `wiener_hammerstein`; both filters have the same orders."""
 
     name: ClassVar[str] = "wiener_hammerstein"
+    searched: ClassVar[bool] = True
+    rungs: ClassVar = ({"nb": 1, "nf": 1}, {"nb": 2, "nf": 2}, {}, {"nb": 3, "nf": 3})
 
     def model(self) -> Chain:
         return wiener_hammerstein(self.nb, self.nf, self.nk)

@@ -205,6 +205,8 @@ def evaluate_fit(setting: Setting, fit: Fit | NlarxFit, estimation: IOData, vali
     fits = fit_percent(estimation.y[first:, 0], fitted[first:]), fit.fit_percent(validation)
     if network and not np.isfinite(fits[1]):
         notes.append(f"in the validation data {network.divergence(validation)}")
+    elif network and (left := network.excursion(validation)):
+        notes.append(f"in the validation data {left}")
     if np.isfinite(fits).all() and fits[0] - fits[1] > OVERFITTED:
         seen, unseen = (f"{f:.0f} %" if f > -1000 else "below -1000 %" for f in fits)
         cause = "the two parts differ" if ample(fit) else "the model is too large for this record, or its parts differ"

@@ -11,7 +11,9 @@ from sysid.channels.reading import Mapping
 from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import advise
-from sysid.selection.select import Selection, Space, select
+from sysid.selection.select import SECONDS, select
+from sysid.selection.space import Space
+from sysid.selection.table import Selection
 from sysid.solver.searches import TABLE as SEARCHES
 from sysid.workflow.evaluation import Evaluation, Setting, check_parts, evaluate, evaluate_fit
 from sysid.workflow.identified import Identification
@@ -23,7 +25,8 @@ from sysid.workflow.record import read_record
 class Auto:
     """A search over structures instead of one setting; `journal` keeps finished candidates if the run is stopped.
 
-    `scheduler` is the address of a Dask scheduler whose workers judge the candidates; local processes do if None.
+    `seconds` is its budget. `scheduler` is the address of a Dask scheduler whose workers judge the candidates; local
+    processes do if None.
     """
 
     search: str = "auto"
@@ -31,8 +34,11 @@ class Auto:
     seed: int = 0
     journal: Path | None = None
     scheduler: str | None = None
+    seconds: float = SECONDS
 
     def __post_init__(self) -> None:
+        if not self.seconds > 0:
+            raise InputError(f"--seconds is {self.seconds:g}; give a positive number of seconds")
         if self.search not in SEARCHES:
             raise unknown("search", self.search, SEARCHES)
 
@@ -81,7 +87,8 @@ def _search(
 ) -> tuple[Selection, Evaluation]:
     """The search on `estimation`, and its chosen fit evaluated on `validation` without refitting."""
     space = Space(starts=auto.starts)
-    found = select(estimation, space, auto.search, auto.seed, None, auto.journal, candidate, auto.scheduler)
+    options = auto.search, auto.seed, None, auto.journal, candidate, auto.scheduler, auto.seconds
+    found = select(estimation, space, *options)
     recipe = found.chosen.candidate
     setting = Setting(recipe, auto.search, auto.starts, auto.seed)
     parts = recipe.scale(estimation), recipe.scale(validation)

@@ -5,7 +5,7 @@ from typing import Any
 
 from sysid.base.versions import versions
 from sysid.diagnosis.advice import Advice
-from sysid.selection.select import Selection
+from sysid.selection.table import Selection
 from sysid.workflow.evaluation import Evaluation
 from sysid.workflow.record import Record
 

@@ -152,7 +152,9 @@ def _search_structures(result: Identification) -> NextStep | None:
 
 
 def _other_kind(result: Identification) -> NextStep | None:
-    """No block model was found; a nonlinear ARX model does not assume blocks."""
+    """No block model was found; a nonlinear ARX model does not assume blocks. A search has tried it already."""
+    if result.selection is not None and any(r.candidate.name == NonlinearArx.name for r in result.selection.rows):
+        return None
     return NextStep("no block structure explains the record", command(result, structure=NonlinearArx.name))
 
 

@@ -8,7 +8,8 @@ from cluster import cluster
 import twin
 from sysid.base.errors import InputError
 from sysid.base.executor import in_order, results
-from sysid.selection.select import Space, select
+from sysid.selection.select import select
+from sysid.selection.space import Space
 from sysid.systems import system
 
 
@@ -31,7 +32,9 @@ def test_no_scheduler_is_a_sentence():
 def test_search_and_ensemble_are_the_same_on_a_cluster(tmp_path):
     pytest.importorskip("distributed")
     data = system("textbook").record(600, 0.01, np.random.default_rng(1))
-    space = Space((1, 2), (1, 2), (1,), ("saturation",), ("piecewise_linear",), kept_orders=1, starts=1, alone=False)
+    space = Space(
+        (1, 2), (1, 2), (1,), ("saturation",), ("piecewise_linear",), 1, 1, ("hammerstein_wiener",), grows=False
+    )
     draws = twin.Draws({"thigh.coulomb": 0.3})
 
     def ensemble(name):

@@ -59,8 +59,18 @@ def test_the_command_line_gives_every_setting_to_its_recipe(name):
 
 
 @pytest.mark.parametrize("name", sorted(TABLE))
-def test_what_structure_search_tries_has_the_orders_that_it_varies_or_none(name):
-    assert not TABLE[name].searched or tuple(STRUCTURES[name].orders) in ((), ("nb", "nf", "nk"))
+def test_what_a_search_tries_of_a_structure_is_that_structure_and_it_can_come_back(name):
+    """First settings that differ from each other, and neighbours of whom each has the setting as a neighbour."""
+    data = IOData(np.array([-1.0, 1.0, 0.5]), np.array([-2.0, 2.0, 1.0]), 1.0)
+    ladder = TABLE[name].ladder(data)
+    assert ladder
+    assert len(set(ladder)) == len(ladder)
+    for c in (*ladder, STRUCTURES[name]):
+        assert type(c) is TABLE[name]
+        for other in c.neighbours():
+            assert type(other) is TABLE[name]
+            assert other != c
+            assert c in other.neighbours()
 
 
 @pytest.mark.parametrize("name", sorted(TABLE))

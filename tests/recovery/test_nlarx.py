@@ -1,16 +1,18 @@
 """Nonlinear ARX: exact where it is linear, exact gradients, a known plant recovered, free run apart from one step."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
 
 import sysid
-from sysid.nlarx.choice import choices
+from sysid.nlarx.choice import choices, preferred
 from sysid.nlarx.fit import fit_nlarx
 from sysid.nlarx.linearize import findop, findops, tangent
 from sysid.nlarx.model import Network
 from sysid.nlarx.problem import Piece, PredictionProblem, SimulationProblem, rows
-from sysid.nlarx.result import FREE_RUN, ONE_STEP
+from sysid.nlarx.result import FREE_RUN, ONE_STEP, Choice
 from sysid.nlarx.start import empty_network, network_start
 from sysid.solver.iterate import Options
 from sysid.structures import nlarx
@@ -128,11 +130,11 @@ def test_known_plant_from_automatic_starts(focus, least, seeds):
 
 
 def test_automatic_size_beats_the_linear_model_by_far():
-    estimation, validation = plant_record(800, 5, 0.01), plant_record(800, 6)
+    estimation, validation = plant_record(400, 5, 0.01), plant_record(800, 6)
     fit = fit_nlarx(nlarx(2, 2, 1, focus="simulation"), estimation, options=Options(max_iterations=30), starts=1)
     linear = fit_nlarx(nlarx(2, 2, 1, units=0, focus="simulation"), estimation)
     assert fit.network.units >= 2
-    assert {c.units for c in fit.choice} >= {0, 1, 2}
+    assert {c.units for c in fit.choice} >= {0, 1, 3}
     # The error falls to less than a third.
     assert 100.0 - fit.fit_percent(validation) < (100.0 - linear.fit_percent(validation)) / 3.0
 
@@ -155,6 +157,24 @@ def test_a_size_is_judged_on_blocks_that_it_was_not_fitted_to():
         squares.append(np.mean((y[t] - X @ law)[held] ** 2))
     assert tried[0].units == 0
     assert tried[0].error == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-6)
+
+
+def test_a_size_whose_free_run_is_poor_is_out_however_well_it_predicts_one_step():
+    tried = (Choice(0, 0.1, 0.9, 2.0), Choice(3, 0.1, 0.6, 1.1), Choice(6, 0.1, 0.5, 1.5), Choice(10, 0.1, 0.4, np.inf))
+    assert preferred(tried).units == 3
+    assert preferred(tuple(replace(c, free=np.inf) for c in tried)).units == 10  # no free run tells them apart
+
+
+def test_a_free_run_that_leaves_the_data_is_told_with_its_sample_and_what_to_do():
+    """A linear model fitted within +-1, run with an input ten times as large: its output leaves the range tenfold."""
+    u = np.repeat(np.random.default_rng(1).uniform(-1, 1, 60), 10)
+    y = np.asarray(control.forced_response(control.tf([0.2], [1, -0.8], 0.1), U=u).outputs)
+    fit = fit_nlarx(nlarx(1, 1, 1, units=0), sysid.IOData(u, y, 0.1))
+    loud = u * np.where(np.arange(600) < 300, 1.0, 10.0)
+    told = fit.excursion(sysid.IOData(loud, y, 0.1))
+    assert fit.excursion(sysid.IOData(u, y, 0.1)) is None
+    assert "focus='simulation'" in told
+    assert 300 <= int(told.split("from sample ")[1].split()[0]) < 320
 
 
 def test_free_run_and_one_step_are_told_apart():

@@ -9,13 +9,24 @@ from scipy.signal import lfilter
 import sysid
 from sysid.base.errors import InputError
 from sysid.data.preprocess import detrend
-from sysid.selection.select import Space, select
+from sysid.selection.folds import Fold, folds
+from sysid.selection.judge import Effort, Job, judge
+from sysid.selection.select import select
+from sysid.selection.space import Space
 from sysid.structures import ActuatedJoint, Hammerstein, HammersteinWiener, OutputError
 from sysid.systems import system
 from sysid.workflow import identification
 
+BLOCKS = ("output_error", "hammerstein", "wiener", "hammerstein_wiener")
 SMALL = Space(
-    nb=(1, 2), nf=(1, 2), nk=(1, 2), input=("unit_gain", "saturation"), output=("unit_gain", "dead_zone"), starts=1
+    nb=(1, 2),
+    nf=(1, 2),
+    nk=(1, 2),
+    input=("unit_gain", "saturation"),
+    output=("unit_gain", "dead_zone"),
+    starts=1,
+    structures=(*BLOCKS, "actuated_joint"),
+    grows=False,
 )
 
 
@@ -40,7 +51,7 @@ def test_the_true_structure_wins(seed):
 
 def test_larger_equals_are_named_and_passed_over():
     """Three poles run as well as two: the table says that they are equal, and two are chosen."""
-    space = Space(nb=(2,), nf=(2, 3), nk=(1,), input=("saturation",), output=("unit_gain",), starts=1)
+    space = replace(SMALL, nb=(2,), nf=(2, 3), nk=(1,), input=("saturation",), output=("unit_gain",))
     found = select(hammerstein_record(), space, jobs=1)
     equals = {(r.candidate.orders["nf"], r.candidate.name) for r in found.rows if r.equal and r.candidate.orders}
     assert {(2, "hammerstein"), (3, "hammerstein")} <= equals
@@ -49,16 +60,40 @@ def test_larger_equals_are_named_and_passed_over():
     assert not linear.equal
 
 
-def test_every_half_is_judged_by_the_model_of_the_other():
+def test_each_part_is_judged_by_the_model_of_the_other():
     """The plant turns its sign after half the record, noise-free: a model of one half says the other's negative, an
     error of twice the output and so -100 %; on its own half it would reach 100 %."""
     u = np.repeat(np.random.default_rng(2).choice([-1.0, 1.0], 240) * np.tile([1.0, 2.0], 120), 5)
     first, second = np.split(u, 2)
     y = np.concatenate([lfilter([0, 0.5], [1, -0.8], first), lfilter([0, -0.5], [1, -0.8], second)])
-    space = Space(nb=(1,), nf=(1,), nk=(1,), input=("unit_gain",), output=("unit_gain",), alone=False)
-    found = select(sysid.IOData(u, y, 0.1), space, jobs=1)
-    row = next(r for r in found.rows if r.candidate == OutputError(1, 1, 1))
+    one, other = sysid.IOData(u, y, 0.1).split(0.5)
+    parts = Fold(one, other, 50), Fold(other, one, 50)
+    row = judge(Job(OutputError(1, 1, 1), parts, Effort(1, 50), "auto", 0, 1, whole=True))
     assert row.fit_percent == pytest.approx(-100.0, abs=10.0)
+
+
+def test_both_parts_of_a_record_meet_what_only_its_first_half_shows():
+    """Positive levels stand in the first half alone, negative ones in the second: halves would judge every model beyond
+    its data. No sample is in both parts, and none is lost."""
+    levels = np.random.default_rng(0).uniform(0.2, 1.0, 80) * np.repeat([1.0, -1.0], 40)
+    u = np.repeat(levels, 20)
+    record = sysid.IOData(u, lfilter([0, 0.2], [1, -0.8], u), 0.1)
+    first, second = folds(record)
+    for fold in (first, second):
+        for part in (fold.estimation, fold.unseen):
+            assert part.y.min() < -0.7
+            assert part.y.max() > 0.7
+        both = np.concatenate([fold.estimation.y, fold.unseen.y])
+        np.testing.assert_array_equal(np.sort(both, axis=0), np.sort(record.y, axis=0))
+    np.testing.assert_array_equal(first.estimation.y, second.unseen.y)
+
+
+def test_a_record_whose_halves_show_the_same_is_halved_and_experiments_stay_apart():
+    u = np.tile(np.repeat(np.random.default_rng(0).uniform(-1, 1, 40), 20), 2)
+    record = sysid.IOData(u, lfilter([0, 0.2], [1, -0.8], u), 0.1)
+    assert [fold.estimation.lengths for fold in folds(record)] == [(800,), (800,)]
+    two = sysid.IOData.merge(*record.split(0.5))
+    assert [fold.unseen.lengths for fold in folds(two)] == [(800,), (800,)]
 
 
 def joint_record(N=1000, seed=0):
@@ -82,15 +117,19 @@ def test_a_joint_is_tried_and_wins_where_the_record_integrates_and_stops():
     assert found.fit.fit_percent(record) > 97.0
 
 
-def test_a_joint_goes_no_further_where_a_linear_model_runs_better_or_where_it_is_not_asked_for():
+def test_every_structure_keeps_its_best_row_and_one_that_is_not_asked_for_has_none():
     rng = np.random.default_rng(0)
     u = np.repeat(rng.uniform(-2, 2, 200), 5)
     chain = sysid.structures.output_error(2, 2, 1)
     y = chain.simulate(np.array([0.3, 0.15, -1.5, 0.7, 0.0, 0.0]), u)
     record = sysid.IOData(u, y + 0.02 * y.std() * rng.normal(size=1000), 0.1)
-    rows = {r.candidate: r for r in select(record, SMALL, jobs=1).rows}
-    assert rows[ActuatedJoint()].round == 1
-    none = select(record, replace(SMALL, alone=False), jobs=1)
+    found = select(record, SMALL, jobs=1)
+    assert {r.candidate.name for r in found.best_of_each} == set(SMALL.structures)
+    assert found.chosen.candidate == OutputError(2, 2, 1, offset="free")
+    for best in found.best_of_each:
+        others = [r.fit_percent for r in found.rows if r.candidate.name == best.candidate.name and r.whole]
+        assert best.fit_percent == max(others)
+    none = select(record, replace(SMALL, structures=BLOCKS), jobs=1)
     assert ActuatedJoint() not in {r.candidate for r in none.rows}
 
 
@@ -109,12 +148,10 @@ def test_a_joint_that_a_search_finds_grows_on_the_scale_of_the_file(tmp_path, mo
 
 def test_every_structure_is_tried_with_exactly_the_maps_that_it_has_places_for():
     """And no linear model with more zeros than a sampled plant of that many poles has."""
-    space = Space(
-        (1, 2, 3), (1,), (1,), ("unit_gain", "saturation"), ("unit_gain", "dead_zone"), kept_orders=1, starts=1
-    )
+    space = replace(SMALL, nb=(1, 2, 3), nf=(1,), nk=(1,), kept_orders=1)
     found = select(hammerstein_record(400), space, jobs=1)
-    first = {str(r.candidate) for r in found.rows if r.candidate.name == "output_error" and r.round == 1}
-    assert first == {"output_error (1,1,1)", "output_error (2,1,1)"}
+    first = {str(r.candidate) for r in found.rows if r.candidate.name == "output_error"}
+    assert first == {"output_error (1,1,1) with an offset", "output_error (2,1,1) with an offset"}
     kinds = {(r.candidate.name, *r.candidate.maps.values()) for r in found.rows}
     assert kinds == {
         ("output_error",),
@@ -134,7 +171,8 @@ def test_the_textbook_plant_among_all_default_maps():
 
 def test_a_killed_search_goes_on_and_ends_as_if_it_had_not_been(tmp_path):
     data, journal = hammerstein_record(), tmp_path / "search.jsonl"
-    whole = select(data, SMALL, jobs=1)
+    every: list[str] = []
+    whole = select(data, SMALL, jobs=1, progress=lambda *a: every.append(a[2]))
     names: list[str] = []
 
     def kill(done, total, name):
@@ -148,7 +186,7 @@ def test_a_killed_search_goes_on_and_ends_as_if_it_had_not_been(tmp_path):
         file.write('{"key": "cut sho')  # as a kill in the middle of a write leaves it
     again: list[str] = []
     resumed = select(data, SMALL, jobs=1, journal=journal, progress=lambda *a: again.append(a[2]))
-    assert not set(names) & set(again)  # the six linear models of the first round are not done twice
+    assert names + again == every  # the six linear models of the first round are not done twice
     assert [r.candidate for r in resumed.rows] == [r.candidate for r in whole.rows]
     assert [r.fit_percent for r in resumed.rows] == [r.fit_percent for r in whole.rows]
     untouched: list[str] = []

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from sysid.workflow.identification import Auto
 
 AUTO = "auto"
-ROUNDS = 4  # of a structure search
+ROUNDS = 6  # of a structure search, about
+SECONDS = 110.0  # `sysid.selection.select.SECONDS`, whose import would cost the help text its speed
 
 
 @recipes.takes_recipes
@@ -45,6 +46,7 @@ def identify(
     resume: Annotated[
         str | None, typer.Option(metavar="FILE", help="journal of --structure auto; a stopped search continues from it")
     ] = None,
+    seconds: Annotated[float | None, options.number("S", f"budget of --structure auto [{SECONDS:g}]")] = None,
     scheduler: options.Scheduler = None,
     out: options.Out = None,
     as_json: options.Json = False,
@@ -54,7 +56,7 @@ def identify(
 
     Columns and units are detected where that is beyond doubt; qpal info FILE shows how a file is read.
     """
-    setting = _setting(structure, settings, search, starts, options.seed(seed), resume, scheduler)
+    setting = _setting(structure, settings, search, starts, options.seed(seed), resume, seconds, scheduler)
     from sysid.report import identify as report
     from sysid.report.page import write
     from sysid.workflow.exports import export
@@ -96,6 +98,7 @@ def _setting(
     starts: int,
     seed: int,
     resume: str | None,
+    seconds: float | None,
     scheduler: str | None,
 ) -> "Setting | Auto":
     from sysid.workflow.evaluation import Setting
@@ -103,9 +106,12 @@ def _setting(
 
     if structure == AUTO:
         recipes.none_given(settings, AUTO)
-        return Auto(search, starts, seed, None if resume is None else Path(resume), scheduler)
+        journal = None if resume is None else Path(resume)
+        return Auto(search, starts, seed, journal, scheduler, SECONDS if seconds is None else seconds)
     if resume is not None:
         raise InputError(f"--resume is given with --structure {structure}; only --structure {AUTO} keeps a journal")
+    if seconds is not None:
+        raise InputError(f"--seconds is given with --structure {structure}; only --structure {AUTO} has a budget")
     if scheduler is not None:
         raise InputError(f"--scheduler is given with --structure {structure}; only --structure {AUTO} has jobs for it")
     return Setting(recipes.recipe(structure, settings), search, starts, seed)

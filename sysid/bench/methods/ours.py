@@ -81,7 +81,10 @@ def record(data: Data) -> IOData:
 def about_means(raw: IOData) -> tuple[IOData, tuple[float, float]]:
     """The record less the means of u and of the measured y, and these."""
     u0, y0 = float(raw.u.mean()), float(raw.y[raw.observed].mean())
-    parts = (IOData(e.u - u0, e.y - y0, e.Ts, missing=e.missing) for e in raw.experiments)
+    parts = (
+        IOData(e.u - u0, e.y - y0, e.Ts, missing=e.missing, u_offset=np.array([u0]), y_offset=np.array([y0]))
+        for e in raw.experiments
+    )
     return IOData.merge(*parts), (u0, y0)
 
 
@@ -109,10 +112,9 @@ def auto(data: Data) -> Ours:
     """The structure search, on one core; it sees no orders."""
     raw = record(data)
     own, zero = about_means(raw)
-    found = select(own, seed=data.seed, jobs=1)
-    if found.chosen.candidate.zero:  # a structure whose zero means something, such as no voltage
-        chosen = fit(found.chosen.candidate.model(), raw, seed=data.seed)
-        return Ours(chosen, raw, (0.0, 0.0), str(found.chosen.candidate))
+    found = select(own, seed=data.seed, jobs=1, seconds=SHARE * data.seconds)
+    if found.chosen.candidate.zero:  # a structure whose zero means something, such as no voltage: fitted to raw
+        return Ours(found.fit, raw, (0.0, 0.0), str(found.chosen.candidate))
     return Ours(found.fit, own, zero, str(found.chosen.candidate))
 
 

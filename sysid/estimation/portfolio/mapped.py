@@ -53,8 +53,13 @@ def _nearest(
     high = np.array([s.upper for s in slots] + [np.inf] * 3)
     # What the map can do by itself stays as it is.
     own = block.symmetries(theta)
-    turned = np.array([not any(s.in_scale for s in own), not any(s.out_scale for s in own), True])
-    turned[2] = not any(s.out_shift and not s.in_shift for s in own)
+    turned = np.array(
+        [
+            not any(s.in_scale for s in own),  # alone, or together with the output's: then the gain behind is enough
+            not any(s.out_scale and not s.in_scale for s in own),
+            not any(s.out_shift and not s.in_shift for s in own),
+        ]
+    )
     moving = np.concatenate([np.ones(n, dtype=bool), turned])
     first = np.concatenate([theta, [1.0, sign * gain if turned[1] else 1.0, 0.0]])
     first = np.clip(first, low + 1e-12, high - 1e-12)

@@ -18,13 +18,13 @@ _SLOW = (1.0, 2.5, 6.0, 15.0, 40.0, 100.0)  # [samples] time constants of the fi
 
 def approximation(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:
     """Instrumental variables at several rates: the best linear approximation."""
-    yield from denominators(linear, screen.u - screen.u.mean(), screen.y - screen.y.mean())
+    yield from screen.linear_models(linear)
 
 
 def output_error(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:
     """The same after output error, whose poles may describe a curve in place of the dynamics."""
     u, y = screen.u - screen.u.mean(), screen.y - screen.y.mean()
-    yield polished(linear, denominators(linear, u, y), u, y)[linear.nb : linear.nb + linear.nf]
+    yield polished(linear, screen.linear_models(linear), u, y)[linear.nb : linear.nb + linear.nf]
 
 
 def curved_input(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:
@@ -61,7 +61,7 @@ def even_part(screen: Screen, linear: TransferFunction, rng: np.random.Generator
         X = np.column_stack([X, _delayed(x, linear.nk), _delayed(x, linear.nk + 1)])
         for w in _axes(X, screen)[:3]:
             w = np.concatenate([np.zeros(len(x) - len(w)), w])
-            yield from denominators(linear, x, w)[:2]
+            yield from denominators(linear, x, w, (4,))
 
 
 def ringing(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:

@@ -9,6 +9,7 @@ from sysid.estimation.portfolio.screen import Candidate, Screen
 from sysid.estimation.portfolio.surrogate import Surrogate, is_map, line
 from sysid.model.chain import Chain
 
+_QUICK = ("approximation", "curved_input")  # members that need no draw and little time
 _BEST, _TRIES = 3, 4  # candidates that are varied, and how often
 
 
@@ -18,7 +19,7 @@ def candidates(chain: Chain, record: IOData, rng: np.random.Generator, turn: int
     screen = screen_of(chain, record)
     found: list[Candidate] = []
     for name, member in MEMBERS.items():
-        if (name == "drawn" and draw) or (turn == 0 and name != "drawn"):
+        if (name in _QUICK or draw) and (turn == 0 or name == "drawn"):
             for f in member(screen, linear, rng):
                 found += screen.candidates(name, f)
     return found

@@ -40,16 +40,19 @@ def applies(chain: Chain) -> bool:
 
 
 def points(chain: Chain, record: IOData, seed: int, turn: int, count: int, curvature: float) -> list[Point]:
-    """The best points of a round, the best first; `count` limits how many candidates are searched."""
+    """The best points of a round, the best first; `count` limits how many candidates are searched.
+
+    A single one comes from the linear models alone and goes through one rung: the quick look.
+    """
     rng = np.random.default_rng([seed, turn])
     part = record if record.N <= LONGEST else record.select(0, LONGEST)
     if len(chain.dynamics) == 2:
-        ranked = _distinct(two_filters.splits(chain, part, rng, turn), min(count, _LADDER[0][0]))
+        ranked = _distinct(two_filters.splits(chain, part, rng, turn, count > 1), min(count, _LADDER[0][0]))
         field = [two_filters.begun(chain, c, part) for c in ranked]
     else:
         ranked = _distinct(one_filter.candidates(chain, part, rng, turn, count > 1), min(count, _LADDER[0][0]))
         field = [one_filter.begun(chain, c, part) for c in ranked]
-    for width, knots, steps in _LADDER:
+    for width, knots, steps in _LADDER if count > 1 else _LADDER[1:2]:
         knots = max(4, min(knots, part.N // 25))
         field = [s.relaid(part, knots).searched(part, steps, curvature) for s in field[: min(width, count)]]
         field.sort(key=lambda s: s.loss)

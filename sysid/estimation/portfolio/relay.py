@@ -18,6 +18,7 @@ from sysid.solver.iterate import Linearisation
 
 _FINE = 40  # places among which break points are chosen
 _SWEEPS = 4
+_DRAWN = 6  # random choices that the exchange begins with, beside four that are thought out
 _SHARES = (0.05, 0.2)  # of the gap to the next break point, for small moves
 _DAMPING = 1e-3  # of the filters, in columns of unit norm
 
@@ -122,11 +123,15 @@ def _laid(
     present = _nearest(places, now)
     start = polygon(G, h, places, present, ridge)[1]
     curve = np.linalg.lstsq(G, h, rcond=1e-10)[0]
+    if start + float(h @ curve) < least:  # not even a curve without corners wins that much
+        return None
     ways = [present, _nearest(places, hats.fewer(places, curve, np.diag(G), len(now)))]
     ways += [
         _nearest(places, np.linspace(places[0], places[-1], len(now))),
         np.linspace(0, k - 1, len(now)).astype(int),
     ]
+    rng = np.random.default_rng(0)
+    ways += [np.concatenate([[0], np.sort(rng.choice(k - 2, len(now) - 2, False)) + 1, [k - 1]]) for _ in range(_DRAWN)]
     best, chosen = start, present
     for way in ways:
         found, cost = exchanged(G, h, places, way.astype(np.int64), ridge, _SWEEPS, 0.1 * least)

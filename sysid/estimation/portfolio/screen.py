@@ -6,6 +6,8 @@ from functools import cached_property
 import numpy as np
 from scipy.signal import lfilter
 
+from sysid.blocks import TransferFunction
+from sysid.estimation.linear_start import denominators
 from sysid.estimation.portfolio import hats
 
 _INPUT, _OUTPUT = 6, 12  # places of the curves that rank
@@ -38,11 +40,18 @@ class Screen:
     nk: int
     before: bool
     behind: bool
+    models: list[np.ndarray] = field(default_factory=list, repr=False)
 
     @cached_property
     def skipped(self) -> int:
         """Samples at the beginning that are not judged: the initial state is not known."""
         return min(50, len(self.u) // 20)
+
+    def linear_models(self, linear: TransferFunction) -> list[np.ndarray]:
+        """Denominators f (nf,) of linear models of this record, see `denominators`."""
+        if not self.models:
+            self.models.extend(denominators(linear, self.u - self.u.mean(), self.y - self.y.mean()))
+        return self.models
 
     @cached_property
     def at(self) -> np.ndarray:

@@ -45,7 +45,7 @@ class Split:
         return np.concatenate([self.w, self.rest.signal / (self.rest.signal.std() or 1.0)])
 
 
-def splits(chain: Chain, record: IOData, rng: np.random.Generator, turn: int) -> list[Split]:
+def splits(chain: Chain, record: IOData, rng: np.random.Generator, turn: int, draw: bool) -> list[Split]:
     """Candidates of one round, unsorted."""
     u, y = record.u[:, 0] - record.u[:, 0].mean(), record.y[:, 0]
     (_, first), (_, second) = chain.dynamics
@@ -59,7 +59,7 @@ def splits(chain: Chain, record: IOData, rng: np.random.Generator, turn: int) ->
         for member, theta in linear:
             for b, f, other in _dealt(whole, theta, first, rng):
                 found += _rest(member, first, second, b, f, u, y, other)
-    for member, f in _others(u, y, first, second, rng, turn):
+    for member, f in _others(u, y, first, second, rng, turn) if draw else ():
         for b in _numerators(first, rng):
             found += _rest(member, first, second, b, f, u, y, None)
     return found
@@ -125,7 +125,7 @@ def _dealt(
     """b and f of the first filter, and f of the second, for divisions of poles and zeros with pairs kept together."""
     poles = np.roots(np.concatenate([[1.0], theta[whole.nb : whole.nb + whole.nf]])).astype(complex)
     zeros = np.roots(theta[: whole.nb]).astype(complex)
-    ways = list(itertools.product(_picked(poles, first.nf), _picked(zeros, min(first.nb - 1, len(zeros)))))
+    ways = list(itertools.product(picked(poles, first.nf), picked(zeros, min(first.nb - 1, len(zeros)))))
     if len(ways) > _SPLITS:
         ways = [ways[k] for k in rng.choice(len(ways), _SPLITS, replace=False)]
     for (mine, others), (own, _) in ways:
@@ -138,7 +138,7 @@ def _monic(roots: np.ndarray) -> np.ndarray:
     return np.real(np.poly(roots))[1:] if len(roots) else np.empty(0)
 
 
-def _picked(roots: np.ndarray, n: int) -> list[tuple[np.ndarray, np.ndarray]]:
+def picked(roots: np.ndarray, n: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Ways to choose n of the roots, pairs kept together; a pair becomes two real roots where there is no way."""
     for _ in range(2):
         real = [np.array([z]) for z in roots if abs(z.imag) < 1e-12]
