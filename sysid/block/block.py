@@ -1,6 +1,7 @@
 """A block of a chain: output, exact tangent, and the symmetries that make parameters redundant."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -41,6 +42,10 @@ class Symmetry:
     out_shift: float | np.ndarray = 0.0
 
 
+# Runs a block on consecutive pieces of a record: y (n,) of a piece x (n,), whose J (n, P) it overwrites.
+Piecewise = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
 @dataclass(frozen=True)
 class Block(ABC):
     """One element of a chain. A block has only structure; parameter values theta (p,) are arguments."""
@@ -69,6 +74,13 @@ class Block(ABC):
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """The same for a list of channels, each with its own J; single-channel blocks need not override it."""
         return [self.propagate(theta, xs[0], Js[0], q)], Js
+
+    def piecewise(self, theta: np.ndarray, q: int, P: int) -> Piecewise | None:
+        """`propagate` piece by piece, carrying the state from one piece to the next, for J (n, P) of every piece.
+
+        The pieces together give what `propagate` gives on the whole record. None if this block needs it whole.
+        """
+        return None
 
     def parts(self) -> list[tuple[slice, "Block"]]:
         """The single-channel blocks of this block, and the positions of their parameters in theta."""
@@ -164,3 +176,6 @@ class StaticBlock(Block):
 
             scale_columns(J, q, slope)
         return y
+
+    def piecewise(self, theta: np.ndarray, q: int, P: int) -> Piecewise | None:
+        return lambda x, J: self.propagate(theta, x, J, q)

@@ -12,13 +12,18 @@ def filter_tangent(b, f, c, w, x, J, q):
     add to the first n; w (N,) in, x (N,) out; J (N, P). Transposed direct form II: one state row a lag, so that a
     column can be overwritten while it is read.
     """
+    n = f.shape[0]
+    filter_piece(b, f, c, 0, w, x, J, q, np.zeros(n + 1), np.zeros((n + 1, q)))
+
+
+@njit(cache=True, nogil=True)
+def filter_piece(b, f, c, first, w, x, J, q, s, S):
+    """`filter_tangent` on samples `first`.. of a record, from the states s (n+1,) and S (n+1, q), which it moves on."""
     N, n = w.shape[0], f.shape[0]
-    s = np.zeros(n + 1)
-    S = np.zeros((n + 1, q))
     for t in range(N):
         v = s[0] + b[0] * w[t]
-        if t < n:
-            v += c[t]
+        if first + t < n:
+            v += c[first + t]
         x[t] = v
         for i in range(n):
             s[i] = s[i + 1] + b[i + 1] * w[t] - f[i] * v
@@ -38,6 +43,17 @@ def all_pole(f, x, y):
         for j in range(min(n, t)):
             v -= f[j] * y[t - 1 - j]
         y[t] = v
+
+
+@njit(cache=True, nogil=True)
+def all_pole_after(f, x, y, past):
+    """The same into y (past + N,) after its first `past` entries, the outputs before x (N,), at least as many as f."""
+    n = f.shape[0]
+    for t in range(x.shape[0]):
+        v = x[t]
+        for j in range(n):
+            v -= f[j] * y[past + t - 1 - j]
+        y[past + t] = v
 
 
 @njit(cache=True, nogil=True)

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Piecewise, Slot, Symmetry
 from sysid.block.compiler.recursion import Recursion
 from sysid.block.step import ago, floor
 
@@ -36,6 +36,23 @@ class Delay(Recursion):
 
     def admissible(self, theta: np.ndarray) -> bool:
         return bool(0.0 <= theta[0] <= LONGEST)
+
+    def piecewise(self, theta: np.ndarray, q: int, P: int) -> Piecewise | None:
+        """With as many samples before each piece as the delay reaches back."""
+        before, tangent = np.empty(0), np.empty((0, q if P else 0))
+        reach = int(theta[0]) + 2
+
+        def run(x: np.ndarray, J: np.ndarray) -> np.ndarray:
+            nonlocal before, tangent
+            late, wide = np.concatenate([before, x]), np.empty((len(before) + len(x), P))
+            wide[: len(before), : tangent.shape[1]], wide[len(before) :] = tangent, J
+            n, tangent = len(before), np.concatenate([tangent, J[:, : tangent.shape[1]]])[-reach:]
+            before = late[-reach:]
+            y = self.propagate(theta, late, wide, q)
+            J[:] = wide[n:]
+            return y[n:]
+
+        return run
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         still = np.zeros(1)

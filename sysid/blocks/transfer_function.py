@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.block.block import Block, Slot, Symmetry
+from sysid.block.block import Block, Piecewise, Slot, Symmetry
 from sysid.block.writing import Code, Writer, number
 
 _CLUSTER = 1e-6  # a double integrator's computed poles stand about this far from 1, inside or outside
+_NOTHING = 1e-200  # smaller remnants of an initial state become zero: denormal numbers are slow
 STABILITY = ("stable", "free")
 
 
@@ -134,6 +135,9 @@ class TransferFunction(Block):
                 lagged(g, i, 1.0, J, q + self.nb + self.nf + i)
         return y
 
+    def piecewise(self, theta: np.ndarray, q: int, P: int) -> Piecewise | None:
+        return _Carried(self, theta, q, P)
+
     def c(self, theta: np.ndarray) -> Code:
         B, F = self.padded(theta)
         n = self.n_state
@@ -219,6 +223,59 @@ return y"""
             if poles[k].imag and poles[k] == poles[k - 1].conjugate():
                 powers[k] = powers[k - 1]
         return poles * np.abs(poles) ** (powers - 1.0)
+
+
+class _Carried:
+    """The filter, its tangent and the filtered signals of its own columns, with their states between pieces."""
+
+    def __init__(self, block: TransferFunction, theta: np.ndarray, q: int, P: int) -> None:
+        self.block, self.q, self.own = block, q if P else 0, P > 0
+        self.B, F = block.padded(theta)
+        self.F = F[1:]
+        _, self.f, self.x0 = block.split(theta)
+        n = block.n_state
+        self.s, self.S = np.zeros(n + 1), np.zeros((n + 1, self.q))
+        self.past = max(n, 1)  # samples before a piece that its own columns refer to
+        self.filtered = [np.zeros(self.past) for _ in range(3)]
+        self.first = 0  # sample of the record at which the next piece begins
+
+    def __call__(self, x: np.ndarray, J: np.ndarray) -> np.ndarray:
+        from sysid.block.kernels import filter_piece
+
+        y = np.empty_like(x)
+        filter_piece(self.B, self.F, self.x0, self.first, x, y, J, self.q, self.s, self.S)
+        if self.own:
+            self._own_columns(x, y, J)
+        self.S[np.abs(self.S) < _NOTHING] = 0.0
+        self.first += len(x)
+        return y
+
+    def _own_columns(self, x: np.ndarray, y: np.ndarray, J: np.ndarray) -> None:
+        """As in `TransferFunction.propagate`, from w/F, -y/F and the impulse response of 1/F."""
+        block, past, n = self.block, self.past, len(x)
+        impulse = np.zeros_like(x)
+        impulse[:1] = self.first == 0
+        g_x, g_y, g_0 = (self._filter(k, signal) for k, signal in enumerate((x, y, impulse)))
+        for i in range(block.nb):
+            J[:, self.q + i] = g_x[past - block.nk - i :][:n]
+        for j in range(block.nf):
+            J[:, self.q + block.nb + j] = -g_y[past - j - 1 :][:n]
+        for i in range(len(self.x0) if block.initial_state else 0):
+            J[:, self.q + block.nb + block.nf + i] = g_0[past - i :][:n]
+
+    def _filter(self, k: int, signal: np.ndarray) -> np.ndarray:
+        """The signal (n,) through 1/F, after the outputs before this piece (past + n,)."""
+        from sysid.block.kernels import all_pole_after
+
+        before = self.filtered[k]
+        g = np.concatenate([before, np.empty_like(signal)])
+        if signal.any() or before.any():
+            all_pole_after(self.f, signal, g, self.past)
+        else:
+            g[self.past :] = 0.0
+        self.filtered[k] = g[len(signal) :].copy()
+        self.filtered[k][np.abs(self.filtered[k]) < _NOTHING] = 0.0
+        return g
 
 
 def _inside(f: list[float]) -> bool:

@@ -1,5 +1,6 @@
 """A chain and its records as a least-squares problem."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -7,8 +8,10 @@ import numpy as np
 
 from sysid.data.record import IOData
 from sysid.estimation.objective import huber
+from sysid.estimation.pieces import LONG, in_pieces, pieces
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance, covariance, rank
+from sysid.solver.iterate import Linearisation, Rows, linearised
 
 
 @dataclass(frozen=True)
@@ -91,9 +94,7 @@ class ChainProblem:
         thetas = self.thetas(p)
         if not self.chain.admissible(thetas[0]):
             return None
-        parts = [
-            self._errors(r, self.chain.outputs(theta, r.u))[0] for theta, r in zip(thetas, self.records, strict=True)
-        ]
+        parts = [self._free_run_errors(theta, r) for theta, r in zip(thetas, self.records, strict=True)]
         if self.prior_weight is not None:
             parts.append(self.prior_weight * (self._nominal - thetas[0]))
         if self.curvature_weight:
@@ -102,37 +103,35 @@ class ChainProblem:
 
     def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """e (N,) and dyhat/dp (N, n), which the next call overwrites."""
-        thetas, n, m = self.thetas(p), int(self.moving.sum()), int(self.own.sum())
+        thetas = self.thetas(p)
         errors, rows = [], []
         for k, (theta, record) in enumerate(zip(thetas, self.records, strict=True)):
             yhat, J = self.chain.sensitivities(theta, record.u, self.scratch.get(k))
             self.scratch[k] = J
-            e, keep, slope = self._errors(record, yhat)
-            J = self._in_basis(J, keep)
+            e, J = self._rows(k, record.y, record.missing, yhat, J)
             errors.append(e)
-            if slope is not None:
-                J = J * slope[:, None]
-            if len(self.records) > 1:
-                wide = np.zeros((len(J), n + (len(self.records) - 1) * m))
-                if k == 0:
-                    wide[:, :n] = J
-                else:
-                    wide[:, :n] = np.where(self.own[self.moving], 0.0, J)
-                    wide[:, n + (k - 1) * m : n + k * m] = J[:, self.own[self.moving]]
-                J = wide
             rows.append(J)
-        if self.prior_weight is not None:
-            errors.append(self.prior_weight * (self._nominal - thetas[0]))
-            wide = np.zeros((len(self.prior_weight), rows[0].shape[1]))
-            wide[:, :n] = self.prior_weight[:, None] * self.chain.basis[:, self.moving]
-            rows.append(wide)
-        if self.curvature_weight:
-            kink, d = self.chain.kinks(thetas[0])
-            errors.append(-self.curvature_weight * kink)
-            wide = np.zeros((len(kink), rows[0].shape[1]))
-            wide[:, :n] = self.curvature_weight * (d @ self.chain.basis[:, self.moving])
-            rows.append(wide)
+        for e, J in self._penalties(thetas[0]):
+            errors.append(e)
+            rows.append(J)
         return (errors[0], rows[0]) if len(rows) == 1 else (np.concatenate(errors), np.concatenate(rows))
+
+    @cached_property
+    def _in_pieces(self) -> bool:
+        return sum(r.N for r in self.records) > LONG and in_pieces(self.chain)
+
+    def compact(self, p: np.ndarray) -> Linearisation | None:
+        """`linearise` in compact form, in pieces of the records; None where they are short or a block needs J whole."""
+        if not self._in_pieces:
+            return None
+        thetas, rows = self.thetas(p), Rows(len(p))
+        for k, (theta, record) in enumerate(zip(thetas, self.records, strict=True)):
+            for part, yhat, J in pieces(self.chain, theta, record.u, tangent=True):
+                missing = None if record.missing is None else record.missing[part]
+                rows.add(*self._rows(k, record.y[part], missing, yhat, J))
+        for e, J in self._penalties(thetas[0]):
+            rows.add(e, J)
+        return rows.linearisation
 
     @property
     def bare(self) -> "ChainProblem":
@@ -146,17 +145,14 @@ class ChainProblem:
 
     def covariance(self, p: np.ndarray) -> Covariance:
         """Covariance of theta (of the first experiment) at p; a direction at an active bound counts as known."""
-        e, J = self.bare.linearise(p)
+        lin, free = linearised(self.bare, p)
         theta, n = self.thetas(p)[0], int(self.moving.sum())
-        free = ~self.blocked(p, J.T @ e)
-        basis = np.zeros((len(theta), J.shape[1]))
+        basis = np.zeros((len(theta), len(p)))
         basis[:, :n] = self.chain.basis[:, self.moving]
         redundant = np.linalg.solve(self.chain.basis, self.chain.gauge(theta))[self.moving]
-        if J.shape[1] > n:  # the gauge moves the other experiments' initial states too: leave it to the pseudo-inverse
-            redundant = np.vstack([redundant, np.zeros((J.shape[1] - n, redundant.shape[1]))])
-        if not free.all():  # avoids a copy for a long record
-            J, redundant, basis = J[:, free], redundant[free], basis[:, free]
-        return covariance(e, J, redundant, basis, self.count(p))
+        if len(p) > n:  # the gauge moves the other experiments' initial states too: leave it to the pseudo-inverse
+            redundant = np.vstack([redundant, np.zeros((len(p) - n, redundant.shape[1]))])
+        return covariance(lin, redundant[free], basis[:, free], self.count(p))
 
     def count(self, p: np.ndarray) -> int:
         """d of the criteria: free directions after the gauge, with the initial states of every experiment.
@@ -164,18 +160,33 @@ class ChainProblem:
         Directions that the data do not determine, such as knots that no sample reaches, fit no noise and do not count.
         """
         free = self.chain.count(self.thetas(p)[0]) + (len(self.records) - 1) * int(self.own.sum())
-        e, J = self.bare.linearise(p)
-        return min(free, rank(e, J)) if np.all(np.isfinite(e)) and np.all(np.isfinite(J)) else free
+        lin = self.bare.compact(p) or Linearisation.of(*self.bare.linearise(p))
+        return min(free, rank(lin)) if np.isfinite(lin.cost) and np.all(np.isfinite(lin.R)) else free
 
     @property
     def _nominal(self) -> np.ndarray:
         return np.zeros(self.theta0.shape[1]) if self.nominal is None else self.nominal
 
-    def _errors(self, record: IOData, yhat: np.ndarray) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
+    def _free_run_errors(self, theta: np.ndarray, record: IOData) -> np.ndarray:
+        """e of one record's observed samples."""
+        if not self._in_pieces:
+            return self._errors(record.y, record.missing, self.chain.outputs(theta, record.u))[0]
+        e, n = np.empty(int(record.observed.sum())), 0
+        for part, yhat, _ in pieces(self.chain, theta, record.u, tangent=False):
+            missing = None if record.missing is None else record.missing[part]
+            piece = self._errors(record.y[part], missing, yhat)[0]
+            e[n : n + len(piece)] = piece
+            n += len(piece)
+        return e
+
+    def _errors(
+        self, y: np.ndarray, missing: np.ndarray | None, yhat: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
         """e of the observed samples by output, their mask (None if all) and the slope of the loss (None if 1)."""
-        e = (self.weights * (record.y - yhat)).T.ravel()
-        slope = None if len(self.weights) == 1 and self.weights[0] == 1.0 else np.repeat(self._w(record), record.N)
-        keep = None if record.missing is None else record.observed.T.ravel()
+        e = (self.weights * (y - yhat)).T.ravel()
+        w = np.broadcast_to(self.weights, (y.shape[1],))
+        slope = None if len(self.weights) == 1 and self.weights[0] == 1.0 else np.repeat(w, len(y))
+        keep = None if missing is None else ~missing.T.ravel()
         if keep is not None:
             e, slope = e[keep], None if slope is None else slope[keep]
         if np.isfinite(self.huber_threshold):
@@ -184,8 +195,37 @@ class ChainProblem:
             slope = factor if slope is None else factor * slope
         return e, keep, slope
 
-    def _w(self, record: IOData) -> np.ndarray:
-        return np.broadcast_to(self.weights, (record.y.shape[1],))
+    def _rows(
+        self, k: int, y: np.ndarray, missing: np.ndarray | None, yhat: np.ndarray, J: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """e and J in p for samples y, yhat (n, ny) of experiment k, whose J (ny n, P) may be overwritten."""
+        e, keep, slope = self._errors(y, missing, yhat)
+        J = self._in_basis(J, keep)
+        if slope is not None:
+            J = J * slope[:, None]
+        if len(self.records) == 1:
+            return e, J
+        n, m = int(self.moving.sum()), int(self.own.sum())
+        wide = np.zeros((len(J), n + (len(self.records) - 1) * m))
+        if k == 0:
+            wide[:, :n] = J
+        else:
+            wide[:, :n] = np.where(self.own[self.moving], 0.0, J)
+            wide[:, n + (k - 1) * m : n + k * m] = J[:, self.own[self.moving]]
+        return e, wide
+
+    def _penalties(self, theta: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """e and J of the ridge and of the kinks."""
+        n, width = int(self.moving.sum()), len(self.start)
+        if self.prior_weight is not None:
+            wide = np.zeros((len(self.prior_weight), width))
+            wide[:, :n] = self.prior_weight[:, None] * self.chain.basis[:, self.moving]
+            yield self.prior_weight * (self._nominal - theta), wide
+        if self.curvature_weight:
+            kink, d = self.chain.kinks(theta)
+            wide = np.zeros((len(kink), width))
+            wide[:, :n] = self.curvature_weight * (d @ self.chain.basis[:, self.moving])
+            yield -self.curvature_weight * kink, wide
 
     def _in_basis(self, J: np.ndarray, keep: np.ndarray | None) -> np.ndarray:
         """J (ny N, P) by the chain's basis, its moving columns and observed rows only."""

@@ -154,7 +154,8 @@ def portfolio(run: Run, seed: int, count: int | None) -> Raced | None:
 def _varied(record: IOData) -> IOData:
     """The part of `_WINDOW` samples over which input and output vary most."""
     starts = range(0, record.N - _WINDOW + 1, _WINDOW // 2)
-    spread = [sum(float(np.ptp(x[k : k + _WINDOW]) / (np.ptp(x) or 1.0)) for x in (record.u, record.y)) for k in starts]
+    signals = [(x, np.ptp(x) or 1.0) for x in (record.u, record.y)]
+    spread = [sum(float(np.ptp(x[k : k + _WINDOW]) / whole) for x, whole in signals) for k in starts]
     k = starts[int(np.argmax(spread))]
     return record.select(k, k + _WINDOW)
 
@@ -196,7 +197,9 @@ def _rounds(run: Run, seed: int, count: int | None) -> Raced | None:
 def _unexplained(raced: Raced) -> bool:
     """Whether the residuals go on from sample to sample: coloured noise, or a wrong optimum on which starts agree."""
     e = raced.problem.plain.residual(raced.outcome.p)
-    return e is not None and float(np.corrcoef(e[1:], e[:-1])[0, 1]) > _COLOURED
+    if e is None or not np.ptp(e) > 0.0:  # an exact model
+        return False
+    return float(np.corrcoef(e[1:], e[:-1])[0, 1]) > _COLOURED
 
 
 def _tried(run: Run, found: list[Point], before: Raced | None) -> Raced:

@@ -16,7 +16,7 @@ from sysid.nlarx.problem import Piece, SimulationProblem, limit
 from sysid.nlarx.result import FREE_RUN, ONE_STEP, NlarxFit
 from sysid.nlarx.runs import Run, runs_of
 from sysid.solver.covariance import covariance
-from sysid.solver.iterate import Options
+from sysid.solver.iterate import Linearisation, Options
 from sysid.solver.searches import search as make_search
 
 _FREE = 2.0  # times the least mean square of a free run, above which a start is out
@@ -66,7 +66,7 @@ def fit_nlarx(
         theta = best.outcome.p
         e, J = best.problem.linearise(theta)
         N, d = best.problem.N, len(theta)
-        cov = covariance(e[:N], J[:N], np.zeros((d, 0)), np.eye(d), d)
+        cov = covariance(Linearisation.of(e[:N], J[:N]), np.zeros((d, 0)), np.eye(d), d)
     found = NlarxFit(
         model=model,
         network=best.network,

@@ -27,18 +27,18 @@ class Covariance:
         return np.where(self.unidentifiable, np.nan, s)
 
 
-def covariance(e: np.ndarray, J: np.ndarray, gauge: np.ndarray, basis: np.ndarray, d: int) -> Covariance:
-    """sigma^2 (J'J)^+ for residuals e (N,) and J (N, n) = dyhat/dp, theta = theta0 + basis (P, n) p.
+def covariance(lin: Linearisation, gauge: np.ndarray, basis: np.ndarray, d: int) -> Covariance:
+    """sigma^2 (J'J)^+ for residuals e (N,) and J (N, n) = dyhat/dp of `lin`, theta = theta0 + basis (P, n) p.
 
     gauge (n, g) holds the redundant directions of p and d the number of parameters counted. Columns of J are first
     scaled to unit norm, so that units do not decide what counts as zero (Ljung, System Identification, section 9.4;
     the pseudo-inverse is the covariance in the gauge with the smallest norm).
     """
-    N, P = len(e), len(basis)
-    sigma2 = float(e @ e) / max(N - d, 1)
-    if not J.shape[1]:
+    P = len(basis)
+    sigma2 = lin.cost / max(lin.N - d, 1)
+    R = lin.R  # its columns have the norms of J's
+    if not R.shape[1]:
         return Covariance(np.zeros((P, P)), np.zeros(P, dtype=bool), sigma2)
-    R = Linearisation.of(e, J).R  # its columns have the norms of J's
     scale = column_scale(R)
     _, s, Vt = np.linalg.svd(R / scale)
     keep = s > _RCOND * s[0] if s[0] > 0 else np.zeros(len(s), dtype=bool)
@@ -47,11 +47,11 @@ def covariance(e: np.ndarray, J: np.ndarray, gauge: np.ndarray, basis: np.ndarra
     return Covariance(sigma2 * (V @ V.T), np.abs(basis) @ unidentifiable > 0, sigma2)
 
 
-def rank(e: np.ndarray, J: np.ndarray) -> int:
-    """Number of directions that J (N, n) determines, by the rule of `covariance`."""
-    if not J.shape[1]:
+def rank(lin: Linearisation) -> int:
+    """Number of directions that J determines, by the rule of `covariance`."""
+    R = lin.R
+    if not R.shape[1]:
         return 0
-    R = Linearisation.of(e, J).R
     s = np.linalg.svd(R / column_scale(R), compute_uv=False)
     return int(np.sum(s > _RCOND * s[0])) if s[0] > 0 else 0
 

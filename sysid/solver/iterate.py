@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from scipy.linalg.lapack import dgeqrf
@@ -35,6 +35,15 @@ class Problem(Protocol):
 
     def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """e (N,) and dyhat/dp (N, P)."""
+        ...
+
+
+@runtime_checkable
+class Compact(Protocol):
+    """A problem that can do without the whole J where a record is long."""
+
+    def compact(self, p: np.ndarray) -> "Linearisation | None":
+        """`linearise` in compact form; None where the record is short enough for J."""
         ...
 
 
@@ -81,6 +90,35 @@ def column_scale(J: np.ndarray) -> np.ndarray:
     return np.where(norm > 1e-30 * norm.max(initial=0.0), norm, np.inf)
 
 
+class Rows:
+    """The rows of e and J, added in pieces and kept as the triangle of a QR of [J e]: its size is that of J's columns.
+
+    QR rather than J'J, which would square the condition number: the gauge leaves J without full rank, and only QR
+    separates directions without effect from those with little.
+    """
+
+    def __init__(self, P: int) -> None:
+        self.R: np.ndarray = np.zeros((P + 1, P + 1))
+        self.cost, self.N = 0.0, 0
+
+    def add(self, e: np.ndarray, J: np.ndarray) -> None:
+        """Take up the next e (n,) and J (n, P)."""
+        N, P = J.shape
+        for start in range(0, N, _ROWS):
+            rows = slice(start, min(start + _ROWS, N))
+            A = np.empty((P + 1 + rows.stop - start, P + 1), order="F")  # the order of LAPACK, which avoids a copy
+            A[: P + 1], A[P + 1 :, :P], A[P + 1 :, P] = self.R, J[rows], e[rows]
+            self.R = np.triu(dgeqrf(A, lwork=64 * (P + 1), overwrite_a=True)[0][: P + 1])
+        self.cost += float(e @ e)
+        self.N += N
+
+    @property
+    def linearisation(self) -> "Linearisation":
+        """All rows so far."""
+        P = len(self.R) - 1
+        return Linearisation(self.R[:P, :P], self.R[:P, P], self.cost, self.N)
+
+
 @dataclass(frozen=True)
 class Linearisation:
     """The problem around one point: e and J in the compact form R (P, P), z (P,), from a QR of [J e]."""
@@ -92,15 +130,19 @@ class Linearisation:
 
     @classmethod
     def of(cls, e: np.ndarray, J: np.ndarray) -> "Linearisation":
-        """From e (N,) and J (N, P); QR rather than J'J, which would square the condition number."""
-        N, P = J.shape
-        R = np.zeros((P + 1, P + 1))
-        for start in range(0, max(N, 1), _ROWS):
-            rows = slice(start, min(start + _ROWS, N))
-            A = np.empty((P + 1 + rows.stop - start, P + 1), order="F")  # the order of LAPACK, which avoids a copy
-            A[: P + 1], A[P + 1 :, :P], A[P + 1 :, P] = R, J[rows], e[rows]
-            R = np.triu(dgeqrf(A, lwork=64 * (P + 1), overwrite_a=True)[0][: P + 1])
-        return cls(R[:P, :P], R[:P, P], float(e @ e), N)
+        """From e (N,) and J (N, P)."""
+        rows = Rows(J.shape[1])
+        rows.add(e, J)
+        return rows.linearisation
+
+    def along(self, directions: np.ndarray) -> "Linearisation":
+        """The problem in some of its parameters only, marked by True (P,)."""
+        if directions.all():
+            return self
+        P = int(directions.sum())
+        A = np.column_stack([self.R[:, directions], self.z])
+        R = np.asarray(np.linalg.qr(np.vstack([A, np.zeros((max(P - len(A), 0), P + 1))]), mode="r"))
+        return Linearisation(R[:P, :P], R[:P, P], self.cost, self.N)
 
     @cached_property
     def scale(self) -> np.ndarray:
@@ -234,6 +276,17 @@ class Outcome:
         return Outcome(later.p, later.cost, stop, self.history + rows)
 
 
+def linearised(problem: Problem, p: np.ndarray) -> tuple[Linearisation, np.ndarray]:
+    """The problem around p in the directions that no bound blocks, and True (P,) for these."""
+    lin = problem.compact(p) if isinstance(problem, Compact) else None
+    if lin is not None:
+        moving = ~problem.blocked(p, lin.gradient)
+        return lin.along(moving), moving
+    e, J = problem.linearise(p)
+    moving = ~problem.blocked(p, J.T @ e)
+    return Linearisation.of(e, J if moving.all() else J[:, moving]), moving
+
+
 def iterate(
     problem: Problem,
     p0: np.ndarray,
@@ -250,6 +303,7 @@ def iterate(
     if e is None or not np.all(np.isfinite(e)):
         return Outcome(p, np.inf, Stop("the starting point is not a valid model", False, 0, 1))
     cost, reason, converged, iteration = float(e @ e), "", False, 0
+    del e  # a long record does without it
 
     def attempt(delta: np.ndarray) -> tuple[float, np.ndarray]:
         nonlocal evaluations
@@ -267,9 +321,7 @@ def iterate(
         if cost <= problem.size * (100.0 * _EPS) ** 2:
             reason, converged = "the loss is zero to rounding", True
             break
-        e, J = problem.linearise(p)
-        moving = ~problem.blocked(p, J.T @ e)
-        lin = Linearisation.of(e, J if moving.all() else J[:, moving])
+        lin, moving = linearised(problem, p)
         evaluations += 1
         expected = lin.expected_improvement
         if expected <= options.tolerance:
