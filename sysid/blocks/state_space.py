@@ -170,6 +170,17 @@ class StateSpace(Block):
         run_tangent(*m[:-1], self.powers, m.x0, U, dU, Z, out, q, self.n_parameters, ys, 1.0 / us)
         return _columns(y0 + ys * Z), list(out)
 
+    def states(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The state (N, nx) at every sample of the run with the input u (N, nu); nan after it left all bounds."""
+        from sysid.block.kernels_state_space import run
+
+        u0, us, _, _ = self.scales()
+        m, U = self.split(theta), np.ascontiguousarray((u - u0) / us)
+        X = np.empty((len(U), self.nx))
+        shown = np.eye(self.nx), np.zeros((self.nx, self.nu)), np.zeros(self.nx)  # C, D and d: the output is the state
+        run(m.A, m.B, *shown, m.E, np.zeros((self.nx, 0)), m.W, m.V, m.b, self.powers, m.x0, U, X)
+        return X
+
     def rest(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         """The state (nx,) that a constant input u (nu,) keeps: Newton's steps from the rest at the input's centre, at
         once or over smaller inputs. Raises InputError where there is none on this way (an integrator).
