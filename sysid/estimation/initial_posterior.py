@@ -12,7 +12,8 @@ import numpy as np
 from sysid.block.block import Block
 from sysid.blocks import StateSpace, TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.initial_prior import Gaussian, priors, state_space_of
+from sysid.estimation.initial_prior import Gaussian, priors
+from sysid.estimation.initial_visited import state_space_of, state_space_priors
 from sysid.model.chain import Chain
 
 _INFLATED = ((1.0, 0.6), (4.0, 0.2), (25.0, 0.1), (400.0, 0.1))  # noise variance by that of the fit, prior share
@@ -58,8 +59,10 @@ def likely_initial(
     seen = window.J / size
     behind = [entry for b in chain.blocks[_first(chain) :] for _, entry in b.parts()]
     affine = all(_affine(entry) for entry in behind)
+    space = state_space_of(chain)
+    mixture = priors(chain, rest, u, seen) if space is None else state_space_priors(chain, space, rest, data, u, seen)
     states, evidence = [], []
-    for g in priors(chain, rest, u, seen):
+    for g in mixture:
         near = window if affine else _settled(chain, rest, data, g, noise, window)
         x, log = _posterior(near, g, noise)
         states.append(x)
@@ -71,7 +74,7 @@ def likely_initial(
     theta = rest.copy()
     if affine:
         theta[chain.initial] = share @ np.array(states)
-    elif state_space_of(chain) is not None:
+    elif space is not None:
         theta[chain.initial] = _central(chain, rest, u, np.array(states), share)
     else:
         theta[chain.initial] = states[int(np.argmax(share))]

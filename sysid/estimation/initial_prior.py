@@ -12,14 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag, hankel
 
-from sysid.base.errors import InputError
-from sysid.blocks import StateSpace, TransferFunction
+from sysid.blocks import TransferFunction
 from sysid.model.chain import Chain
 
-_LONGEST = 20_000  # samples of the record that give the statistics of the states
-_IMPULSE = 5000  # samples of the impulse response that give the states under white noise
-_SMALL = 1e-3  # impulse of a state space, by the scale of its input: small enough for its linear part
-_PLACES = 16  # visited states of a state space that a search starts from
+LONGEST = 20_000  # samples of the record that give the statistics of the states
+IMPULSE = 5000  # samples of the impulse response that give the states under white noise
 
 
 @dataclass(frozen=True)
@@ -39,12 +36,6 @@ def filters_only(chain: Chain) -> bool:
     return bool(np.all(own[chain.initial]))
 
 
-def state_space_of(chain: Chain) -> StateSpace | None:
-    """The chain's state space, if all initial states are its own."""
-    found = [b for b in chain.blocks if any(slot.initial for slot in b.slots())]
-    return found[0] if len(found) == 1 and isinstance(found[0], StateSpace) else None
-
-
 def priors(chain: Chain, rest: np.ndarray, u: np.ndarray, seen: np.ndarray) -> list[Gaussian]:
     """The mixture for `rest` (P,), the parameters with initial states of zero, and the input u (N, nu) of the record.
 
@@ -52,22 +43,19 @@ def priors(chain: Chain, rest: np.ndarray, u: np.ndarray, seen: np.ndarray) -> l
     states that the input has not caused, whose effect on the window's outputs is of the size that `seen` (M, s), the
     outputs' Jacobian divided by their distance from the run at rest, says. Each in several widths.
     """
-    space = state_space_of(chain)
-    if space is not None:
-        return _of_state_space(chain, space, rest, u[:_LONGEST], seen)
     states, steady, levels, loose = [], [], [], []
-    for part, block, w in _filters(chain, rest, u[:_LONGEST]):
+    for part, block, w in _filters(chain, rest, u[:LONGEST]):
         own = rest[part]
         visited = _visited(block, own, w)
         states.append(visited)
         steady.append(_constant(block, own) * w[0])
         level = _held(block, own)
         levels.append(level[:, None] * np.sqrt(np.mean(block.output(own, w) ** 2)))
-        loose.append(_root(_visited(block, own, np.eye(1, _IMPULSE)[0])))
+        loose.append(root_of(_visited(block, own, np.eye(1, IMPULSE)[0])))
     shortest = min(len(s) for s in states)  # the same samples of every filter
-    root, n = _root(np.hstack([s[len(s) - shortest :] for s in states])), len(seen.T)
+    root, n = root_of(np.hstack([s[len(s) - shortest :] for s in states])), len(seen.T)
     nothing, mean = np.zeros(n), np.concatenate(steady)
-    held, free = block_diag(*levels), _of_size(block_diag(*loose), seen)
+    held, free = block_diag(*levels), of_size(block_diag(*loose), seen)
     found = [Gaussian(nothing, np.zeros((n, 0)), 0.3)]
     found += [Gaussian(nothing, t * root, 0.3 / 4) for t in (1.0, 0.3, 0.1, 0.03)]
     found += [Gaussian(mean, t * root, 0.2 / 4) for t in (0.3, 0.1, 0.03, 0.0)]
@@ -76,44 +64,7 @@ def priors(chain: Chain, rest: np.ndarray, u: np.ndarray, seen: np.ndarray) -> l
     return [g for g in found if np.all(np.isfinite(g.mean)) and np.all(np.isfinite(g.root))]
 
 
-def _of_state_space(
-    chain: Chain, block: StateSpace, rest: np.ndarray, u: np.ndarray, seen: np.ndarray
-) -> list[Gaussian]:
-    """The mixture of a state space: its states have no common centre and its output may hide their sign.
-
-    So there is one Gaussian around each of several visited states, as wide as these lie apart (Scott's rule), and one
-    around the steady state of an input of zero, which is where an experiment begins if the input has another centre.
-    """
-    theta, w = chain.part(rest, block), chain.signals(rest, u)[chain.blocks.index(block)].reshape(len(u), -1)
-    X = block.states(theta, w)
-    X = X[np.all(np.isfinite(X), axis=1)]
-    centre, scale, _, _ = block.scales()
-    pulses = [np.zeros((_IMPULSE, block.nu)) for _ in range(block.nu)]
-    for k, pulse in enumerate(pulses):
-        pulse[0, k] = _SMALL
-    free = _root(np.vstack([block.states(theta, centre + scale * pulse) for pulse in pulses]))
-    root, free, nothing = _root(X), _of_size(free, seen), np.zeros(block.nx)
-    at = np.unique(np.linspace(0, len(X) - 1, _PLACES + 2).round().astype(int)[1:-1])
-    apart = len(at) ** (-1.0 / (block.nx + 4)) * _root(X - X.mean(axis=0))
-    found = [Gaussian(nothing, np.zeros((block.nx, 0)), 0.3)]
-    for level in (np.zeros(block.nu), w[0]):
-        mean = _steady_state(block, theta, level)
-        if mean is not None:
-            found += [Gaussian(mean, t * root, 0.2 / 8) for t in (0.3, 0.1, 0.03, 0.0)]
-    found += [Gaussian(nothing, t * root, 0.2 / 4) for t in (1.0, 0.3, 0.1, 0.03)]
-    found += [Gaussian(X[k], apart, 0.25 / len(at)) for k in at]
-    found += [Gaussian(nothing, t * free, 0.05 / 3) for t in (10.0, 3.0, 1.0)]
-    return [g for g in found if np.all(np.isfinite(g.root))]
-
-
-def _steady_state(block: StateSpace, theta: np.ndarray, u: np.ndarray) -> np.ndarray | None:
-    try:
-        return block.rest(theta, u)
-    except InputError:
-        return None
-
-
-def _of_size(root: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def of_size(root: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """root (s, r) scaled so that `seen` (M, s), which sees the states, makes it 1 in the mean square."""
     return np.asarray(root / (np.sqrt(np.sum((seen @ root) ** 2) / len(seen)) or 1.0))
 
@@ -154,7 +105,7 @@ def _held(block: TransferFunction, theta: np.ndarray) -> np.ndarray:
     return np.asarray(np.cumsum(block.padded(theta)[1])[:-1])
 
 
-def _root(states: np.ndarray) -> np.ndarray:
+def root_of(states: np.ndarray) -> np.ndarray:
     """R (n, n) with R R' = the second moment of states (M, n)."""
     if not len(states) or not np.all(np.isfinite(states)):
         return np.zeros((states.shape[1], 0))

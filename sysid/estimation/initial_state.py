@@ -6,7 +6,8 @@ from sysid.block.block import StaticBlock
 from sysid.blocks import ProfiledMotor
 from sysid.data.record import IOData
 from sysid.estimation.initial_posterior import likely_initial
-from sysid.estimation.initial_prior import filters_only, state_space_of
+from sysid.estimation.initial_prior import filters_only
+from sysid.estimation.initial_visited import state_space_of
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
