@@ -9,6 +9,7 @@ nearest to the record's (as the particles of Gordon et al. 1993, IEE Proc. F 140
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.block.block import StaticBlock
 from sysid.blocks import StateSpace
 from sysid.data.record import IOData
 from sysid.estimation.initial_prior import IMPULSE, LONGEST, Gaussian, of_size, root_of
@@ -18,14 +19,18 @@ _SMALL = 1e-3  # impulse by the scale of the input: small enough for the linear 
 _VISITED = 2000  # states that the candidates are taken from
 _COMPARED = 30  # samples of the window that choose the candidates
 _CANDIDATES = 16
-_NEIGHBOURS = 25  # visited states that give the width of a Gaussian
+_NEIGHBOURS = 50  # visited states that give the width of a Gaussian
 _APART = 0.3  # distance between candidates, by the standard deviation of the states
 
 
 def state_space_of(chain: Chain) -> StateSpace | None:
-    """The chain's state space, if all initial states are its own."""
-    found = [b for b in chain.blocks if any(slot.initial for slot in b.slots())]
-    return found[0] if len(found) == 1 and isinstance(found[0], StateSpace) else None
+    """The chain's state space, if all initial states are its own and only maps stand behind it."""
+    k = next((k for k, b in enumerate(chain.blocks) if isinstance(b, StateSpace)), None)
+    if k is None or not all(isinstance(b, StaticBlock) for b in chain.blocks[k + 1 :]):
+        return None
+    block = chain.blocks[k]
+    own = chain.initial[chain.index(block)].sum() == chain.initial.sum()
+    return block if own and isinstance(block, StateSpace) else None
 
 
 def state_space_priors(
@@ -48,7 +53,7 @@ def state_space_priors(
         if mean is not None:
             found += [Gaussian(mean, t * root, 0.2 / 8) for t in (0.3, 0.1, 0.03, 0.0)]
     found += [Gaussian(nothing, t * root, 0.05 / 4) for t in (1.0, 0.3, 0.1, 0.03)]
-    found += _around(X, _misfit(chain, rest, data, X), 0.4)
+    found += _around(X, _misfit(chain, block, rest, data, w, X), 0.4)
     free = of_size(_impulses(block, theta), seen)
     found += [Gaussian(nothing, t * free, 0.05 / 3) for t in (10.0, 3.0, 1.0)]
     return [g for g in found if np.all(np.isfinite(g.root))]
@@ -68,15 +73,17 @@ def _continued(w: np.ndarray) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def _misfit(chain: Chain, rest: np.ndarray, data: IOData, X: np.ndarray) -> np.ndarray:
-    """Mean square (M,) of the first outputs' distance from the runs from each of X (M, nx)."""
+def _misfit(
+    chain: Chain, block: StateSpace, rest: np.ndarray, data: IOData, w: np.ndarray, X: np.ndarray
+) -> np.ndarray:
+    """Mean square (M,) of the first outputs' distance from the runs with the input w (N, nu) from each of X (M, nx)."""
     n = min(data.N, _COMPARED)
-    theta, first, y = rest.copy(), data.u[:n], data.y[:n]
-    seen, found = data.observed[:n], []
-    for x in X:
-        theta[chain.initial] = x
-        found.append(np.mean((y - chain.outputs(theta, first))[seen] ** 2) if seen.any() else 0.0)
-    return np.nan_to_num(np.array(found), nan=np.inf)
+    Y = block.outputs_from(chain.part(rest, block), w[:n], X).reshape(len(X) * n, -1)
+    ys = [np.ascontiguousarray(column) for column in Y.T]
+    for b in chain.blocks[chain.blocks.index(block) + 1 :]:
+        ys = b.propagate_all(chain.part(rest, b), ys, [np.empty((len(Y), 0))] * len(ys), 0)[0]
+    apart = np.where(data.observed[:n], data.y[:n] - np.column_stack(ys).reshape(len(X), n, -1), 0.0)
+    return np.nan_to_num(np.mean(apart**2, axis=(1, 2)), nan=np.inf)
 
 
 def _around(X: np.ndarray, misfit: np.ndarray, weight: float) -> list[Gaussian]:
