@@ -18,7 +18,8 @@ from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData, siso
 from sysid.model.chain import Chain
 from sysid.uncertainty.initial_sensitivity import with_initial_state
-from sysid.uncertainty.long_run import long_run_covariance_root
+from sysid.uncertainty.long_run import _bandwidth, long_run_covariance_root
+from sysid.uncertainty.noise_model import NoiseModel, noise_model
 
 if TYPE_CHECKING:
     from sysid.estimation.result import Fit
@@ -115,8 +116,11 @@ def information_at(
     lags: int | str | None = None,
     n_init: int = 50,
     noise_variance: float | None = None,
+    noise: NoiseModel | None = None,
 ) -> Information:
     """The same for any parameters theta (P,); with the true ones and `noise_variance`, the Cramer-Rao bound.
+
+    `noise` is a known colour of the noise, and gives the covariance of least squares under it.
 
     The initial state in theta belongs to the record's first experiment; those of further experiments are fitted.
     """
@@ -135,7 +139,20 @@ def information_at(
         dof = float(mask.sum()) - int(keep.sum()) - own
         sigma2 = float(e @ e) / max(dof, 1.0) if noise_variance is None else float(noise_variance)
         factor, used = np.sqrt(sigma2) * (weights @ V), None
-        if lags is not None:
+        if noise is not None:
+            G = noise.gathered((Jp / scale) @ V, data.lengths)
+            factor = np.sqrt(noise.variance) * (weights @ V @ np.linalg.qr(G, mode="r").T)
+        elif lags in ("ar", "arhac"):
+            Q = (Jp / scale) @ V
+            own = noise_model(e, Q, data.lengths)
+            G = own.gathered(Q, data.lengths)
+            if lags == "ar":
+                factor, used = np.sqrt(own.variance) * (weights @ V @ np.linalg.qr(G, mode="r").T), 0
+            else:
+                G = np.concatenate([g[-n:] for g, n in zip(np.split(G, np.cumsum([n + own.memory for n in data.lengths])[:-1]), data.lengths)])
+                root, used = long_run_covariance_root(own.white(e, data.lengths)[:, None] * G, data.lengths, _bandwidth(own.white(e, data.lengths)[:, None] * G))
+                factor = np.sqrt(mask.sum() / max(dof, 1.0)) * (weights @ V @ root)
+        elif lags is not None:
             root, used = long_run_covariance_root(e[:, None] * ((Jp / scale) @ V), data.lengths, lags)
             factor = np.sqrt(mask.sum() / max(dof, 1.0)) * (weights @ V @ root)
         null = Vt[~keep].T
@@ -149,7 +166,7 @@ def information_at(
         unexcited=weights @ left[:, sv > 1e-2],
         weights=weights,
         noise_variance=sigma2,
-        dof=max(dof, 1.0) if noise_variance is None else np.inf,
+        dof=max(dof, 1.0) if noise_variance is None and noise is None else np.inf,
         lags=used,
         n_init=n_init,
     )
