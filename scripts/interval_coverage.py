@@ -107,9 +107,9 @@ def one(plant: Plant, seed: int, memory: float, N: int, noise: float, ways, from
         info = true_at(fit, data, memory, size) if way == "true" else information(fit, data, way)
         row["held"][str(way)] = [_held(plant, true, info, level, y) for level in LEVELS]
     roots, found = intervals.poles(true), fit.poles
-    mine, of = pairs(found, np.array([z.value for z in roots]))
-    row["off"] = [float(abs(found[i] - roots[k].value) / roots[k].std) for i, k in zip(mine, of, strict=True)]
-    row["bound"] = [roots[k].std / max(1.0 - abs(roots[k].value), 1e-12) for k in of]
+    of, mine = pairs(np.array([z.value for z in roots]), found)
+    row["off"] = [float(abs(found[i] - roots[k].value) / roots[k].std) for k, i in zip(of, mine, strict=True)]
+    row["bound"] = [z.std / max(1.0 - abs(z.value), 1e-12) for z in roots]
     row["poles"] = [[z.real, z.imag] for z in found[mine].tolist()]
     return row
 

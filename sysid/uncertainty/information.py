@@ -18,8 +18,8 @@ from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData, siso
 from sysid.model.chain import Chain
 from sysid.uncertainty.initial_sensitivity import with_initial_state
-from sysid.uncertainty.long_run import _bandwidth, long_run_covariance_root
-from sysid.uncertainty.noise_model import NoiseModel, noise_model
+from sysid.uncertainty.long_run import long_run_covariance_root
+from sysid.uncertainty.noise_model import NoiseModel
 
 if TYPE_CHECKING:
     from sysid.estimation.result import Fit
@@ -120,8 +120,7 @@ def information_at(
 ) -> Information:
     """The same for any parameters theta (P,); with the true ones and `noise_variance`, the Cramer-Rao bound.
 
-    `noise` is a known colour of the noise, and gives the covariance of least squares under it.
-
+    A known `noise` instead gives the covariance of least squares under its colour.
     The initial state in theta belongs to the record's first experiment; those of further experiments are fitted.
     """
     siso(data)
@@ -140,20 +139,9 @@ def information_at(
         sigma2 = float(e @ e) / max(dof, 1.0) if noise_variance is None else float(noise_variance)
         factor, used = np.sqrt(sigma2) * (weights @ V), None
         if noise is not None:
-            G = noise.gathered((Jp / scale) @ V, data.lengths)
-            factor = np.sqrt(noise.variance) * (weights @ V @ np.linalg.qr(G, mode="r").T)
-        elif lags in ("ar", "arhac"):
-            Q = (Jp / scale) @ V
-            own = noise_model(e, Q, data.lengths)
-            G = own.gathered(Q, data.lengths)
-            if lags == "ar":
-                factor, used = np.sqrt(own.variance) * (weights @ V @ np.linalg.qr(G, mode="r").T), 0
-            else:
-                G = np.concatenate([g[-n:] for g, n in zip(np.split(G, np.cumsum([n + own.memory for n in data.lengths])[:-1]), data.lengths)])
-                root, used = long_run_covariance_root(own.white(e, data.lengths)[:, None] * G, data.lengths, _bandwidth(own.white(e, data.lengths)[:, None] * G))
-                factor = np.sqrt(mask.sum() / max(dof, 1.0)) * (weights @ V @ root)
+            factor = weights @ V @ noise.root((Jp / scale) @ V, data.lengths)
         elif lags is not None:
-            root, used = long_run_covariance_root(e[:, None] * ((Jp / scale) @ V), data.lengths, lags)
+            root, used = long_run_covariance_root(e, (Jp / scale) @ V, data.lengths, lags)
             factor = np.sqrt(mask.sum() / max(dof, 1.0)) * (weights @ V @ root)
         null = Vt[~keep].T
         left, sv, _ = np.linalg.svd(null - redundant @ (redundant.T @ null), full_matrices=False)

@@ -14,8 +14,7 @@ from scipy.optimize import minimize
 from scipy.signal import lfilter
 
 _MOST = 8  # coefficients; noise of longer memory is a matter of the bandwidth
-_BLOCK = 20_000  # rows whose lags are in memory at once
-_STEADY = 0.995  # largest modulus of a root: beyond it noise is a drift
+_STEADY = 0.995  # largest partial autocorrelation: beyond it noise is a drift
 _RING = 1e-6  # what is left of the noise's memory where it is cut
 
 
@@ -30,22 +29,28 @@ class NoiseModel:
         """w (N,) of each experiment in turn; the first p samples see fewer past ones."""
         return np.concatenate([lfilter(self.A, [1.0], piece) for piece in _pieces(e, lengths)])
 
-    def gathered(self, V: np.ndarray, lengths: Sequence[int]) -> np.ndarray:
-        """G (M, r) with V'e = G'w for V (N, r): what each sample of the white noise adds to V'e, later ones included.
+    def gathered(self, V: np.ndarray, lengths: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """G (N, r) and G0 (M, r) with V'e = G'w + G0'w0 for V (N, r), w0 being the white noise before each experiment.
 
-        M exceeds N by the samples before each experiment that its noise still remembers.
+        A row says what one sample of white noise adds to V'e, through the later samples that remember it.
         """
-        found = []
+        found, before = [], []
         for piece in _pieces(V, lengths):
-            ring = np.concatenate([piece[::-1], np.zeros((self.memory, V.shape[1]))])
-            found.append(lfilter([1.0], self.A, ring, axis=0)[::-1])
-        return np.concatenate(found)
+            back = np.concatenate([piece[::-1], np.zeros((self.memory, V.shape[1]))])
+            G = lfilter([1.0], self.A, back, axis=0)[::-1]
+            found.append(G[self.memory :])
+            before.append(G[: self.memory])
+        return np.concatenate(found), np.concatenate(before)
+
+    def root(self, V: np.ndarray, lengths: Sequence[int]) -> np.ndarray:
+        """R (r, r) with R R' the covariance of V'e."""
+        return np.asarray(np.sqrt(self.variance) * np.linalg.qr(np.concatenate(self.gathered(V, lengths)), mode="r").T)
 
     @property
     def memory(self) -> int:
         """Samples until the noise has forgotten."""
         r = float(np.abs(np.roots(self.A)).max(initial=0.0))
-        return 0 if r == 0.0 else int(np.ceil(np.log(_RING) / np.log(min(r, _STEADY))))
+        return 0 if r == 0.0 else int(np.ceil(np.log(_RING) / np.log(min(r, 0.9995))))
 
 
 def noise_model(e: np.ndarray, V: np.ndarray, lengths: Sequence[int]) -> NoiseModel:
@@ -54,65 +59,82 @@ def noise_model(e: np.ndarray, V: np.ndarray, lengths: Sequence[int]) -> NoiseMo
     The order is that of the least AIC (Akaike 1974), up to 8.
     """
     most = min(_MOST, min(lengths) // 20)
-    gram, n = _gram(np.column_stack([e, V]), lengths, most)
-    best = None
-    for p in range(most + 1):
-        a = np.zeros(p) if best is None else np.append(best[1], 0.0)
-        if p:
-            a = _steady(minimize(_restricted, a, (gram, n), method="BFGS").x)
-        found = _restricted(a, gram, n) + 2.0 * p, a
-        if best is not None and found[0] >= best[0]:
-            if p > len(best[1]) + 1:
-                break
-            continue
-        best = found
-    assert best is not None
-    A = np.concatenate([[1.0], best[1]])
-    rest, _, r = _left(A, gram)
-    return NoiseModel(A, rest / max(n - r, 1))
+    likelihood = _Restricted(_gram(np.column_stack([e, V]), lengths, most), sum(lengths), len(lengths))
+    best, chosen, z = likelihood(np.zeros(0)), np.zeros(0), np.zeros(0)
+    for p in range(1, most + 1):
+        z = minimize(likelihood, np.append(z, 0.0), method="BFGS", options={"gtol": 1e-2, "maxiter": 30}).x
+        found = likelihood(z) + 2.0 * p
+        if found < best:
+            best, chosen = found, z
+        elif p > len(chosen) + 1:  # two orders in turn brought nothing
+            break
+    A = _coefficients(chosen)
+    return NoiseModel(A, likelihood.left(A)[0] / max(sum(lengths) - V.shape[1], 1))
 
 
-def _restricted(a: np.ndarray, gram: np.ndarray, n: int) -> float:
-    """-2 log of the restricted likelihood of an autoregression, the variance at its best."""
-    rest, logdet, r = _left(np.concatenate([[1.0], a]), gram)
-    return (n - r) * float(np.log(rest)) + logdet if rest > 0 else np.inf
+@dataclass(frozen=True)
+class _Restricted:
+    """-2 log of the restricted likelihood of an autoregression of n samples in `records` experiments.
+
+    The variance is at its best. gram (p + 1, p + 1, c, c) is that of `_gram`.
+    """
+
+    gram: np.ndarray
+    n: int
+    records: int
+
+    def __call__(self, z: np.ndarray) -> float:
+        rest, logdet = self.left(_coefficients(z))
+        if not rest > 0.0:
+            return 1e9
+        free = self.n - self.gram.shape[2] + 1
+        noise = -np.sum(np.arange(1, len(z) + 1) * np.log1p(-((_STEADY * np.tanh(z)) ** 2)))  # log det of its matrix
+        return free * float(np.log(rest)) + logdet + self.records * float(noise)
+
+    def left(self, A: np.ndarray) -> tuple[float, float]:
+        """e'S^-1 e without what V explains, and log det V'S^-1 V, for noise of variance 1 with the matrix S."""
+        k = len(A)
+        G = np.einsum("i,ijab,j->ab", A, self.gram[:k, :k], A)
+        if len(G) == 1:
+            return float(G[0, 0]), 0.0
+        try:
+            L = np.linalg.cholesky(G[1:, 1:])
+        except np.linalg.LinAlgError:
+            return 0.0, 0.0
+        along = np.linalg.solve(L, G[1:, 0])
+        return float(G[0, 0] - along @ along), 2.0 * float(np.log(np.diag(L)).sum())
 
 
-def _left(A: np.ndarray, gram: np.ndarray) -> tuple[float, float, int]:
-    """Sum of squares of A e without what A V explains, log det V'A'A V, and the number of columns of V."""
-    k = len(A)
-    G = np.einsum("i,iajb,j->ab", A, gram[:k, :, :k], A)
-    if len(G) == 1:
-        return float(G[0, 0]), 0.0, 0
-    try:
-        L = np.linalg.cholesky(G[1:, 1:])
-    except np.linalg.LinAlgError:
-        return 0.0, 0.0, len(G) - 1
-    along = np.linalg.solve(L, G[1:, 0])
-    return float(G[0, 0] - along @ along), 2.0 * float(np.log(np.diag(L)).sum()), len(G) - 1
+def _coefficients(z: np.ndarray) -> np.ndarray:
+    """A (p + 1,) from z (p,), the inverse hyperbolic tangents of the partial autocorrelations: always stationary.
+
+    The Levinson-Durbin recursion; Barndorff-Nielsen and Schou 1973, J. Multivariate Analysis 3.
+    """
+    A = np.ones(1)
+    for r in _STEADY * np.tanh(z):
+        A = np.append(A, 0.0) - r * np.append(0.0, A[::-1])
+    return A
 
 
-def _gram(x: np.ndarray, lengths: Sequence[int], most: int) -> tuple[np.ndarray, int]:
-    """sum_t x_(t-i) x_(t-j)' (most + 1, c, most + 1, c) over all t with a past of `most`, and how many these are."""
+def _gram(x: np.ndarray, lengths: Sequence[int], most: int) -> np.ndarray:
+    """D (p + 1, p + 1, c, c) of x (N, c) with x'S^-1 x = sum_ij A_i A_j D_ij, exact from the first sample on.
+
+    D_ij = sum of x_(t+i) x_(t+j)' over t = 0 .. N - 1 - i - j (Box, Jenkins and Reinsel, Time Series Analysis, 3rd ed.
+    1994, appendix A7.5); p = `most`.
+    """
     c = x.shape[1]
-    total, n = np.zeros(((most + 1) * c, (most + 1) * c)), 0
+    D = np.zeros((most + 1, most + 1, c, c))
     for piece in _pieces(x, lengths):
-        for start in range(most, len(piece), _BLOCK):
-            end = min(start + _BLOCK, len(piece))
-            wide = np.hstack([piece[start - k : end - k] for k in range(most + 1)])
-            total += wide.T @ wide
-            n += end - start
-    return total.reshape(most + 1, c, most + 1, c), n
-
-
-def _steady(a: np.ndarray) -> np.ndarray:
-    """The same with roots that are at most `_STEADY` in modulus."""
-    roots = np.roots(np.concatenate([[1.0], a])).astype(complex)
-    size = np.abs(roots)
-    if not np.all(np.isfinite(a)) or not np.any(size > _STEADY):
-        return np.where(np.isfinite(a), a, 0.0)
-    roots = np.where(size > _STEADY, roots * (_STEADY / np.maximum(size, _STEADY)), roots)
-    return np.real(np.poly(roots))[1:]
+        n = len(piece)
+        for j in range(most + 1):
+            own = piece[: n - j].T @ piece[j:]
+            for i in range(most + 1 - j):
+                D[i, i + j] += own
+                if j:
+                    D[i + j, i] += own.T
+                first, last = np.outer(piece[i], piece[i + j]), np.outer(piece[n - 1 - i - j], piece[n - 1 - i])
+                own = own - first - last
+    return D
 
 
 def _pieces(x: np.ndarray, lengths: Sequence[int]) -> list[np.ndarray]:
