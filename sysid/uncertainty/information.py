@@ -19,6 +19,7 @@ from sysid.data.record import IOData, siso
 from sysid.model.chain import Chain
 from sysid.uncertainty.initial_sensitivity import with_initial_state
 from sysid.uncertainty.long_run import long_run_covariance_root
+from sysid.uncertainty.noise_model import NoiseModel
 
 if TYPE_CHECKING:
     from sysid.estimation.result import Fit
@@ -115,9 +116,11 @@ def information_at(
     lags: int | str | None = None,
     n_init: int = 50,
     noise_variance: float | None = None,
+    noise: NoiseModel | None = None,
 ) -> Information:
     """The same for any parameters theta (P,); with the true ones and `noise_variance`, the Cramer-Rao bound.
 
+    A known `noise` instead gives the covariance of least squares under its colour.
     The initial state in theta belongs to the record's first experiment; those of further experiments are fitted.
     """
     siso(data)
@@ -135,8 +138,10 @@ def information_at(
         dof = float(mask.sum()) - int(keep.sum()) - own
         sigma2 = float(e @ e) / max(dof, 1.0) if noise_variance is None else float(noise_variance)
         factor, used = np.sqrt(sigma2) * (weights @ V), None
-        if lags is not None:
-            root, used = long_run_covariance_root(e[:, None] * ((Jp / scale) @ V), data.lengths, lags)
+        if noise is not None:
+            factor = weights @ V @ noise.root((Jp / scale) @ V, data.lengths)
+        elif lags is not None:
+            root, used = long_run_covariance_root(e, (Jp / scale) @ V, data.lengths, lags)
             factor = np.sqrt(mask.sum() / max(dof, 1.0)) * (weights @ V @ root)
         null = Vt[~keep].T
         left, sv, _ = np.linalg.svd(null - redundant @ (redundant.T @ null), full_matrices=False)
@@ -149,7 +154,7 @@ def information_at(
         unexcited=weights @ left[:, sv > 1e-2],
         weights=weights,
         noise_variance=sigma2,
-        dof=max(dof, 1.0) if noise_variance is None else np.inf,
+        dof=max(dof, 1.0) if noise_variance is None and noise is None else np.inf,
         lags=used,
         n_init=n_init,
     )
