@@ -27,9 +27,9 @@ def estimate_initial(
     """theta (P,) with its initial states fitted to a record; all other parameters are kept.
 
     By least squares: the search starts from rest and from the steady state closest to y; the better result is returned.
-    With the noise_variance of a fit [unit of y squared] the initial states of filters or of a state space are the likely ones instead, see
-    `initial_posterior`: a window of a few noisy outputs then leaves them near rest. u (N, nu) is the input of the whole
-    record, of which `data` is the beginning.
+    With the noise_variance of a fit [unit of y squared] the initial states of filters, or of a state space, are the
+    likely ones instead, see `initial_posterior`: a window of a few noisy outputs then leaves them near rest. u (N, nu)
+    is the input of the whole record, of which `data` is the beginning.
     """
     if not chain.initial.any():
         return theta
