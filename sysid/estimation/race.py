@@ -179,7 +179,8 @@ def _rounds(run: Run, seed: int, count: int | None) -> Raced | None:
     members: list[str] = []
     per_round = 6 if count is None else min(count, 6)
     for turn in range(_ROUNDS if count is None else -(-count // 6)):
-        found = points(run.model, longest(run.data), seed, turn, per_round, run.objective.curvature_weight)
+        known = None if best is None else best.problem.thetas(best.outcome.p)[0]
+        found = points(run.model, longest(run.data), seed, turn, per_round, run.objective.curvature_weight, known)
         raced = _tried(run, found, best) if found else best
         if raced is None:
             continue
