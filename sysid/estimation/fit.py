@@ -48,7 +48,7 @@ def fit_chain(
     with one_blas_thread():
         raced = _raced(run, starts, seed, start)
         problem, outcome = _follow_noise(run, raced.problem, raced.outcome)
-        theta, cov, d = problem.thetas(outcome.p)[0], problem.covariance(outcome.p), problem.count(outcome.p)
+        theta, (cov, d) = problem.thetas(outcome.p)[0], problem.uncertainty(outcome.p)
     N = int(data.observed.sum())
     e, plain = problem.bare.residual(outcome.p), problem.plain.residual(outcome.p)
     assert e is not None

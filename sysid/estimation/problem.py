@@ -11,7 +11,7 @@ from sysid.estimation.objective import huber
 from sysid.estimation.pieces import LONG, in_pieces, pieces
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance, covariance, rank
-from sysid.solver.iterate import Linearisation, Rows, linearised
+from sysid.solver.iterate import Linearisation, Rows
 
 
 @dataclass(frozen=True)
@@ -145,22 +145,32 @@ class ChainProblem:
 
     def covariance(self, p: np.ndarray) -> Covariance:
         """Covariance of theta (of the first experiment) at p; a direction at an active bound counts as known."""
-        lin, free = linearised(self.bare, p)
-        theta, n = self.thetas(p)[0], int(self.moving.sum())
-        basis = np.zeros((len(theta), len(p)))
-        basis[:, :n] = self.chain.basis[:, self.moving]
-        redundant = np.linalg.solve(self.chain.basis, self.chain.gauge(theta))[self.moving]
-        if len(p) > n:  # the gauge moves the other experiments' initial states too: leave it to the pseudo-inverse
-            redundant = np.vstack([redundant, np.zeros((len(p) - n, redundant.shape[1]))])
-        return covariance(lin, redundant[free], basis[:, free], self.count(p))
+        return self.uncertainty(p)[0]
 
     def count(self, p: np.ndarray) -> int:
         """d of the criteria: free directions after the gauge, with the initial states of every experiment.
 
         Directions that the data do not determine, such as knots that no sample reaches, fit no noise and do not count.
         """
+        return self._count(p, self._bare_linearisation(p))
+
+    def uncertainty(self, p: np.ndarray) -> tuple[Covariance, int]:
+        """`covariance` and `count`, from one Jacobian."""
+        lin = self._bare_linearisation(p)
+        free, d = ~self.blocked(p, lin.gradient), self._count(p, lin)
+        theta, n = self.thetas(p)[0], int(self.moving.sum())
+        basis = np.zeros((len(theta), len(p)))
+        basis[:, :n] = self.chain.basis[:, self.moving]
+        redundant = np.linalg.solve(self.chain.basis, self.chain.gauge(theta))[self.moving]
+        if len(p) > n:  # the gauge moves the other experiments' initial states too: leave it to the pseudo-inverse
+            redundant = np.vstack([redundant, np.zeros((len(p) - n, redundant.shape[1]))])
+        return covariance(lin.along(free), redundant[free], basis[:, free], d), d
+
+    def _bare_linearisation(self, p: np.ndarray) -> Linearisation:
+        return self.bare.compact(p) or Linearisation.of(*self.bare.linearise(p))
+
+    def _count(self, p: np.ndarray, lin: Linearisation) -> int:
         free = self.chain.count(self.thetas(p)[0]) + (len(self.records) - 1) * int(self.own.sum())
-        lin = self.bare.compact(p) or Linearisation.of(*self.bare.linearise(p))
         return min(free, rank(lin)) if np.isfinite(lin.cost) and np.all(np.isfinite(lin.R)) else free
 
     @property

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 GAUGE = "depends on how gain and offset are shared between the blocks, which no record determines"
 UNEXCITED = "the record does not excite it"
+TESTED = "tested"
 _EMPTY = 1e-7  # singular values below this share of the largest are zero; columns of J have unit norm
 _LEAK = 1e-5  # share of a gradient along an empty direction that makes a quantity undetermined
 
@@ -97,16 +98,27 @@ class Information:
         return np.linalg.norm(G @ directions, axis=1) > _LEAK * (size or np.inf)
 
 
-def information(fit: "Fit", data: IOData, lags: int | str | None = None) -> Information:
+def information(fit: "Fit", data: IOData, lags: int | str | None = TESTED) -> Information:
     """The information that `data`, the estimation data of `fit`, has on the quantities of the fit.
 
-    lags: None for white residuals, sigma^2 (J'J)^+; a number for the Newey-West sandwich with a Bartlett window over
-    that many lags; 'auto' for a bandwidth estimated from the residuals. Use the sandwich if `fit.residual_tests`
-    rejects whiteness: the plain intervals are then too narrow. Merged experiments count together.
+    lags: None for white residuals, sigma^2 (J'J)^-1; a number for the Newey-West sandwich with a Bartlett window over
+    that many lags; 'auto' for residuals whitened by an autoregression and a bandwidth estimated from what is left.
+    'tested' is 'auto' if `fit.residual_tests` rejects whiteness, because the plain intervals are then too narrow, and
+    None otherwise. Merged experiments count together.
     """
     if abs(data.Ts - fit.Ts) > 1e-6 * fit.Ts:
         raise InputError(f"the record is sampled every {data.Ts} s and the fit every {fit.Ts} s; give the fit's record")
+    if lags == TESTED:
+        lags = "auto" if _coloured(fit, data) else None
     return information_at(fit.model, fit.theta, data, lags, fit.n_init)
+
+
+def _coloured(fit: "Fit", data: IOData) -> bool:
+    """Whether the residuals are not white; False for a record that is too short for the test."""
+    try:
+        return not fit.residual_tests(data).white
+    except InputError:
+        return False
 
 
 def information_at(

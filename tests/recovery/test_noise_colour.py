@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
+import sysid
 from sysid.systems import system
 from sysid.uncertainty import intervals
 from sysid.uncertainty.information import information_at
@@ -106,3 +107,24 @@ def test_noise_that_grows_with_a_column_widens_its_own_direction():
     root, _ = long_run_covariance_root(e, V, (20_000,), "auto")
     assert (root @ root.T)[0, 0] / np.mean(e**2) == pytest.approx(3.0, rel=0.12)
     assert (root @ root.T)[1, 1] / np.mean(e**2) == pytest.approx(1.0, rel=0.12)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8])
+def test_intervals_follow_the_residuals_test_by_default(memory):
+    """Coloured noise widens the gain's deviation by about sqrt((1 + a) / (1 - a)) = 3, white noise leaves the plain."""
+    plant = system("textbook")
+    clean = plant.record(2000, 0.0, np.random.default_rng(4))
+    noise = 0.01 * clean.y.std() * noises(memory, 2000, 1, seed=8)[0]
+    data = sysid.IOData(clean.u, clean.y[:, 0] + noise, plant.Ts)
+    fit = sysid.fit(plant.chain, data, search="lm", start=plant.theta)
+    told, plain = (
+        intervals.gain(i, 0.2).std for i in (sysid.information(fit, data), sysid.information(fit, data, None))
+    )
+    true = information_at(
+        plant.chain,
+        plant.theta,
+        data,
+        noise=NoiseModel(np.array([1.0, -memory]), (0.01 * clean.y.std()) ** 2 * (1 - memory**2)),
+    )
+    assert told == pytest.approx(intervals.gain(true, 0.2).std, rel=0.2)
+    assert (told == plain) == (memory == 0.0)

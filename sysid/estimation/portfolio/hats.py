@@ -61,12 +61,9 @@ def fewer(at: np.ndarray, values: np.ndarray, mass: np.ndarray, count: int) -> n
     k = len(at)
     if k <= count:
         return at
-    cost = np.full((k, k), np.inf)
-    for i in range(k - 1):
-        for j in range(i + 1, k):
-            inside = slice(i, j + 1)
-            chord = values[i] + (values[j] - values[i]) * (at[inside] - at[i]) / (at[j] - at[i])
-            cost[i, j] = np.sum(mass[inside] * (values[inside] - chord) ** 2)
+    from sysid.estimation.portfolio.kernels import chords
+
+    cost = chords(np.ascontiguousarray(at), np.ascontiguousarray(values), np.ascontiguousarray(mass))
     best, back = np.full((count, k), np.inf), np.zeros((count, k), dtype=int)
     best[0, 0] = 0.0
     for m in range(1, count):

@@ -36,7 +36,7 @@ def polygon(G, h, places, chosen, ridge):
 @njit(cache=True, nogil=True)
 def exchanged(G, h, places, chosen, ridge, sweeps, least):
     """`chosen` (m,) after moving one inner place at a time to where the minimum of `polygon` is lowest."""
-    k, m = places.shape[0], chosen.shape[0]
+    m = chosen.shape[0]
     best_set = chosen.copy()
     best = polygon(G, h, places, best_set, ridge)[1]
     for _ in range(sweeps):
@@ -48,20 +48,86 @@ def exchanged(G, h, places, chosen, ridge, sweeps, least):
                 if s != turn:
                     others[n] = best_set[s]
                     n += 1
-            kept = best_set
-            for i in range(1, k - 1):
-                if np.any(others == i):
-                    continue
-                trial = np.empty(m, dtype=np.int64)
-                trial[: m - 1] = others
-                trial[m - 1] = i
-                trial.sort()
-                cost = polygon(G, h, places, trial, ridge)[1]
-                if cost < best:
-                    best, kept = cost, trial
-            best_set = kept
-            if turn >= m - 1:
-                break
+            place = added(G, h, places, others, ridge)
+            if place < 0 or place == best_set[turn]:
+                continue
+            trial = np.empty(m, dtype=np.int64)
+            trial[: m - 1] = others
+            trial[m - 1] = place
+            trial.sort()
+            cost = polygon(G, h, places, trial, ridge)[1]
+            if cost < best:
+                best, best_set = cost, trial
         if before - best < least:
             break
     return best_set, best
+
+
+@njit(cache=True, nogil=True)
+def added(G, h, places, others, ridge):
+    """The place that lowers the minimum of `polygon` most beside `others` (n,), -1 if none does.
+
+    One more place adds one tent between its neighbours to the curves: a regression that grows by one column.
+    """
+    k, n = places.shape[0], others.shape[0]
+    GW, B, A = np.zeros((k, n)), np.zeros((n, k + 1)), np.zeros((n, n))
+    for s in range(n - 1):
+        a, b = others[s], others[s + 1]
+        for j in range(a if s == 0 else a + 1, b + 1):
+            r = (places[j] - places[a]) / (places[b] - places[a])
+            for i in range(k):
+                GW[i, s] += (1.0 - r) * G[j, i]
+                GW[i, s + 1] += r * G[j, i]
+            B[s, k] += (1.0 - r) * h[j]
+            B[s + 1, k] += r * h[j]
+    B[:, :k] = GW.T
+    for s in range(n - 1):
+        a, b = others[s], others[s + 1]
+        for j in range(a if s == 0 else a + 1, b + 1):
+            r = (places[j] - places[a]) / (places[b] - places[a])
+            for i in range(n):
+                A[s, i] += (1.0 - r) * GW[j, i]
+                A[s + 1, i] += r * GW[j, i]
+    for s in range(n):
+        A[s, s] += ridge
+    X = np.linalg.solve(A, B)
+    best, place = 0.0, -1
+    tent, v, x = np.zeros(k), np.zeros(n), np.zeros(n)
+    for s in range(n - 1):
+        a, b = others[s], others[s + 1]
+        for i in range(a + 1, b):
+            size, slope = ridge, 0.0
+            v[:] = 0.0
+            x[:] = 0.0
+            for j in range(a + 1, b):
+                near, far = (a, i) if j <= i else (b, i)
+                tent[j] = (places[j] - places[near]) / (places[far] - places[near])
+            for j in range(a + 1, b):
+                slope += tent[j] * h[j]
+                for t in range(n):
+                    v[t] += tent[j] * GW[j, t]
+                    x[t] += tent[j] * X[t, j]
+                for t in range(a + 1, b):
+                    size += tent[j] * tent[t] * G[j, t]
+            whole = size
+            for t in range(n):
+                size -= v[t] * x[t]
+                slope -= v[t] * X[t, k]
+            if size > 1e-12 * whole and slope * slope / size > best:
+                best, place = slope * slope / size, i
+    return place
+
+
+@njit(cache=True, nogil=True)
+def chords(at, values, mass):
+    """Weighed squares (k, k) between a curve, values at places `at` (k,), and the chord from place i to place j > i."""
+    k = at.shape[0]
+    cost = np.full((k, k), np.inf)
+    for i in range(k - 1):
+        for j in range(i + 1, k):
+            slope, total = (values[j] - values[i]) / (at[j] - at[i]), 0.0
+            for t in range(i + 1, j):
+                off = values[t] - values[i] - slope * (at[t] - at[i])
+                total += mass[t] * off * off
+            cost[i, j] = total
+    return cost
