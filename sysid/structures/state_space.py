@@ -9,7 +9,8 @@ from sysid.model.chain import Chain
 from sysid.model.recipes import Map, Recipe, choice, number, order, static_map
 
 READOUTS = ("network", "linear")
-_STATES, _FEW, _MANY, _FACTOR = 6, 5, 20, 3.0  # how far a structure search goes, and in which steps
+_STATES = 6  # how far a structure search goes, and in which steps
+_UNITS, _SPREADS = (0, 2, 5, 10, 20), (0.03, 0.1, 0.3, 1.0, 3.0)
 
 
 def state_space(
@@ -61,10 +62,15 @@ class NonlinearStateSpace(Recipe):
         return state_space(self.nx, self.units, self.degree, self.output_map, readout=self.readout, spread=self.spread)
 
     def neighbours(self) -> "tuple[NonlinearStateSpace, ...]":
-        """One state more or less, twice or half the units, the other readout, a network that bends more or less."""
+        """One state more or less, more or fewer units, the other readout, a network that bends more or less."""
         steps: list[dict[str, Any]] = [{"nx": self.nx + 1}, {"nx": self.nx - 1}]
         if not self.degree:
-            steps += [{"units": n} for n in (2 * self.units or _FEW, self.units // 2) if n <= _MANY]
-            steps += [{"spread": factor * self.spread} for factor in (1 / _FACTOR, _FACTOR)]
+            steps += [{"units": n} for n in _beside(_UNITS, self.units)]
+            steps += [{"spread": value} for value in _beside(_SPREADS, self.spread)]
         steps.append({"readout": READOUTS[1 - READOUTS.index(self.readout)]})
         return tuple(replace(self, **step) for step in steps if 1 <= step.get("nx", self.nx) <= _STATES)
+
+
+def _beside(ladder: tuple[Any, ...], value: float) -> list[Any]:
+    """The rungs of a rising ladder next to a value."""
+    return [*[x for x in ladder if x < value][-1:], *[x for x in ladder if x > value][:1]]
