@@ -170,6 +170,26 @@ class StateSpace(Block):
         run_tangent(*m[:-1], self.powers, m.x0, U, dU, Z, out, q, self.n_parameters, ys, 1.0 / us)
         return _columns(y0 + ys * Z), list(out)
 
+    def states(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The state (N, nx) at every sample of the run with the input u (N, nu); nan after it left all bounds."""
+        m = self.split(theta)
+        D, d, F = np.zeros((self.nx, self.nu)), np.zeros(self.nx), np.zeros((self.nx, 0))
+        return self._runs(m._replace(C=np.eye(self.nx), D=D, d=d, F=F), u, m.x0[None])[0]
+
+    def outputs_from(self, theta: np.ndarray, u: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """Outputs (M, N, ny) of the runs with the input u (N, nu) from each of the initial states X (M, nx)."""
+        _, _, y0, ys = self.scales()
+        return y0 + ys * self._runs(self.split(theta), u, X)
+
+    def _runs(self, m: Matrices, u: np.ndarray, X: np.ndarray) -> np.ndarray:
+        from sysid.block.kernels_state_space import run
+
+        u0, us, _, _ = self.scales()
+        U, Z = np.ascontiguousarray((u - u0) / us), np.empty((len(X), len(u), len(m.C)))
+        for x0, out in zip(np.ascontiguousarray(X), Z, strict=True):
+            run(*m[:-1], self.powers, x0, U, out)
+        return Z
+
     def rest(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         """The state (nx,) that a constant input u (nu,) keeps: Newton's steps from the rest at the input's centre, at
         once or over smaller inputs. Raises InputError where there is none on this way (an integrator).

@@ -9,14 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.blocks import TransferFunction
+from sysid.block.block import Block
+from sysid.blocks import StateSpace, TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.initial_prior import Gaussian, priors
+from sysid.estimation.initial_visited import state_space_of, state_space_priors
 from sysid.model.chain import Chain
 
 _INFLATED = ((1.0, 0.6), (4.0, 0.2), (25.0, 0.1), (400.0, 0.1))  # noise variance by that of the fit, prior share
 _CORRELATED = (0.0, 0.5, 0.8, 0.95)  # of neighbouring errors: those of a model that is not exact are seldom white
 _DOUBT = 0.03  # probability of rest above which the run begins there: no estimate then spoils a record from rest
+_RARE = 1e-3  # share below which a state is not considered
+_AHEAD = 500  # samples over which the runs of likely states are compared
 _STEPS = 12  # Gauss-Newton steps of a chain with a map behind its filter
 
 
@@ -54,21 +58,50 @@ def likely_initial(
     noise = max(noise_variance, (1e-9 * size) ** 2)
     seen = window.J / size
     behind = [entry for b in chain.blocks[_first(chain) :] for _, entry in b.parts()]
-    affine = all(isinstance(entry, TransferFunction) for entry in behind)
+    affine = all(_affine(entry) for entry in behind)
+    space = state_space_of(chain)
+    mixture = priors(chain, rest, u, seen) if space is None else state_space_priors(chain, space, rest, data, u, seen)
     states, evidence = [], []
-    for g in priors(chain, rest, u, seen):
+    for g in mixture:
         near = window if affine else _settled(chain, rest, data, g, noise, window)
         x, log = _posterior(near, g, noise)
         states.append(x)
         evidence.append(log + np.log(g.weight))
     share = np.exp(np.array(evidence) - max(evidence))
     share /= share.sum()
-    best = int(np.argmax(share))
     if share[0] > _DOUBT:
         return rest
     theta = rest.copy()
-    theta[chain.initial] = share @ np.array(states) if affine else states[best]
+    if affine:
+        theta[chain.initial] = share @ np.array(states)
+    elif space is not None:
+        theta[chain.initial] = _central(chain, rest, u, np.array(states), share)
+    else:
+        theta[chain.initial] = states[int(np.argmax(share))]
     return theta
+
+
+def _affine(entry: Block) -> bool:
+    return isinstance(entry, TransferFunction) or (isinstance(entry, StateSpace) and not entry.features)
+
+
+def _central(chain: Chain, rest: np.ndarray, u: np.ndarray, states: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Of states (K, s) and their mean, the one whose run is nearest to the mean of all runs (share (K,)).
+
+    The mean run has the smallest expected error; the mean of states that a map cannot tell apart may be none of them.
+    """
+    likely = share > _RARE
+    states, share = states[likely], share[likely] / share[likely].sum()
+    states = np.vstack([states, share @ states])
+    runs = []
+    for x in states:
+        theta = rest.copy()
+        theta[chain.initial] = x
+        runs.append(chain.outputs(theta, u[:_AHEAD]).ravel())
+    with np.errstate(invalid="ignore", over="ignore"):
+        middle = share @ np.array(runs[:-1])
+        error = np.array([np.sum((run - middle) ** 2) for run in runs])
+    return np.asarray(states[np.argmin(np.where(np.isfinite(error), error, np.inf))])
 
 
 def _first(chain: Chain) -> int:

@@ -15,8 +15,8 @@ from scipy.linalg import block_diag, hankel
 from sysid.blocks import TransferFunction
 from sysid.model.chain import Chain
 
-_LONGEST = 20_000  # samples of the record that give the statistics of the states
-_IMPULSE = 5000  # samples of the impulse response that give the states under white noise
+LONGEST = 20_000  # samples of the record that give the statistics of the states
+IMPULSE = 5000  # samples of the impulse response that give the states under white noise
 
 
 @dataclass(frozen=True)
@@ -44,25 +44,29 @@ def priors(chain: Chain, rest: np.ndarray, u: np.ndarray, seen: np.ndarray) -> l
     outputs' Jacobian divided by their distance from the run at rest, says. Each in several widths.
     """
     states, steady, levels, loose = [], [], [], []
-    for part, block, w in _filters(chain, rest, u[:_LONGEST]):
+    for part, block, w in _filters(chain, rest, u[:LONGEST]):
         own = rest[part]
         visited = _visited(block, own, w)
         states.append(visited)
         steady.append(_constant(block, own) * w[0])
         level = _held(block, own)
         levels.append(level[:, None] * np.sqrt(np.mean(block.output(own, w) ** 2)))
-        loose.append(_root(_visited(block, own, np.eye(1, _IMPULSE)[0])))
+        loose.append(root_of(_visited(block, own, np.eye(1, IMPULSE)[0])))
     shortest = min(len(s) for s in states)  # the same samples of every filter
-    root, n = _root(np.hstack([s[len(s) - shortest :] for s in states])), len(seen.T)
+    root, n = root_of(np.hstack([s[len(s) - shortest :] for s in states])), len(seen.T)
     nothing, mean = np.zeros(n), np.concatenate(steady)
-    held, free = block_diag(*levels), block_diag(*loose)
-    free = free / (np.sqrt(np.sum((seen @ free) ** 2) / len(seen)) or 1.0)
+    held, free = block_diag(*levels), of_size(block_diag(*loose), seen)
     found = [Gaussian(nothing, np.zeros((n, 0)), 0.3)]
     found += [Gaussian(nothing, t * root, 0.3 / 4) for t in (1.0, 0.3, 0.1, 0.03)]
     found += [Gaussian(mean, t * root, 0.2 / 4) for t in (0.3, 0.1, 0.03, 0.0)]
     found += [Gaussian(nothing, np.hstack([t * held, 0.03 * root]), 0.1 / 2) for t in (1.0, 0.3)]
     found += [Gaussian(nothing, t * free, 0.1 / 3) for t in (10.0, 3.0, 1.0)]
     return [g for g in found if np.all(np.isfinite(g.mean)) and np.all(np.isfinite(g.root))]
+
+
+def of_size(root: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """root (s, r) scaled so that `seen` (M, s), which sees the states, makes it 1 in the mean square."""
+    return np.asarray(root / (np.sqrt(np.sum((seen @ root) ** 2) / len(seen)) or 1.0))
 
 
 def _filters(chain: Chain, rest: np.ndarray, u: np.ndarray) -> Iterator[tuple[slice, TransferFunction, np.ndarray]]:
@@ -101,7 +105,7 @@ def _held(block: TransferFunction, theta: np.ndarray) -> np.ndarray:
     return np.asarray(np.cumsum(block.padded(theta)[1])[:-1])
 
 
-def _root(states: np.ndarray) -> np.ndarray:
+def root_of(states: np.ndarray) -> np.ndarray:
     """R (n, n) with R R' = the second moment of states (M, n)."""
     if not len(states) or not np.all(np.isfinite(states)):
         return np.zeros((states.shape[1], 0))

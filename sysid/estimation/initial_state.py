@@ -7,6 +7,7 @@ from sysid.blocks import ProfiledMotor
 from sysid.data.record import IOData
 from sysid.estimation.initial_posterior import likely_initial
 from sysid.estimation.initial_prior import filters_only
+from sysid.estimation.initial_visited import state_space_of
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
@@ -26,13 +27,13 @@ def estimate_initial(
     """theta (P,) with its initial states fitted to a record; all other parameters are kept.
 
     By least squares: the search starts from rest and from the steady state closest to y; the better result is returned.
-    With the noise_variance of a fit [unit of y squared] the initial states of filters are the likely ones instead, see
-    `initial_posterior`: a window of a few noisy outputs then leaves them near rest. u (N, nu) is the input of the whole
-    record, of which `data` is the beginning.
+    With the noise_variance of a fit [unit of y squared] the initial states of filters, or of a state space, are the
+    likely ones instead, see `initial_posterior`: a window of a few noisy outputs then leaves them near rest. u (N, nu)
+    is the input of the whole record, of which `data` is the beginning.
     """
     if not chain.initial.any():
         return theta
-    if noise_variance is not None and filters_only(chain):
+    if noise_variance is not None and (filters_only(chain) or state_space_of(chain) is not None):
         likely = likely_initial(chain, _at_rest(chain, theta), data, data.u if u is None else u, noise_variance)
         if likely is not None:
             return likely

@@ -12,6 +12,7 @@ from sysid.base.threads import available
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.objective import Objective, spread
+from sysid.estimation.portfolio.inside import alternatives
 from sysid.estimation.portfolio.points import Point, points
 from sysid.estimation.portfolio.relay import movable, relaid
 from sysid.estimation.problem import ChainProblem
@@ -29,6 +30,7 @@ _SAME = 1.02  # losses within this ratio are one optimum
 _RELAYS, _WORTH = 6, 0.995  # times that break points are laid again, while the loss falls below this share
 _RELAID = 40  # iterations after break points were laid again
 _COLOURED = 0.5  # correlation of neighbouring residuals above which agreement must be wider
+_OTHERS = 3  # pole sets tried once the maps are known
 _SETTLING = 4  # times that the curvature weight follows the residuals
 _WINDOW = 20_000  # samples that show where break points belong
 _LONG = 3  # times as many samples are a long record
@@ -177,7 +179,8 @@ def _rounds(run: Run, seed: int, count: int | None) -> Raced | None:
     members: list[str] = []
     per_round = 6 if count is None else min(count, 6)
     for turn in range(_ROUNDS if count is None else -(-count // 6)):
-        found = points(run.model, longest(run.data), seed, turn, per_round, run.objective.curvature_weight)
+        known = None if best is None else best.problem.thetas(best.outcome.p)[0]
+        found = points(run.model, longest(run.data), seed, turn, per_round, run.objective.curvature_weight, known)
         raced = _tried(run, found, best) if found else best
         if raced is None:
             continue
@@ -216,6 +219,8 @@ def _tried(run: Run, found: list[Point], before: Raced | None) -> Raced:
     problem, outcome = problems[k], outcomes[k]
     if np.isfinite(outcome.cost):
         problem, outcome = _polished(run, problem, outcome)
+        if len(found) + (before is not None) > 1 or found[k].agreed > 1:
+            problem, outcome = _with_other_poles(run, problem, outcome)
     agreed = sum(p.agreed for p, c in zip(found, costs, strict=True) if c <= _SAME * outcome.cost or p is found[k])
     if before is not None:
         if outcome.cost > before.outcome.cost / _SAME:
@@ -247,6 +252,22 @@ def _polished(run: Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainP
     if not outcome.stop.converged:
         outcome = outcome.then(run.iterate(problem, outcome.p, run.options))
     return problem, outcome
+
+
+def _with_other_poles(run: Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
+    """The search from other poles of the fit's own filters, if that leads lower."""
+    rows = problem.thetas(outcome.p)
+    rng = np.random.default_rng(0)
+    best, end = problem, outcome
+    for point in alternatives(run.model, rows[0], run.data.experiments[0], rng, _OTHERS):
+        moved = rows.copy()
+        moved[:, ~run.model.initial] = point[~run.model.initial]
+        moved[0] = point
+        other = replace(problem, theta0=moved, scratch={})
+        after = run.iterate(other, other.start, run.trial, _TRIAL_SEARCH)
+        if after.cost < _WORTH * end.cost:
+            best, end = other, outcome.then(after)
+    return (problem, outcome) if best is problem else _polished(run, best, end)
 
 
 def _settled(run: Run, problem: ChainProblem, outcome: Outcome, limit: Options) -> tuple[ChainProblem, Outcome]:

@@ -48,7 +48,6 @@ class NonlinearStateSpace(Recipe):
     rungs: ClassVar[tuple[dict[str, Any], ...]] = (
         *({"nx": nx, "units": 5} for nx in (1, 2, 3, 4)),
         {"nx": 2, "units": 5, "readout": "linear"},
-        {"nx": 3, "units": 0, "readout": "linear"},
         {"nx": 2, "units": 0, "degree": 3, "readout": "linear"},
     )
     nx: int = order(2, "states", least=1)

@@ -19,12 +19,14 @@ from sysid.data.record import IOData, siso
 from sysid.model.chain import Chain
 from sysid.uncertainty.initial_sensitivity import with_initial_state
 from sysid.uncertainty.long_run import long_run_covariance_root
+from sysid.uncertainty.noise_model import NoiseModel
 
 if TYPE_CHECKING:
     from sysid.estimation.result import Fit
 
 GAUGE = "depends on how gain and offset are shared between the blocks, which no record determines"
 UNEXCITED = "the record does not excite it"
+TESTED = "tested"
 _EMPTY = 1e-7  # singular values below this share of the largest are zero; columns of J have unit norm
 _LEAK = 1e-5  # share of a gradient along an empty direction that makes a quantity undetermined
 
@@ -96,16 +98,27 @@ class Information:
         return np.linalg.norm(G @ directions, axis=1) > _LEAK * (size or np.inf)
 
 
-def information(fit: "Fit", data: IOData, lags: int | str | None = None) -> Information:
+def information(fit: "Fit", data: IOData, lags: int | str | None = TESTED) -> Information:
     """The information that `data`, the estimation data of `fit`, has on the quantities of the fit.
 
-    lags: None for white residuals, sigma^2 (J'J)^+; a number for the Newey-West sandwich with a Bartlett window over
-    that many lags; 'auto' for a bandwidth estimated from the residuals. Use the sandwich if `fit.residual_tests`
-    rejects whiteness: the plain intervals are then too narrow. Merged experiments count together.
+    lags: None for white residuals, sigma^2 (J'J)^-1; a number for the Newey-West sandwich with a Bartlett window over
+    that many lags; 'auto' for residuals whitened by an autoregression and a bandwidth estimated from what is left.
+    'tested' is 'auto' if `fit.residual_tests` rejects whiteness, because the plain intervals are then too narrow, and
+    None otherwise. Merged experiments count together.
     """
     if abs(data.Ts - fit.Ts) > 1e-6 * fit.Ts:
         raise InputError(f"the record is sampled every {data.Ts} s and the fit every {fit.Ts} s; give the fit's record")
+    if lags == TESTED:
+        lags = "auto" if _coloured(fit, data) else None
     return information_at(fit.model, fit.theta, data, lags, fit.n_init)
+
+
+def _coloured(fit: "Fit", data: IOData) -> bool:
+    """Whether the residuals are not white; False for a record that is too short for the test."""
+    try:
+        return not fit.residual_tests(data).white
+    except InputError:
+        return False
 
 
 def information_at(
@@ -115,9 +128,11 @@ def information_at(
     lags: int | str | None = None,
     n_init: int = 50,
     noise_variance: float | None = None,
+    noise: NoiseModel | None = None,
 ) -> Information:
     """The same for any parameters theta (P,); with the true ones and `noise_variance`, the Cramer-Rao bound.
 
+    A known `noise` instead gives the covariance of least squares under its colour.
     The initial state in theta belongs to the record's first experiment; those of further experiments are fitted.
     """
     siso(data)
@@ -135,8 +150,10 @@ def information_at(
         dof = float(mask.sum()) - int(keep.sum()) - own
         sigma2 = float(e @ e) / max(dof, 1.0) if noise_variance is None else float(noise_variance)
         factor, used = np.sqrt(sigma2) * (weights @ V), None
-        if lags is not None:
-            root, used = long_run_covariance_root(e[:, None] * ((Jp / scale) @ V), data.lengths, lags)
+        if noise is not None:
+            factor = weights @ V @ noise.root((Jp / scale) @ V, data.lengths)
+        elif lags is not None:
+            root, used = long_run_covariance_root(e, (Jp / scale) @ V, data.lengths, lags)
             factor = np.sqrt(mask.sum() / max(dof, 1.0)) * (weights @ V @ root)
         null = Vt[~keep].T
         left, sv, _ = np.linalg.svd(null - redundant @ (redundant.T @ null), full_matrices=False)
@@ -149,7 +166,7 @@ def information_at(
         unexcited=weights @ left[:, sv > 1e-2],
         weights=weights,
         noise_variance=sigma2,
-        dof=max(dof, 1.0) if noise_variance is None else np.inf,
+        dof=max(dof, 1.0) if noise_variance is None and noise is None else np.inf,
         lags=used,
         n_init=n_init,
     )

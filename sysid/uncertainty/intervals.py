@@ -12,6 +12,7 @@ from scipy.special import fdtri
 from sysid.base.errors import InputError
 from sysid.blocks import StateSpace, TransferFunction
 from sysid.model.tangents import Rational, steady_curve, tangent, transfer
+from sysid.uncertainty.cancelled import CANCELLED, cancelled
 from sysid.uncertainty.information import Information
 
 _ROUGH = "is within three standard deviations of another root: the interval is inaccurate"
@@ -121,7 +122,8 @@ def poles(info: Information, level: float = 0.95) -> tuple[Root, ...]:
         return tuple(_roots(info, own.F, own.F_gradient, level))
     for b in _linear(info):
         own = transfer(info.chain, info.theta, b)
-        found += _roots(info, own.F[: b.nf + 1], own.F_gradient[: b.nf + 1], level)
+        roots = _roots(info, own.F[: b.nf + 1], own.F_gradient[: b.nf + 1], level)
+        found += [_open(r) if cancelled(info, b, r.value, level) else r for r in roots]
     return tuple(found)
 
 
@@ -181,6 +183,15 @@ def _roots(info: Information, p: np.ndarray, dp: np.ndarray, level: float) -> li
             continue
         found.append(_root(info, z, -(z ** np.arange(len(p) - 1, -1, -1)) @ dp / d, level))
     return [_warned(r, roots) for r in found]
+
+
+def _open(root: Root) -> Root:
+    """The same pole with unbounded intervals; its deviations remain those of the linear approximation."""
+    if root.note not in ("", _ROUGH):
+        return root
+    names = ("real", "imag", "modulus", "frequency", "damping", "time_constant")
+    wide = {n: replace(getattr(root, n), lower=-np.inf, upper=np.inf, note=CANCELLED) for n in names}
+    return replace(root, note=CANCELLED, **wide)
 
 
 def _root(info: Information, z: complex, dz: np.ndarray | None, level: float, note: str = "") -> Root:

@@ -1,30 +1,38 @@
-"""Long-run covariance of scores: it makes a covariance robust to coloured residuals."""
+"""Long-run covariance of a fit's scores: it makes a covariance robust to coloured residuals."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.uncertainty.noise_model import noise_model
 
 _MEMORY = 0.97  # an autocorrelation above this is a drift, for which no bandwidth is sufficient
 
 
-def long_run_covariance_root(scores: np.ndarray, lengths: Sequence[int], lags: int | str) -> tuple[np.ndarray, int]:
-    """Root R (r, r) with R R' = sum of all autocovariances of scores (N, r), and the lags used.
+def long_run_covariance_root(
+    e: np.ndarray, V: np.ndarray, lengths: Sequence[int], lags: int | str
+) -> tuple[np.ndarray, int]:
+    """Root R (r, r) with R R' = the covariance of V'e for residuals e (N,) and orthonormal V (N, r), and the lags used.
 
-    lags: those of the Bartlett window (Newey and West 1987, Econometrica 55). 'auto' first whitens each score with a
-    fitted AR(1) and then uses Andrews' bandwidth (Andrews and Monahan 1992, Econometrica 60), because a window long
-    enough for slow noise would lose a tenth of the variance.
+    lags: those of the Bartlett window over the scores e_t V_t (Newey and West 1987, Econometrica 55). 'auto' first
+    whitens the residuals with an autoregression and gathers V accordingly, then takes Andrews' bandwidth for what
+    is left (prewhitening: Andrews and Monahan 1992, Econometrica 60). The residuals are whitened instead of the scores
+    because a few coefficients describe noise, and the scores of slow and of fast parameters have no common ones. The
+    window covers what the coefficients leave: noise that varies in size, and errors that depend on the input.
     """
     if isinstance(lags, str):
         if lags != "auto":
             raise InputError(f"lags is {lags!r}; give 'auto', None or a whole number")
-        memory, white = _prewhitened(scores, lengths)
-        m = _bandwidth(white)
-        return _bartlett_root(white, lengths, m) / (1.0 - memory)[:, None], m
+        noise = noise_model(e, V, lengths)
+        G, before = noise.gathered(V, lengths)
+        scores = noise.white(e, lengths)[:, None] * G
+        m = _bandwidth(scores)
+        rows = [_bartlett_root(scores, lengths, m).T, np.sqrt(noise.variance) * before]
+        return np.asarray(np.linalg.qr(np.concatenate(rows), mode="r")).T, m
     if lags < 0 or int(lags) != lags or lags >= min(lengths):
         raise InputError(f"lags is {lags!r}; give 'auto', None or a whole number from 0 to {min(lengths) - 1}")
-    return _bartlett_root(scores, lengths, int(lags)), int(lags)
+    return _bartlett_root(e[:, None] * V, lengths, int(lags)), int(lags)
 
 
 def _bartlett_root(scores: np.ndarray, lengths: Sequence[int], lags: int) -> np.ndarray:
@@ -41,15 +49,6 @@ def _bartlett_root(scores: np.ndarray, lengths: Sequence[int], lags: int) -> np.
         end += n
     R = np.asarray(np.linalg.qr(np.concatenate(sums), mode="r"))
     return R.T / np.sqrt(m)
-
-
-def _prewhitened(scores: np.ndarray, lengths: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """AR(1) coefficient of each score (r,) and the residuals (N, r)."""
-    memory, white, first = _lag_one(scores), scores.copy(), np.cumsum([0, *lengths[:-1]])
-    follows = np.ones(len(scores), dtype=bool)
-    follows[first] = False
-    white[follows] -= memory * scores[np.flatnonzero(follows) - 1]
-    return memory, white
 
 
 def _lag_one(scores: np.ndarray) -> np.ndarray:

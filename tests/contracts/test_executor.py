@@ -40,9 +40,9 @@ def test_search_and_ensemble_are_the_same_on_a_cluster(tmp_path):
     def ensemble(name):
         return twin.Ensemble(twin.Experiment("thigh", duration=4.0), range(6), draws, tmp_path / name, part=2)
 
-    here, alone = select(data, space, jobs=1), ensemble("here").run()
+    here, alone = select(data, space, jobs=1, seconds=3600.0), ensemble("here").run()
     with cluster(tmp_path) as (address, _):
-        there, shared = select(data, space, scheduler=address), ensemble("there").run(scheduler=address)
+        there, shared = select(data, space, scheduler=address, seconds=3600.0), ensemble("there").run(scheduler=address)
     assert there.as_dict() == here.as_dict()
     np.testing.assert_array_equal(there.fit.theta, here.fit.theta)
     for ours, theirs in zip(alone, shared, strict=True):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import sysid
+from sysid.estimation.initial_prior import filters_only
 
 SAVED = Path(__file__).resolve().parents[1] / "saved"
 FILES = sorted(p for p in SAVED.glob("v*/*.json") if not p.name.endswith(".run.json"))
@@ -25,9 +26,15 @@ def test_a_fit_saved_by_earlier_code_simulates_to_the_same_numbers(path):
     fit, data = sysid.load(path), record(then["record"])
     span = np.ptp(data.y)
     np.testing.assert_allclose(fit.simulate(data.u), then["from_rest"], rtol=0, atol=1e-12 * span)
-    # The search for the initial state ends in a flat bottom, where rounding moves it by about its square root.
-    np.testing.assert_allclose(fit.simulate(data), then["on_record"], rtol=0, atol=1e-7 * span)
-    assert fit.fit_percent(data) == pytest.approx(then["fit_percent"], abs=1e-6)
+    if fit.model.initial.any() and filters_only(fit.model):
+        # Then by least squares, now the likely initial state under the fit's noise: they differ by less than the noise.
+        gap = fit.simulate(data) - np.array(then["on_record"])
+        assert np.sqrt(np.mean(gap**2)) < np.sqrt(fit.covariance.noise_variance)
+        assert fit.fit_percent(data) > then["fit_percent"] - 0.5
+    else:
+        # The search for the initial state ends in a flat bottom, where rounding moves it by about its square root.
+        np.testing.assert_allclose(fit.simulate(data), then["on_record"], rtol=0, atol=1e-7 * span)
+        assert fit.fit_percent(data) == pytest.approx(then["fit_percent"], abs=1e-6)
     np.testing.assert_allclose(fit.poles, np.array(then["poles"]).reshape(-1, 2) @ [1.0, 1.0j], rtol=1e-12)
     saved = json.loads(path.read_text())
     assert fit.criteria.loss == saved["criteria"]["loss"]

@@ -39,15 +39,25 @@ def applies(chain: Chain) -> bool:
     return kinds in ("L", "NL", "LN", "NLN", "LNL")
 
 
-def points(chain: Chain, record: IOData, seed: int, turn: int, count: int, curvature: float) -> list[Point]:
-    """The best points of a round, the best first; `count` limits how many candidates are searched.
+def points(
+    chain: Chain,
+    record: IOData,
+    seed: int,
+    turn: int,
+    count: int,
+    curvature: float,
+    known: np.ndarray | None = None,
+) -> list[Point]:
+    """The best points of a round, the best first.
+
+    `count` limits how many candidates are searched; `known` (P,) is the best of earlier rounds.
 
     A single one comes from the linear models alone and goes through one rung: the quick look.
     """
     rng = np.random.default_rng([seed, turn])
     part = record if record.N <= LONGEST else record.select(0, LONGEST)
     if len(chain.dynamics) == 2:
-        ranked = _distinct(two_filters.splits(chain, part, rng, turn, count > 1), min(count, _LADDER[0][0]))
+        ranked = _distinct(two_filters.splits(chain, part, rng, turn, count > 1, known), min(count, _LADDER[0][0]))
         field = [two_filters.begun(chain, c, part) for c in ranked]
     else:
         ranked = _distinct(one_filter.candidates(chain, part, rng, turn, count > 1), min(count, _LADDER[0][0]))

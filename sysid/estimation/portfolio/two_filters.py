@@ -45,24 +45,37 @@ class Split:
         return np.concatenate([self.w, self.rest.signal / (self.rest.signal.std() or 1.0)])
 
 
-def splits(chain: Chain, record: IOData, rng: np.random.Generator, turn: int, draw: bool) -> list[Split]:
-    """Candidates of one round, unsorted."""
+def splits(
+    chain: Chain, record: IOData, rng: np.random.Generator, turn: int, draw: bool, known: np.ndarray | None
+) -> list[Split]:
+    """Candidates of one round, unsorted; `known` (P,) is the best so far, whose poles and zeros are divided again."""
     u, y = record.u[:, 0] - record.u[:, 0].mean(), record.y[:, 0]
     (_, first), (_, second) = chain.dynamics
-    found: list[Split] = []
+    whole = TransferFunction(first.nb + second.nb - 1, first.nf + second.nf, first.nk + second.nk)
+    linear: list[tuple[str, np.ndarray]] = []
     if turn == 0:
-        whole = TransferFunction(first.nb + second.nb - 1, first.nf + second.nf, first.nk + second.nk)
         aim = y - y.mean()
         raw = denominators(whole, u, aim)
         linear = [("output_error", polished(whole, raw, u, aim))]
         linear += [("approximation", _with_zeros(whole, f, u, aim)) for f in raw]
-        for member, theta in linear:
-            for b, f, other in _dealt(whole, theta, first, rng):
-                found += _rest(member, first, second, b, f, u, y, other)
+    elif known is not None:
+        linear = [("divided_again", _product(chain, known))]
+    found: list[Split] = []
+    for member, theta in linear:
+        for b, f, other in _dealt(whole, theta, first, rng):
+            found += _rest(member, first, second, b, f, u, y, other)
     for member, f in _others(u, y, first, second, rng, turn) if draw else ():
         for b in _numerators(first, rng):
             found += _rest(member, first, second, b, f, u, y, None)
     return found
+
+
+def _product(chain: Chain, theta: np.ndarray) -> np.ndarray:
+    """Numerator and denominator of both filters in series."""
+    (one, first), (two, second) = chain.dynamics
+    (b1, f1, _), (b2, f2, _) = first.split(theta[one]), second.split(theta[two])
+    F = np.convolve(np.concatenate([[1.0], f1]), np.concatenate([[1.0], f2]))
+    return np.concatenate([np.convolve(b1, b2), F[1:]])
 
 
 def begun(chain: Chain, split: Split, record: IOData) -> Surrogate:

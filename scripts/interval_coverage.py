@@ -1,0 +1,243 @@
+"""How often the intervals of poles, gains, curves and outputs hold the truth, and how far poles are off the bound.
+
+Plants of orders 1 to 4 in five structures are fitted with the model that they are, so nothing but the noise stands
+between the fit and the truth. Noise is white or AR(1). Each row of the table is a plant under a noise; the percentages
+are of all quantities of a kind over all records, with the standard error over records. Poles whose interval is
+unbounded, because a zero cancels them within the accuracy of the record, are counted apart. "pole / bound" is the RMSE
+over the bound of least squares at the true covariance of the noise (white: Cramer-Rao) of the worst pole whose bound is
+below a tenth of its distance to the circle; in brackets of all poles, where there is none.
+
+    python scripts/interval_coverage.py --records 200 --lags auto
+    python scripts/interval_coverage.py --plants wiener4 --noises 0 --start truth --figure calibration.png
+"""
+
+import argparse
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import lfilter
+
+from sysid.base.poles import pairs
+from sysid.blocks import PiecewiseLinear
+from sysid.data.record import IOData
+from sysid.estimation.fit import fit_chain
+from sysid.excitations import Aprbs
+from sysid.model.chain import Chain
+from sysid.structures.hammerstein import hammerstein
+from sysid.structures.hammerstein_wiener import hammerstein_wiener
+from sysid.structures.output_error import output_error
+from sysid.structures.wiener import wiener
+from sysid.structures.wiener_hammerstein import wiener_hammerstein
+from sysid.uncertainty import bands, curves, intervals
+from sysid.uncertainty.information import Information, information, information_at
+from sysid.uncertainty.noise_model import NoiseModel
+
+LEVELS = (0.5, 0.8, 0.9, 0.95, 0.99)
+KINDS = ("poles", "gain", "curves", "outputs")
+_BENT = [-1.5, -0.5, 0.6, 1.6, -1.0, -0.6, 0.7, 1.2]  # x and y of four knots
+
+
+@dataclass(frozen=True)
+class Plant:
+    chain: Chain
+    theta: np.ndarray
+
+
+def _filter(poles, nb=None, gain=1.0):
+    """b (nb,), f (n,) and a state at rest, with these poles and this gain."""
+    f = np.real(np.poly(poles))
+    b = np.array([1.0, -0.4, 0.2, 0.1])[: nb or len(poles)]
+    return [*(gain * b * f.sum() / b.sum()), *f[1:]]
+
+
+def plants() -> dict[str, Plant]:
+    """Name -> plant: its structure and its number of poles."""
+    pair, slow = [0.8 + 0.3j, 0.8 - 0.3j], [0.95 + 0.1j, 0.95 - 0.1j]
+    four, weak = [*slow, 0.5 + 0.5j, 0.5 - 0.5j], [*slow, 0.7, 0.4]  # the record hardly shows the last two of `weak`
+    map4 = PiecewiseLinear(knots=4)
+    made = {
+        "oe1": (output_error(1, 1, 1), _filter([0.9])),
+        "oe2": (output_error(2, 2, 1), _filter(pair)),
+        "oe4": (output_error(4, 4, 1), _filter(four)),
+        "oe4_weak": (output_error(4, 4, 1), _filter(weak)),
+        "hammerstein2": (hammerstein(2, 2, 1, map4), [*_BENT, *_filter([0.95, 0.8])]),
+        "wiener3": (wiener(3, 3, 1, map4), [*_filter([*pair, 0.9]), "x0", *_BENT]),
+        "wiener4": (wiener(4, 4, 1, map4), [*_filter(four), "x0", *_BENT]),
+        "wiener4_weak": (wiener(4, 4, 1, map4), [*_filter(weak), "x0", *_BENT]),
+        "hw2": (hammerstein_wiener(2, 2, 1, "saturation", map4), [-1.0, 1.4, *_filter(pair), "x0", *_BENT]),
+        "hw3": (hammerstein_wiener(3, 3, 1, "saturation", map4), [-1.0, 1.4, *_filter([*slow, 0.6]), "x0", *_BENT]),
+        "wh2": (
+            wiener_hammerstein(1, 1, 1, middle=map4),
+            [*_filter([0.9]), "x0", *_BENT, *_filter([0.6]), "x0"],
+        ),
+    }
+    return {name: Plant(chain, _at_rest(chain, given)) for name, (chain, given) in made.items()}
+
+
+def _at_rest(chain, given):
+    """theta with zeros for the initial states."""
+    theta = np.zeros(len(chain.names))
+    theta[~chain.initial] = [v for v in given if v != "x0"]
+    return theta
+
+
+def record(plant: Plant, seed: int, memory: float, N: int, noise: float):
+    """A record of a span of 2 with steps of 1 to 20 samples, its noise-free output, and the deviation of the noise."""
+    rng = np.random.default_rng([seed, 613])
+    u = Aprbs(2.0, 1.0, 20.0).generate(N, 1.0, rng)
+    y = plant.chain.simulate(plant.theta, u)
+    size = noise * float(y.std())
+    e = lfilter([np.sqrt(1 - memory**2)], [1.0, -memory], rng.standard_normal(N + 300))[300:]
+    return IOData(u, y + size * e, 1.0), y, size
+
+
+def bound(plant: Plant, data: IOData, memory: float, size: float) -> Information:
+    """The covariance of least squares at the truth with the true covariance of the noise."""
+    own = NoiseModel(np.array([1.0, -memory]), size**2 * (1 - memory**2))
+    return information_at(plant.chain, plant.theta, data, noise=own)
+
+
+def one(plant: Plant, seed: int, memory: float, N: int, noise: float, ways, from_truth: bool, starts) -> dict:
+    """For every way and level the share of quantities that hold by kind, and the pole errors over the bound."""
+    data, y, size = record(plant, seed, memory, N, noise)
+    given = {"start": plant.theta} if from_truth else {"starts": starts}
+    fit = fit_chain(plant.chain, data, **given)
+    true = bound(plant, data, memory, size)
+    row = {"held": {}, "warned": list(fit.warnings), "mse": fit.criteria.mse / size**2}
+    for way in ways:
+        info = true_at(fit, data, memory, size) if way == "true" else information(fit, data, way)
+        row["held"][str(way)] = [_held(plant, true, info, level, y) for level in LEVELS]
+    roots, found = intervals.poles(true), fit.poles
+    of, mine = pairs(np.array([z.value for z in roots]), found)
+    row["off"] = [float(abs(found[i] - roots[k].value) / roots[k].std) for k, i in zip(of, mine, strict=True)]
+    row["bound"] = [z.std / max(1.0 - abs(z.value), 1e-12) for z in roots]
+    row["poles"] = [[z.real, z.imag] for z in found[mine].tolist()]
+    return row
+
+
+def true_at(fit, data, memory, size):
+    """The same covariance at the fit: what an interval could be if the noise were known."""
+    own = NoiseModel(np.array([1.0, -memory]), size**2 * (1 - memory**2))
+    return information_at(fit.model, fit.theta, data, noise=own, n_init=fit.n_init)
+
+
+def _held(plant: Plant, true: Information, info: Information, level: float, y: np.ndarray) -> dict[str, float]:
+    out = {}
+    roots, expected = intervals.poles(info, level), intervals.poles(true, level)
+    mine, of = pairs(np.array([z.value for z in roots]), np.array([z.value for z in expected]))
+    poles = []
+    for a, b in ((roots[i], expected[k]) for i, k in zip(mine, of, strict=True)):
+        if b.value.imag < 0:
+            continue
+        if not np.isfinite(a.real.lower):
+            continue
+        poles.append(_in(a.real, b.value.real))
+        if b.value.imag > 0:
+            poles.append(_in(a.imag, b.value.imag))
+        poles.append(_in(a.time_constant, b.time_constant.value))
+    out["poles"] = float(np.mean(poles)) if poles else np.nan
+    out["open"] = float(np.mean([not np.isfinite(z.real.lower) for z in roots]))
+    out["gain"] = float(_in(intervals.gain(info, 0.2, level), intervals.gain(true, 0.2).value))
+    maps = []
+    for c in curves.curves(true, points=13):
+        told = curves.curve(info, c.role, c.band.x[1:-1], level=level).band
+        moves = c.band.std[1:-1] > 1e-9  # a saturation's slope of one is not estimated
+        at = c.band.value[1:-1]
+        maps += ((told.lower <= at) & (at <= told.upper))[moves].tolist()
+    out["curves"] = float(np.mean(maps)) if maps else np.nan
+    run = bands.linear(info, level=level)
+    out["outputs"] = float(np.mean(((run.lower <= y) & (y <= run.upper))[37::47]))
+    return out
+
+
+def _in(found, true) -> bool:
+    return bool(found.lower <= true <= found.upper)
+
+
+def table(rows: dict, ways) -> str:
+    lines = ["| plant | noise | intervals | n | " + " | ".join(KINDS) + " | poles left open | pole / bound |"]
+    lines.append("| :-- | --: | :-- | --: |" + " --: |" * (len(KINDS) + 2))
+    for (name, memory), some in rows.items():
+        for way in ways:
+            cells = []
+            for kind in KINDS:
+                share = np.array([r["held"][str(way)][LEVELS.index(0.95)][kind] for r in some])
+                if np.isnan(share).all():
+                    cells.append("–")
+                    continue
+                share = share[~np.isnan(share)]
+                spread = share.std(ddof=1) / np.sqrt(len(share)) if len(share) > 1 else np.nan
+                cells.append(f"{100 * share.mean():.1f} ± {100 * spread:.1f}")
+            undetermined = np.mean([r["held"][str(way)][LEVELS.index(0.95)]["open"] for r in some])
+            off = np.sqrt(np.mean(np.square([r["off"] for r in some]), axis=0))
+            near = np.median([r["bound"] for r in some], axis=0) < 0.1
+            worst = f"{off[near].max():.2f}" if near.any() else f"({off.max():.2f})"
+            colour = f"AR(1) {memory:g}" if memory else "white"
+            cells += [f"{100 * undetermined:.0f} %", worst]
+            lines.append(f"| {name} | {colour} | {way} | {len(some)} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def draw(rows: dict, ways, path: Path) -> None:
+    """Held share over nominal level, one panel a kind of quantity and one line a plant and noise."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    fig, axes = plt.subplots(len(ways), len(KINDS), figsize=(3.2 * len(KINDS), 3.1 * len(ways)), squeeze=False)
+    colours = plt.get_cmap("viridis")(np.linspace(0, 0.85, len({m for _, m in rows})))
+    by = dict(zip(sorted({m for _, m in rows}), colours, strict=True))
+    for line, way in zip(axes, ways, strict=True):
+        for ax, kind in zip(line, KINDS, strict=True):
+            ax.plot([0.45, 1], [0.45, 1], color="0.7", linewidth=0.8)
+            for (_, memory), some in rows.items():
+                shares = [np.nanmean([r["held"][str(way)][k][kind] for r in some]) for k in range(len(LEVELS))]
+                ax.plot(LEVELS, shares, ".-", color=by[memory], linewidth=0.8, label=f"AR(1) {memory:g}")
+            ax.set(title=f"{kind}, lags {way}", xlabel="nominal", ylabel="held", xlim=(0.45, 1), ylim=(0.45, 1))
+    known = dict(zip(*reversed(axes[0, 0].get_legend_handles_labels()), strict=True))
+    axes[0, 0].legend(known.values(), known.keys(), fontsize=7)
+    fig.tight_layout()
+    fig.savefig(path, dpi=110)
+
+
+def _way(text: str):
+    return None if text == "white" else int(text) if text.isdigit() else text
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--plants", nargs="+", default=list(plants()))
+    parser.add_argument("--noises", nargs="+", type=float, default=[0.0, 0.5, 0.8], help="AR(1) coefficients")
+    parser.add_argument("--records", type=int, default=40)
+    parser.add_argument("--seeds", type=int, default=0, help="the first seed")
+    parser.add_argument("--samples", type=int, default=2000)
+    parser.add_argument("--noise", type=float, default=0.03, help="deviation of the noise over that of the output")
+    parser.add_argument("--lags", nargs="+", default=["auto"], help="white, auto, a number, or true (known noise)")
+    parser.add_argument("--start", choices=("truth", "search"), default="truth")
+    parser.add_argument("--starts", default="1", help="of a search: a number or auto")
+    parser.add_argument("--rows", type=Path, help="append each record's row to this file")
+    parser.add_argument("--figure", type=Path)
+    given = parser.parse_args()
+    ways, every, rows = [_way(t) for t in given.lags], plants(), {}
+    starts = int(given.starts) if given.starts.isdigit() else given.starts
+    for name in given.plants:
+        for memory in given.noises:
+            some = rows.setdefault((name, memory), [])
+            for seed in range(given.seeds, given.seeds + given.records):
+                settings = (given.samples, given.noise, ways, given.start == "truth", starts)
+                some.append(one(every[name], seed, memory, *settings))
+                if given.rows:
+                    with given.rows.open("a") as f:
+                        f.write(json.dumps({"plant": name, "memory": memory, "seed": seed, **some[-1]}) + "\n")
+            head = table({(name, memory): some}, ways).splitlines()
+            print("\n".join(head if len(rows) == 1 else head[2:]), flush=True)
+    if given.figure:
+        draw(rows, ways, given.figure)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,122 @@
+"""What the initial state of a nonlinear state space may be before an output is seen, and where a search for it starts.
+
+The states that a plant visits lie close to a curved surface, and a few outputs leave most directions off this surface
+open. So the prior has a Gaussian around each of several visited states, as wide and as inclined as their neighbours
+lie (an adaptive kernel density; Silverman 1986, chapter 5). The candidates are the visited states whose outputs are
+nearest to the record's (as the particles of Gordon et al. 1993, IEE Proc. F 140).
+"""
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.block.block import StaticBlock
+from sysid.blocks import StateSpace
+from sysid.data.record import IOData
+from sysid.estimation.initial_prior import IMPULSE, LONGEST, Gaussian, of_size, root_of
+from sysid.model.chain import Chain
+
+_SMALL = 1e-3  # impulse by the scale of the input: small enough for the linear part
+_VISITED = 2000  # states that the candidates are taken from
+_COMPARED = 30  # samples of the window that choose the candidates
+_CANDIDATES = 16
+_NEIGHBOURS = 50  # visited states that give the width of a Gaussian
+_APART = 0.3  # distance between candidates, by the standard deviation of the states
+
+
+def state_space_of(chain: Chain) -> StateSpace | None:
+    """The chain's state space, if all initial states are its own and only maps stand behind it."""
+    k = next((k for k, b in enumerate(chain.blocks) if isinstance(b, StateSpace)), None)
+    if k is None or not all(isinstance(b, StaticBlock) for b in chain.blocks[k + 1 :]):
+        return None
+    block = chain.blocks[k]
+    own = chain.initial[chain.index(block)].sum() == chain.initial.sum()
+    return block if own and isinstance(block, StateSpace) else None
+
+
+def state_space_priors(
+    chain: Chain, block: StateSpace, rest: np.ndarray, data: IOData, u: np.ndarray, seen: np.ndarray
+) -> list[Gaussian]:
+    """The mixture of a state space, with the arguments of `priors` and the window `data`.
+
+    In order: rest; the steady states of an input of zero, where an experiment begins if the input has another centre,
+    and of the first input; any state of the record's size; visited states; states that the input has not caused.
+    """
+    k = chain.blocks.index(block)
+    theta, w = chain.part(rest, block), chain.signals(rest, u[:LONGEST])[k].reshape(-1, block.nu)
+    X = block.states(theta, _continued(w))
+    X = X[np.all(np.isfinite(X), axis=1)]
+    X = X[:: max(len(X) // _VISITED, 1)]
+    nothing, root = np.zeros(block.nx), root_of(X)
+    found = [Gaussian(nothing, np.zeros((block.nx, 0)), 0.3)]
+    for level in (np.zeros(block.nu), w[0]):
+        mean = _steady(block, theta, level)
+        if mean is not None:
+            found += [Gaussian(mean, t * root, 0.2 / 8) for t in (0.3, 0.1, 0.03, 0.0)]
+    found += [Gaussian(nothing, t * root, 0.05 / 4) for t in (1.0, 0.3, 0.1, 0.03)]
+    found += _around(X, _misfit(chain, block, rest, data, w, X), 0.4)
+    free = of_size(_impulses(block, theta), seen)
+    found += [Gaussian(nothing, t * free, 0.05 / 3) for t in (10.0, 3.0, 1.0)]
+    return [g for g in found if np.all(np.isfinite(g.root))]
+
+
+def _continued(w: np.ndarray) -> np.ndarray:
+    """The input w (N, nu) twice, and pieces of it in drawn order up to `_VISITED` samples: the past is not known.
+
+    Pieces keep how an input moves (block bootstrap; Kuensch 1989, Annals of Statistics 17).
+    """
+    rng, n = np.random.default_rng(0), len(w)
+    parts, total = [w, w], 2 * n
+    while total < _VISITED:
+        length = int(rng.integers(n // 8 + 1, n // 2 + 2))
+        parts.append(np.take(w, np.arange(length) + int(rng.integers(n)), axis=0, mode="wrap"))
+        total += length
+    return np.concatenate(parts)
+
+
+def _misfit(
+    chain: Chain, block: StateSpace, rest: np.ndarray, data: IOData, w: np.ndarray, X: np.ndarray
+) -> np.ndarray:
+    """Mean square (M,) of the first outputs' distance from the runs with the input w (N, nu) from each of X (M, nx)."""
+    n = min(data.N, _COMPARED)
+    Y = block.outputs_from(chain.part(rest, block), w[:n], X).reshape(len(X) * n, -1)
+    ys = [np.ascontiguousarray(column) for column in Y.T]
+    for b in chain.blocks[chain.blocks.index(block) + 1 :]:
+        ys = b.propagate_all(chain.part(rest, b), ys, [np.empty((len(Y), 0))] * len(ys), 0)[0]
+    apart = np.where(data.observed[:n], data.y[:n] - np.column_stack(ys).reshape(len(X), n, -1), 0.0)
+    return np.nan_to_num(np.mean(apart**2, axis=(1, 2)), nan=np.inf)
+
+
+def _around(X: np.ndarray, misfit: np.ndarray, weight: float) -> list[Gaussian]:
+    """Gaussians around the visited states X (M, nx) of small misfit (M,) that lie apart, each with its neighbours."""
+    size = np.std(X, axis=0)
+    _, s, Vt = np.linalg.svd((X - X.mean(axis=0)) / np.where(size > 0, size, 1.0), full_matrices=False)
+    if not len(s) or s[0] == 0.0:
+        return []
+    own = s > 1e-6 * s[0]
+    white = (X / np.where(size > 0, size, 1.0)) @ Vt[own].T / (s[own] / np.sqrt(len(X)))
+    found: list[Gaussian] = []
+    taken = np.zeros(len(X), dtype=bool)
+    for k in np.argsort(misfit, kind="stable"):
+        if taken[k] or len(found) == _CANDIDATES:
+            continue
+        apart = np.sum((white - white[k]) ** 2, axis=1)
+        taken |= apart < _APART**2
+        near = np.argsort(apart, kind="stable")[1 : _NEIGHBOURS + 1]
+        found.append(Gaussian(X[k], root_of(X[near] - X[k]), weight * (len(near) + 1) / len(X)))
+    return found
+
+
+def _impulses(block: StateSpace, theta: np.ndarray) -> np.ndarray:
+    """A root of the second moment of the states after small impulses, from rest."""
+    centre, scale, _, _ = block.scales()
+    pulses = [np.zeros((IMPULSE, block.nu)) for _ in range(block.nu)]
+    for k, pulse in enumerate(pulses):
+        pulse[0, k] = _SMALL
+    return root_of(np.vstack([block.states(theta, centre + scale * pulse) for pulse in pulses]))
+
+
+def _steady(block: StateSpace, theta: np.ndarray, u: np.ndarray) -> np.ndarray | None:
+    try:
+        return block.rest(theta, u)
+    except InputError:
+        return None
