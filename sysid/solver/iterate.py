@@ -7,9 +7,10 @@ from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from scipy.linalg.lapack import dgeqrf
+from scipy.linalg.lapack import dgeqrt
 
 _EPS = np.finfo(float).eps
+_PANEL = 16  # columns in one step of a QR
 _ROWS = 4096  # of J in one QR, then stacked on the next: more than this does not stay in a processor's cache
 
 
@@ -108,7 +109,7 @@ class Rows:
             rows = slice(start, min(start + _ROWS, N))
             A = np.empty((P + 1 + rows.stop - start, P + 1), order="F")  # the order of LAPACK, which avoids a copy
             A[: P + 1], A[P + 1 :, :P], A[P + 1 :, P] = self.R, J[rows], e[rows]
-            self.R = np.triu(dgeqrf(A, lwork=64 * (P + 1), overwrite_a=True)[0][: P + 1])
+            self.R = np.triu(dgeqrt(min(_PANEL, P + 1), A, overwrite_a=True)[0][: P + 1])
         self.cost += float(e @ e)
         self.N += N
 
