@@ -44,7 +44,8 @@ class NoiseModel:
 
     def root(self, V: np.ndarray, lengths: Sequence[int]) -> np.ndarray:
         """R (r, r) with R R' the covariance of V'e."""
-        return np.asarray(np.sqrt(self.variance) * np.linalg.qr(np.concatenate(self.gathered(V, lengths)), mode="r").T)
+        R = np.asarray(np.linalg.qr(np.concatenate(self.gathered(V, lengths)), mode="r"))
+        return np.sqrt(self.variance) * R.T
 
     @property
     def memory(self) -> int:
