@@ -44,7 +44,7 @@ class NoiseModel:
 
     def root(self, V: np.ndarray, lengths: Sequence[int]) -> np.ndarray:
         """R (r, r) with R R' the covariance of V'e."""
-        R = np.asarray(np.linalg.qr(np.concatenate(self.gathered(V, lengths)), mode="r"))
+        R: np.ndarray = np.linalg.qr(np.concatenate(self.gathered(V, lengths)), mode="r")  # type: ignore[assignment]
         return np.sqrt(self.variance) * R.T
 
     @property

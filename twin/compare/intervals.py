@@ -69,7 +69,9 @@ def sandwich(
     if not seen.any():
         return out
     J, own = J[:, seen], own[seen]
-    root, _ = long_run_covariance_root(J * e[:, None], [len(e)], "auto")
+    long = np.linalg.norm(J, axis=0)
+    long[long == 0.0] = 1.0
+    root = long[:, None] * long_run_covariance_root(e, J / long, [len(e)], "auto")[0]
     full = np.sqrt(np.sum(J**2, axis=0) + own)
     scaled = np.vstack([J, np.diag(np.sqrt(own))]) / full
     _, s, right = np.linalg.svd(scaled, full_matrices=False)
