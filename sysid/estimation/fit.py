@@ -14,7 +14,7 @@ from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.objective import Objective
 from sysid.estimation.portfolio.points import applies
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.race import ENOUGH, Raced, Run, noise_of, portfolio, race, with_curvature_weight
+from sysid.estimation.race import ENOUGH, SAME, Raced, Run, noise_of, portfolio, race, with_curvature_weight
 from sysid.estimation.result import Fit, check_channels
 from sysid.estimation.starts import starts as make_starts
 from sysid.model.chain import Chain
@@ -90,7 +90,8 @@ def _raced(run: Run, starts: int | str, seed: int, start: np.ndarray | None) -> 
             f"none of {len(points)} start(s) gives a valid model: {outcomes[best].stop.reason}; "
             "detrend the data or lower the orders"
         )
-    return Raced(problems[best], outcomes[best], tuple(costs))
+    agreed = sum(c <= SAME * costs[best] for c in costs) if start is None else 0
+    return Raced(problems[best], outcomes[best], tuple(costs), agreed=agreed)
 
 
 def _alone(raced: Raced) -> tuple[str, ...]:

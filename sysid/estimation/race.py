@@ -26,7 +26,7 @@ from sysid.solver.searches import search as make_search
 _TRIAL, _TRIAL_SEARCH, _LEADERS = 15, "lm", 2
 _ROUNDS = 3  # of the portfolio
 ENOUGH = 2  # independent starts at one optimum end the rounds
-_SAME = 1.02  # losses within this ratio are one optimum
+SAME = 1.02  # losses within this ratio are one optimum
 _RELAYS, _WORTH = 6, 0.995  # times that break points are laid again, while the loss falls below this share
 _RELAID = 40  # iterations after break points were laid again
 _COLOURED = 0.5  # correlation of neighbouring residuals above which agreement must be wider
@@ -214,16 +214,16 @@ def _tried(run: Run, found: list[Point], before: Raced | None) -> Raced:
     costs = tuple(o.cost for o in outcomes)
     members = tuple(p.member for p in found)
     k = int(np.argmin(costs))
-    if before is not None and not costs[k] < before.outcome.cost * _SAME:
+    if before is not None and not costs[k] < before.outcome.cost * SAME:
         return replace(before, costs=costs, members=members)
     problem, outcome = problems[k], outcomes[k]
     if np.isfinite(outcome.cost):
         problem, outcome = _polished(run, problem, outcome)
         if len(found) + (before is not None) > 1 or found[k].agreed > 1:
             problem, outcome = _with_other_poles(run, problem, outcome)
-    agreed = sum(p.agreed for p, c in zip(found, costs, strict=True) if c <= _SAME * outcome.cost or p is found[k])
+    agreed = sum(p.agreed for p, c in zip(found, costs, strict=True) if c <= SAME * outcome.cost or p is found[k])
     if before is not None:
-        if outcome.cost > before.outcome.cost / _SAME:
+        if outcome.cost > before.outcome.cost / SAME:
             agreed += before.agreed
         if before.outcome.cost <= outcome.cost:
             problem, outcome = before.problem, before.outcome

@@ -1,11 +1,13 @@
 """Structure search: every structure, cross-validated in free run within a budget of seconds, parallel, resumable.
 
-Round 1: linear models of all orders and delays, which cost little, and the first settings of every structure that has
-some of its own. Round 2: every pair of maps around the best orders, and the best pairs around the next ones. Both use
-few starts, and the first part of every block of a long record. Round 3: the best of every structure and the best
-others, with many starts on the whole record. Round 4 and later: what lies around the best ones (orders, delays, knots
-and maps), until nothing there is better. Each candidate is fitted to one part of the record and judged on the other,
-and vice versa, so the winner is chosen on unseen data; `sysid.selection.folds` makes the parts.
+Round 1: the defaults of every structure; linear models of all orders and delays, which cost little; the first settings
+of every structure that has some of its own. Round 2: every pair of maps around the best orders, and the best pairs
+around the next ones. Both use few starts, and the first part of every block of a long record. Round 3: the best of
+every structure and the best others, with many starts on the whole record. Round 4 and later: what lies around the best
+ones (orders, delays, knots and maps), until nothing there is better.
+
+Each candidate is fitted to one part of the record and judged on the other, and vice versa, so the winner is chosen on
+unseen data; `sysid.selection.folds` makes the parts.
 """
 
 import time
@@ -84,7 +86,9 @@ def _rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:
     full = Effort(space.starts, 200, _ONE * work.seconds)
     grid = space.grid()
     first = [c for c in grid if type(c) in space.kinds or len(space.kinds) > 1]
-    take(work.judge(1, [*first, *space.ladders(data)], cheap, _SCREENING, short=True))
+    tasters = space.tasters(data)
+    take(work.judge(1, tasters, cheap, _SCREENING, short=True))
+    take(work.judge(1, [c for c in (*first, *space.ladders(data)) if c not in tasters], cheap, _SCREENING, short=True))
     linear = sorted((judged[c] for c in grid if c in judged), key=_by_fit)
     orders = [{name: r.candidate.orders[name] for name in ORDERS} for r in linear if np.isfinite(r.fit_percent)]
     brief = Effort(1, 30, cheap.seconds)

@@ -56,6 +56,17 @@ class Space:
         ladders = [kind.ladder(kind().scale(data)) for kind in self.kinds if not _around_orders(kind)]
         return [c for rung in itertools.zip_longest(*ladders) for c in rung if c is not None]
 
+    def tasters(self, data: IOData) -> list[Recipe]:
+        """One candidate of every structure, its defaults where it tries them: what even a short budget looks at."""
+        found: list[Recipe] = []
+        for kind in self.kinds:
+            if _around_orders(kind):
+                found.append(OutputError(offset="free") if kind is OutputError else kind())
+            else:
+                ladder = kind.ladder(kind().scale(data))
+                found.append(kind() if kind() in ladder else ladder[0])
+        return found
+
     def around(self, orders: list[dict[str, int]]) -> list[Recipe]:
         """Every pair of maps at every order, as the structure that has exactly these maps."""
         found = []

@@ -324,6 +324,9 @@ def iterate(
             break
         lin, moving = linearised(problem, p)
         evaluations += 1
+        if not np.all(np.isfinite(lin.R)):
+            reason = "the derivatives of the model are too large for numbers"
+            break
         expected = lin.expected_improvement
         if expected <= options.tolerance:
             reason = (

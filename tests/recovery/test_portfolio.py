@@ -104,6 +104,19 @@ def test_a_filter_is_found_behind_or_before_a_map_that_folds(before, fold):
     assert best < true + 0.05
 
 
+@pytest.mark.parametrize("orders", [(6, 0, 0), (2, 0, 1)])
+@pytest.mark.parametrize("structure", ["hammerstein", "wiener", "hammerstein_wiener"])
+def test_filters_without_poles_are_found(structure, orders):
+    rng = np.random.default_rng(2)
+    u = rng.standard_normal(1500)
+    w = np.convolve(np.tanh(u), [1.0, 0.5])[:1500] if structure == "hammerstein" else np.convolve(u, [1.0, 0.5])[:1500]
+    y = (w if structure == "hammerstein" else np.tanh(w)) + 0.02 * rng.standard_normal(1500)
+    y = np.roll(y, orders[2])
+    y[: orders[2]] = 0.0
+    fit = sysid.fit(structures.TABLE[structure](*orders).model(), IOData(u, y))
+    assert fit.criteria.mse < 1.1 * 0.02**2
+
+
 def test_poles_are_divided_with_pairs_kept_together():
     a, b, c = 0.5 + 0.3j, 0.8 + 0.1j, -0.2 + 0.6j
     roots = np.array([a, a.conjugate(), b, b.conjugate(), c, c.conjugate()])

@@ -39,7 +39,8 @@ def curved_input(screen: Screen, linear: TransferFunction, rng: np.random.Genera
     past = np.column_stack([_delayed(y, j + 1) for j in range(linear.nf)]) if linear.nf else np.empty((len(y), 0))
     for k in range(_PASSES):
         F = np.concatenate([[1.0], f])
-        A = np.column_stack([-lfilter([1.0], F, past, axis=0), screen.hat_lags(f)])[target:]
+        own = -lfilter([1.0], F, past, axis=0) if linear.nf else past
+        A = np.column_stack([own, screen.hat_lags(f)])[target:]
         fresh = np.linalg.lstsq(A, lfilter([1.0], F, y)[target:], rcond=1e-9)[0][: linear.nf]
         fresh = mirrored(fresh)
         if k in (3, _PASSES - 1) or np.allclose(fresh, f, rtol=0, atol=1e-4):
