@@ -175,7 +175,11 @@ def _lose_one(tmp_path, address, workers):
     assert 10 <= at < 80
     whole = Table(tmp_path / "whole.parquet")
     chosen = suites.cells(
-        [suites.Part(("drawn/output_error",), ("output_error", "from_truth"), 40)], 60.0, FAMILIES, METHODS, 5
+        [suites.Part(("drawn/output_error",), ("output_error", "from_truth"), 40)],
+        suites.SUITES["quick"].seconds,
+        FAMILIES,
+        METHODS,
+        5,
     )
     run(chosen, whole, 1)
     assert table.rows().select(SURE).equals(whole.rows().select(SURE))
