@@ -57,11 +57,19 @@ class Space:
         return [c for rung in itertools.zip_longest(*ladders) for c in rung if c is not None]
 
     def tasters(self, data: IOData) -> list[Recipe]:
-        """One candidate of every structure, its defaults where it tries them: what even a short budget looks at."""
+        """One candidate of every structure: what even a short budget looks at.
+
+        Its defaults where the space has them; around linear orders the last of its maps, which bends most freely.
+        """
+        grid = self.grid()
+        linear = next((c for c in grid if c.orders == OutputError().orders), grid[-1] if grid else None)
+        mapped = [] if linear is None else self.around([linear.orders])
         found: list[Recipe] = []
         for kind in self.kinds:
-            if _around_orders(kind):
-                found.append(OutputError(offset="free") if kind is OutputError else kind())
+            if kind is OutputError:
+                found += [linear] if linear is not None else []
+            elif _around_orders(kind):
+                found += [c for c in mapped if type(c) is kind][-1:]
             else:
                 ladder = kind.ladder(kind().scale(data))
                 found.append(kind() if kind() in ladder else ladder[0])
