@@ -16,6 +16,7 @@ from sysid.diagnosis.joint import Directions, joint, span
 
 ORDERS = (2, 4, 8, 12, 16, 24, 32, 48)
 LONGEST = 20_000  # samples; with more, the tests reject every model
+_SLOWNESS = 1e-4  # p-value of errors that are slow: a drift leaves a little of itself in them
 _LOOP = 0.01  # least share of the error's variance that is feedback
 _SLOW = 20  # cosines beside a line
 _LEAST = 30  # rows that a test needs beyond the number of coefficients
@@ -195,7 +196,7 @@ def drift(white: Whitened) -> float:
     if len(s) < 5 or not np.any(s[1:]):
         return 1.0
     slowness = float(np.mean(s[1:] ** 2)) / (float(e @ e) / max(len(e) - Q.shape[1], 1))
-    if fdtrc(len(s) - 1, len(e), slowness) < 0.01:
+    if fdtrc(len(s) - 1, len(e), slowness) < _SLOWNESS:
         return float(fdtrc(1, len(s) - 1, s[0] ** 2 / np.mean(s[1:] ** 2)))
     return white.added(t[:, None]).p
 
