@@ -175,6 +175,10 @@ VARIANTS = {
 }
 # Options of blocks with a memory, which no start makes an identity.
 MOVING = {
+    "profiled_motor_turns": (  # inertia, drag_up, drag_down, rise (3), fall (3), delay, x0, v0
+        ProfiledMotor(knots=3, low=-1.0, high=2.0, delayed=True, period=3.0, midway=True, substeps=2, role="map"),
+        np.array([3.0, 2.0, 2.4, 0.3, 0.5, 0.2, 0.4, 0.1, 0.35, 1.37, 0.4, 0.1]),
+    ),
     "motor_plain": (Motor(load=0, delayed=False, stops=False, role="map"), np.array([0.15, 0.6, 0.3, 0.4, 0.4, 0.1])),
     "motor_jams": (  # the same, jam before delay
         Motor(jams=True, role="map"),
