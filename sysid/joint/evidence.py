@@ -4,23 +4,26 @@ A fit has a number for every parameter, and a small interval where the model cou
 shows what the number stands for is a question to the record.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from sysid.base.units import number, shown
-from sysid.blocks import CoastingPlay, Play, TravelMap
+from sysid.blocks import CoastingPlay, Play
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
+from sysid.joint.value_physics import breakaway_over_place, ends_of
 from sysid.joint.value_record import Started, StopTest, noise_level, starts_from_rest, stop_test
 from sysid.model.chain import Chain
 from sysid.uncertainty.information import Information, information
 from sysid.uncertainty.initial_sensitivity import with_initial_state
 
-STARTS = 3  # from rest in one direction, under a slowly rising voltage
+STARTS = 2  # from rest in one direction, under a slowly rising voltage
 CROSSINGS = 6  # of the backlash, both ways together
+_OFF = 0.05  # of a voltage that starts the joint: a model that is further off its bracket has other friction
+_COASTS = 0.25  # of the speed: a link that loses more of it in a sample does not show its way across the backlash
 _SIDE = 0.4  # of the backlash from its middle: the link lies against this side
 _TOLD = 0.5  # of lag and delay together: a wider standard deviation of one does not tell it from the other
 _TOGETHER = -0.98  # a correlation of lag and delay below it leaves only their sum
@@ -48,10 +51,9 @@ class Evidence:
     starts: tuple[Started, ...]
     noise: float
 
-    def determined(self, name: str, otherwise: bool = True) -> bool:
-        """Whether the record determines the value `name`, as far as it takes more than information; `otherwise` for a
-        value without an entry."""
-        return self.values[name].determined if name in self.values else otherwise
+    def determined(self, name: str) -> bool:
+        """Whether the record determines the value `name`, as far as it takes more than information."""
+        return self.values[name].determined if name in self.values else True
 
     def why(self, name: str) -> str:
         """The sentence of the value `name`; '' if there is none."""
@@ -70,10 +72,12 @@ def evidence(fit: Fit, data: IOData, info: Information | None = None) -> Evidenc
     noise, links, stops = _noise(data), _links(chain, theta, data), stop_tests(fit, data)
     found = {name: _of_stop(test, data.y_unit or "y", name) for name, test in stops.items()}
     starts = tuple(starts_from_rest(data, noise)) if chain.block("sensor") is None else ()
+    off = _off_brackets(chain, theta, starts)
     for name, way in (("breakaway_up", 1), ("breakaway_down", -1)):
-        found[name] = _of_starts([s for s in starts if s.way == way], "up" if way > 0 else "down")
+        mine = [k for k, start in enumerate(starts) if start.way == way]
+        found[name] = _of_starts([starts[k] for k in mine], [off[k] for k in mine], "up" if way > 0 else "down")
     if links is not None:
-        found["backlash"] = _of_crossings(*links)
+        found["backlash"] = _of_crossings(*links, _slowing(chain, theta, data))
     if motor_of(chain).delayed:
         found["time_constant"] = found["delay"] = _of_times(
             fit, information(fit, data, "auto") if info is None else info
@@ -93,19 +97,6 @@ def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
     return {
         name: stop_test(inputs, places, data.Ts, at, noise, way, slack) for name, way, at in ends if np.isfinite(at)
     }
-
-
-def ends_of(chain: Chain, theta: np.ndarray) -> tuple[float, float]:
-    """Lower and upper end of a joint's stops in units of y; infinite without stops."""
-    motor = motor_of(chain)
-    if not motor.stops:
-        return -np.inf, np.inf
-    part = chain.part(theta, motor)
-    ends = np.array([motor.value(part, "lower"), motor.value(part, "upper")])
-    travel = next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
-    if travel is not None:
-        ends = travel.output(chain.part(theta, travel), ends)
-    return float(ends.min()), float(ends.max())
 
 
 def _noise(data: IOData) -> float:
@@ -158,29 +149,51 @@ def _of_stop(test: StopTest, unit: str, name: str) -> Shown:
     return Shown(False, f"not met: beyond {place} ({test.why})", counts)
 
 
-def _of_starts(starts: list[Started], way: str) -> Shown:
-    slow = sum(start.slow for start in starts)
-    counts = {"starts": len(starts), "slow_starts": slow}
-    if slow >= STARTS:
-        return Shown(True, f"{slow} starts from rest {way} under a slowly rising voltage", counts)
-    return Shown(
-        False,
-        f"{slow or 'no'} start{'' if slow == 1 else 's'} from rest {way} under a slowly rising voltage, {STARTS} are "
-        f"needed: record slow stairs ({STAIRS})",
-        counts,
-    )
+def _of_starts(starts: list[Started], off: list[float], way: str) -> Shown:
+    slow = [k for k, start in enumerate(starts) if start.slow]
+    wrong = float(np.median([off[k] for k in slow])) if slow else 0.0
+    counts = {"starts": len(starts), "slow_starts": len(slow), "off": wrong}
+    said = f"{len(slow) or 'no'} start{'' if len(slow) == 1 else 's'} from rest {way} under a slowly rising voltage"
+    if len(slow) < STARTS:
+        return Shown(False, f"{said}, {STARTS} are needed: record slow stairs ({STAIRS})", counts)
+    if wrong > _OFF:
+        why = f"the model starts {100 * wrong:.0f} % off the voltages of {said}: record slow stairs ({STAIRS})"
+        return Shown(False, why, counts)
+    return Shown(True, said, counts)
 
 
-def _of_crossings(up: int, down: int) -> Shown:
-    counts = {"crossings_up": up, "crossings_down": down}
-    if up + down >= CROSSINGS:
-        return Shown(True, f"the link crosses it {up + down} times", counts)
-    return Shown(
-        False,
-        f"the link crosses it {up + down} times, {CROSSINGS} are needed: reverse slowly where its weight changes sides "
-        "(qpal design --for backlash FILE)",
-        counts,
-    )
+def _off_brackets(chain: Chain, theta: np.ndarray, starts: Sequence[Started]) -> list[float]:
+    """By how much the model's break-away lies outside the bracket of each start, as a share of its voltage."""
+    volts = breakaway_over_place(chain, theta)
+    found = []
+    for start in starts:
+        low, high = sorted((start.held, start.moved))
+        model = volts(start.place, start.way)
+        found.append(max(low - model, model - high, 0.0) / max(abs(low), abs(high), 1e-9))
+    return found
+
+
+def _of_crossings(up: int, down: int, slowing: float) -> Shown:
+    counts = {"crossings_up": up, "crossings_down": down, "slowing": slowing}
+    if up + down < CROSSINGS:
+        why = f"the link crosses it {up + down} times, {CROSSINGS} are needed: reverse slowly where its weight changes"
+        return Shown(False, f"{why} sides (qpal design --for backlash FILE)", counts)
+    if slowing > _COASTS:
+        why = f"friction and weight take {100 * min(slowing, 1.0):.0f} % of the link's speed or more in a sample"
+        return Shown(False, f"{why}, so its way across is not seen: sample faster", counts)
+    return Shown(True, f"the link crosses it {up + down} times", counts)
+
+
+def _slowing(chain: Chain, theta: np.ndarray, data: IOData) -> float:
+    """Share of its usual speed that a coasting link loses in a sample by friction and weight; 0 for one that does not
+    coast."""
+    play = next((b for b in chain.blocks if isinstance(b, CoastingPlay)), None)
+    if play is None:
+        return 0.0
+    _, _, drag, pull, slope = chain.part(theta, play)
+    weight = max(abs(pull + slope * float(f(record.y))) for record in data.experiments for f in (np.min, np.max))
+    usual = max(float(np.quantile(np.abs(np.diff(record.y[:, 0])), 0.9)) for record in data.experiments)
+    return float(drag + weight) / max(usual, 1e-300)
 
 
 def _of_times(fit: Fit, info: Information) -> Shown:
