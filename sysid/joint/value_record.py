@@ -177,7 +177,7 @@ def _visits(
     found: list[Visit] = []
     if not np.isfinite(moves):
         return found
-    least = moves - _SAME * float(np.abs(push).max())
+    least, usual = moves - _SAME * float(np.abs(push).max()), float(np.median(free[1]))
     at = np.concatenate([[False], (place >= near) & (push >= least), [False]])
     edges = np.flatnonzero(np.diff(at.astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
@@ -185,8 +185,8 @@ def _visits(
         if len(rest) < _REST:
             continue
         half = len(rest) // 2
-        drift = abs(float(rest[half:].mean() - rest[:half].mean()))
-        if drift > _SURE * noise * np.sqrt(2.0 / half):
+        drift, seen = abs(float(rest[half:].mean() - rest[:half].mean())), _SURE * noise * np.sqrt(2.0 / half)
+        if drift > seen or half * usual < 2.0 * seen:  # in so short a time a slow motion looks like a rest
             continue
         speed = _arrival(push, place, int(first), near, free)
         found.append(Visit(int(first), int(last), float(rest.mean()), float(np.median(push[first:last])), speed))
@@ -228,8 +228,9 @@ class Started:
 def starts_from_rest(data: IOData, noise: float) -> list[Started]:
     """Every start from rest of a record; `way` is the direction of y.
 
-    The joint is seen to have moved when it is `_SURE` standard deviations from its rest. A start from rest grows with
-    the square of time or faster, so it began at most twice as long before as one standard deviation was passed.
+    The joint is seen to have moved when it is `_SURE` standard deviations from its rest. Under a rising voltage its way
+    grows with the square of time or faster, so it began at most twice as long before as a quarter of this way was
+    passed, which is no later than it was last seen behind its rest.
     """
     found = []
     sign = rising(*(np.concatenate([getattr(r, k)[:, 0] for r in data.experiments]) for k in ("u", "y")))
@@ -267,7 +268,7 @@ def _start(
     far = far[far >= half]
     if not len(far):
         return None
-    close = np.flatnonzero(gone[: far[0]] <= noise)
+    close = np.flatnonzero(gone[: far[0]] <= 0.0)
     seen, passed = first + int(far[0]), first + (int(close[-1]) if len(close) else 0)
     before = max(passed - (seen - passed) - _LATE, first)
     held, moved = float((way * u)[first : before + 1].max()), float((way * u)[before : seen + 1].max())

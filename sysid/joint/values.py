@@ -74,6 +74,7 @@ def joint_values(
             f"linearity is {linearity}; give the largest deviation of the sensor from a straight line, 0 or more"
         )
     readings = _readings(chain, fit.Ts)
+    shown = None
     if data is None:
         plain, factor = white(fit, level), float(norm.ppf(0.5 + level / 2))
         rows = {name: Shown(True) for name in readings}
@@ -93,8 +94,11 @@ def joint_values(
             row = Shown(False, "the record has no information on it")
         limits: tuple[float | None, float | None] = (None, None)
         if row.determined:
-            off_line = linearity * _nonlinearity_share(name, value, chain, fit.theta)
-            lacks = lacking(name, value, high - low) if data is not None else 0.0
+            off_line, lacks = linearity * _nonlinearity_share(name, value, chain, fit.theta), 0.0
+            if shown is not None and name in shown.breakaway:
+                value, lacks = shown.breakaway[name][0] * value, abs(shown.breakaway[name][1] * value)
+            elif shown is not None:
+                lacks = lacking(name, value, high - low, fit.Ts)
             half = float(np.sqrt(half**2 + (factor * off_line) ** 2 + (factor * lacks) ** 2))
             limits = max(value - half, least), value + half
         found.append(JointValue(name, float(value), *limits, unit, row.determined, row.why))
