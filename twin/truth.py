@@ -36,9 +36,9 @@ class Truth:
     The linearisation omits dry friction, backlash, end stops, gravity, delay, nonlinearity and quantisation; it
     includes viscous friction.
 
-    end_angles [rad]: where the drive side rests after it ran into each end at full supply voltage; the link rests up to
-    backlash / 2 beyond. switch_angles [rad]: where the limit switches disconnect the motor; a slower drive rests between
-    the two. backlash [rad]: whole width.
+    end_angles [rad]: where the drive side rests after it ran into each end at full supply voltage; the link rests up
+    to backlash / 2 beyond. switch_angles [rad]: where the limit switches disconnect the motor; a slower drive rests
+    between the two. backlash [rad]: whole width.
     load [N or N m]: holding force of the drive at mid stroke from the weight of the links. breakaway_voltage [V]:
     smallest command that starts the joint from rest at mid stroke towards smaller and larger angles, with weight, dry
     friction, dead band and sag (without PWM steps); infinite if the supply is too low. dead_band [V]: that of the
