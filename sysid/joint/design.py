@@ -24,19 +24,19 @@ TARGETS = {
     "breakaway": ("breakaway_up", "breakaway_down"),
     "backlash": ("backlash",),
 }
-PLACES = (0.5, 0.3, 0.7)  # of the way between the ends, where the slow parts are
-REVERSALS = 8  # of the drive at each place
+# Every round has all parts, so that either half of the record shows what the other does; slow parts are at these shares
+# of the way between the ends.
+PLACES = (0.4, 0.7, 0.3, 0.6)
+REVERSALS = 6  # of the drive at each place
 # Pairs of ways from end to end: the share of the largest level, and the time as a share of the way's own, from and to.
 # Some rest long at the end, some are turned on the way, and some just after they arrive, where a jam shows.
+LONG, TURNED, SHORT = (1.2, 1.6), (0.4, 0.9), (1.02, 1.12)
 PAIRS = (
-    (1.0, 1.4, 1.6),
-    (0.8, 0.4, 0.9),
-    (0.9, 1.02, 1.12),
-    (0.5, 1.2, 1.4),
-    (0.65, 0.4, 0.9),
-    (0.7, 1.02, 1.12),
+    ((1.0, *LONG), (0.7, *TURNED), (0.85, *SHORT)),
+    ((0.6, *LONG), (0.95, *SHORT)),
+    ((0.8, *LONG), (0.55, *TURNED), (0.65, *SHORT)),
+    ((0.5, *LONG), (0.9, *SHORT)),
 )
-AGAIN = 2  # pairs after the slow parts
 GUESSED_PLAY = 0.01  # of the way: width of a backlash that the first fit does not have
 
 
@@ -117,10 +117,10 @@ def design(
             raise InputError(f"{name} is {value}; give a positive number, or leave it out")
     top = float(np.abs(data.u).max()) if volts is None else volts
     work = _Work(Course.of(fit, data, top, strike), np.random.default_rng([seed, 14]))
-    for name in targets:
-        _PARTS[name](work)
-    if "ends" in targets and len(targets) > 1:
-        _ends(work, AGAIN)  # the slow parts are framed by ways from end to end
+    for k in range(len(PLACES)):
+        for name in TARGETS:
+            if name in targets:
+                _PARTS[name](work, k)
     course = work.course
     u, y = course.inputs(), course.outputs()
     then, notes = _then(fit, data, u, y, targets)
@@ -153,12 +153,12 @@ class _Work:
         self.phases.append(Phase(name, start, self.course.N, why))
 
 
-def _ends(work: _Work, pairs: int = len(PAIRS)) -> None:
-    """From end to end at drawn levels."""
+def _ends(work: _Work, k: int) -> None:
+    """From end to end at different levels."""
     course, rng = work.course, work.rng
 
     def run() -> None:
-        for most, shortest, longest in PAIRS[:pairs]:
+        for most, shortest, longest in PAIRS[k]:
             for way in (-1, 1):
                 share = most * rng.uniform(0.9, 1.0)
                 part = rng.uniform(shortest, longest) if not course.free else 0.9
@@ -168,33 +168,32 @@ def _ends(work: _Work, pairs: int = len(PAIRS)) -> None:
     work.phase("ends", "from end to end at different levels", run)
 
 
-def _breakaway(work: _Work) -> None:
-    """Stairs of voltage from rest, up and down in turn, at several places."""
+def _breakaway(work: _Work, k: int) -> None:
+    """Stairs of voltage from rest, up and down in turn."""
     course = work.course
 
     def run() -> None:
-        for place in PLACES:
-            course.go(place)
-            for way in (1, -1, 1, -1):
-                course.rest(0.5)
-                for level in course.stairs(way):
-                    course.hold(level, course.step)
+        course.go(PLACES[k])
+        for way in (1, -1, 1, -1):
+            course.rest(0.5)
+            for level in course.stairs(way):
+                course.hold(level, course.step)
         course.rest(0.5)
 
     work.phase("breakaway", "from rest, the voltage rises in small steps until the joint starts", run)
 
 
-def _backlash(work: _Work) -> None:
-    """Slow reversals at several places."""
+def _backlash(work: _Work, k: int) -> None:
+    """Slow reversals."""
     course = work.course
 
     def run() -> None:
-        for place in PLACES:
-            course.go(place)
-            for k in range(2 * REVERSALS):
-                way = 1 if k % 2 == 0 else -1
-                course.hold(way * course.level(way, 0.25), course.reversal(way))
-                course.rest(0.1)
+        if not (work.phases and work.phases[-1].name == "breakaway"):  # whose stairs end where they began
+            course.go(PLACES[k])
+        for n in range(2 * REVERSALS):
+            way = 1 if n % 2 == 0 else -1
+            course.hold(way * course.level(way, 0.25), course.reversal(way))
+            course.rest(0.1)
         course.rest(0.5)
 
     work.phase("backlash", "slow reversals: the drive crosses the backlash before the link follows", run)
