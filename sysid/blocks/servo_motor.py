@@ -160,8 +160,8 @@ class ServoMotor(Motor):
         def along(moves: dict[str, float]) -> np.ndarray:
             return np.array([moves.get(name, 0.0) * value for name, value in zip(names, theta, strict=True)])
 
-        volts = ("kp", "kd", "ki", "i0", "limit", "rise", "fall", "stick", "load0", "load1", "load2")
-        found = [Symmetry(along({"gain": -1.0, **dict.fromkeys(volts, 1.0)}))]
+        volts = {slot.name: 1.0 for slot in self.slots() if slot.unit.startswith("V")}
+        found = [Symmetry(along({"gain": -1.0} | volts))]
         if self.load and not self.loss:  # a constant load is a difference between the frictions
             moves = {"rise": 1.0, "fall": -1.0, "load0": -1.0}
             found.append(Symmetry(np.array([moves.get(name, 0.0) for name in names])))
@@ -202,7 +202,7 @@ class ServoMotor(Motor):
             f"  W from {'the start' if self.held else 'the middle'} of each of {self.updates} equal parts of a sample",
         ]
         motion = super().equations(theta, replace(w, x="W"))
-        return [line for line in (*lines, *motion) if line and "held for one sample" not in line or line in lines[:1]]
+        return [line for line in (*lines, *motion) if line and (line in lines[:1] or "held for" not in line)]
 
     def _check_export(self) -> None:
         if self.scheduled:
