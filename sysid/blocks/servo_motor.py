@@ -12,6 +12,7 @@ from sysid.block.writing import Code, Writer
 from sysid.blocks.motor import SHORTEST, Motor, stretch
 
 LOOPS = ("p", "pd", "pid")
+MOST_SAG = 3.0  # resistance of supply and driver over that of the motor
 _STABLE = 1.0 - 1e-9  # largest modulus of a pole of the sampled loop
 _FIRST_GAIN = 3.0  # of the largest drive, over the range of the goal
 
@@ -42,6 +43,9 @@ def drive(s, goal, h, p, block):
     w = min(max(asked, -p.limit), p.limit)
     if block.integrates and w == asked:  # a loop at its limit does not integrate
         s.integral += p.ki * error * h
+    if block.sags:
+        share = w / p.limit
+        w = (w + p.sag * share * share * s.speed / p.gain) / (1.0 + p.sag * share * share)
     for _ in range(block.shares):
         stretch(s, w, h / block.shares, p, block)
 
@@ -66,10 +70,11 @@ class ServoMotor(Motor):
     """
 
     functions: ClassVar = {"step": step, "begin": begin}
-    absent: ClassVar = {**Motor.absent, **dict.fromkeys(("kd", "ki", "dead", "i0"), 0.0)}
+    absent: ClassVar = {**Motor.absent, **dict.fromkeys(("kd", "ki", "dead", "i0", "sag"), 0.0)}
 
     loop: str = "p"
     dead: bool = False
+    sags: bool = False
     updates: int = 8
     held: bool = False
     scheduled: bool = False
@@ -103,7 +108,10 @@ class ServoMotor(Motor):
             own += [Slot("ki", "V/sample", lower=0.0), Slot("i0", "V", initial=True)]
         if self.dead:
             own.append(Slot("dead", lower=0.0))
-        return (*own, Slot("limit", "V", lower=1e-9), *super().slots())
+        own.append(Slot("limit", "V", lower=1e-9))
+        if self.sags:
+            own.append(Slot("sag", lower=0.0, upper=MOST_SAG))
+        return (*own, *super().slots())
 
     def propagate_all(
         self, theta: np.ndarray, xs: list[np.ndarray], Js: list[np.ndarray], q: int

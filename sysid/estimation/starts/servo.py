@@ -111,6 +111,7 @@ def _physics(
         "kd": damping / gain,
         "ki": 0.1 * kp * rate,
         "dead": 0.002 * span,
+        "sag": 0.1,
         "limit": limit,
         "gain": gain,
         "lag": lag / rate,
