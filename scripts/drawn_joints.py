@@ -79,7 +79,7 @@ def grown(joint: str, seed: int) -> tuple[Parameters, IOData, Fit, float]:
 
 @dataclass(frozen=True)
 class Found:
-    """A value of one leg: whether it is determined, its error and the accepted one, and by level the interval's hold."""
+    """A value of one leg: whether it is determined, its error, the accepted one, and whether its intervals hold."""
 
     joint: str
     seed: int

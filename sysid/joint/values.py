@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.stats import norm
 
 from sysid.base.errors import InputError
@@ -12,11 +11,11 @@ from sysid.blocks import CoastingPlay, Play, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.evidence import Evidence, Shown, ends_of, evidence
+from sysid.joint.evidence import Evidence, Shown, evidence
+from sysid.joint.value_physics import ends_of, volts_to_move
 from sysid.joint.value_spread import lacking, spread_of, white
 from sysid.model.chain import Chain
 
-_LARGEST = 1e3  # [V] within which a driver is inverted
 _STEP = 1e-6
 
 
@@ -75,6 +74,7 @@ def joint_values(
             f"linearity is {linearity}; give the largest deviation of the sensor from a straight line, 0 or more"
         )
     readings = _readings(chain, fit.Ts)
+    shown = None
     if data is None:
         plain, factor = white(fit, level), float(norm.ppf(0.5 + level / 2))
         rows = {name: Shown(True) for name in readings}
@@ -83,7 +83,6 @@ def joint_values(
         factor, shown = plain.noise.quantile(level), evidence(fit, data, plain.noise)
         readings = _told(readings, shown)
         rows = {name: _row(name, shown) for name in readings}
-    hidden = data is not None and not shown.determined("backlash", False)
     low, high = ends_of(chain, fit.theta)
     found = []
     for name, (unit, read, least) in readings.items():
@@ -95,8 +94,11 @@ def joint_values(
             row = Shown(False, "the record has no information on it")
         limits: tuple[float | None, float | None] = (None, None)
         if row.determined:
-            off_line = linearity * _nonlinearity_share(name, value, chain, fit.theta)
-            lacks = lacking(name, value, high - low, hidden) if data is not None else 0.0
+            off_line, lacks = linearity * _nonlinearity_share(name, value, chain, fit.theta), 0.0
+            if shown is not None and name in shown.breakaway:
+                value, lacks = shown.breakaway[name][0] * value, abs(shown.breakaway[name][1] * value)
+            elif shown is not None:
+                lacks = lacking(name, value, high - low, fit.Ts)
             half = float(np.sqrt(half**2 + (factor * off_line) ** 2 + (factor * lacks) ** 2))
             limits = max(value - half, least), value + half
         found.append(JointValue(name, float(value), *limits, unit, row.determined, row.why))
@@ -139,11 +141,7 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
         return of("gain")(theta) * slope / Ts
 
     def held(theta: np.ndarray, direction: int, static: bool) -> float:
-        load = of("load0")(theta)  # of the motor's own `at`, mid stroke
-        dry = of("rise" if direction > 0 else "fall")(theta)
-        extra = of("stick")(theta) if static else 0.0
-        volts = load + direction * (dry + extra + of("loss")(theta) * abs(load))
-        return _through_driver(chain, theta, volts)
+        return volts_to_move(chain, theta, direction, static)
 
     found: dict[str, Reading] = {
         "speed_per_volt": ("y/s/V", speed, -np.inf),
@@ -192,20 +190,6 @@ def _row(name: str, shown: Evidence) -> Shown:
 
 def _sum(a: Reading, b: Reading) -> Reading:
     return a[0], lambda theta: a[1](theta) + b[1](theta), a[2] + b[2]
-
-
-def _through_driver(chain: Chain, theta: np.ndarray, volts: float) -> float:
-    """Input [V] at which the driver's output is `volts`; nan if there is none."""
-    driver = chain.block("driver")
-    if driver is None:
-        return volts
-
-    def excess(u: float) -> float:
-        return float(driver.output(chain.part(theta, driver), np.array([u]))[0]) - volts
-
-    if excess(-_LARGEST) * excess(_LARGEST) > 0:
-        return np.nan
-    return float(brentq(excess, -_LARGEST, _LARGEST))
 
 
 def _gradient(read: Callable[[np.ndarray], float], theta: np.ndarray) -> np.ndarray:
