@@ -196,6 +196,10 @@ MOVING = {
         ServoMotor(loop="pid", held=True, load=0, updates=2, stops=False, delayed=False, role="map"),
         np.array([1.4, 0.6, 0.08, 0.1, 1.1, 0.3, 2.6, 0.3, 0.35, 0.4, 0.1]),
     ),
+    "motor_swings": (  # gain, lag, rise, fall, load0, sine1, cosine1, sine2, cosine2, delay, lower, x0, v0
+        Motor(periodic=2, period=1.5, stops="lower", role="map"),
+        np.array([0.15, 0.6, 0.3, 0.4, -0.1, 0.5, 0.2, -0.1, 0.3, 0.37, 0.05, 0.4, 0.1]),
+    ),
     "motor_loaded": (  # gain, lag, rise, fall, stick, stick_speed, load0-2, loss, delay, lower, upper, x0, v0
         Motor(load=3, loss=True, stribeck=True, substeps=3, role="map"),
         np.array([0.15, 0.6, 0.3, 0.4, 0.3, 0.1, -0.1, 0.2, 0.15, 0.5, 1.37, 0.05, 1.1, 0.4, 0.1]),
