@@ -342,6 +342,7 @@ VERBS = {
     "calibrate": ["leg.csv", "--joint", "shoulder", "--free", "upper,no_load_speed"],
     "compare": [str(LOGS / "one.csv"), "--joint", "shoulder", "--against", str(LOGS / "two.csv")],
     "crawl": ["--steps", "4", "--robots", "1", "--duration", "2"],
+    "design": ["leg.csv", "--for", "breakaway"],
     "export": ["model.json", "--c", "--python"],
     "identify": ["log.csv", "--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1"],
     "info": ["--joint", "thigh"],

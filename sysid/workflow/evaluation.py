@@ -23,7 +23,7 @@ from sysid.structures import HammersteinWiener, Recipe
 from sysid.uncertainty import intervals
 from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import Root
-from sysid.workflow.extrapolation import ends_met, extrapolated_joint, extrapolated_signals
+from sysid.workflow.extrapolation import extrapolated_joint, extrapolated_signals
 
 RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
@@ -177,7 +177,8 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     setting = replace(setting, search=recipe.auto if setting.search == "auto" else setting.search)
     if recipe.grown:
         growth = grow_joint(estimation, recipe.model(), search=setting.search, **options)
-        return replace(evaluate_fit(setting, growth.fit, estimation, validation), growth=growth)
+        found = evaluate_fit(setting, growth.fit, estimation, validation)
+        return replace(found, growth=growth, notes=(*found.notes, *growth.warnings))
     fit = fit_model(recipe.model(), estimation, search=setting.search, **options)
     return evaluate_fit(setting, fit, estimation, validation)
 
@@ -283,13 +284,11 @@ def _check_can_be_scored(data: IOData, part: str) -> None:
 
 
 def _values(fit: Fit, data: IOData, options: dict[str, Any]) -> tuple[JointValue, ...]:
-    """Physical values with the output's unit in place of y; an end stop that was never reached has no interval."""
-    unit, met = data.y_unit or "y", dict(zip(("end_low", "end_high"), ends_met(fit, data), strict=True))
-    values = []
-    for v in joint_values(fit, data=data, **options):
-        v = replace(v, unit=unit + v.unit[1:]) if v.unit[0] == "y" else v
-        values.append(v if met.get(v.name, True) else replace(v, low=None, high=None))
-    return tuple(values)
+    """Physical values with the output's unit in place of y."""
+    unit = data.y_unit or "y"
+    return tuple(
+        replace(v, unit=unit + v.unit[1:]) if v.unit[0] == "y" else v for v in joint_values(fit, data=data, **options)
+    )
 
 
 def _step_response(fit: Fit, u0: float) -> Curve | None:
