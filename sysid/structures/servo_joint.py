@@ -13,8 +13,6 @@ from sysid.data.record import IOData
 from sysid.model.chain import Chain
 from sysid.model.recipes import Map, Recipe, choice, number, static_map
 
-_GAINS = ("kp", "kd", "ki", "dead")
-
 
 def servo_joint(
     motor: ServoMotor | None = None,
@@ -60,7 +58,6 @@ class ServoJoint(Recipe):
 
     name: ClassVar[str] = "servo_joint"
     searched: ClassVar[bool] = True
-    rungs: ClassVar[tuple[dict[str, Any], ...]] = ({},)
     least_starts: ClassVar[int] = 4
     grown: ClassVar[bool] = True
     auto: ClassVar[str] = "lm"
@@ -75,6 +72,11 @@ class ServoJoint(Recipe):
     def ladder(cls, data: IOData) -> tuple[Recipe, ...]:
         """P and PD."""
         return cls(), cls(loop="pd")
+
+    def neighbours(self) -> tuple[Recipe, ...]:
+        """A loop with one term more or less."""
+        k = LOOPS.index(self.loop)
+        return tuple(replace(self, loop=loop) for loop in (*LOOPS[max(k - 1, 0) : k], *LOOPS[k + 1 : k + 2]))
 
     def model(self) -> Chain:
         motor = ServoMotor(load=3, stops=False, at=0.0, loop=self.loop, dead=bool(self.dead))
