@@ -1,20 +1,22 @@
 """Motor with friction: voltage in, position out, with stiction and end stops."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, unknown
 from sysid.block.block import Slot, Symmetry
 from sysid.block.compiler.recursion import Recursion
-from sysid.block.lag import lagged
-from sysid.block.step import ago, exp, floor, sign
+from sysid.block.lag import lagged, reached
+from sysid.block.step import ago, cos, exp, floor, sign, sin
 from sysid.block.writing import Writer, solved
 
 _FASTEST = 1e-3  # samples; a lag below it cannot be told from none
 LONGEST = 20.0  # samples of delay
 SHORTEST = 1e-12  # samples; what is left of a sample below it is over
+MOST_WAVES = 2  # harmonics of a periodic load
+STOPS: dict[str, bool | str] = {"both": True, "lower": "lower", "upper": "upper", "none": False}
 MOST_LOSS = 3.0  # of the load: a screw that raises with an efficiency of a quarter
 
 
@@ -28,23 +30,27 @@ def step(s, x, p, block):
     for part in range(2):  # a sample sees the end of one input and the beginning of the next
         w = ago(x, whole + 1 - part)
         length = late if part == 0 else 1.0 - late
-        if length > SHORTEST or block.jams:  # a jam's derivative looks at both parts even where one has no length
+        if length > 0.0 or block.delayed:  # the derivative by a whole delay sees a part that has no length yet
             for _ in range(block.substeps):
                 stretch(s, w, length / block.substeps, p, block)
     return y
 
 
 def stretch(s, w, h, p, block):
-    """A time h of constant input; load and Stribeck curve are taken from its start."""
-    if block.jams and s.jammed > 0.0:
-        kept = min(s.jammed, h)
-        s.jammed -= kept
-        h -= kept
-    for _ in range(4):  # turns: one is usual, two can be
-        if h <= SHORTEST:
-            break
-        away = s.position - block.at
-        load = p.load0 + p.load1 * away + p.load2 * away * away
+    """A time h of constant input; the Stribeck curve is taken from its start, the load from the middle of the way.
+
+    The load stays through a reversal: taken anew there, it would give a spring energy at each.
+    """
+    load, fresh = 0.0, True
+    for _ in range(6):  # one pass is usual; a turn, a strike or a jam takes one more
+        if block.jams and s.jammed > 0.0:
+            kept = min(s.jammed, h)
+            s.jammed -= kept
+            h -= kept
+            if s.jammed > 0.0:
+                break
+        if fresh:
+            load = load_at(s.position, p, block)
         lost = p.loss * abs(load)
         way = sign(s.speed)
         if way == 0.0 and w - load > p.rise + p.stick + lost and s.position < p.upper:
@@ -54,48 +60,78 @@ def stretch(s, w, h, p, block):
         if way == 0.0:  # friction or a stop holds it
             s.speed = 0.0
             break
-        friction = (p.rise if way > 0.0 else p.fall) + lost
+        drag = p.rise if way > 0.0 else p.fall
         if block.stribeck:
             ratio = s.speed / p.stick_speed
-            friction += p.stick * exp(-ratio * ratio)
-        span, turns = lagged(s, p.gain * (w - load - way * friction), p.lag, way, h)
+            drag += p.stick * exp(-ratio * ratio)
+        decay = exp(-h / p.lag)
+        if block.bent and fresh:
+            load = load_midway(s, p.gain * (w - load - way * (drag + lost)), h, p.lag * (1.0 - decay), p, block)
+            lost = p.loss * abs(load)
+        target = p.gain * (w - load - way * (drag + lost))
+        begins, before = s.position, s.speed
+        span, turns = lagged(s, target, p.lag, way, h, decay)
+        fresh = (way > 0.0 and s.position >= p.upper) or (way < 0.0 and s.position <= p.lower)
+        if not turns and not fresh:
+            break
+        if fresh:
+            ends = max(min(s.position, p.upper), p.lower)
+            span, speed = reached(before, target, p.lag, way, ends - begins, span)
+            if block.jams:
+                s.jammed = p.jam * abs(speed)
+            s.position, s.speed = ends, 0.0
         h -= span
-        if block.stops:
-            stop(s, p, block)
-        if not turns:
+        if h <= SHORTEST:
             break
 
 
-def stop(s, p, block):
-    """The end stops set the speed to zero and may jam the motor; motion away from a stop is free."""
-    beyond = s.position > p.upper or s.position < p.lower
-    meets = s.position >= p.upper or s.position <= p.lower
-    if beyond or (meets and s.speed * (s.position - 0.5 * (p.upper + p.lower)) > 0.0):
-        place = p.upper if s.position >= p.upper else p.lower
-        if block.jams:
-            since = (s.position - place) / s.speed if s.speed != 0.0 else 0.0
-            s.jammed = max(p.jam * abs(s.speed) - since, 0.0)
-        s.position, s.speed = place, 0.0
+def load_at(x, p, block):
+    away = x - block.at
+    load = p.load0 + p.load1 * away + p.load2 * away * away
+    if block.periodic:
+        a = block.turn * x
+        load += p.sine1 * sin(a) + p.cosine1 * cos(a) + p.sine2 * sin(2.0 * a) + p.cosine2 * cos(2.0 * a)
+    return load
+
+
+def load_midway(s, target, h, held, p, block):
+    """The load in the middle of the way that a time h covers, as far as the stops leave it.
+
+    Where the load rises the way is that of the implicit midpoint rule, which no stiff load makes unstable.
+    """
+    rises = p.load1 + 2.0 * p.load2 * (s.position - block.at)
+    if block.periodic:
+        a = block.turn * s.position
+        waves = p.sine1 * cos(a) - p.cosine1 * sin(a) + 2.0 * (p.sine2 * cos(2.0 * a) - p.cosine2 * sin(2.0 * a))
+        rises += block.turn * waves
+    half = 0.5 * (target * (h - held) + s.speed * held)
+    half /= 1.0 + 0.5 * p.gain * max(rises, 0.0) * (h - held)
+    return load_at(min(max(s.position + half, p.lower), p.upper), p, block)
 
 
 @dataclass(frozen=True)
 class Motor(Recursion):
-    """lag v' + v = gain (u - L(x) - F sign v), x' = v between two stops; time in samples, x in strokes.
+    """lag v' + v = gain (u - L(x) - F sign v), x' = v, with or without end stops; time in samples, x in strokes.
 
     gain is the speed per volt, lag the motor's time constant. F is dry friction in volts: `rise` against upward and
     `fall` against downward motion, plus loss |L|, the screw friction of the load. With `stribeck` it grows by `stick`
     as the speed falls below stick_speed. At rest the motor stands until the input exceeds friction and load: stick is
-    a state, not a steep slope. L(x) = load0 + load1 (x - at) + load2 (x - at)^2, with `load` coefficients. With
-    `stops` the motion ends at `lower` and `upper`, where the speed becomes zero; fix them at 0 and 1 with x in
-    strokes, or leave them free and fix the next map. With `jams` a motor that hits a stop at speed v stays there for a
-    time jam |v|, like a screw that jams. Each input is held for one sample and is delayed by `delay`. Between switches
-    the lag is solved exactly, so a sample may be longer than the lag; `substeps` parts of a sample follow a changing
-    load or Stribeck curve. Derivatives are exact; at a switch they are those of the branch taken.
+    a state, not a steep slope. L(x) = load0 + load1 (x - at) + load2 (x - at)^2, with `load` coefficients, plus
+    sine_k sin(2 pi k x / period) + cosine_k cos(2 pi k x / period) for k up to `periodic`, as a pendulum pulls over
+    many turns (period 360 where x is in degrees). `stops` (True or "both", "lower", "upper", False or "none") end the
+    motion at `lower` and `upper`, where the speed becomes zero; fix both at 0 and 1 with x in strokes, or leave them
+    free and fix the next map. With `jams` a motor that hits a stop at speed v stays there for a time jam |v|, like a
+    screw that jams. Each input is held for one sample and is delayed by `delay`. Between switches the lag is solved
+    exactly, and stops are met in the middle of a sample, so a sample may be longer than the lag. A load that changes
+    with x acts as in the middle of the way, to second order; `substeps` parts of a sample follow it more closely, and
+    the Stribeck curve. Derivatives are exact; at a switch they are those of the branch taken, at a delay of whole
+    samples those of a longer delay.
     """
 
     functions: ClassVar = {"step": step, "begin": begin}
     absent: ClassVar = {
         **dict.fromkeys(("stick", "load0", "load1", "load2", "loss", "jam", "delay"), 0.0),
+        **dict.fromkeys((f"{wave}{k}" for k in range(1, MOST_WAVES + 1) for wave in ("sine", "cosine")), 0.0),
         **{"stick_speed": 1.0, "lower": -np.inf, "upper": np.inf},
     }
 
@@ -104,19 +140,51 @@ class Motor(Recursion):
     stribeck: bool = False
     jams: bool = False
     delayed: bool = True
-    stops: bool = True
+    stops: Any = True  # bool, or a name of STOPS
     at: float = 0.5
     substeps: int = 1
+    periodic: int = 0
+    period: float = 2.0 * np.pi
 
     def __post_init__(self) -> None:
         if not 0 <= self.load <= 3:
             raise InputError(f"load is {self.load}; give 0 to 3 coefficients of the position-dependent load")
-        if self.loss and not self.load:
-            raise InputError("loss=True needs a load; give load from 1 to 3 or loss=False")
+        if not 0 <= self.periodic <= MOST_WAVES:
+            raise InputError(f"periodic is {self.periodic}; give 0 to {MOST_WAVES} harmonics of the periodic load")
+        if not 0.0 < self.period < np.inf:
+            raise InputError(f"the period is {self.period}; give the length of a turn above 0, 2 pi or 360")
+        if self.loss and not (self.load or self.periodic):
+            raise InputError("loss=True needs a load; give load from 1 to 3, or periodic, or loss=False")
+        if isinstance(self.stops, str):
+            if self.stops not in STOPS:
+                raise unknown("kind of stops", self.stops, STOPS)
+            object.__setattr__(self, "stops", STOPS[self.stops])
         if self.jams and not self.stops:
             raise InputError("jams=True needs end stops; give stops=True or jams=False")
         if self.substeps < 1:
             raise InputError(f"substeps is {self.substeps}; give at least 1")
+
+    @property
+    def ends(self) -> tuple[str, ...]:
+        """Names of the stops that it has, "lower" and "upper"."""
+        if self.stops in ("lower", "upper"):
+            return (self.stops,)
+        return ("lower", "upper") if self.stops else ()
+
+    @property
+    def bent(self) -> bool:
+        """Whether the load changes with the position."""
+        return self.load > 1 or self.periodic > 0
+
+    @property
+    def turn(self) -> float:
+        """2 pi / period."""
+        return 2.0 * np.pi / self.period
+
+    @property
+    def waves(self) -> tuple[str, ...]:
+        """Names of the periodic load's coefficients."""
+        return tuple(f"{wave}{k}" for k in range(1, self.periodic + 1) for wave in ("sine", "cosine"))
 
     def slots(self) -> tuple[Slot, ...]:
         found = [
@@ -127,38 +195,37 @@ class Motor(Recursion):
         ]
         if self.stribeck:
             found += [Slot("stick", "V", lower=0.0), Slot("stick_speed", "1/sample", lower=1e-9)]
-        found += [Slot(f"load{i}", "V") for i in range(self.load)]
+        found += [Slot(name, "V") for name in (*(f"load{i}" for i in range(self.load)), *self.waves)]
         if self.loss:
             found.append(Slot("loss", lower=0.0, upper=MOST_LOSS))
         if self.jams:
             found.append(Slot("jam", "samples^2", lower=0.0))
         if self.delayed:
             found.append(Slot("delay", "samples", lower=0.0, upper=LONGEST))
-        if self.stops:
-            found += [Slot("lower"), Slot("upper")]
+        found += [Slot(name) for name in self.ends]
         return (*found, Slot("x0", initial=True, holds=True), Slot("v0", "1/sample", initial=True))
 
     def value(self, theta: np.ndarray, name: str) -> float:
-        """The parameter `name`; 0 if this motor does not have it."""
+        """The parameter `name`; what acts in its place (0, or an end at infinity) if this motor does not have it."""
         names = [slot.name for slot in self.slots()]
-        return float(theta[names.index(name)]) if name in names else 0.0
+        return float(theta[names.index(name)]) if name in names else self.absent.get(name, 0.0)
 
     def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
         """The equation of motion in v', not the exact solution used in the step."""
         m = self.by_name(theta)
         away = f"({w.sum([(1.0, w.y), (-self.at, '')])})"
-        net = f"{w.x} - L" if self.load else w.x
+        net = f"{w.x} - L" if self.load or self.periodic else w.x
         load = [(m[f"load{i}"], ["", away, f"{away}^2"][i]) for i in range(self.load)]
+        for name in self.waves:
+            turns = w.num(int(name[-1]) * self.turn)
+            load.append((m[name], f"{'sin' if name.startswith('s') else 'cos'}({turns}*{w.y})"))
         extra = [f"{w.num(m['stick'])}*exp(-(v/{w.num(m['stick_speed'])})^2)"] if self.stribeck else []
         extra += [f"{w.num(m['loss'])}*|L|"] if self.loss else []
         up = w.num(m["rise"]) + (" + R" if extra else "")
         down = f"-({w.num(m['fall'])} + R)" if extra else w.num(-m["fall"])
-        ends = (
-            f"  {w.y} ends at {w.num(m['lower'])} and at {w.num(m['upper'])}, where v becomes 0" if self.stops else ""
-        )
+        places = " and at ".join(w.num(m[name]) for name in self.ends)
+        ends = f"  {w.y} ends at {places}, where v becomes 0" if self.stops else ""
         ends += f" and stays 0 for a time {w.num(m['jam'])}*|v| after an impact at speed v" if self.jams else ""
-        loss_varies = self.loss and self.load > 1
-        varies = [name for name, does in (("L", self.load > 1), ("R", self.stribeck or loss_varies)) if does]
         late = f" and acts {w.num(m['delay'])} samples late" if m.get("delay") else ""
         lines = [
             f"{w.num(m['lag'])}*v' + v = {w.num(m['gain'])}*({net} - F), {w.y}' = v, time in samples",
@@ -168,9 +235,15 @@ class Motor(Recursion):
             f"  v stays 0 where {down} <= {net} <= {up}",
             ends,
             f"  {w.x} is held for one sample{late}",
-            solved(" and ".join(varies), self.substeps),
+            self._solved(),
         ]
         return [line for line in lines if line]
+
+    def _solved(self) -> str:
+        each = "held input" if self.substeps == 1 else f"of {self.substeps} equal parts of a held input"
+        taken = [f"L is that in the middle of the way over each {each}"] if self.bent else []
+        taken += [f"v in R is that at the start of each {each}"] if self.stribeck else []
+        return ", ".join([solved("", self.substeps), *taken])
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """A motor that moves through the stroke in a tenth of the record at the largest input."""
@@ -179,9 +252,30 @@ class Motor(Recursion):
         return np.array([first.get(slot.name, 0.0) for slot in self.slots()])
 
     def admissible(self, theta: np.ndarray) -> bool:
-        if self.stops and not self.value(theta, "lower") < self.value(theta, "upper"):
+        if not self.value(theta, "lower") < self.value(theta, "upper"):
             return False
         return all(slot.lower <= value <= slot.upper for slot, value in zip(self.slots(), theta, strict=True))
+
+    def remarks(self, theta: np.ndarray, x: np.ndarray, y: np.ndarray) -> list[str]:
+        """Whether it passes a place from which its load drives it on against friction and the largest input."""
+        largest, m = float(np.abs(x).max()), {**self.absent, **self.by_name(theta)}
+        waves = sum(abs(m[name]) for name in self.waves)
+        for side, friction, end in ((1.0, m["rise"], m["upper"]), (-1.0, m["fall"], m["lower"])):
+            # Outwards by side, away from `at`: -load(away) against all that may hold it.
+            load = [-m["load0"] * side - friction - largest - waves, -m["load1"], -m["load2"] * side]
+            drives = np.polynomial.Polynomial(load).trim()
+            if np.isfinite(end) or drives.degree() == 0 or drives.coef[-1] <= 0.0:
+                continue
+            roots = drives.roots()
+            last = max([0.0, *roots[np.abs(roots.imag) < 1e-9].real])
+            reached = float(np.nanmax(side * (y - self.at)))
+            if not np.all(np.isfinite(y)) or reached > last:
+                place = self.at + side * last
+                return [
+                    f"beyond {place:.4g} the load drives the {self.role} away from any input of this record, and the "
+                    f"run gets to {self.at + side * reached:.3g}: give the motor a stop, or a spring or periodic load"
+                ]
+        return []
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         names = [slot.name for slot in self.slots()]
@@ -189,14 +283,14 @@ class Motor(Recursion):
         def along(moves: dict[str, float]) -> np.ndarray:
             return np.array([moves.get(name, 0.0) * value for name, value in zip(names, theta, strict=True)])
 
-        volts = {"gain": -1.0, **dict.fromkeys(("rise", "fall", "stick", "load0", "load1", "load2"), 1.0)}
+        volts = {"gain": -1.0, **dict.fromkeys(("rise", "fall", "stick", "load0", "load1", "load2", *self.waves), 1.0)}
         found = [Symmetry(along(volts), in_scale=1.0)]
         if self.load:
             found.append(Symmetry(np.array([float(name == "load0") for name in names]), in_shift=1.0))
         if self.load and not self.loss:  # a constant load is a difference between the frictions
             moves = {"rise": 1.0, "fall": -1.0, "load0": -1.0}
             found.append(Symmetry(np.array([moves.get(name, 0.0) for name in names])))
-        if self.load <= 1:  # a load over position would have to be scaled about `at`
+        if not self.bent:  # a load over position would have to be scaled about `at`
             places = dict.fromkeys(("gain", "stick_speed", "lower", "upper", "x0", "v0"), 1.0) | {"jam": -1.0}
             found.append(Symmetry(along(places), out_scale=1.0))
             shift = np.array([float(name in ("lower", "upper", "x0")) for name in names])

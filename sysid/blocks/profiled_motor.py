@@ -9,7 +9,7 @@ from sysid.base.errors import InputError
 from sysid.block.block import Slot, Symmetry
 from sysid.block.compiler.recursion import Recursion
 from sysid.block.lag import lagged
-from sysid.block.step import floor, sign
+from sysid.block.step import exp, floor, sign
 from sysid.block.writing import Writer, solved
 
 SHORTEST = 1e-12  # samples; what is left of a sample below it is over
@@ -51,7 +51,7 @@ def step(s, x, p, block):
             else:
                 drag = p.drag_down
                 target = (x + level(p.fall, i, share, block)) / drag
-            span, turns = lagged(s, target, p.inertia / drag, way, h)
+            span, turns = lagged(s, target, p.inertia / drag, way, h, exp(-h * drag / p.inertia))
             h -= span
             if not turns:
                 break

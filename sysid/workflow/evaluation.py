@@ -177,7 +177,8 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     setting = replace(setting, search=recipe.auto if setting.search == "auto" else setting.search)
     if recipe.grown:
         growth = grow_joint(estimation, recipe.model(), search=setting.search, **options)
-        return replace(evaluate_fit(setting, growth.fit, estimation, validation), growth=growth)
+        found = evaluate_fit(setting, growth.fit, estimation, validation)
+        return replace(found, growth=growth, notes=(*found.notes, *growth.warnings))
     fit = fit_model(recipe.model(), estimation, search=setting.search, **options)
     return evaluate_fit(setting, fit, estimation, validation)
 

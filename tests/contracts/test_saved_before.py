@@ -1,6 +1,7 @@
 """Fits that earlier versions of the code saved: each loads, and gives the numbers that it gave then."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,11 @@ import pytest
 
 import sysid
 from sysid.estimation.initial_prior import filters_only
+from sysid.estimation.joint_parts import motor_of
 
 SAVED = Path(__file__).resolve().parents[1] / "saved"
 FILES = sorted(p for p in SAVED.glob("v*/*.json") if not p.name.endswith(".run.json"))
+JOINTS = ("joint_jams", "joint_stribeck")
 
 
 def record(of: dict) -> sysid.IOData:
@@ -20,11 +23,25 @@ def record(of: dict) -> sysid.IOData:
     return sysid.IOData(of["u"], y, of["Ts"], missing=missing.reshape(y.shape), lengths=tuple(of["lengths"]))
 
 
+def small_steps(fit: sysid.Fit) -> sysid.Fit:
+    """The fit with its motor in a thousand steps a sample."""
+    motor = motor_of(fit.model)
+    blocks = tuple(replace(b, substeps=1000) if b is motor else b for b in fit.model.blocks)
+    return replace(fit, model=replace(fit.model, blocks=blocks))
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda p: f"{p.parent.name}/{p.stem}")
 def test_a_fit_saved_by_earlier_code_simulates_to_the_same_numbers(path):
     then = json.loads(path.with_suffix(".run.json").read_text())
     fit, data = sysid.load(path), record(then["record"])
     span = np.ptp(data.y)
+    if path.stem in JOINTS:
+        # Since then a load acts in the middle of the way, and a stop is struck within a sample: nearer to the motion
+        # that both come to in small steps.
+        exact, now = small_steps(fit).simulate(data.u), fit.simulate(data.u)
+        assert np.linalg.norm(now - exact) <= 0.1 * np.linalg.norm(then["from_rest"] - exact) + 1e-11 * span
+        np.testing.assert_allclose(fit.simulate(data), then["on_record"], rtol=0, atol=5e-3 * span)
+        return
     np.testing.assert_allclose(fit.simulate(data.u), then["from_rest"], rtol=0, atol=1e-12 * span)
     if fit.model.initial.any() and filters_only(fit.model):
         # Then by least squares, now the likely initial state under the fit's noise, which is no worse than rest.
