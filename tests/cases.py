@@ -28,6 +28,7 @@ from sysid.blocks import (
     Quantiser,
     Rectifier,
     Saturation,
+    ServoMotor,
     SigmoidNetwork,
     StateSpace,
     TransferFunction,
@@ -47,6 +48,7 @@ from sysid.structures import (
     NonlinearArx,
     NonlinearStateSpace,
     OutputError,
+    ServoJoint,
     Wiener,
     WienerHammerstein,
 )
@@ -117,6 +119,10 @@ BLOCKS = {
     "quantiser": (Quantiser(step=0.3, role="map"), np.empty(0)),
     "rectifier": (Rectifier(role="map"), np.array([-0.3])),
     "saturation": (Saturation(role="map"), np.array([-1.1, 1.3])),
+    "servo_motor": (  # kp, limit, gain, lag, rise, fall, load0, delay, lower, upper, x0, v0
+        ServoMotor(updates=3, role="map"),
+        np.array([0.9, 1.1, 0.3, 2.6, 0.2, 0.25, -0.05, 0.37, -1.2, 1.1, 0.4, 0.1]),
+    ),
     "sigmoid_network": (
         SigmoidNetwork(units=3, role="map"),
         np.array([0.2, 0.7, 1.0, -0.8, 0.5, 3.0, 2.0, -4.0, 1.0, -0.5, 0.7]),
@@ -183,6 +189,16 @@ MOVING = {
     "motor_jams": (  # the same, jam before delay
         Motor(jams=True, role="map"),
         np.array([0.4, 0.6, 0.3, 0.4, -0.1, 6.0, 0.37, 0.05, 1.1, 0.4, 0.1]),
+    ),
+    "servo_pd_loaded": (  # kp, kd, dead, limit, sag, gain, lag, rise, fall, stick, stick_speed, load0-1, delay, x0, v0
+        ServoMotor(
+            loop="pd", dead=True, sags=True, load=2, stribeck=True, substeps=4, updates=2, stops=False, role="map"
+        ),
+        np.array([1.4, 0.6, 0.1, 1.1, 0.3, 0.3, 2.6, 0.1, 0.15, 0.07, 0.1, -0.1, 0.1, 1.37, 0.4, 0.1]),
+    ),
+    "servo_pid_held": (  # kp, kd, ki, i0, limit, gain, lag, rise, fall, x0, v0
+        ServoMotor(loop="pid", held=True, load=0, updates=2, stops=False, delayed=False, role="map"),
+        np.array([1.4, 0.6, 0.08, 0.1, 1.1, 0.3, 2.6, 0.3, 0.35, 0.4, 0.1]),
     ),
     "motor_swings": (  # gain, lag, rise, fall, load0, sine1, cosine1, sine2, cosine2, delay, lower, x0, v0
         Motor(periodic=2, period=1.5, stops="lower", role="map"),
@@ -281,6 +297,7 @@ STRUCTURES = {
     "motor_profile": MotorProfile(5, -1.5, 2.0),
     "nlarx": NonlinearArx(2, 2, 1),
     "output_error": OutputError(2, 2, 1),
+    "servo_joint": ServoJoint("pd", 3.0, 0.01, 7.4, "polynomial"),
     "state_space": NonlinearStateSpace(2, 3, 2, "linear", 0.1, "polynomial"),
     "wiener": Wiener(2, 2, 1, "polynomial"),
     "wiener_hammerstein": WienerHammerstein(2, 2, 1),
@@ -333,6 +350,7 @@ VERBS = {
     "calibrate": ["leg.csv", "--joint", "shoulder", "--free", "upper,no_load_speed"],
     "compare": [str(LOGS / "one.csv"), "--joint", "shoulder", "--against", str(LOGS / "two.csv")],
     "crawl": ["--steps", "4", "--robots", "1", "--duration", "2"],
+    "design": ["leg.csv", "--for", "breakaway"],
     "export": ["model.json", "--c", "--python"],
     "identify": ["log.csv", "--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1"],
     "info": ["--joint", "thigh"],

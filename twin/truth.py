@@ -11,11 +11,12 @@ from sysid.base.errors import InputError, unknown
 from sysid.base.json_values import plain
 from twin.hardware.drive import MODES, drive
 from twin.hardware.friction import dry_friction
-from twin.hardware.linkage import end_angles, linkage, middle
+from twin.hardware.linkage import linkage, middle
 from twin.hardware.motor import motor
 from twin.hardware.potentiometer import potentiometer
 from twin.imperfections import IMPERFECTIONS
 from twin.parameters import Parameters
+from twin.plant.arrival import rest_angles, switch_angles
 from twin.plant.leg import BENCH_LEG, bench, check_joint
 
 # Effects that the linearisation omits besides Coulomb friction.
@@ -35,7 +36,9 @@ class Truth:
     The linearisation omits dry friction, backlash, end stops, gravity, delay, nonlinearity and quantisation; it
     includes viscous friction.
 
-    end_angles [rad]: travel of the drive side; the link rests up to backlash / 2 beyond. backlash [rad]: whole width.
+    end_angles [rad]: where the drive side rests after it ran into each end at full supply voltage; the link rests up
+    to backlash / 2 beyond. switch_angles [rad]: where the limit switches disconnect the motor; a slower drive rests
+    between the two. backlash [rad]: whole width.
     load [N or N m]: holding force of the drive at mid stroke from the weight of the links. breakaway_voltage [V]:
     smallest command that starts the joint from rest at mid stroke towards smaller and larger angles, with weight, dry
     friction, dead band and sag (without PWM steps); infinite if the supply is too low. dead_band [V]: that of the
@@ -55,6 +58,7 @@ class Truth:
     closed_form_gain: float
     continuous_pole: float
     end_angles: tuple[float, float]
+    switch_angles: tuple[float, float]
     backlash: float
     load: float
     breakaway_voltage: tuple[float, float]
@@ -95,7 +99,8 @@ def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mod
         np.log(closed) / Ts,
         closed_gain,
         -damping / inertia,
-        end_angles(p, joint),
+        rest_angles(p, joint),
+        switch_angles(p, joint),
         p[f"{joint}.backlash"],
         load(joint, p, model, data),
         breakaway(joint, p),

@@ -24,6 +24,7 @@ from sysid.blocks.profiled_motor import ProfiledMotor
 from sysid.blocks.quantiser import Quantiser
 from sysid.blocks.rectifier import Rectifier
 from sysid.blocks.saturation import Saturation
+from sysid.blocks.servo_motor import ServoMotor
 from sysid.blocks.sigmoid_network import SigmoidNetwork
 from sysid.blocks.state_space import StateSpace
 from sysid.blocks.transfer_function import TransferFunction
@@ -58,6 +59,7 @@ TABLE: dict[str, Callable[..., Block]] = {
     "profiled_motor": ProfiledMotor,
     "quantiser": Quantiser,
     "rectifier": Rectifier,
+    "servo_motor": ServoMotor,
     "state_space": StateSpace,
     "transfer_function": TransferFunction,
     "transfer_matrix": TransferMatrix,
@@ -96,6 +98,7 @@ __all__ = [
     "Quantiser",
     "Rectifier",
     "Saturation",
+    "ServoMotor",
     "SigmoidNetwork",
     "StateSpace",
     "TransferFunction",

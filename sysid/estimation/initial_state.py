@@ -3,7 +3,7 @@
 import numpy as np
 
 from sysid.block.block import StaticBlock
-from sysid.blocks import ProfiledMotor
+from sysid.blocks import Motor, ProfiledMotor, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.initial_posterior import likely_initial
 from sysid.estimation.initial_prior import filters_only
@@ -100,8 +100,7 @@ def _on_map(chain: Chain, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
     rest, k = _at_rest(chain, theta), chain.blocks.index(motor)
     names = [slot.name for slot in motor.slots()]
     part = rest[chain.index(motor)]
-    low, high = (motor.value(part, name) for name in ("lower", "upper")) if motor.stops else (y.min(), y.max())
-    levels = np.linspace(low, high, 401)
+    levels = np.linspace(*_way(chain, motor, part, y), 401)
     shown = levels
     for b in chain.blocks[k + 1 :]:
         if isinstance(b, StaticBlock):
@@ -109,3 +108,16 @@ def _on_map(chain: Chain, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
     part[names.index("x0")] = levels[np.argmin(np.abs(shown - float(np.mean(y[:3]))))]
     rest[chain.index(motor)] = part
     return rest
+
+
+def _way(chain: Chain, motor: Motor, part: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Positions of the motor where it may be: between its stops, or, without one, where the record has been.
+
+    With a travel map positions are in strokes, and a record leaves the stroke by less than its length.
+    """
+    mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
+    low, high = (-1.0, 2.0) if mapped else (float(y.min()), float(y.max()))
+    if not motor.stops:
+        return low, high
+    lower, upper = (motor.value(part, name) for name in ("lower", "upper"))
+    return (max(lower, low), min(upper, high)) if mapped else (lower, upper)

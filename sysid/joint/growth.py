@@ -1,61 +1,75 @@
-"""An actuated joint with as much physics as the record supports: parts are added one by one while BIC falls."""
+"""An actuated joint with as much physics as the record supports: parts are added one by one while they help."""
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any
 
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
-from sysid.block.block import Block
-from sysid.blocks import CoastingPlay, Motor, Play
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lifted, motor_of, shaken, sub
-from sysid.estimation.play_start import play_starts
+from sysid.estimation.initial_state import with_initial_states
+from sysid.estimation.joint_parts import lifted, shaken
+from sysid.estimation.objective import Objective
+from sysid.estimation.race import Run, with_curvature_weight
 from sysid.estimation.result import Fit
+from sysid.joint.ends import WORDS as ENDS_IN_WORDS
+from sysid.joint.ends import Ends, chosen_ends
+from sysid.joint.parts import PARTS, again, is_plain, more
+from sysid.joint.unseen import Unseen, free_runs, harms, unseen_folds
 from sysid.model.chain import Chain
+from sysid.selection.folds import Fold
+from sysid.solver.iterate import Options
 from sysid.structures import actuated_joint
 
 # Three times what counts as very strong evidence (Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995, section 3.2):
 # residuals of a model that is not quite the joint are coloured, and BIC takes them as white.
 MARGIN = 30.0
-PLAYS, COASTS = "plays", "coasts"
-# A self-locking screw has load-dependent friction and jams; one of the two alone may not lower BIC.
-PARTS: dict[str, tuple[str, ...]] = {name: (name,) for name in FRICTIONS}
-PARTS |= {"screw": ("loss", "jams"), PLAYS: (), COASTS: ()}
-WORDS = {
-    "stribeck": "friction that falls with speed",
-    "loss": "screw friction proportional to its load",
-    "jams": "jamming at struck stops",
-    "screw": "screw friction proportional to its load, and jamming at the end stops",
-    PLAYS: "a play",
-    COASTS: "backlash with a coasting link",
-}
-_TRIED = 3  # of the plays that promise most, how many are tried
+CLOSE = 10.0  # difference of BIC between two parts that is no very strong evidence (the same source)
+WORDS = {name: part.words for name, part in PARTS.items()}
 _SHAKES = 12  # places near an optimum that are tried
-_SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
+_GLANCE, _FINALISTS = 4, 3  # iterations at each of these places, and how many go on
+_WAYS = 2  # starts anew, at most, to come to the same joint
+_BETTER = 1.0  # of BIC, less than which is the same optimum reached to another tolerance
+_LOST = 3.0  # points of fit on unseen parts that a warning speaks of
 
 
 @dataclass(frozen=True)
 class Step:
-    """One part tried in a round: BIC with it, its reduction of BIC, and whether the part was kept."""
+    """One part tried in a round: BIC with it, its reduction of BIC, and whether the part was kept.
+
+    `unseen` is the ratio of the free-run error on unseen parts of the record with the part to that without it, nan if
+    the part did not lower BIC enough to be asked.
+    """
 
     round: int
     part: str
     bic: float
     earned: float
     kept: bool
+    unseen: float = float("nan")
 
 
 @dataclass(frozen=True)
 class Growth:
-    """The resulting joint, BIC of the plain joint, and the parts tried, in order."""
+    """The resulting joint, BIC of the plain joint, and the parts tried, in order.
+
+    `ends` says which end stops the record shows ("none", "straight", "lower", "upper", "both"; see
+    `sysid.joint.ends`). `undecided` names parts that the record does not tell apart from a kept one. `agreed` counts
+    independent starts that came to this joint; `unseen_percent` is its free-run fit [%] on parts of the record that
+    it was not fitted to. `warnings` are sentences for a report.
+    """
 
     fit: Fit
     plain_bic: float
     steps: tuple[Step, ...]
+    ends: str = "both"
+    undecided: tuple[tuple[str, str], ...] = ()
+    agreed: int = 1
+    unseen_percent: float = float("nan")
+    warnings: tuple[str, ...] = field(default=())
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -64,14 +78,34 @@ class Growth:
 
     def sentence(self) -> str:
         """The parts kept, in words."""
+        stops = "" if self.ends == "both" else f" The record shows {ENDS_IN_WORDS[self.ends]}."
         if not self.parts:
-            return "No part other than dry friction and a position-dependent load improves BIC enough on this record."
+            return (
+                "No part other than dry friction and a position-dependent load improves BIC enough on this record."
+                + stops
+            )
         kept = [f"{WORDS[step.part]} ({step.bic:.0f})" for step in self.steps if step.kept]
-        return f"Kept beside dry friction and a position-dependent load (BIC {self.plain_bic:.0f}): {', '.join(kept)}."
+        doubt = "".join(
+            f" The record does not tell {WORDS[kept]} from {WORDS[other]}." for kept, other in self.undecided
+        )
+        return (
+            f"Kept beside dry friction and a position-dependent load (BIC {self.plain_bic:.0f}): {', '.join(kept)}."
+            + doubt
+            + stops
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """The steps, ready for JSON."""
-        return {"plain_bic": self.plain_bic, "parts": list(self.parts), "steps": [vars(step) for step in self.steps]}
+        steps = [{**vars(s), "unseen": s.unseen if np.isfinite(s.unseen) else None} for s in self.steps]
+        return {
+            "plain_bic": self.plain_bic,
+            "parts": list(self.parts),
+            "ends": self.ends,
+            "undecided": [list(pair) for pair in self.undecided],
+            "agreed": self.agreed,
+            "unseen_percent": self.unseen_percent if np.isfinite(self.unseen_percent) else None,
+            "steps": steps,
+        }
 
 
 def grow_joint(
@@ -87,38 +121,81 @@ def grow_joint(
 
     Parts: "stribeck" (friction that falls with speed), "loss" (screw friction proportional to the load), "jams" (the
     motor jams at an end stop), "screw" (both), "plays" (backlash), "coasts" (backlash whose link has inertia and
-    weight). Each part starts from the current fit and must lower BIC by `MARGIN`. `plain` is the initial joint, an
-    `actuated_joint` with a motor and without those parts or backlash; search, starts, seed and progress are those of
-    `sysid.fit`. Raises InputError for an unsuitable part or plain joint, and the errors of `sysid.fit`.
+    weight). Each part starts from the current fit, must lower BIC by `MARGIN`, and must not do harm in free run over
+    parts of the record that it was not fitted to. The end stops are chosen first, by the same rules. `plain` is the
+    initial joint, an `actuated_joint` with a motor and without those parts or backlash; search, starts, seed and
+    progress are those of `sysid.fit`. Raises InputError for an unsuitable part or plain joint, and the errors of
+    `sysid.fit`.
     """
-    parts = tuple(parts)
-    for part in parts:
+    names = tuple(parts)
+    for part in names:
         if part not in PARTS:
             raise unknown("part of a joint", part, PARTS)
     chain = actuated_joint(play=False) if plain is None else plain
-    if not _is_plain(chain):
+    if not is_plain(chain):
         raise InputError("grow_joint begins with a plain actuated_joint; leave Stribeck, loss, jam and play out")
     options: dict[str, Any] = {"search": search, "seed": seed, "progress": progress}
-    fit = _shaken(fit_chain(chain, data, starts=starts, **options), data, options)
-    first, steps = float(fit.criteria.bic), []
+    pair = unseen_folds(data)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a motor that does not suit runs away
+        ends = chosen_ends(fit_chain(chain, data, starts=starts, **options), data, pair, MARGIN, options)
+        growth = _grown(_shaken(ends.fit, data, options), data, pair, names, options)
+        return _checked(replace(growth, ends=ends.which), ends, data, pair, starts, options)
+
+
+def _grown(fit: Fit, data: IOData, pair: tuple[Fold, ...], names: tuple[str, ...], options: dict[str, Any]) -> Growth:
+    """The parts, round by round."""
+    first, steps, undecided = float(fit.criteria.bic), [], []
     for k in count():
-        tried = {
-            name: fit_chain(richer, data, start=points, **options) for name, richer, points in _more(fit, data, parts)
-        }
-        if not tried:
-            break
-        best = min(tried, key=lambda name: tried[name].criteria.bic)
+        fits = {name: _valid(richer, points, data, options) for name, richer, points in more(fit, data, names)}
+        tried = {name: other for name, other in fits.items() if other is not None}
         earned = {name: float(fit.criteria.bic - other.criteria.bic) for name, other in tried.items()}
-        kept = earned[best] > MARGIN
+        best, ratios = _best(fit, tried, earned, pair)
         steps += [
-            Step(k, name, float(other.criteria.bic), earned[name], kept and name == best)
+            Step(k, name, float(other.criteria.bic), earned[name], name == best, ratios.get(name, np.nan))
             for name, other in tried.items()
         ]
-        if not kept:
+        if best is None:
             break
+        undecided += [(best, name) for name in tried if _close(best, name, earned)]
         fit = _shaken(tried[best], data, options)  # from beside its optimum the next part would make up for that
-    growth = Growth(fit, first, tuple(steps))
-    return replace(growth, fit=_shaken(fit, data, options, growth.parts)) if growth.parts else growth
+    kept = tuple(step.part for step in steps if step.kept)
+    if kept:
+        fit = _shaken(fit, data, options, kept)
+    return Growth(fit, first, tuple(steps), undecided=tuple((a, b) for a, b in undecided if b not in kept))
+
+
+def _valid(chain: Chain, points: np.ndarray, data: IOData, options: dict[str, Any]) -> Fit | None:
+    """The fit from these points; None if the chain diverges at every one of them."""
+    try:
+        return fit_chain(chain, data, start=points, **options)
+    except InputError:
+        return None
+
+
+def _best(
+    fit: Fit, tried: dict[str, Fit], earned: dict[str, float], pair: tuple[Fold, ...]
+) -> tuple[str | None, dict[str, float]]:
+    """The part that lowers BIC most among those that lower it enough and do no harm on unseen parts."""
+    ratios: dict[str, float] = {}
+    before: Unseen | None = None
+    for name in sorted(earned, key=lambda name: -earned[name]):
+        if earned[name] <= MARGIN:
+            break
+        if not pair:
+            return name, ratios
+        before = before or free_runs(fit.model, fit.theta, pair)
+        after = free_runs(tried[name].model, tried[name].theta, pair)
+        ratios[name] = after.rms / before.rms
+        if not harms(before, after, float(np.sqrt(tried[name].criteria.mse))):
+            return name, ratios
+    return None, ratios
+
+
+def _close(best: str, name: str, earned: dict[str, float]) -> bool:
+    """Whether the record does not tell the kept part from another one that is not a part of it, or it of that."""
+    if name == best or PARTS[name].within(PARTS[best]) or PARTS[best].within(PARTS[name]):
+        return False
+    return earned[best] - earned[name] < CLOSE
 
 
 def _shaken(fit: Fit, data: IOData, options: dict[str, Any], grown: tuple[str, ...] = ()) -> Fit:
@@ -129,61 +206,83 @@ def _shaken(fit: Fit, data: IOData, options: dict[str, Any], grown: tuple[str, .
     """
     chain, rng = fit.model, np.random.default_rng([options["seed"], len(fit.theta)])
     points = [np.clip(shaken(chain, fit.theta, rng), *chain.limits) for _ in range(_SHAKES)]
-    if len(grown) > 1 and PARTS[grown[0]]:
-        again = friction_starts(PARTS[grown[0]], chain, fit.theta, data)
-        points += [lifted(chain, fit.theta, chain, more) for more in again]
-    other = fit_chain(chain, data, start=np.array(points), **options)
-    return other if other.criteria.loss < fit.criteria.loss else fit
+    if len(grown) > 1:
+        points += again(grown[0], fit, data)
+    return _better(fit, points, data, options)
 
 
-def _more(fit: Fit, data: IOData, parts: Iterable[str]) -> Iterator[tuple[str, Chain, np.ndarray]]:
-    """Every chain with one more part than the fit, with starting points (K, P)."""
-    chain, theta = fit.model, fit.theta
-    motor = motor_of(chain)
-    for name in parts:
-        if name in (PLAYS, COASTS):
-            # A link that coasts may take the place of a play.
-            held = CoastingPlay if name == COASTS else Play | CoastingPlay
-            if any(isinstance(b, held) for b in chain.blocks):
-                continue
-            bare = sub(chain, tuple(b for b in chain.blocks if not isinstance(b, Play)))
-            richer = _with_play(bare, CoastingPlay(role="play") if name == COASTS else Play(role="play"))
-            found = play_starts(richer, bare, lifted(chain, theta, bare, {}), data)[:_TRIED]
-        else:
-            options = PARTS[name]
-            if any(getattr(motor, option) or not _possible(motor, option) for option in options):
-                continue
-            richer = _with_options(chain, motor, options)
-            found = friction_starts(options, chain, theta, data)
-        yield name, richer, np.array([lifted(chain, theta, richer, more) for more in found])
+def _better(fit: Fit, points: list[np.ndarray], data: IOData, options: dict[str, Any]) -> Fit:
+    """The fit, or that from the most promising of the points: a few iterations at each, the leaders to the end."""
+    chain = fit.model
+    run = Run(chain, data, Objective(), "lm", Options(max_iterations=_GLANCE).begun(), None)
+    problems = with_curvature_weight(run, [run.problem(with_initial_states(chain, p, data)) for p in points])
+    outcomes = [run.iterate(problem, problem.start, run.options) for problem in problems]
+    order = np.argsort([o.cost for o in outcomes], kind="stable")[:_FINALISTS]
+    leaders = [problems[k].thetas(outcomes[k].p)[0] for k in order if np.isfinite(outcomes[k].cost)]
+    if not leaders:
+        return fit
+    other = _valid(chain, np.array(leaders), data, options)
+    return other if other is not None and other.criteria.loss < fit.criteria.loss else fit
 
 
-def _is_plain(chain: Chain) -> bool:
-    """Whether the chain has a motor and none of the parts that can be added."""
-    motors = [b for b in chain.blocks if isinstance(b, Motor)]
-    richer = any(getattr(b, option) for b in motors for option in FRICTIONS)
-    return bool(motors) and not richer and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks)
+def _checked(
+    growth: Growth, ends: Ends, data: IOData, pair: tuple[Fold, ...], starts: int, options: dict[str, Any]
+) -> Growth:
+    """The growth with what independent starts and unseen parts say of it."""
+    fit, agreed, ways = growth.fit, 1, 0
+    for k in range(1, _WAYS + 1):
+        ways += 1
+        try:
+            other = _another(fit, ends, data, starts, {**options, "seed": options["seed"] + 1000 * k})
+        except InputError:  # no start gives a valid model
+            continue
+        gap = float(other.criteria.bic - fit.criteria.bic)
+        if abs(gap) <= MARGIN:
+            agreed += 1
+        elif gap < 0.0:
+            agreed = 1
+        if gap < -_BETTER:
+            fit = other
+        if agreed > 1:
+            break
+    seen = free_runs(fit.model, fit.theta, pair).percent if pair else float("nan")
+    growth = replace(growth, fit=fit, agreed=agreed, unseen_percent=seen)
+    return replace(growth, warnings=tuple(_warnings(growth, data, ways)))
 
 
-def _possible(motor: Motor, option: str) -> bool:
-    return {"loss": motor.load > 0, "jams": motor.stops}.get(option, True)
+def _another(fit: Fit, ends: Ends, data: IOData, starts: int, options: dict[str, Any]) -> Fit:
+    """The same chain from a plain joint that was found from other starts."""
+    bare = ends.fit.model
+    found = fit_chain(bare, data, starts=starts, options=Options(max_iterations=40), **options)
+    chain = fit.model
+    own = set(chain.names) - set(bare.names)
+    grown = {name: float(v) for name, v in zip(chain.names, fit.theta, strict=True) if name in own}
+    rng = np.random.default_rng(options["seed"])
+    base = lifted(bare, found.theta, chain, grown)
+    points = [base, *(np.clip(shaken(chain, base, rng), *chain.limits) for _ in range(_SHAKES - 1))]
+    run = fit_chain(chain, data, start=base[None], options=Options(max_iterations=1), **options)
+    return _better(run, points, data, options)
 
 
-def _with_play(chain: Chain, play: Block) -> Chain:
-    """The chain with backlash, placed before the sensor if there is one."""
-    place = len(chain.blocks) - (chain.blocks[-1].role == "sensor")
-    return sub(chain, (*chain.blocks[:place], play, *chain.blocks[place:]))
-
-
-def _with_options(chain: Chain, motor: Motor, options: tuple[str, ...]) -> Chain:
-    richer = replace(
-        motor,
-        stribeck=motor.stribeck or "stribeck" in options,
-        loss=motor.loss or "loss" in options,
-        jams=motor.jams or "jams" in options,
-        substeps=max(motor.substeps, _SUBSTEPS if "stribeck" in options else 1),
-    )
-    held = dict(chain.fixed)
-    if "loss" in options and held.get(f"{motor.role}.load0") == 0.0:
-        del held[f"{motor.role}.load0"]  # a loss tells a load from a difference between the frictions
-    return sub(replace(chain, fixed=held), tuple(richer if b is motor else b for b in chain.blocks))
+def _warnings(growth: Growth, data: IOData, ways: int) -> list[str]:
+    fit, said = growth.fit, []
+    if growth.agreed < 2:
+        said.append(
+            f"only one of {1 + ways} independent starts came to this joint: a better one may exist; try --starts 20"
+        )
+    y = data.y[data.observed[:, 0], 0]
+    seen = 100.0 * (1.0 - float(np.sqrt(fit.criteria.mse)) / max(float(np.std(y)), 1e-300))
+    if growth.unseen_percent < seen - _LOST:
+        said.append(
+            f"on parts of the record that the joint was not fitted to, its fit is {growth.unseen_percent:.1f} % "
+            f"instead of {seen:.1f} %: the record does not show often enough what decides its motion (arrivals at "
+            "both ends, starts from rest); record longer, or try --split 0.7"
+        )
+    _, high = fit.model.at_limit(fit.theta)
+    free = fit.model.free & ~fit.model.initial
+    for name in (n for n, at in zip(fit.model.names, high & free, strict=True) if at and n.startswith("motor")):
+        limit = dict(zip(fit.model.names, fit.theta, strict=True))[name]
+        said.append(
+            f"{name} is at its limit of {limit:g}: the structure does not suit the record; try --structure auto"
+        )
+    return said

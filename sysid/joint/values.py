@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.stats import norm
 
 from sysid.base.errors import InputError
@@ -12,22 +11,29 @@ from sysid.blocks import CoastingPlay, Play, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
+from sysid.joint.evidence import Evidence, Shown, evidence
+from sysid.joint.value_physics import ends_of, volts_to_move
+from sysid.joint.value_spread import lacking, spread_of, white
 from sysid.model.chain import Chain
-from sysid.uncertainty.information import information
 
-_LARGEST = 1e3  # [V] within which a driver is inverted
 _STEP = 1e-6
 
 
 @dataclass(frozen=True)
 class JointValue:
-    """A physical value with its interval; low and high are None where the data do not determine it."""
+    """A physical value with its interval; low and high are None where the data do not determine it.
+
+    `determined`: whether the record bears the value; `why` says why not, or what shows it. Without a record there is
+    only the information of the fit to judge by.
+    """
 
     name: str
     value: float
     low: float | None
     high: float | None
     unit: str
+    determined: bool = True
+    why: str = ""
 
     def holds(self, truth: float) -> bool:
         """Whether the interval contains `truth`; False if there is no interval."""
@@ -41,11 +47,17 @@ def joint_values(
 
     speed_per_volt [y/s/V], time_constant [s], breakaway_up and breakaway_down [V] (break-away voltage with load,
     static friction and the driver's dead zone), coulomb_up and coulomb_down [V] (voltage for friction and load in
-    motion), end_low and end_high [y], backlash [y], delay [s]; y in the record's unit. Intervals by the delta method:
-    from the covariance of the fit, which assumes white residuals, or, if the record `data` of the fit is given, from
-    one that allows for coloured residuals (see `sysid.uncertainty.information`), for example if the model is
-    incomplete. Intervals are symmetric and cut off at the limits of a value's range; a value at a limit (no backlash)
-    or a fixed value has none. Without `stribeck` static and moving friction are equal.
+    motion), end_low and end_high [y], backlash [y], delay [s]; y in the record's unit. Without `stribeck` static and
+    moving friction are equal.
+
+    Intervals without a record are those of the delta method from the covariance of the fit, which assumes white
+    residuals and a complete model. With the record `data` of the fit they allow for coloured residuals (see
+    `sysid.uncertainty.information`), for structure that is left in them, and for what every model of a joint lacks (see
+    `sysid.joint.value_spread`). A value that the record does not bear (see `sysid.joint.evidence`) then has no interval
+    and says why: an end that was not met, a backlash that is not crossed. In place of a break-away without starts from
+    rest there is moving_friction_up or moving_friction_down [V], and lag_and_delay [s] in place of a time constant and
+    a delay that the record does not tell apart. Intervals are symmetric and cut off at the limits of a value's range; a
+    value at a limit (no backlash) or a fixed value has none.
 
     linearity [y]: largest deviation of the sensor from a straight line, from its data sheet. A record does not show
     the errors of its own sensor. They enter ends and speed as a deviation that oscillates between the two limits, with
@@ -61,18 +73,35 @@ def joint_values(
         raise InputError(
             f"linearity is {linearity}; give the largest deviation of the sensor from a straight line, 0 or more"
         )
-    spread_of = _white(fit, level) if data is None else _coloured(fit, level, data)
+    readings = _readings(chain, fit.Ts)
+    shown = None
+    if data is None:
+        plain, factor = white(fit, level), float(norm.ppf(0.5 + level / 2))
+        rows = {name: Shown(True) for name in readings}
+    else:
+        plain = spread_of(fit, data, level)
+        factor, shown = plain.noise.quantile(level), evidence(fit, data, plain.noise)
+        readings = _told(readings, shown)
+        rows = {name: _row(name, shown) for name in readings}
+    low, high = ends_of(chain, fit.theta)
     found = []
-    for name, (unit, read, least) in _readings(chain, fit.Ts).items():
-        value = read(fit.theta)
+    for name, (unit, read, least) in readings.items():
+        value, row = read(fit.theta), rows[name]
         if not np.isfinite(value):
             continue
-        spread, low, high = spread_of(_gradient(read, fit.theta)), None, None
-        if np.isfinite(spread) and spread > 0.0:
-            off_line = linearity * _nonlinearity_share(name, value, chain, fit.theta)
-            spread = float(np.hypot(spread, norm.ppf(0.5 + level / 2) * off_line))
-            low, high = max(value - spread, least), value + spread
-        found.append(JointValue(name, float(value), low, high, unit))
+        half = plain(_gradient(read, fit.theta))
+        if row.determined and not (np.isfinite(half) and half > 0.0):
+            row = Shown(False, "the record has no information on it")
+        limits: tuple[float | None, float | None] = (None, None)
+        if row.determined:
+            off_line, lacks = linearity * _nonlinearity_share(name, value, chain, fit.theta), 0.0
+            if shown is not None and name in shown.breakaway:
+                value, lacks = shown.breakaway[name][0] * value, abs(shown.breakaway[name][1] * value)
+            elif shown is not None:
+                lacks = lacking(name, value, high - low, fit.Ts)
+            half = float(np.sqrt(half**2 + (factor * off_line) ** 2 + (factor * lacks) ** 2))
+            limits = max(value - half, least), value + half
+        found.append(JointValue(name, float(value), *limits, unit, row.determined, row.why))
     return tuple(found)
 
 
@@ -91,24 +120,6 @@ def _across_middle(travel: TravelMap, part: np.ndarray) -> float:
     """Range of y over the middle fifth of the stroke."""
     ends = travel.output(part, np.array([0.4, 0.6]))
     return float(ends[1] - ends[0])
-
-
-def _white(fit: Fit, level: float) -> Callable[[np.ndarray], float]:
-    """Half width of an interval from a gradient (P,); nan if it is undetermined."""
-    factor = float(norm.ppf(0.5 + level / 2))
-    covariance, known = fit.covariance.cov, np.isfinite(fit.covariance.std()) | ~fit.model.free
-
-    def spread(gradient: np.ndarray) -> float:
-        if np.any(np.abs(gradient[~known]) > 0.0):
-            return np.nan
-        return factor * float(np.sqrt(max(gradient[known] @ covariance[np.ix_(known, known)] @ gradient[known], 0.0)))
-
-    return spread
-
-
-def _coloured(fit: Fit, level: float, data: IOData) -> Callable[[np.ndarray], float]:
-    info = information(fit, data, lags="auto")
-    return lambda gradient: info.quantile(level) * float(info.std_of(gradient)[0])
 
 
 Reading = tuple[str, Callable[[np.ndarray], float], float]
@@ -130,11 +141,7 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
         return of("gain")(theta) * slope / Ts
 
     def held(theta: np.ndarray, direction: int, static: bool) -> float:
-        load = of("load0")(theta)  # of the motor's own `at`, mid stroke
-        dry = of("rise" if direction > 0 else "fall")(theta)
-        extra = of("stick")(theta) if static else 0.0
-        volts = load + direction * (dry + extra + of("loss")(theta) * abs(load))
-        return _through_driver(chain, theta, volts)
+        return volts_to_move(chain, theta, direction, static)
 
     found: dict[str, Reading] = {
         "speed_per_volt": ("y/s/V", speed, -np.inf),
@@ -156,18 +163,33 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
     return found
 
 
-def _through_driver(chain: Chain, theta: np.ndarray, volts: float) -> float:
-    """Input [V] at which the driver's output is `volts`; nan if there is none."""
-    driver = chain.block("driver")
-    if driver is None:
-        return volts
+def _told(readings: dict[str, Reading], shown: Evidence) -> dict[str, Reading]:
+    """The readings with moving friction in place of a break-away, and a sum in place of lag and delay, that the record
+    does not determine."""
+    found = {}
+    for name, reading in readings.items():
+        if name.startswith("breakaway") and not shown.determined(name):
+            way = name.removeprefix("breakaway")
+            found[f"moving_friction{way}"] = readings[f"coulomb{way}"]
+        elif name == "time_constant" and not shown.determined(name):
+            found["lag_and_delay"] = _sum(reading, readings["delay"])
+        elif name != "delay" or shown.determined(name):
+            found[name] = reading
+    return found
 
-    def excess(u: float) -> float:
-        return float(driver.output(chain.part(theta, driver), np.array([u]))[0]) - volts
 
-    if excess(-_LARGEST) * excess(_LARGEST) > 0:
-        return np.nan
-    return float(brentq(excess, -_LARGEST, _LARGEST))
+def _row(name: str, shown: Evidence) -> Shown:
+    """Whether a reading is determined, and why."""
+    if name.startswith("moving_friction"):
+        other = shown.why(name.replace("moving_friction", "breakaway"))
+        return Shown(True, f"break-away is not determined: {other}")
+    if name == "lag_and_delay":
+        return Shown(True, shown.why("delay"))
+    return Shown(shown.determined(name), shown.why(name))
+
+
+def _sum(a: Reading, b: Reading) -> Reading:
+    return a[0], lambda theta: a[1](theta) + b[1](theta), a[2] + b[2]
 
 
 def _gradient(read: Callable[[np.ndarray], float], theta: np.ndarray) -> np.ndarray:

@@ -22,10 +22,13 @@ WORDS = {  # the physical values of an actuated joint as people call them
     "breakaway_down": "break-away voltage down",
     "coulomb_up": "voltage for friction and load, moving up",
     "coulomb_down": "voltage for friction and load, moving down",
+    "moving_friction_up": "moving friction up, with load",
+    "moving_friction_down": "moving friction down, with load",
     "end_low": "lower end",
     "end_high": "upper end",
     "backlash": "backlash",
     "delay": "delay",
+    "lag_and_delay": "time constant + delay",
 }
 
 
@@ -45,14 +48,18 @@ def values_grid(evaluation: Evaluation, caption: str = "Physical values with 95 
     """Physical values of an actuated joint in display units; None for other structures."""
     if not evaluation.values:
         return None
-    rows = [(WORDS.get(v.name, v.name), *value_cells(v)) for v in evaluation.values]
+    moving = {v.name.replace("moving_friction", "coulomb") for v in evaluation.values}  # once is enough
+    listed = [v for v in evaluation.values if v.name not in moving or not v.name.startswith("coulomb")]
+    rows = [(WORDS.get(v.name, v.name), *value_cells(v)) for v in listed]
     return Grid(("", "value", "95 % interval", "unit"), rows, caption, last_text=True)
 
 
 def value_cells(v: JointValue) -> tuple[str, str, str]:
-    """Value, interval and unit of a physical value; angles in degrees."""
+    """Value, interval and unit of a physical value; angles in degrees. What the record does not determine is a dash."""
     shown_as = shown(v.name, v.unit)
     factor, unit = shown_as.factor, shown_as.unit
+    if not v.determined:
+        return number(None), f"{NOT_KNOWN}: {v.why}" if v.why else NOT_KNOWN, unit
     if v.low is None or v.high is None:
         return number(v.value * factor, 4), NOT_KNOWN, unit
     digits = max(decimals(v.high * factor - v.low * factor), decimals(v.value * factor) if v.value else 0)

@@ -8,6 +8,7 @@ from sysid.structures.hammerstein_wiener import HammersteinWiener, hammerstein_w
 from sysid.structures.motor_profile import MotorProfile, motor_profile
 from sysid.structures.nlarx import NonlinearArx, nlarx
 from sysid.structures.output_error import OutputError, output_error
+from sysid.structures.servo_joint import ServoJoint, servo_joint
 from sysid.structures.state_space import NonlinearStateSpace, state_space
 from sysid.structures.wiener import Wiener, wiener
 from sysid.structures.wiener_hammerstein import WienerHammerstein, wiener_hammerstein
@@ -20,6 +21,7 @@ TABLE: dict[str, type[Recipe]] = {
     "motor_profile": MotorProfile,
     "nlarx": NonlinearArx,
     "output_error": OutputError,
+    "servo_joint": ServoJoint,
     "state_space": NonlinearStateSpace,
     "wiener": Wiener,
     "wiener_hammerstein": WienerHammerstein,
@@ -36,6 +38,7 @@ __all__ = [
     "NonlinearStateSpace",
     "OutputError",
     "Recipe",
+    "ServoJoint",
     "Wiener",
     "WienerHammerstein",
     "actuated_joint",
@@ -45,6 +48,7 @@ __all__ = [
     "motor_profile",
     "nlarx",
     "output_error",
+    "servo_joint",
     "state_space",
     "wiener",
     "wiener_hammerstein",

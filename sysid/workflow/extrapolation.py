@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from sysid.blocks import Motor, TravelMap
+from sysid.blocks import TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
+from sysid.joint.evidence import stop_tests
 
 EXTRAPOLATED = 0.05  # of the range seen, by which a signal may leave it before a report speaks of it
-_AT = 1e-6  # of the stroke: a motor at its stop
 
 
 def extrapolated_signals(estimation: IOData, validation: IOData) -> list[str]:
@@ -29,19 +29,11 @@ def extrapolated_signals(estimation: IOData, validation: IOData) -> list[str]:
 
 
 def ends_met(fit: Fit, estimation: IOData) -> tuple[bool, bool]:
-    """Whether an actuated joint reached its lower and its upper end in the estimation data."""
-    outputs = fit.model.signals(fit.theta, estimation.u)[1:]
-    for block, x in zip(fit.model.blocks, outputs, strict=True):
-        if isinstance(block, Motor):
-            if not block.stops:
-                return False, False
-            theta = fit.model.part(fit.theta, block)
-            low, high = (block.value(theta, name) for name in ("lower", "upper"))
-            met = bool(x.min() <= low + _AT * (high - low)), bool(x.max() >= high - _AT * (high - low))
-            break
-    travel = _travel(fit)
-    falls = travel is not None and float(np.diff(fit.model.part(fit.theta, travel)[:2])[0]) < 0.0
-    return met[::-1] if falls else met
+    """Whether the estimation data show that an actuated joint met its lower and its upper end; see `stop_test` of
+    `sysid.joint.value_record`."""
+    tests = stop_tests(fit, estimation)
+    low, high = (name in tests and tests[name].met for name in ("end_low", "end_high"))
+    return low, high
 
 
 def extrapolated_joint(fit: Fit, estimation: IOData, validation: IOData) -> list[str]:

@@ -148,5 +148,7 @@ def test_a_physical_value_is_shown_in_degrees_with_the_digits_that_its_interval_
     value = JointValue("end_low", np.radians(-10.1234), np.radians(-10.17), np.radians(-10.08), "rad")
     assert sections.value_cells(value) == ("−10.123", "−10.170 to −10.080", "deg")
     assert sections.value_cells(JointValue("delay", 0.02, None, None, "s")) == ("0.02000", sections.NOT_KNOWN, "s")
+    unmet = JointValue("end_low", 1.0, None, None, "rad", False, "not met: beyond 3 deg")
+    assert sections.value_cells(unmet) == ("–", "not determined: not met: beyond 3 deg", "deg")
     speed = JointValue("speed_per_volt", np.radians(5.0), np.radians(4.0), np.radians(6.0), "rad/s/V")
     assert sections.value_cells(speed) == ("5.0", "4.0 to 6.0", "deg/s/V")

@@ -13,6 +13,7 @@ from sysid.structures import (
     coupled_drives,
     hammerstein_wiener,
     output_error,
+    servo_joint,
     state_space,
     wiener_hammerstein,
 )
@@ -20,6 +21,7 @@ from sysid.structures import (
 MADE_FOR = {
     "own_blocks": Chain((dynamic("def step(s, x, p):\n    return p.gain * x\n", {"gain": 1.0}),)),
     "drives": coupled_drives(),
+    "servo": servo_joint(),
     "staged_joint": actuated_joint(motor=Motor(load=3, stribeck=True), play=CoastingPlay()),
     "joint": actuated_joint(play=Play()),
     "profile": Chain((ProfiledMotor(knots=3, low=0.0, high=1.0),)),

@@ -88,6 +88,35 @@ def test_energy_does_not_grow_with_the_power_off(joint: str) -> None:
             assert (whole_energy - np.minimum.accumulate(whole_energy)).max() <= regrown * scale, case.seed
 
 
+LIMITS = {int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT), int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON)}
+
+
+@pytest.mark.parametrize(("joint", "number"), [("thigh", 65), ("thigh", 25), ("shoulder", 29), ("leg", 14)])
+def test_what_comes_back_with_the_power_off_is_what_the_soft_stops_took_up(joint: str, number: int) -> None:
+    """The cases of the box in which most energy comes back: without the work of the stops, none does."""
+    experiment = Experiment(joint, "aprbs", OFF, without=("contact",), options={"hold_min": 0.1, "hold_max": 1.5})
+    run = Ensemble(experiment, range(number + 1), whole_box(), "unused").case(number).prepare()
+    model = run.model
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    data = mujoco.MjData(model)
+    data.qpos[:], data.userdata[:] = run.qpos, run.user_data
+    driven = np.repeat(run.commands, round(experiment.Ts / model.opt.timestep), axis=0)
+    energy, given = [], []
+    with boards():
+        for volts in np.concatenate([driven, np.zeros((2500, driven.shape[1]))]):
+            data.ctrl[:] = volts
+            mujoco.mj_step(model, data)  # its energy is that before the step
+            rows = [i for i in range(data.nefc) if int(data.efc_type[i]) in LIMITS]
+            speeds = data.efc_J.reshape(-1, model.nv)[rows] @ data.qvel if rows else np.zeros(0)
+            energy.append(data.energy.sum())
+            given.append(float(data.efc_force[rows] @ speeds) * model.opt.timestep)
+    off = len(driven) + 101
+    left, work = np.array(energy[off:]), np.cumsum([0.0, *given[off:-1]])
+    assert (left - np.minimum.accumulate(left)).max() > 5e-4  # [J]
+    # A step of free joints is exact to first order in the step alone: in the worst case here 1.4e-9 of the energy.
+    assert ((left - work) - np.minimum.accumulate(left - work)).max() < 1e-8 * abs(left[0])
+
+
 def test_energy_counts_the_rotor() -> None:
     """Kinetic energy of a turning shoulder by hand: rotor and link."""
     p = Parameters()

@@ -92,6 +92,25 @@ def test_travel_ends_where_the_pins_say(joint: str, volts: float) -> None:
 
 
 @pytest.mark.parametrize("joint", JOINTS)
+def test_ends_lie_where_full_voltage_leaves_the_drive(joint: str) -> None:
+    """Limit switches far before the stop: the drive coasts on by its speed, and seldom as far as the stop."""
+    for mm in (1.0, 3.0):
+        margin = 1e-3 * mm if joint != "shoulder" else np.deg2rad(mm)
+        p = Parameters({f"{joint}.switch_margin": margin})
+        there = np.full(round(CROSSING[joint] / 0.1), 12.0)
+        angle = record(joint, np.concatenate([there, -there]), without=("backlash",), parameters=p)
+        known = truth(joint, 0.1, p)
+        # The board looks once in 10 ms, so two arrivals at full speed differ by as much as the drive moves in it.
+        tick = known.gain * 12.0 * p["switch_period"]
+        for rest, end, switch, hard in zip(
+            (angle[-1], angle[len(there) - 1]), known.end_angles, known.switch_angles, end_angles(p, joint), strict=True
+        ):
+            assert abs(rest - end) < tick + np.deg2rad(0.02)
+            assert abs(switch - hard) > np.deg2rad(0.3 * mm)
+            assert min(switch, hard) - 1e-3 <= end <= max(switch, hard) + 1e-3
+
+
+@pytest.mark.parametrize("joint", JOINTS)
 def test_play_lets_the_link_pass_the_end_by_half_its_width(joint: str) -> None:
     y = Experiment(joint=joint, duration=40.0, without=(*QUIET, "nonlinearity")).run().y
     lo, hi = truth(joint).end_angles

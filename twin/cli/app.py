@@ -6,6 +6,7 @@ from twin.cli import bench
 from twin.cli.calibrate import calibrate
 from twin.cli.compare import compare
 from twin.cli.crawl import crawl
+from twin.cli.design import design
 from twin.cli.export import export
 from twin.cli.identify import identify
 from twin.cli.info import info
@@ -13,7 +14,7 @@ from twin.cli.reproduce import reproduce
 from twin.cli.simulate import simulate
 from twin.cli.view import view
 
-VERBS = (reproduce, simulate, identify, compare, calibrate, info, view, crawl, export)
+VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, export)
 SHOWN = (view,)  # what these make is looked at: they write no report and no summary, and take no --out and --json
 
 

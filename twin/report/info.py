@@ -30,7 +30,8 @@ TRUTH = {
     "continuous_pole": ("pole of the lag before any time step", "1/s"),
     "gain": ("speed per volt, of the compiled model", "rad/s/V"),
     "closed_form_gain": ("speed per volt, closed form", "rad/s/V"),
-    "end_angles": ("ends of travel of the drive side", "rad"),
+    "end_angles": ("where the drive side rests at its ends, after full voltage", "rad"),
+    "switch_angles": ("where the limit switches trip", "rad"),
     "backlash": ("backlash, whole width", "rad"),
     "load": ("holding force of the drive against weight at mid stroke", "coulomb"),
     "dead_band": ("dead band of the drive", "V"),
@@ -38,7 +39,7 @@ TRUTH = {
     "breakaway_voltage": ("break-away voltage, down and up", "V"),
 }
 HEADINGS = {"joint", "Ts", "mode"}  # fields shown in the table's heading
-RANGES = {"end_angles"}
+RANGES = {"end_angles", "switch_angles"}
 UNITS = {row.name: row.unit for row in TABLE}
 LONGEST = 6  # entries of a list shown in a cell
 

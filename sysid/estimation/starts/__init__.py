@@ -10,6 +10,7 @@ from sysid.estimation.starts.joint import Joint
 from sysid.estimation.starts.matrix import Matrix
 from sysid.estimation.starts.own_blocks import OwnBlocks
 from sysid.estimation.starts.profile import Profile
+from sysid.estimation.starts.servo import Servo
 from sysid.estimation.starts.single_linear import SingleLinear
 from sysid.estimation.starts.staged_joint import StagedJoint
 from sysid.estimation.starts.state_space import StateSpaces
@@ -19,6 +20,7 @@ from sysid.model.chain import Chain
 TABLE: dict[str, Start] = {
     "own_blocks": OwnBlocks(),
     "drives": Drives(),
+    "servo": Servo(),
     "staged_joint": StagedJoint(),
     "joint": Joint(),
     "profile": Profile(),

@@ -1,0 +1,236 @@
+"""The next experiment on a joint, designed on its first fit: an input that shows chosen values, and what it would tell.
+
+The design leaves as little as possible to the first fit. Before every slow part the joint runs to its lower end, or
+where none is known it stays near the middle of what was seen; levels and times are fitted to the identified speed.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+from sysid.blocks import CoastingPlay, Play
+from sysid.data.record import IOData
+from sysid.estimation.fit import fit_chain
+from sysid.estimation.joint_parts import is_joint, lifted, sub
+from sysid.estimation.result import Fit
+from sysid.joint.course import Course
+from sysid.joint.values import JointValue, joint_values
+
+TARGETS = {
+    "ends": ("end_low", "end_high", "speed_per_volt"),
+    "breakaway": ("breakaway_up", "breakaway_down"),
+    "backlash": ("backlash",),
+}
+# Every round has all parts, so that either half of the record shows what the other does; slow parts are at these shares
+# of the way between the ends.
+PLACES = (0.4, 0.7, 0.3, 0.6)
+REVERSALS = 6  # of the drive at each place
+# Pairs of ways from end to end: the share of the largest level, and the time as a share of the way's own, from and to.
+# Some rest long at the end, some are turned on the way, and some just after they arrive, where a jam shows.
+LONG, TURNED, SHORT = (1.2, 1.6), (0.4, 0.9), (1.02, 1.12)
+PAIRS = (
+    ((1.0, *LONG), (0.7, *TURNED), (0.85, *SHORT)),
+    ((0.6, *LONG), (0.95, *SHORT)),
+    ((0.8, *LONG), (0.55, *TURNED), (0.65, *SHORT)),
+    ((0.5, *LONG), (0.9, *SHORT)),
+)
+GUESSED_PLAY = 0.01  # of the way: width of a backlash that the first fit does not have
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A part of the experiment: its name, its samples from `start` to `stop`, and what it is for."""
+
+    name: str
+    start: int
+    stop: int
+    why: str
+
+
+@dataclass(frozen=True)
+class Design:
+    """An input u (N,) for the next experiment, and the output y (N,) that the fit predicts for it.
+
+    `fastest` [y/s] is the largest predicted speed, and so the hardest that the joint may meet an end. `now` are the
+    joint's values from the first record, `then` those from a simulated record of both experiments: they hold if the
+    real joint is like the fit.
+    """
+
+    targets: tuple[str, ...]
+    u: np.ndarray
+    y: np.ndarray
+    Ts: float
+    phases: tuple[Phase, ...]
+    fastest: float
+    now: tuple[JointValue, ...]
+    then: tuple[JointValue, ...]
+    units: tuple[str, str] = ("", "")
+    notes: tuple[str, ...] = ()
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return len(self.u) * self.Ts
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary, ready for JSON."""
+        return {
+            "for": list(self.targets),
+            "duration": self.duration,
+            "Ts": self.Ts,
+            "largest_input": float(np.abs(self.u).max()),
+            "fastest": self.fastest,
+            "phases": [vars(p) | {"start": p.start * self.Ts, "stop": p.stop * self.Ts} for p in self.phases],
+            "now": [vars(v) for v in self.now],
+            "then": [vars(v) for v in self.then],
+            "notes": list(self.notes),
+        }
+
+
+def design(
+    fit: Fit,
+    data: IOData,
+    targets: Sequence[str] = tuple(TARGETS),
+    volts: float | None = None,
+    strike: float | None = None,
+    seed: int = 0,
+) -> Design:
+    """The next experiment on the joint of `fit`, an `actuated_joint` fitted to `data`, for values of `TARGETS`.
+
+    volts: largest input [unit of u], that of `data` if not given. strike [y/s]: speed that the joint must not exceed
+    anywhere, so that it meets no end harder. Raises InputError for a fit without a motor, an unknown target, a joint
+    that does not move under these limits, and the errors of `sysid.joint_values`.
+    """
+    targets = tuple(targets)
+    for name in targets:
+        if name not in TARGETS:
+            raise unknown("value to design for", name, TARGETS)
+    if not targets:
+        raise InputError(f"no value to design for; give some of {', '.join(TARGETS)}")
+    if not is_joint(fit.model):
+        raise InputError(f"a {fit.model.structure} has no motor; design the next experiment on an actuated_joint")
+    for name, value in (("volts", volts), ("strike", strike)):
+        if value is not None and not 0.0 < value < np.inf:
+            raise InputError(f"{name} is {value}; give a positive number, or leave it out")
+    top = float(np.abs(data.u).max()) if volts is None else volts
+    work = _Work(Course.of(fit, data, top, strike), np.random.default_rng([seed, 14]))
+    for k in range(len(PLACES)):
+        for name in TARGETS:
+            if name in targets:
+                _PARTS[name](work, k)
+    course = work.course
+    u, y = course.inputs(), course.outputs()
+    then, notes = _then(fit, data, u, y, targets)
+    fastest = float(np.abs(np.diff(y)).max()) / data.Ts
+    return Design(
+        targets,
+        u,
+        y,
+        data.Ts,
+        tuple(work.phases),
+        fastest,
+        _in_units(joint_values(fit, data=data), data),
+        _in_units(then, data),
+        (data.u_unit, data.y_unit),
+        (*course.notes, *notes),
+    )
+
+
+@dataclass
+class _Work:
+    """A course that grows, and its phases."""
+
+    course: Course
+    rng: np.random.Generator
+    phases: list[Phase] = field(default_factory=list)
+
+    def phase(self, name: str, why: str, run: Callable[[], None]) -> None:
+        start = self.course.N
+        run()
+        self.phases.append(Phase(name, start, self.course.N, why))
+
+
+def _ends(work: _Work, k: int) -> None:
+    """From end to end at different levels."""
+    course, rng = work.course, work.rng
+
+    def run() -> None:
+        for most, shortest, longest in PAIRS[k]:
+            for way in (-1, 1):
+                share = most * rng.uniform(0.9, 1.0)
+                part = rng.uniform(shortest, longest) if not course.free else 0.9
+                course.hold(way * course.level(way, share), max(2, round(part * course.crossing(way, share))))
+        course.rest(0.5)
+
+    work.phase("ends", "from end to end at different levels", run)
+
+
+def _breakaway(work: _Work, k: int) -> None:
+    """Stairs of voltage from rest, up and down in turn."""
+    course = work.course
+
+    def run() -> None:
+        course.go(PLACES[k])
+        for way in (1, -1, 1, -1):
+            course.rest(0.5)
+            for level in course.stairs(way):
+                course.hold(level, course.step)
+        course.rest(0.5)
+
+    work.phase("breakaway", "from rest, the voltage rises in small steps until the joint starts", run)
+
+
+def _backlash(work: _Work, k: int) -> None:
+    """Slow reversals."""
+    course = work.course
+
+    def run() -> None:
+        if not (work.phases and work.phases[-1].name == "breakaway"):  # whose stairs end where they began
+            course.go(PLACES[k])
+        for n in range(2 * REVERSALS):
+            way = 1 if n % 2 == 0 else -1
+            course.hold(way * course.level(way, 0.25), course.reversal(way))
+            course.rest(0.1)
+        course.rest(0.5)
+
+    work.phase("backlash", "slow reversals: the drive crosses the backlash before the link follows", run)
+
+
+_PARTS = {"ends": _ends, "breakaway": _breakaway, "backlash": _backlash}
+
+
+def _then(
+    fit: Fit, data: IOData, u: np.ndarray, y: np.ndarray, targets: tuple[str, ...]
+) -> tuple[tuple[JointValue, ...], list[str]]:
+    """The values from a simulated record of the experiment, fitted together with the first record."""
+    chain, theta, notes = fit.model, fit.theta, []
+    if "backlash" in targets and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks):
+        width = GUESSED_PLAY * float(np.ptp(data.y))
+        place = len(chain.blocks) - (chain.blocks[-1].role == "sensor")
+        play = Play(role="play")
+        richer = sub(chain, (*chain.blocks[:place], play, *chain.blocks[place:]))
+        theta, chain = lifted(chain, theta, richer, {"play.width": width}), richer
+        own = np.asarray(chain.simulate(theta, u)).ravel()
+        y = own + (y[0] - own[0])
+        notes.append(
+            f"the first fit has no backlash; the simulated record has one of {width:.3g} {data.y_unit}".rstrip()
+        )
+    noise = np.sqrt(fit.criteria.mse) * np.random.default_rng(0).standard_normal(len(u))
+    record = _named(IOData(u, y + noise, data.Ts), data)
+    again = fit_chain(chain, record, start=np.array(theta), search="lm")
+    return joint_values(again, data=record), notes
+
+
+def _in_units(values: tuple[JointValue, ...], data: IOData) -> tuple[JointValue, ...]:
+    """The values with the output's unit in place of y."""
+    if not data.y_unit:
+        return values
+    return tuple(replace(v, unit=data.y_unit + v.unit[1:]) if v.unit[:1] == "y" else v for v in values)
+
+
+def _named(record: IOData, like: IOData) -> IOData:
+    """The record with the names and units of another."""
+    return replace(record, u_name=like.u_name, y_name=like.y_name, u_unit=like.u_unit, y_unit=like.y_unit)

@@ -1,0 +1,113 @@
+"""Which end stops a record shows: none, the lower, the upper, or both, each fitted and each to be earned."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.blocks import Motor, TravelMap
+from sysid.data.record import IOData
+from sysid.estimation.fit import fit_chain
+from sysid.estimation.joint_parts import lifted, motor_of, sub
+from sysid.estimation.result import Fit
+from sysid.estimation.starts.joint import Joint
+from sysid.joint.unseen import free_runs, harms
+from sysid.model.chain import Chain
+from sysid.selection.folds import Fold
+from sysid.solver.iterate import Options
+
+# The choices from the simplest, and how many stops each has.
+ENDS: dict[str, int] = {"straight": 0, "none": 0, "lower": 1, "upper": 1, "both": 2}
+WORDS = {
+    "straight": "no end stop and a straight linkage",
+    "none": "no end stop",
+    "lower": "the lower end stop alone",
+    "upper": "the upper end stop alone",
+    "both": "both end stops",
+}
+_SCREENING = Options(max_iterations=40)
+_OWN = 1  # starts of its own for a joint with fewer stops, besides the optimum with both
+_DOUBT = 20.0  # margins of BIC within which a joint without stops gets more starts
+_CLEAR = 5.0  # margins beyond which a stop need not show on unseen folds: one that is struck once is in one fold alone
+
+
+@dataclass(frozen=True)
+class Ends:
+    """The choice, its fit, and BIC of every choice that was fitted."""
+
+    which: str
+    fit: Fit
+    bics: dict[str, float]
+
+
+def variant(chain: Chain, which: str, low: float, high: float) -> Chain:
+    """The joint with these end stops; `low` and `high` [y] are the outputs at 0 and 1 strokes.
+
+    Where a stop is left out, the output at that end of the linkage only sets the scale of a stroke, and is held.
+    """
+    motor = motor_of(chain)
+    if which == "both":
+        return chain
+    fewer = replace(motor, stops=which if which in ("lower", "upper") else False)
+    blocks = tuple(
+        fewer if b is motor else b for b in chain.blocks if which != "straight" or not isinstance(b, TravelMap)
+    )
+    scale = {"lower": {"map.high": high}, "upper": {"map.low": low}, "none": {"map.low": low, "map.high": high}}
+    return sub(chain, blocks, scale[which] if which in scale and _mapped(chain) else {})
+
+
+def chosen_ends(both: Fit, data: IOData, pair: tuple[Fold, ...], margin: float, options: dict[str, Any]) -> Ends:
+    """The choice with least BIC, where each stop costs `margin` besides and does no harm on unseen folds."""
+    chain = both.model
+    if not motor_of(chain).stops:
+        return Ends("none" if _mapped(chain) else "straight", both, {})
+    low, high = _outputs(both)
+    fits = {"both": both}
+    for which in ENDS:
+        if which == "both" or (which == "straight" and not (_mapped(chain) and low < high)):
+            continue
+        other = _fitted(variant(chain, which, low, high), both, data, _OWN, options)
+        if other is not None:
+            fits[which] = other
+    bare = [name for name in fits if not ENDS[name]]
+    if not bare:
+        return Ends("both", both, {"both": float(both.criteria.bic)})
+    if min(fits[name].criteria.bic for name in bare) < both.criteria.bic + _DOUBT * margin:
+        for name in bare:
+            other = _fitted(fits[name].model, fits[name], data, 3 * _OWN, {**options, "seed": options["seed"] + 1})
+            fits[name] = min((fits[name], other or fits[name]), key=lambda fit: fit.criteria.bic)
+    price = {name: fit.criteria.bic + margin * (ENDS[name] + (name != "straight")) for name, fit in fits.items()}
+    which = min(price, key=lambda name: price[name])
+    free = min(bare, key=lambda name: price[name])
+    if ENDS[which] and pair and price[free] < price[which] + _CLEAR * margin:
+        seen = {name: free_runs(fits[name].model, fits[name].theta, pair) for name in (free, which)}
+        if harms(seen[free], seen[which], float(np.sqrt(both.criteria.mse))):
+            which = free
+    return Ends(which, fits[which], {name: float(fit.criteria.bic) for name, fit in fits.items()})
+
+
+def _fitted(chain: Chain, known: Fit, data: IOData, own: int, options: dict[str, Any]) -> Fit | None:
+    """From a known optimum, and from starts of its own where the stops are gone; None if every one of them diverges."""
+    free = not motor_of(chain).stops
+    points = [lifted(known.model, known.theta, chain, {})] if _mapped(chain) or not _mapped(known.model) else []
+    points += Joint().starts(chain, data, own, options["seed"]) if free or not points else []
+    try:
+        return fit_chain(chain, data, start=np.array(points), options=_SCREENING, **options)
+    except InputError:
+        return None
+
+
+def _mapped(chain: Chain) -> bool:
+    return any(isinstance(b, TravelMap) for b in chain.blocks)
+
+
+def _outputs(fit: Fit) -> tuple[float, float]:
+    """Outputs at the lower and upper stop."""
+    for b in fit.model.blocks:
+        part = fit.model.part(fit.theta, b)
+        if isinstance(b, TravelMap):
+            return float(part[0]), float(part[1])
+        if isinstance(b, Motor):
+            found = b.value(part, "lower"), b.value(part, "upper")
+    return found

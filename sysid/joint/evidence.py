@@ -1,0 +1,240 @@
+"""What a record bears out of a fitted joint's values: ends that were met, starts from rest, crossings of the backlash.
+
+A fit has a number for every parameter, and a small interval where the model could not be otherwise. Whether the record
+shows what the number stands for is a question to the record.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid.base.units import number, shown
+from sysid.blocks import CoastingPlay, Play
+from sysid.data.record import IOData
+from sysid.estimation.joint_parts import motor_of
+from sysid.estimation.result import Fit
+from sysid.joint.value_physics import breakaway_over_place, ends_of
+from sysid.joint.value_record import Started, StopTest, noise_level, starts_from_rest, stop_test
+from sysid.joint.value_spread import LACKS
+from sysid.model.chain import Chain
+from sysid.uncertainty.information import Information, information
+from sysid.uncertainty.initial_sensitivity import with_initial_state
+
+STARTS = 2  # from rest in one direction, under a slowly rising voltage
+CROSSINGS = 6  # of the backlash, both ways together
+_PLACE = 0.03  # standard uncertainty of a break-away at mid stroke that is read elsewhere, as a share of it
+_APART = 2.0  # standard deviations by which model and starts contradict each other
+_COASTS = 0.25  # of the speed: a link that loses more of it in a sample does not show its way across the backlash
+_SIDE = 0.4  # of the backlash from its middle: the link lies against this side
+_TOLD = 0.5  # of lag and delay together: a wider standard deviation of one does not tell it from the other
+_TOGETHER = -0.98  # a correlation of lag and delay below it leaves only their sum
+STAIRS = "qpal design --for breakaway FILE"
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Whether the record determines a value, one plain sentence why (not), and what was counted."""
+
+    determined: bool
+    why: str = ""
+    counts: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """By name of a value, what the record shows of it; the tests of both ends and the starts from rest behind it.
+
+    A value without an entry needs nothing but information. `breakaway`: factor on the model's break-away by which it
+    agrees with the starts, and its standard uncertainty, by name.
+    """
+
+    values: Mapping[str, Shown]
+    stops: Mapping[str, StopTest]
+    starts: tuple[Started, ...]
+    noise: float
+    breakaway: Mapping[str, tuple[float, float]]
+
+    def determined(self, name: str) -> bool:
+        """Whether the record determines the value `name`, as far as it takes more than information."""
+        return self.values[name].determined if name in self.values else True
+
+    def why(self, name: str) -> str:
+        """The sentence of the value `name`; '' if there is none."""
+        return self.values[name].why if name in self.values else ""
+
+
+def evidence(fit: Fit, data: IOData, info: Information | None = None) -> Evidence:
+    """What the estimation record `data` shows of the values of an actuated joint `fit`.
+
+    end_low, end_high: see `sysid.joint.value_record.stop_test`. breakaway_up, breakaway_down: at least `STARTS` starts
+    from rest that a slowly rising voltage brackets. backlash: at least `CROSSINGS` of the model's link from side to
+    side. time_constant and delay: neither is told from their sum if Ts is longer than it, or if their correlation in
+    the information matrix, or their uncertainty, says so. `info` spares its computation.
+    """
+    chain, theta = fit.model, fit.theta
+    noise, links, stops = _noise(data), _links(chain, theta, data), stop_tests(fit, data)
+    found = {name: _of_stop(test, data.y_unit or "y", name) for name, test in stops.items()}
+    starts = tuple(starts_from_rest(data, noise)) if chain.block("sensor") is None else ()
+    factors, volts = {}, breakaway_over_place(chain, theta)
+    for name, way in (("breakaway_up", 1), ("breakaway_down", -1)):
+        agreed = _agreed([start for start in starts if start.way == way and start.slow], volts)
+        factors[name] = _factor(agreed)
+        found[name] = _of_starts(len(agreed), factors[name][1], "up" if way > 0 else "down")
+    if links is not None:
+        found["backlash"] = _of_crossings(*links, _slowing(chain, theta, data))
+    if motor_of(chain).delayed:
+        found["time_constant"] = found["delay"] = _of_times(
+            fit, information(fit, data, "auto") if info is None else info
+        )
+    return Evidence(found, stops, starts, noise, factors)
+
+
+def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
+    """`stop_test` of the fit's end_low and end_high on its record; empty without stops.
+
+    Where a map of the sensor follows, the place of the link is the model's, because the record does not show it.
+    """
+    chain, theta = fit.model, fit.theta
+    inputs, places = [record.u[:, 0] for record in data.experiments], _places(chain, theta, data)
+    noise, slack = float(np.median([noise_level(y) for y in places])), _width(chain, theta)
+    ends = zip(("end_low", "end_high"), (-1.0, 1.0), ends_of(chain, theta), strict=True)
+    return {
+        name: stop_test(inputs, places, data.Ts, at, noise, way, slack) for name, way, at in ends if np.isfinite(at)
+    }
+
+
+def _noise(data: IOData) -> float:
+    return float(np.median([noise_level(record.y[:, 0]) for record in data.experiments]))
+
+
+def _places(chain: Chain, theta: np.ndarray, data: IOData) -> list[np.ndarray]:
+    """Place of the link in each experiment: the record, or where a sensor's map follows, what the model says."""
+    sensor = chain.block("sensor")
+    if sensor is None:
+        return [record.y[:, 0] for record in data.experiments]
+    k = chain.blocks.index(sensor)
+    return [chain.through(row, record.u[:, 0], 0, k) for row, record in _runs(chain, theta, data)]
+
+
+def _runs(chain: Chain, theta: np.ndarray, data: IOData) -> list[tuple[np.ndarray, IOData]]:
+    """theta with the initial state of each experiment, and the experiment."""
+    return [
+        (theta if k == 0 else with_initial_state(chain, theta, record), record)
+        for k, record in enumerate(data.experiments)
+    ]
+
+
+def _width(chain: Chain, theta: np.ndarray) -> float:
+    play = next((b for b in chain.blocks if isinstance(b, Play | CoastingPlay)), None)
+    return 0.0 if play is None else float(chain.part(theta, play)[0])
+
+
+def _links(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[int, int] | None:
+    """How often the model's link crosses its backlash upward and downward; None without a backlash."""
+    play = next((b for b in chain.blocks if isinstance(b, Play | CoastingPlay)), None)
+    if play is None:
+        return None
+    k, width, counts = chain.blocks.index(play), _width(chain, theta), [0, 0]
+    for row, record in _runs(chain, theta, data):
+        x = chain.through(row, record.u[:, 0], 0, k)
+        share = (play.output(chain.part(row, play), x) - x) / max(width, 1e-300)
+        sides = np.sign(share[np.abs(share) > _SIDE])
+        counts[0] += int(np.sum(np.diff(sides) > 0))
+        counts[1] += int(np.sum(np.diff(sides) < 0))
+    return counts[0], counts[1]
+
+
+def _of_stop(test: StopTest, unit: str, name: str) -> Shown:
+    counts = {"rests": len(test.visits), "arrivals": test.arrivals, "farthest": test.farthest}
+    if test.met:
+        return Shown(True, f"{len(test.visits)} rests against it", counts)
+    as_shown = shown(name, unit)
+    place = f"{number(test.farthest * as_shown.factor, 4)} {as_shown.unit}".rstrip()
+    return Shown(False, f"not met: beyond {place} ({test.why})", counts)
+
+
+def _of_starts(count: int, std: float, way: str) -> Shown:
+    counts = {"slow_starts": count, "uncertainty": std}
+    said = f"{count or 'no'} start{'' if count == 1 else 's'} from rest {way} under a slowly rising voltage"
+    if count < STARTS:
+        return Shown(False, f"{said}, {STARTS} that agree are needed: record slow stairs ({STAIRS})", counts)
+    if not np.isfinite(std):
+        return Shown(False, f"{said} contradict the model: record slower stairs ({STAIRS})", counts)
+    return Shown(True, said, counts)
+
+
+def _agreed(slow: Sequence[Started], volts: Callable[[float, int], float]) -> np.ndarray:
+    """Brackets (n, 2) of slow starts as shares of the model's break-away `volts`, those that overlap the earliest one.
+
+    A link that crosses its backlash first, or creeps before it is seen, starts late and never early.
+    """
+    model = np.array([volts(start.place, start.way) for start in slow])
+    brackets = np.array([sorted((abs(start.held), abs(start.moved))) for start in slow]).reshape(-1, 2)
+    brackets /= np.maximum(np.abs(model), 1e-9)[:, None]
+    return brackets[brackets[:, 0] <= brackets[:, 1].min(initial=np.inf)]
+
+
+def _factor(brackets: np.ndarray) -> tuple[float, float]:
+    """Factor on the model's break-away from the brackets (n, 2) of starts, and its standard uncertainty.
+
+    A bracket is a uniform distribution, the model a normal one around 1; they are weighted by their precisions. The
+    uncertainty is infinite if they contradict each other.
+    """
+    lack = LACKS["breakaway"]
+    if not len(brackets):
+        return 1.0, lack
+    middle, half = brackets.mean(axis=1), np.diff(brackets, axis=1)[:, 0] / 2.0
+    weight = 1.0 / np.maximum(half / np.sqrt(3.0), 1e-6) ** 2
+    read = float(weight @ middle / weight.sum())
+    scatter = float(np.sqrt(weight @ (middle - read) ** 2 / weight.sum() / len(middle)))
+    std = float(np.sqrt(1.0 / weight.sum() + scatter**2 + _PLACE**2))
+    if abs(read - 1.0) > _APART * np.hypot(std, lack):
+        return read, np.inf
+    share = lack**2 / (lack**2 + std**2)
+    return 1.0 + share * (read - 1.0), float(np.sqrt(share) * std)
+
+
+def _of_crossings(up: int, down: int, slowing: float) -> Shown:
+    counts = {"crossings_up": up, "crossings_down": down, "slowing": slowing}
+    if up + down < CROSSINGS:
+        why = f"the link crosses it {up + down} times, {CROSSINGS} are needed: reverse slowly where its weight changes"
+        return Shown(False, f"{why} sides (qpal design --for backlash FILE)", counts)
+    if slowing > _COASTS:
+        why = f"friction and weight take {100 * min(slowing, 1.0):.0f} % of the link's speed or more in a sample"
+        return Shown(False, f"{why}, so its way across is not seen: sample faster", counts)
+    return Shown(True, f"the link crosses it {up + down} times", counts)
+
+
+def _slowing(chain: Chain, theta: np.ndarray, data: IOData) -> float:
+    """Share of its usual speed that a coasting link loses in a sample by friction and weight; 0 for one that does not
+    coast."""
+    play = next((b for b in chain.blocks if isinstance(b, CoastingPlay)), None)
+    if play is None:
+        return 0.0
+    _, _, drag, pull, slope = chain.part(theta, play)
+    weight = max(abs(pull + slope * float(f(record.y))) for record in data.experiments for f in (np.min, np.max))
+    usual = max(float(np.quantile(np.abs(np.diff(record.y[:, 0])), 0.9)) for record in data.experiments)
+    return float(drag + weight) / max(usual, 1e-300)
+
+
+def _of_times(fit: Fit, info: Information) -> Shown:
+    """Whether lag and delay are told apart; the correlation of their estimates decides, and the sampling time."""
+    chain, motor, Ts = fit.model, motor_of(fit.model), fit.Ts
+    gradient = np.array([[float(name == f"{motor.role}.{part}") for name in chain.names] for part in ("lag", "delay")])
+    lag, delay = (motor.value(chain.part(fit.theta, motor), part) for part in ("lag", "delay"))
+    std = info.std_of(gradient)
+    cov = info.covariance_of(gradient)
+    size = float(np.sqrt(cov[0, 0] * cov[1, 1]))
+    r = float(cov[0, 1]) / size if size > 0.0 else 0.0
+    counts = {"correlation": r, "samples": lag + delay}
+    limits = chain.limits
+    at = [chain.names.index(f"{motor.role}.{part}") for part in ("lag", "delay")]
+    free = all(limits[0][i] < fit.theta[i] < limits[1][i] for i in at)
+    if lag + delay < 1.0:
+        why = f"the sampling time of {Ts:g} s is longer than time constant and delay together"
+    elif not free or not np.all(np.isfinite(std)) or r < _TOGETHER or max(std) > _TOLD * (lag + delay) / 2:
+        why = f"this record does not tell time constant and delay apart (correlation {r:.2f})"
+    else:
+        return Shown(True, f"correlation {r:.2f}", counts)
+    return Shown(False, f"{why}; sample faster to tell them apart", counts)

@@ -1,0 +1,110 @@
+"""Parts that a joint may grow: for each, the chain with it and the starting points of its search."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sysid.block.block import Block
+from sysid.blocks import CoastingPlay, Motor, Play
+from sysid.data.record import IOData
+from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lifted, motor_of, sub
+from sysid.estimation.play_start import play_starts
+from sysid.estimation.result import Fit
+from sysid.model.chain import Chain
+
+_TRIED = 3  # of the plays that promise most, how many are tried
+_SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
+Candidate = tuple[Chain, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part by name: what it is in words, and how a fit gets it.
+
+    `options` are the fields of the motor that it sets; `play` is the block that it adds.
+    """
+
+    words: str
+    options: tuple[str, ...] = ()
+    play: type[Block] | None = None
+
+    def added(self, fit: Fit, data: IOData) -> Candidate | None:
+        """The chain with this part and starting points (K, P); None if the chain has it or cannot have it."""
+        return _with_friction(fit, data, self.options) if self.play is None else _with_play(fit, data, self.play)
+
+    def within(self, other: "Part") -> bool:
+        """Whether the other part contains this one."""
+        return set(self.options) < set(other.options) or (self.play, other.play) == (Play, CoastingPlay)
+
+
+# A self-locking screw has load-dependent friction and jams; one of the two alone may not lower BIC.
+PARTS: dict[str, Part] = {
+    "stribeck": Part("friction that falls with speed", ("stribeck",)),
+    "loss": Part("screw friction proportional to its load", ("loss",)),
+    "jams": Part("jamming at struck stops", ("jams",)),
+    "screw": Part("screw friction proportional to its load, and jamming at the end stops", ("loss", "jams")),
+    "plays": Part("a play", play=Play),
+    "coasts": Part("backlash with a coasting link", play=CoastingPlay),
+}
+
+
+def is_plain(chain: Chain) -> bool:
+    """Whether the chain has a motor and none of the parts that can be added."""
+    motors = [b for b in chain.blocks if isinstance(b, Motor)]
+    richer = any(getattr(b, option) for b in motors for option in FRICTIONS)
+    return bool(motors) and not richer and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks)
+
+
+def more(fit: Fit, data: IOData, names: tuple[str, ...]) -> Iterator[tuple[str, Chain, np.ndarray]]:
+    """Every chain with one more part than the fit, with starting points (K, P)."""
+    for name in names:
+        found = PARTS[name].added(fit, data)
+        if found is not None:
+            yield name, *found
+
+
+def again(name: str, fit: Fit, data: IOData) -> list[np.ndarray]:
+    """First values of a part that the fit has, beside its other values."""
+    options = PARTS[name].options
+    if not options:
+        return []
+    return [lifted(fit.model, fit.theta, fit.model, p) for p in friction_starts(options, fit.model, fit.theta, data)]
+
+
+def _with_friction(fit: Fit, data: IOData, options: tuple[str, ...]) -> Candidate | None:
+    chain, motor = fit.model, motor_of(fit.model)
+    if any(getattr(motor, option) or not _possible(motor, option) for option in options):
+        return None
+    switched: dict[str, Any] = dict.fromkeys(options, True)
+    if "stribeck" in options:
+        switched["substeps"] = max(motor.substeps, _SUBSTEPS)
+    richer = replace(motor, **switched)
+    held = dict(chain.fixed)
+    if "loss" in options and held.get(f"{motor.role}.load0") == 0.0:
+        del held[f"{motor.role}.load0"]  # a loss tells a load from a difference between the frictions
+    grown = sub(replace(chain, fixed=held), tuple(richer if b is motor else b for b in chain.blocks))
+    points = friction_starts(options, chain, fit.theta, data)
+    return grown, np.array([lifted(chain, fit.theta, grown, point) for point in points])
+
+
+def _possible(motor: Motor, option: str) -> bool:
+    needs: dict[str, Callable[[Motor], bool]] = {"loss": lambda m: m.load > 0, "jams": lambda m: bool(m.stops)}
+    return needs[option](motor) if option in needs else True
+
+
+def _with_play(fit: Fit, data: IOData, kind: type[Block]) -> Candidate | None:
+    """Backlash before the sensor, if there is one. A link that coasts may take the place of a play."""
+    chain = fit.model
+    held = CoastingPlay if kind is CoastingPlay else Play | CoastingPlay
+    if any(isinstance(b, held) for b in chain.blocks):
+        return None
+    bare = sub(chain, tuple(b for b in chain.blocks if not isinstance(b, Play)))
+    place = len(bare.blocks) - (bare.blocks[-1].role == "sensor")
+    grown = sub(bare, (*bare.blocks[:place], kind(role="play"), *bare.blocks[place:]))
+    base = lifted(chain, fit.theta, bare, {})
+    with np.errstate(all="ignore"):  # of a joint that does not move no link can be judged
+        found = play_starts(grown, bare, base, data)[:_TRIED]
+    points = np.array([lifted(chain, fit.theta, grown, point) for point in found])
+    return (grown, points) if np.all(np.isfinite(points)) else None

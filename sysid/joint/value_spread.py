@@ -1,0 +1,90 @@
+"""How far a joint's value may be off: by noise, by what the model lacks, by the sensor and by an unseen backlash."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+from sysid.uncertainty.information import Information, information
+from sysid.uncertainty.initial_sensitivity import with_initial_state
+from sysid.uncertainty.noise_model import noise_model
+
+# Independent directions of what a joint's model lacks: friction, linkage and backlash repeat their errors with every
+# movement, so their number does not grow with the record.
+_DIRECTIONS = 10.0
+# Standard uncertainty, as a share of the value, that every joint model leaves even where its residuals are white,
+# because other parameters make up for what it lacks: found on drawn legs of the twin (scripts/drawn_joints.py).
+LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.07, "backlash": 0.12}
+LACKS |= {"speed_per_volt": 0.008}
+TIMES = 0.1  # of a sample: the same of a time
+UNSEEN = 0.005  # of the travel: standard uncertainty of an end, by the side of the backlash on which the link rests
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Half widths of intervals at one level from gradients (P,); nan if undetermined.
+
+    `noise`: information of coloured residuals. `lack`: standard deviation that the structure in the residuals leaves in
+    a direction of theta, relative to that of the plain information `plain`.
+    """
+
+    noise: Information
+    plain: Information
+    lack: float
+    level: float
+
+    def __call__(self, gradient: np.ndarray) -> float:
+        std = float(self.noise.std_of(gradient)[0])
+        off = self.lack * float(np.linalg.norm(np.atleast_2d(gradient) @ self.plain.factor))
+        return self.noise.quantile(self.level) * float(np.hypot(std, off))
+
+
+def white(fit: Fit, level: float) -> Callable[[np.ndarray], float]:
+    """Half width of an interval from a gradient (P,), for white residuals; nan if it is undetermined."""
+    factor = float(norm.ppf(0.5 + level / 2))
+    covariance, known = fit.covariance.cov, np.isfinite(fit.covariance.std()) | ~fit.model.free
+
+    def spread(gradient: np.ndarray) -> float:
+        if np.any(np.abs(gradient[~known]) > 0.0):
+            return np.nan
+        return factor * float(np.sqrt(max(gradient[known] @ covariance[np.ix_(known, known)] @ gradient[known], 0.0)))
+
+    return spread
+
+
+def spread_of(fit: Fit, data: IOData, level: float) -> Spread:
+    """The spread of a fit to the record `data`.
+
+    Structure that is left in the residuals is orthogonal to what the parameters can follow. What the model lacks has as
+    much along the parameters as along any other of its `_DIRECTIONS`: with m the structure, |m|^2 = N (mean square of
+    the residuals - variance of the noise), a value with gradient g is off by (g' (J'J)^-1 g |m|^2 / directions)^(1/2).
+    The variance of the noise is that of the innovations of an autoregression.
+    """
+    e, plain = residuals(fit, data), information(fit, data, lags=None)
+    all_e = np.concatenate(e)
+    mse, lengths = float(np.mean(all_e**2)), [len(part) for part in e]
+    noise = noise_model(all_e, np.zeros((len(all_e), 0)), lengths).variance if mse > 0.0 else 0.0
+    lack = np.sqrt(len(all_e) * max(1.0 - noise / mse, 0.0) / _DIRECTIONS) if mse > 0.0 else 0.0
+    return Spread(information(fit, data, lags="auto"), plain, float(lack), level)
+
+
+def lacking(name: str, value: float, travel: float, Ts: float) -> float:
+    """Standard uncertainty of a value by what every model of a joint lacks; `travel` is the way between the ends."""
+    if name.startswith("end_"):
+        return UNSEEN * travel
+    if name in ("lag_and_delay", "time_constant", "delay"):
+        return TIMES * Ts
+    return next((share for start, share in LACKS.items() if name.startswith(start)), 0.0) * abs(value)
+
+
+def residuals(fit: Fit, data: IOData) -> list[np.ndarray]:
+    """Residuals of the free run of each experiment, of its observed samples."""
+    found = []
+    for k, record in enumerate(data.experiments):
+        theta = fit.theta if k == 0 else with_initial_state(fit.model, fit.theta, record)
+        e = record.y[:, 0] - fit.model.simulate(theta, record.u[:, 0])
+        found.append(e[record.observed[:, 0]])
+    return found

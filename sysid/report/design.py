@@ -1,0 +1,97 @@
+"""The page of `qpal design`: the next experiment, and what it would tell."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.base import style
+from sysid.base.style import styled
+from sysid.base.units import shown
+from sysid.base.versions import versions
+from sysid.joint.design import Design
+from sysid.report.page import Grid, Page, Picture, Section
+from sysid.report.sections import WORDS, value_cells
+from sysid.workflow.design import Proposal
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = (style.MODEL, style.SECOND, style.INPUT)
+
+
+def page(result: Proposal, file: str) -> Page:
+    """The whole report; `file` has the input."""
+    d = result.design
+    caption = (
+        "Input, and the output that the first fit predicts. The bands are the parts of the experiment. The real joint "
+        "may be elsewhere: before every slow part it runs to its lower end, or stays near the middle."
+    )
+    return Page(
+        "The next experiment",
+        f"{', '.join(d.targets)}; designed on {result.record.path.name}",
+        sentences(result, file),
+        [
+            Section("Experiment", tables=[phases(d)], pictures=[Picture("experiment", style.png(draw(d)), caption)]),
+            Section("What it would tell", tables=[values(d)]),
+        ],
+        versions(),
+    )
+
+
+def sentences(result: Proposal, file: str) -> list[str]:
+    """What to do, and what was assumed."""
+    d = result.design
+    speed = shown("", f"{d.units[1]}/s" if d.units[1] else "1/s")
+    return [
+        f"Run the input of {file} ({d.duration:.0f} s, up to {np.abs(d.u).max():.3g} {d.units[0]}) on the joint, "
+        f"record input and output every {d.Ts:g} s, and identify the new record: {result.command}.",
+        f"The joint moves at {d.fastest * speed.factor:.3g} {speed.unit} at most, and meets its ends no faster; "
+        "--strike lowers this.",
+        *(f"{note[0].upper()}{note[1:]}." for note in d.notes),
+    ]
+
+
+def tables(result: Proposal) -> list[Grid]:
+    """What a terminal shows."""
+    return [phases(result.design), values(result.design)]
+
+
+def phases(d: Design) -> Grid:
+    """The parts of the experiment."""
+    rows = [(p.name, f"{p.start * d.Ts:.1f} to {p.stop * d.Ts:.1f}", p.why) for p in d.phases]
+    return Grid(("part", "time [s]", "what happens"), rows, "Parts of the experiment", last_text=True)
+
+
+def values(d: Design) -> Grid:
+    """The joint's values now, and with the experiment."""
+    now, then = ({v.name: v for v in each} for each in (d.now, d.then))
+    rows = []
+    for name in dict.fromkeys([*now, *then]):
+        cells = [value_cells(each[name])[:2] if name in each else ("–", "–") for each in (now, then)]
+        unit = value_cells(then.get(name) or now[name])[2]
+        rows.append((WORDS.get(name, name.replace("_", " ")), *cells[0], cells[1][1], unit))
+    caption = (
+        "Values from the first record, and the 95 % intervals expected from the new one if the joint is like the fit"
+    )
+    return Grid(("", "now", "95 % interval now", "expected", "unit"), rows, caption, last_text=True)
+
+
+@styled
+def draw(d: Design) -> Sequence["Axes"]:
+    """Input and predicted output over time, with the parts as bands."""
+    upper, lower = style.panels(None, rows=2, height=4.4, sharex=True)
+    t, out = np.arange(len(d.u)) * d.Ts, shown("", d.units[1])
+    style.line(upper, t, d.u, steps=True, color=style.INPUT, linewidth=0.8)
+    style.line(lower, t, d.y * out.factor, color=style.MODEL, linewidth=0.9)
+    names = list(dict.fromkeys(p.name for p in d.phases))
+    for axes in (upper, lower):
+        for p in d.phases:
+            colour = COLOURS[names.index(p.name) % len(COLOURS)]
+            axes.axvspan(p.start * d.Ts, p.stop * d.Ts, color=colour, alpha=0.10, linewidth=0)
+    for p in d.phases:
+        middle = 0.5 * (p.start + p.stop) * d.Ts
+        upper.annotate(p.name, (middle, 1.02), xycoords=("data", "axes fraction"), ha="center", va="bottom")
+    upper.set(ylabel=f"input u [{d.units[0]}]" if d.units[0] else "input u")
+    lower.set(xlabel="time [s]", ylabel=f"predicted y [{out.unit}]" if out.unit else "predicted y")
+    return upper, lower

@@ -1,0 +1,141 @@
+"""The next experiment shows what it is designed for, on joints that are not quite the fit it was designed on."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from sysid.base.errors import InputError
+from sysid.blocks import Motor
+from sysid.data.record import IOData
+from sysid.estimation.fit import fit_chain
+from sysid.estimation.result import Fit
+from sysid.joint.design import Design, design
+from sysid.joint.values import joint_values
+from sysid.model.chain import Chain
+from sysid.structures import actuated_joint, output_error
+
+TS, NOISE = 0.05, 1e-3
+STICKY = actuated_joint(motor=Motor(load=2, stribeck=True, substeps=4), knots=3, play=False)
+# Strokes a sample and volt, samples, volts; the ends are -0.5 and 1.1 rad, break-away is 1.8 up and 2.4 down at middle.
+TRUE = {
+    **{"motor.gain": 6e-4, "motor.lag": 1.5, "motor.rise": 1.4, "motor.fall": 2.0, "motor.stick": 0.4},
+    **{"motor.stick_speed": 2e-4, "motor.load1": 0.5, "motor.delay": 0.6, "motor.lower": 0.0, "motor.upper": 1.0},
+    **{"motor.x0": 0.4, "map.low": -0.5, "map.high": 1.1, "map.s1": 0.55},
+}
+
+
+def theta_of(chain: Chain, values: dict[str, float]) -> np.ndarray:
+    return np.array([values.get(name, 0.0) for name in chain.names])
+
+
+def run(values: dict[str, float], u: np.ndarray, chain: Chain = STICKY) -> np.ndarray:
+    return chain.simulate(theta_of(chain, values), u).ravel()
+
+
+@cache
+def first() -> tuple[Fit, IOData]:
+    """A fast sweep, and the plain joint that is fitted to it: it has never seen a slow start."""
+    rng = np.random.default_rng(4)
+    levels = rng.uniform(7.0, 12.0, 24) * np.where(np.arange(24) % 2, -1.0, 1.0)
+    u = np.repeat(levels, 180)
+    data = IOData(u, run(TRUE, u) + NOISE * rng.standard_normal(len(u)), TS, u_unit="V", y_unit="rad")
+    plain = actuated_joint(motor=Motor(load=2), knots=3, play=False)
+    known = {name: value for name, value in TRUE.items() if name in plain.names}
+    return fit_chain(plain, data, start=theta_of(plain, known), search="lm"), data
+
+
+@cache
+def proposed(*targets: str, strike: float | None = None) -> Design:
+    fit, data = first()
+    return design(fit, data, targets, strike=strike)
+
+
+def changed(**factors: float) -> dict[str, float]:
+    return {name: value * factors.get(name.split(".")[1], 1.0) for name, value in TRUE.items()}
+
+
+def starts(values: dict[str, float], d: Design) -> list[tuple[int, float, float]]:
+    """Way, level and position at every start from rest in the stairs, by the motion of the true joint."""
+    place = STICKY.signals(theta_of(STICKY, values), d.u)[1].ravel()
+    speed = np.abs(np.diff(place, prepend=place[0]))
+    found = []
+    for phase in d.phases:
+        if phase.name != "breakaway":
+            continue
+        for t in range(phase.start + 10, phase.stop - 5):
+            still, moves = np.all(speed[t - 4 : t + 1] == 0.0), np.all(speed[t + 1 : t + 4] > 0.0)
+            if still and moves and 0.05 < place[t] < 0.95 and np.abs(d.u[t]) < 4.0:
+                found.append((int(np.sign(d.u[t])), float(d.u[t]), float(place[t])))
+    return found
+
+
+@pytest.mark.parametrize("factors", [{}, {"gain": 1.1, "rise": 0.9}, {"gain": 0.9, "fall": 1.15, "stick": 1.3}])
+def test_stairs_bracket_the_voltage_that_starts_the_joint(factors: dict[str, float]) -> None:
+    """The fit of the fast sweep knows neither stick nor, here, the right speed and friction."""
+    d, values = proposed("ends", "breakaway"), changed(**factors)
+    found = starts(values, d)
+    for way in (-1, 1):
+        own = [(level, place) for w, level, place in found if w == way]
+        assert len(own) >= 5
+        dry = values["motor.rise" if way > 0 else "motor.fall"] + values["motor.stick"]
+        needed = np.array([way * dry + values["motor.load1"] * (place - 0.5) for _, place in own])
+        # A stair is 4 % of the fitted voltage, and the joint starts on the first one above what it needs.
+        assert np.all(np.abs(np.array([level for level, _ in own]) - needed) < 0.08 * np.abs(needed))
+
+
+@pytest.mark.parametrize(
+    ("factors", "least"), [({}, 4), ({"gain": 0.85}, 2), ({"gain": 1.15, "rise": 1.2, "fall": 1.2}, 4)]
+)
+def test_both_ends_are_met_at_different_speeds_by_a_joint_that_differs_from_the_fit(
+    factors: dict[str, float], least: int
+) -> None:
+    d = proposed("ends")
+    place = STICKY.signals(theta_of(STICKY, changed(**factors)), d.u)[1].ravel()
+    for end in (0.0, 1.0):
+        there = np.abs(place - end) < 1e-9
+        arrivals = np.flatnonzero(there[1:] & ~there[:-1])
+        speeds = np.abs(place[arrivals] - place[arrivals - 1])
+        assert len(arrivals) >= least
+        assert speeds.max() > 1.3 * speeds.min()
+
+
+def test_no_speed_above_the_one_allowed() -> None:
+    free, careful = proposed("ends", "breakaway", "backlash"), proposed("ends", "breakaway", "backlash", strike=0.12)
+    fastest = [np.abs(np.diff(run(TRUE, d.u))).max() / TS for d in (free, careful)]
+    assert fastest[0] > 0.15
+    assert 0.08 < fastest[1] <= 0.12  # as fast as it may be, not slower
+    assert careful.fastest <= 0.12
+
+
+def test_expected_intervals_are_as_wide_as_estimates_from_such_records_scatter() -> None:
+    d, (fit, _) = proposed("ends", "breakaway"), first()
+    own = fit.model.simulate(fit.theta, d.u).ravel()
+    estimates: dict[str, list[float]] = {}
+    for seed in range(30):
+        noise = np.sqrt(fit.criteria.mse) * np.random.default_rng([seed, 1]).standard_normal(len(own))
+        again = fit_chain(fit.model, IOData(d.u, own + noise, TS), start=fit.theta, search="lm")
+        for value in joint_values(again):
+            estimates.setdefault(value.name, []).append(value.value)
+    expected = {v.name: v for v in d.then}
+    for name in ("speed_per_volt", "coulomb_up", "coulomb_down"):
+        v = expected[name]
+        assert v.low is not None
+        assert v.high is not None
+        # Of 30 estimates the standard deviation is known to 13 %.
+        assert (v.high - v.low) / 3.92 == pytest.approx(np.std(estimates[name], ddof=1), rel=0.45), name
+
+
+def test_what_cannot_be_designed_is_told_in_a_sentence() -> None:
+    fit, data = first()
+    with pytest.raises(InputError, match="unknown value to design for 'rust'"):
+        design(fit, data, ("rust",))
+    with pytest.raises(InputError, match=r"no value to design for; give some of ends, breakaway, backlash"):
+        design(fit, data, ())
+    with pytest.raises(InputError, match=r"strike is -1; give a positive number"):
+        design(fit, data, strike=-1)
+    with pytest.raises(InputError, match=r"may not exceed 1; allow larger inputs or speeds"):
+        design(fit, data, volts=1)
+    linear = fit_chain(output_error(1, 1, 1), data, start=np.array([0.1, -0.9, 0.0]), search="lm")
+    with pytest.raises(InputError, match="has no motor; design the next experiment on an actuated_joint"):
+        design(linear, data)

@@ -1,0 +1,218 @@
+"""What a record bears out: stops that were met, starts from rest, crossings of the backlash, on joints made by hand."""
+
+import numpy as np
+import pytest
+
+from sysid.blocks import Motor
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+from sysid.joint.evidence import CROSSINGS, evidence
+from sysid.joint.value_record import noise_level, starts_from_rest, stop_test
+from sysid.joint.values import joint_values
+from sysid.solver.covariance import Covariance
+from sysid.structures import actuated_joint
+
+TS, NOISE = 0.05, 0.003
+SPEED, DRY = 0.2, 2.0  # [1/s/V], [V]
+
+
+def moved(u, low=-np.inf, high=np.inf, spring=0.0, way=1.0, seed=0):
+    """Place of a joint without inertia: it moves by the voltage beyond dry friction and spring, between two stops."""
+    y, x = np.zeros(len(u)), 0.0
+    for t, volts in enumerate(way * u):
+        y[t] = x
+        net = volts - spring * x
+        x = float(np.clip(x + TS * SPEED * np.sign(net) * max(abs(net) - DRY, 0.0), low, high))
+    return y + NOISE * np.random.default_rng(seed).standard_normal(len(u))
+
+
+def levels(values, seconds):
+    return np.repeat(np.asarray(values, dtype=float), round(seconds / TS))
+
+
+SWEEP = levels([10, -9, 8, -10, 9, -8, 10, -10], 3.0)
+
+
+def test_rests_at_speed_against_a_driving_voltage_are_a_stop():
+    y = moved(SWEEP, -1.0, 1.0)
+    for end, outward, rests in ((1.0, 1.0, 4), (-1.0, -1.0, 4)):
+        found = stop_test(SWEEP, y, TS, end, NOISE, outward)
+        assert found.met, found.why
+        assert len(found.visits) == found.arrivals == rests
+        # Each reading is a mean of at least 20 samples.
+        assert max(abs(visit.reading - end) for visit in found.visits) < 4.0 * NOISE / np.sqrt(20)
+        assert abs(found.farthest - end) < 4.0 * NOISE
+
+
+def test_the_test_knows_which_way_a_voltage_drives_and_takes_experiments_together():
+    y = moved(SWEEP, -1.0, 0.7, way=-1.0)
+    pieces = np.split(np.arange(len(y)), 4)
+    found = stop_test([SWEEP[i] for i in pieces], [y[i] for i in pieces], TS, 0.7, NOISE, 1.0)
+    assert found.met
+    assert found.arrivals == 4
+
+
+def test_a_rest_by_friction_is_no_stop():
+    u = levels([8, 1.5, -8, -1.5, 8, 1.5, -8, -1.5], 1.0)
+    y = moved(u)
+    for end in (y.max(), float(np.median(y[25:38]))):  # the joint rests there twice
+        found = stop_test(u, y, TS, end, NOISE)
+        assert not found.met
+        assert "never rests there against a voltage" in found.why
+
+
+def test_a_turn_is_no_stop():
+    u = levels([8, -8, 8, -8, 8, -8], 1.0)
+    y = moved(u)
+    assert not stop_test(u, y, TS, y.max(), NOISE).met
+
+
+def test_a_spring_holds_the_joint_against_the_voltage_that_moves_it_elsewhere_and_is_no_stop():
+    u = levels([10, -10, 10, -10, 10, -10], 6.0)
+    y = moved(u, spring=8.0)
+    assert not stop_test(u, y, TS, float(y.max()), NOISE).met
+    assert stop_test(u, moved(u, -0.6, 0.6, spring=8.0), TS, 0.6, NOISE).met
+
+
+def test_a_place_that_the_joint_passes_is_no_end():
+    y = moved(SWEEP, -1.0, 1.0)
+    found = stop_test(SWEEP, y, TS, 0.8, NOISE)
+    assert not found.met
+    assert "beyond" in found.why
+    assert not stop_test(SWEEP, y, TS, 1.2, NOISE).met
+
+
+def test_a_joint_that_no_voltage_moves_elsewhere_shows_no_stop():
+    u = levels([1.0, -1.0], 3.0)
+    assert "no voltage moves" in stop_test(u, moved(u), TS, 0.0, NOISE).why
+
+
+@pytest.mark.parametrize("step", [0.0, 0.01])
+def test_the_noise_of_a_moving_joint_is_that_of_its_readings(step):
+    y = moved(SWEEP, -1.0, 1.0)
+    if step:
+        y = np.round(y / step) * step
+    expected = np.hypot(NOISE, step / np.sqrt(12.0))
+    assert noise_level(y) == pytest.approx(expected, rel=0.35)
+
+
+def test_slow_stairs_bracket_every_start_and_sudden_voltages_none():
+    ramp = 0.05 * np.concatenate([np.arange(100), np.arange(100)[::-1]])
+    u = np.concatenate([ramp, -ramp] * 3)
+    found = starts_from_rest(IOData(u, moved(u), TS), NOISE)
+    for way in (1, -1):
+        mine = [start for start in found if start.way == way]
+        assert len(mine) == 3
+        assert all(start.held * way <= DRY <= start.moved * way for start in mine)
+        assert sum(start.slow for start in mine) >= 2  # noise makes one bracket wider than another
+    sudden = levels([5, 0, -5, 0, 5, 0, -5, 0], 2.0)
+    found = starts_from_rest(IOData(sudden, moved(sudden), TS), NOISE)
+    assert {start.way for start in found} == {1, -1}
+    assert not any(start.slow for start in found)
+
+
+def test_a_slow_motion_that_turns_is_no_rest_at_an_end():
+    # It moves by 2 standard deviations a sample: the last samples before a turn look like a rest.
+    u = levels([5, -5, 9, -9] * 4, 1.0)
+    y = moved(u, seed=3)
+    for end in (float(y.max()), float(y[19])):
+        assert not stop_test(u, y, TS, end, 5 * NOISE).met
+
+
+def test_starts_correct_a_model_whose_static_friction_is_off_and_refuse_one_that_they_contradict():
+    chain = actuated_joint(motor=Motor(load=1), knots=2, play=False)
+    ramp = 0.02 * np.concatenate([np.arange(250), np.arange(250)[::-1]])
+    u = np.concatenate([ramp, -ramp] * 4)
+    fit = as_fit(chain, JOINT)
+    y = chain.simulate(fit.theta, u) + 0.2 * NOISE * np.random.default_rng(4).standard_normal(len(u))
+    data = IOData(u, y, TS)
+    for off, determined in ((1.08, True), (0.92, True), (1.6, False), (0.6, False)):
+        wrong = as_fit(chain, JOINT | {"motor.rise": DRY * off, "motor.fall": DRY * off})
+        values = {value.name: value for value in joint_values(wrong, data=data)}
+        for way, name in ((1, "up"), (-1, "down")):
+            if determined:
+                found = values[f"breakaway_{name}"]
+                assert abs(found.value - way * DRY) < abs(off - 1.0) * DRY / 2  # the model's error is halved at least
+                assert found.holds(way * DRY)
+            else:
+                assert "contradict" in values[f"moving_friction_{name}"].why
+
+
+def as_fit(chain, values) -> Fit:
+    """A chain at these parameters as if a search had found it."""
+    from sysid.base.criteria import criteria
+    from sysid.solver.iterate import Stop
+
+    theta = np.array([values.get(name, chain.fixed.get(name, 0.0)) for name in chain.names])
+    P = len(theta)
+    none = Covariance(np.zeros((P, P)), np.zeros(P, dtype=bool), 1.0)
+    return Fit(chain, theta, TS, criteria(NOISE**2, 400, P), none, Stop("", True, 0, 0), (), (), (1.0,), 0.0, "lm", 8)
+
+
+JOINT = {"map.low": -1.0, "map.high": 1.0, "motor.gain": SPEED * TS / 2, "motor.lag": 0.7, "motor.rise": DRY}
+JOINT |= {"motor.fall": DRY, "motor.x0": 0.5, "motor.delay": 0.8, "motor.upper": 1.0, "play.width": 0.05}
+
+
+def driven(chain, u, seed=0) -> IOData:
+    fit = as_fit(chain, JOINT)
+    y = chain.simulate(fit.theta, u) + NOISE * np.random.default_rng(seed).standard_normal(len(u))
+    return IOData(u, y, TS, y_unit="rad")
+
+
+def test_the_backlash_is_crossed_at_every_reversal():
+    chain = actuated_joint(knots=2)
+    for reversals in (2, 9):
+        u = levels([6.0 * (-1) ** k for k in range(reversals + 1)], 1.0)
+        found = evidence(as_fit(chain, JOINT), driven(chain, u)).values["backlash"]
+        assert found.counts["crossings_up"] + found.counts["crossings_down"] == reversals
+        assert found.determined == (reversals >= CROSSINGS)
+
+
+def test_lag_and_delay_are_one_value_where_a_sample_is_longer_than_both():
+    chain = actuated_joint(knots=2, play=False)
+    rng = np.random.default_rng(1)
+    u = levels(rng.uniform(-9, 9, 80), 0.5)
+    data = driven(chain, u)
+    names = {value.name: value for value in joint_values(as_fit(chain, JOINT), data=data)}
+    assert {"time_constant", "delay"} <= set(names)
+    short = JOINT | {"motor.lag": 0.5, "motor.delay": 0.2}
+    fit = as_fit(chain, short)
+    data = IOData(u, chain.simulate(fit.theta, u) + NOISE * rng.standard_normal(len(u)), TS)
+    names = {value.name: value for value in joint_values(fit, data=data)}
+    assert not {"time_constant", "delay"} & set(names)
+    assert names["lag_and_delay"].value == pytest.approx(0.7 * TS)
+    assert "sample faster" in names["lag_and_delay"].why
+
+
+def test_an_end_that_no_record_shows_has_no_interval_and_says_how_far_the_joint_came():
+    chain = actuated_joint(motor=Motor(load=3, delayed=False), knots=2, play=False)
+    u = levels([8, 0, -8, 0], 1.0)
+    data = driven(chain, u)
+    values = {value.name: value for value in joint_values(as_fit(chain, JOINT), data=data)}
+    for name in ("end_low", "end_high"):
+        assert not values[name].determined
+        assert values[name].low is None
+        assert values[name].why.startswith("not met: beyond")
+    told = float(values["end_high"].why.split()[3])
+    assert told == pytest.approx(np.degrees(data.y.max()), abs=np.degrees(3.0 * NOISE))
+    assert not values["end_high"].holds(1.0)
+
+
+def test_without_starts_from_rest_a_break_away_is_called_moving_friction():
+    chain = actuated_joint(motor=Motor(load=1, stribeck=True, substeps=4), knots=2, play=False)
+    own = JOINT | {"motor.stick": 0.5, "motor.stick_speed": 0.002}
+    fit = as_fit(chain, own)
+    fast = levels([8, -5, 6, -9, 5, -8, 9, -6] * 2, 2.0)
+    ramp = 0.03 * np.concatenate([np.arange(200), np.arange(200)[::-1]])
+    slow = np.concatenate([ramp, -ramp] * 4)
+    for u, determined in ((fast, False), (slow, True)):
+        data = IOData(u, chain.simulate(fit.theta, u) + NOISE * np.random.default_rng(2).standard_normal(len(u)), TS)
+        values = {value.name: value for value in joint_values(fit, data=data)}
+        assert ("breakaway_up" in values) == determined
+        assert ("moving_friction_up" in values) != determined
+        if determined:
+            assert values["breakaway_up"].holds(DRY + 0.5)
+            assert values["breakaway_up"].value == pytest.approx(DRY + 0.5, rel=0.05)
+        else:
+            assert values["moving_friction_up"].value == pytest.approx(DRY)
+            assert "qpal design --for breakaway" in values["moving_friction_up"].why

@@ -1,0 +1,64 @@
+"""`qpal design`: the next experiment on a joint, from a first log."""
+
+from typing import Annotated
+
+import typer
+
+from sysid.base.errors import InputError
+from twin.cli import console, options
+from twin.cli.output import run_folder
+
+TARGETS = ("ends", "breakaway", "backlash")  # `sysid.joint.design.TARGETS`, whose import would slow the help text down
+
+
+def design(
+    file: options.RecordFile,
+    targets: Annotated[
+        str, typer.Option("--for", metavar="A,B", help=f"what the experiment shall show, of {', '.join(TARGETS)}")
+    ] = ",".join(TARGETS),
+    volts: Annotated[float | None, options.number("V", "largest input; that of the log if not given")] = None,
+    strike: Annotated[
+        float | None, options.number("SPEED", "largest speed, in units of the output per second, also at an end")
+    ] = None,
+    input: options.Input = None,
+    output: options.Output = None,
+    ts: options.Ts = None,
+    time: options.Time = None,
+    time_unit: options.TimeUnit = None,
+    map: options.Map = None,
+    range: options.Range = None,
+    seed: Annotated[int, options.whole("N", "seed of the drawn levels")] = 0,
+    out: options.Out = None,
+    as_json: options.Json = False,
+) -> None:
+    """Design the next experiment on an actuated joint: design.csv has the input and the predicted output."""
+    names = options.names(targets)
+    for name in names:
+        if name not in TARGETS:
+            raise InputError(f"--for has {name!r}; give some of {', '.join(TARGETS)}")
+    from sysid.report import design as report
+    from sysid.report.page import write
+    from sysid.workflow.design import propose, write_input
+
+    with run_folder(out, "design") as (folder, scratch), console.progress(3) as step:
+        step(f"reading {file}")
+        result = propose(
+            file,
+            names,
+            volts,
+            strike,
+            options.seed(seed),
+            lambda: step("fitting the joint and designing"),
+            input=input,
+            output=output,
+            Ts=ts,
+            time=time,
+            time_unit=time_unit,
+            mapping=map,
+            range=options.time_range(range),
+        )
+        step("drawing")
+        write_input(result, scratch / "design.csv")
+        target = str(folder / "design.csv")
+        write(scratch, report.page(result, target), result.as_dict())
+    console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result, target))
