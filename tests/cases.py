@@ -296,7 +296,7 @@ FOREIGN = {
 ROBOT = {"robot.mcap": ("log.u", "log.y"), "robot.bag": ("log.x", "log.y"), "robot.db3": ("log.x", "log.y")}
 # A recipe of each structure, with orders and maps.
 STRUCTURES = {
-    "actuated_joint": ActuatedJoint(driver_step=0.1, sensor_linearity=0.01),
+    "actuated_joint": ActuatedJoint(driver_step=0.1, sensor_linearity=0.01, load="spring", stops="lower"),
     "coupled_drives": CoupledDrives(2, 2, 1),
     "hammerstein": Hammerstein(2, 2, 1, "saturation"),
     "hammerstein_wiener": HammersteinWiener(2, 2, 1, "saturation", "polynomial"),
