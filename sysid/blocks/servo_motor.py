@@ -79,7 +79,7 @@ class ServoMotor(Motor):
     loop: str = "p"
     dead: bool = False
     sags: bool = False
-    updates: int = 8
+    updates: int = 4
     held: bool = False
     scheduled: bool = False
 
@@ -205,16 +205,18 @@ class ServoMotor(Motor):
         terms = [(m["kp"], "e"), (-m.get("kd", 0.0), "v"), (float(self.integrates), "i")]
         limit = w.num(m["limit"])
         late = f", {w.x} {w.num(m['delay'])} samples late" if m.get("delay") else ""
-        lines = [
-            f"W = min(max({w.sum(terms)}, -{limit}), {limit}), e = {w.x} - {w.y}{late}, held for one sample",
-            f"  e is 0 within {w.num(m['dead'])} of 0 and counts from there" if self.dead else "",
-            f"  i' = {w.num(m['ki'])}*e, 0 where W is at its limit; i = {w.num(m['i0'])} at first"
-            if self.integrates
-            else "",
-            f"  W from {'the start' if self.held else 'the middle'} of each of {self.updates} equal parts of a sample",
-        ]
+        lines = [f"W = min(max({w.sum(terms)}, -{limit}), {limit}), e = {w.x} - {w.y}{late}, held for one sample"]
+        if self.dead:
+            lines.append(f"  e is 0 within {w.num(m['dead'])} of 0 and counts from there")
+        if self.integrates:
+            lines.append(f"  i' = {w.num(m['ki'])}*e, 0 where W is at its limit; i = {w.num(m['i0'])} at first")
+        if self.sags:
+            share = f"{w.num(m['sag'])}*(W/{limit})^2"
+            lines.append(f"  W acts as (W + {share}*v/{w.num(m['gain'])})/(1 + {share})")
+        place = "start" if self.held else "middle"
+        lines.append(f"  W from the {place} of each of {self.updates} equal parts of a sample")
         motion = super().equations(theta, replace(w, x="W"))
-        return [line for line in (*lines, *motion) if line and (line in lines[:1] or "held for" not in line)]
+        return [*lines, *(line for line in motion if "is held for" not in line)]
 
     def _check_export(self) -> None:
         if self.scheduled:
