@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.errors import InputError
 from sysid.blocks import Motor, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
@@ -16,7 +17,6 @@ from sysid.model.chain import Chain
 from sysid.selection.folds import Fold
 from sysid.solver.iterate import Options
 
-FAR = 1e3  # strokes: a stop that no record reaches
 # The choices from the simplest, and how many stops each has.
 ENDS: dict[str, int] = {"straight": 0, "none": 0, "lower": 1, "upper": 1, "both": 2}
 WORDS = {
@@ -44,28 +44,17 @@ class Ends:
 def variant(chain: Chain, which: str, low: float, high: float) -> Chain:
     """The joint with these end stops; `low` and `high` [y] are the outputs at 0 and 1 strokes.
 
-    A stop that is left out is held FAR away, and the linkage goes on as a straight line.
+    Where a stop is left out, the output at that end of the linkage only sets the scale of a stroke, and is held.
     """
     motor = motor_of(chain)
     if which == "both":
         return chain
-    if which in ("lower", "upper"):
-        reach = 1.0 if _mapped(chain) else abs(high - low)
-        return replace(
-            chain,
-            fixed={
-                **chain.fixed,
-                f"{motor.role}.{'upper' if which == 'lower' else 'lower'}": (
-                    FAR * reach if which == "lower" else -FAR * reach
-                ),
-            },
-        )
-    free = replace(motor, stops=False)
+    fewer = replace(motor, stops=which if which in ("lower", "upper") else False)
     blocks = tuple(
-        free if b is motor else b for b in chain.blocks if which != "straight" or not isinstance(b, TravelMap)
+        fewer if b is motor else b for b in chain.blocks if which != "straight" or not isinstance(b, TravelMap)
     )
-    hold = {"map.low": low, "map.high": high} if which == "none" and _mapped(chain) else {}
-    return sub(chain, blocks, hold)
+    scale = {"lower": {"map.high": high}, "upper": {"map.low": low}, "none": {"map.low": low, "map.high": high}}
+    return sub(chain, blocks, scale[which] if which in scale and _mapped(chain) else {})
 
 
 def chosen_ends(both: Fit, data: IOData, pair: tuple[Fold, ...], margin: float, options: dict[str, Any]) -> Ends:
@@ -78,12 +67,16 @@ def chosen_ends(both: Fit, data: IOData, pair: tuple[Fold, ...], margin: float, 
     for which in ENDS:
         if which == "both" or (which == "straight" and not (_mapped(chain) and low < high)):
             continue
-        fits[which] = _fitted(variant(chain, which, low, high), both, data, _OWN, options)
+        other = _fitted(variant(chain, which, low, high), both, data, _OWN, options)
+        if other is not None:
+            fits[which] = other
     bare = [name for name in fits if not ENDS[name]]
+    if not bare:
+        return Ends("both", both, {"both": float(both.criteria.bic)})
     if min(fits[name].criteria.bic for name in bare) < both.criteria.bic + _DOUBT * margin:
         for name in bare:
             other = _fitted(fits[name].model, fits[name], data, 3 * _OWN, {**options, "seed": options["seed"] + 1})
-            fits[name] = min(fits[name], other, key=lambda fit: fit.criteria.bic)
+            fits[name] = min((fits[name], other or fits[name]), key=lambda fit: fit.criteria.bic)
     price = {name: fit.criteria.bic + margin * (ENDS[name] + (name != "straight")) for name, fit in fits.items()}
     which = min(price, key=lambda name: price[name])
     free = min(bare, key=lambda name: price[name])
@@ -94,12 +87,15 @@ def chosen_ends(both: Fit, data: IOData, pair: tuple[Fold, ...], margin: float, 
     return Ends(which, fits[which], {name: float(fit.criteria.bic) for name, fit in fits.items()})
 
 
-def _fitted(chain: Chain, known: Fit, data: IOData, own: int, options: dict[str, Any]) -> Fit:
-    """From a known optimum, and from starts of its own where the stops are gone."""
+def _fitted(chain: Chain, known: Fit, data: IOData, own: int, options: dict[str, Any]) -> Fit | None:
+    """From a known optimum, and from starts of its own where the stops are gone; None if every one of them diverges."""
     free = not motor_of(chain).stops
     points = [lifted(known.model, known.theta, chain, {})] if _mapped(chain) or not _mapped(known.model) else []
     points += Joint().starts(chain, data, own, options["seed"]) if free or not points else []
-    return fit_chain(chain, data, start=np.array(points), options=_SCREENING, **options)
+    try:
+        return fit_chain(chain, data, start=np.array(points), options=_SCREENING, **options)
+    except InputError:
+        return None
 
 
 def _mapped(chain: Chain) -> bool:

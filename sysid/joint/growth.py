@@ -136,18 +136,18 @@ def grow_joint(
         raise InputError("grow_joint begins with a plain actuated_joint; leave Stribeck, loss, jam and play out")
     options: dict[str, Any] = {"search": search, "seed": seed, "progress": progress}
     pair = unseen_folds(data)
-    ends = chosen_ends(fit_chain(chain, data, starts=starts, **options), data, pair, MARGIN, options)
-    growth = _grown(_shaken(ends.fit, data, options), data, pair, names, options)
-    return _checked(replace(growth, ends=ends.which), ends, data, pair, starts, options)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a motor that does not suit runs away
+        ends = chosen_ends(fit_chain(chain, data, starts=starts, **options), data, pair, MARGIN, options)
+        growth = _grown(_shaken(ends.fit, data, options), data, pair, names, options)
+        return _checked(replace(growth, ends=ends.which), ends, data, pair, starts, options)
 
 
 def _grown(fit: Fit, data: IOData, pair: tuple[Fold, ...], names: tuple[str, ...], options: dict[str, Any]) -> Growth:
     """The parts, round by round."""
     first, steps, undecided = float(fit.criteria.bic), [], []
     for k in count():
-        tried = {
-            name: fit_chain(richer, data, start=points, **options) for name, richer, points in more(fit, data, names)
-        }
+        fits = {name: _valid(richer, points, data, options) for name, richer, points in more(fit, data, names)}
+        tried = {name: other for name, other in fits.items() if other is not None}
         earned = {name: float(fit.criteria.bic - other.criteria.bic) for name, other in tried.items()}
         best, ratios = _best(fit, tried, earned, pair)
         steps += [
@@ -162,6 +162,14 @@ def _grown(fit: Fit, data: IOData, pair: tuple[Fold, ...], names: tuple[str, ...
     if kept:
         fit = _shaken(fit, data, options, kept)
     return Growth(fit, first, tuple(steps), undecided=tuple((a, b) for a, b in undecided if b not in kept))
+
+
+def _valid(chain: Chain, points: np.ndarray, data: IOData, options: dict[str, Any]) -> Fit | None:
+    """The fit from these points; None if the chain diverges at every one of them."""
+    try:
+        return fit_chain(chain, data, start=points, **options)
+    except InputError:
+        return None
 
 
 def _best(
@@ -213,8 +221,8 @@ def _better(fit: Fit, points: list[np.ndarray], data: IOData, options: dict[str,
     leaders = [problems[k].thetas(outcomes[k].p)[0] for k in order if np.isfinite(outcomes[k].cost)]
     if not leaders:
         return fit
-    other = fit_chain(chain, data, start=np.array(leaders), **options)
-    return other if other.criteria.loss < fit.criteria.loss else fit
+    other = _valid(chain, np.array(leaders), data, options)
+    return other if other is not None and other.criteria.loss < fit.criteria.loss else fit
 
 
 def _checked(
@@ -224,7 +232,10 @@ def _checked(
     fit, agreed, ways = growth.fit, 1, 0
     for k in range(1, _WAYS + 1):
         ways += 1
-        other = _another(fit, ends, data, starts, {**options, "seed": options["seed"] + 1000 * k})
+        try:
+            other = _another(fit, ends, data, starts, {**options, "seed": options["seed"] + 1000 * k})
+        except InputError:  # no start gives a valid model
+            continue
         gap = float(other.criteria.bic - fit.criteria.bic)
         if abs(gap) <= MARGIN:
             agreed += 1

@@ -104,6 +104,7 @@ def _with_play(fit: Fit, data: IOData, kind: type[Block]) -> Candidate | None:
     place = len(bare.blocks) - (bare.blocks[-1].role == "sensor")
     grown = sub(bare, (*bare.blocks[:place], kind(role="play"), *bare.blocks[place:]))
     base = lifted(chain, fit.theta, bare, {})
-    return grown, np.array(
-        [lifted(chain, fit.theta, grown, point) for point in play_starts(grown, bare, base, data)[:_TRIED]]
-    )
+    with np.errstate(all="ignore"):  # of a joint that does not move no link can be judged
+        found = play_starts(grown, bare, base, data)[:_TRIED]
+    points = np.array([lifted(chain, fit.theta, grown, point) for point in found])
+    return (grown, points) if np.all(np.isfinite(points)) else None

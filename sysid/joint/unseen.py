@@ -18,6 +18,7 @@ from sysid.solver.iterate import Options
 FIRST = 20  # samples that give a free run its initial position
 _ITERATIONS = 8  # of the search on a fold: it begins at the optimum of the whole record
 _CHUNKS = 24  # of the record, each one a vote
+_WORST = 1e100  # error of a free run that diverges
 _CHANCE = 1.7  # t of a mean over some twenty chunks that chance exceeds once in twenty
 
 
@@ -52,7 +53,7 @@ def unseen_folds(data: IOData) -> tuple[Fold, ...]:
 def free_runs(chain: Chain, theta: np.ndarray, pair: tuple[Fold, ...]) -> Unseen:
     """The chain fitted to each fold from theta (P,), the optimum of the whole record, and run over the other part."""
     errors, chunks, outputs, begun = [], [], [], 0
-    with one_blas_thread():
+    with one_blas_thread(), np.errstate(all="ignore"):
         for fold in pair:
             own = refitted(chain, theta, fold.estimation, _ITERATIONS)
             judged, y = fold.judged, fold.unseen.y[:, 0]
@@ -63,7 +64,7 @@ def free_runs(chain: Chain, theta: np.ndarray, pair: tuple[Fold, ...]) -> Unseen
             errors.append((y - run)[judged])
             chunks.append(places[judged])
             outputs.append(y[judged])
-    e = np.nan_to_num(np.concatenate(errors), nan=1e150, posinf=1e150, neginf=-1e150)
+    e = np.clip(np.nan_to_num(np.concatenate(errors), nan=_WORST), -_WORST, _WORST)
     return Unseen(e, np.concatenate(chunks), float(np.std(np.concatenate(outputs))))
 
 

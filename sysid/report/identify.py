@@ -55,9 +55,18 @@ def terminal_sentences(result: Identification) -> list[str]:
     chosen = [] if result.selection is None else [_found(result.selection)]
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
     notes = [f"Note: {note}." for note in (*result.record.notes, *e.notes)]
-    grown = [e.growth.sentence()] if e.growth else []
-    said = [*chosen, *grown, tests_in_words(e), sections.search_sentence(e), *advice, *notes]
+    said = [*_no_joint(e), *chosen, *_grown(e), tests_in_words(e), sections.search_sentence(e), *advice, *notes]
     return [*said, *_next(result)]
+
+
+def _no_joint(e: Evaluation) -> list[str]:
+    """That the record is not that of a joint."""
+    return [e.joint.sentence()] if e.joint is not None and not e.joint.joint else []
+
+
+def _grown(e: Evaluation) -> list[str]:
+    """The parts of a joint."""
+    return [e.growth.sentence()] if e.growth is not None and not _no_joint(e) else []
 
 
 def _next(result: Identification) -> list[str]:
@@ -143,7 +152,8 @@ def _verdict(result: Identification) -> list[str]:
         f"{_stability(e)} {tests_in_words(e)}"
     )
     chosen = [] if result.selection is None else [_found(result.selection)]
-    return [first, *chosen, sections.search_sentence(e), *(f"Note: {note}." for note in e.notes), *_next(result)]
+    notes = [f"Note: {note}." for note in e.notes]
+    return [*_no_joint(e), first, *chosen, sections.search_sentence(e), *notes, *_next(result)]
 
 
 def _stability(e: Evaluation) -> str:
@@ -188,12 +198,12 @@ def _model(e: Evaluation) -> Section:
         "Model",
         [
             *filter(None, [sections.intervals_in_words(e)]),
-            *([e.growth.sentence()] if e.growth else []),
+            *_grown(e),
             *([_PHYSICS] if e.values else []),
         ],
         tables=sections.only([sections.values_grid(e), sections.criteria_grid(e), sections.pole_grid(e)]),
         pictures=figures.pictures("Model", e),
-        details=[sections.parameter_grid(e)],
+        details=[] if _no_joint(e) else [sections.parameter_grid(e)],
     )
 
 

@@ -15,6 +15,7 @@ from sysid.diagnosis.residuals import ResidualTests
 from sysid.estimation.result import Fit
 from sysid.joint.growth import Growth, grow_joint
 from sysid.joint.values import JointValue, joint_values
+from sysid.joint.verdict import Verdict, verdict
 from sysid.linear import linearize
 from sysid.nlarx.dispatch import fit as fit_model
 from sysid.nlarx.result import NlarxFit
@@ -94,7 +95,8 @@ class Evaluation:
     tangent linear model (None if there is no such model). `maps` holds the static curves in the order of the signal.
     `tests` and `higher` are None if the validation part is too short; `notes` gives the reason. `roots` are the poles
     with their intervals, None if the record gives none. A nonlinear ARX model has `one_step` and neither poles nor
-    maps. An actuated joint has `values` and `growth`, and no poles.
+    maps. An actuated joint has `values`, `growth` and `joint`, and no poles; where `joint` says that the record is not
+    that of a joint, there are no values.
     """
 
     setting: Setting
@@ -113,6 +115,7 @@ class Evaluation:
     one_step: OneStep | None = None
     values: tuple[JointValue, ...] = ()
     growth: Growth | None = None
+    joint: Verdict | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -145,6 +148,7 @@ class Evaluation:
     def as_dict(self) -> dict[str, Any]:
         """The summary, ready for JSON."""
         summary = {
+            **({"verdict": self.joint.sentence()} if self.joint is not None and not self.joint.joint else {}),
             "fit_percent": {"estimation": self.estimation_fit, "validation": self.validation_fit},
             **self.fit.summary(),
             "stable": self.stable,
@@ -166,6 +170,8 @@ class Evaluation:
             summary["values"] = [vars(value) for value in self.values]
         if self.growth is not None:
             summary["growth"] = self.growth.as_dict()
+        if self.joint is not None:
+            summary["joint"] = self.joint.as_dict()
         return summary
 
 
@@ -177,14 +183,20 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     setting = replace(setting, search=recipe.auto if setting.search == "auto" else setting.search)
     if recipe.grown:
         growth = grow_joint(estimation, recipe.model(), search=setting.search, **options)
-        found = evaluate_fit(setting, growth.fit, estimation, validation)
-        return replace(found, growth=growth, notes=(*found.notes, *growth.warnings))
+        said = verdict(growth, estimation)
+        found = evaluate_fit(setting, growth.fit, estimation, validation, physical=said.joint)
+        return replace(found, growth=growth, joint=said, notes=(*found.notes, *growth.warnings))
     fit = fit_model(recipe.model(), estimation, search=setting.search, **options)
     return evaluate_fit(setting, fit, estimation, validation)
 
 
-def evaluate_fit(setting: Setting, fit: Fit | NlarxFit, estimation: IOData, validation: IOData) -> Evaluation:
-    """Simulates a model fitted to `estimation` by `setting` in free run, and tests its residuals on `validation`."""
+def evaluate_fit(
+    setting: Setting, fit: Fit | NlarxFit, estimation: IOData, validation: IOData, physical: bool = True
+) -> Evaluation:
+    """Simulates a model fitted to `estimation` by `setting` in free run, and tests its residuals on `validation`.
+
+    Without `physical` the physical values of a structure that has them are left out.
+    """
     chain = fit if isinstance(fit, Fit) else None
     network = fit if isinstance(fit, NlarxFit) else None
     notes = list(fit.warnings)
@@ -194,7 +206,7 @@ def evaluate_fit(setting: Setting, fit: Fit | NlarxFit, estimation: IOData, vali
         higher = _higher_order(fit, validation)
     except InputError as error:
         notes.append(f"no residual tests: {error}")
-    step, physics = None, setting.recipe.physics()
+    step, physics = None, setting.recipe.physics() if physical else None
     if chain is not None and chain.model.dynamics:
         step = _step_response(chain, float(np.mean(estimation.u)))
         if step is None:

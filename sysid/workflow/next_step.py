@@ -23,7 +23,7 @@ SPLITS = (0.6, 0.7, 0.8)
 
 
 def next_step(result: Identification) -> NextStep | None:
-    """The next step; None if the fit is good or the residuals are noise.
+    """The next step; None if the fit is good or the residuals are noise, and the record is what the model says.
 
     A fit is poor below POOR in validation, unless its residuals are white and independent of the input: then noise
     limits the fit. A better fit has a next step if its search did not converge or its residuals are coloured, except
@@ -33,7 +33,9 @@ def next_step(result: Identification) -> NextStep | None:
     noise_alone = e.tests is not None and e.tests.white and e.tests.independent
     poor = not e.validation_fit >= POOR and not noise_alone
     rules: tuple[_Rule, ...] = ()
-    if poor:
+    if e.joint is not None and not e.joint.joint:
+        rules = (_no_joint,)
+    elif poor:
         rules = (_unseen, _ends, _delay, _focus, _coverage, _nonlinear, _more_starts, _search_structures, _other_kind)
     elif not e.fit.stop.converged:
         rules = (_more_starts,)
@@ -43,6 +45,14 @@ def next_step(result: Identification) -> NextStep | None:
 
 
 _Rule = Callable[[Identification], NextStep | None]
+
+
+def _no_joint(result: Identification) -> NextStep | None:
+    """The record is not that of a joint: a search over all structures, or, after one, a model without physics."""
+    if result.selection is None:
+        return NextStep("the record is not that of an actuated joint", command(result, structure="auto"))
+    why = "the record is not that of an actuated joint, which the search chose"
+    return NextStep(why, command(result, structure=HammersteinWiener.name))
 
 
 def _ends(result: Identification) -> NextStep | None:

@@ -1,0 +1,120 @@
+"""Whether a record is that of an actuated joint at all: the grown joint beside models without any physics."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.data.record import IOData
+from sysid.estimation.fit import fit_chain
+from sysid.estimation.joint_parts import motor_of
+from sysid.estimation.result import Fit
+from sysid.joint.growth import MARGIN, Growth
+from sysid.joint.unseen import free_runs, unseen_folds
+from sysid.model.chain import Chain
+from sysid.solver.iterate import Options
+from sysid.structures import hammerstein_wiener, output_error
+
+LEAST = 80.0  # [%] a joint's free run over the record that it was fitted to
+DRY = 0.03  # of the deviation of the input: dry friction of a motor that drives a joint; filters come to below 0.01
+_SAME = 1.1  # ratio of errors on unseen parts within which two models are equally good
+_CLEAR = 0.8  # of the general model's error: so much better over the whole record, a joint may drift on unseen parts
+_STARTS, _STEPS = 2, Options(max_iterations=50)
+GENERAL: dict[str, Chain] = {
+    "a linear model of order 4": output_error(4, 4, 1),
+    "a Hammerstein-Wiener model of order 2": hammerstein_wiener(2, 2, 1),
+}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether the record is a joint's, the reason in words, and the figures that it rests on.
+
+    `seen` and `unseen` are fits [%] of the joint's free run, over the record that it was fitted to and over parts that
+    it was not fitted to; `general` names the best model without physics, with the same two fits (None and nan where
+    none was needed). `friction` is the dry friction as a share of the input's standard deviation.
+    """
+
+    joint: bool
+    reason: str
+    seen: float
+    unseen: float
+    friction: float
+    general: str | None = None
+    general_seen: float = float("nan")
+    general_unseen: float = float("nan")
+
+    def sentence(self) -> str:
+        """The verdict in words; empty for a joint."""
+        if self.joint:
+            return ""
+        return f"This record is not that of an actuated joint: {self.reason}; no physical value is given."
+
+    def as_dict(self) -> dict[str, Any]:
+        """Ready for JSON; a figure that was not needed is None."""
+        return {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in vars(self).items()}
+
+
+def verdict(growth: Growth, data: IOData) -> Verdict:
+    """Whether the joint that grew on `data` explains it as a joint would.
+
+    A joint's free run must come to `LEAST` over the record; its motor must have dry friction, without which it is a
+    linear filter under another name; and output-error and Hammerstein-Wiener models must not explain the record
+    better: neither by BIC over the whole record, nor in free run over parts that neither was fitted to.
+    """
+    fit = growth.fit
+    y = data.y[data.observed[:, 0], 0]
+    seen = _percent(float(np.sqrt(fit.criteria.mse)), y)
+    friction = _friction(fit, data)
+    found = Verdict(True, "", seen, growth.unseen_percent, friction)
+    if not seen >= LEAST:
+        return replace(
+            found, joint=False, reason=f"no joint explains it (fit of the free run {max(seen, 0.0):.0f} % where fitted)"
+        )
+    if friction < DRY:
+        return replace(
+            found,
+            joint=False,
+            reason=f"the motor that fits it has no dry friction ({100 * friction:.1f} % of the input), as a filter",
+        )
+    centred = replace(data, u=data.u - data.u.mean(axis=0), y=data.y - y.mean())
+    pair = unseen_folds(centred)
+    for name, chain in GENERAL.items():
+        other = _fitted(chain, centred)
+        if other is None:
+            continue
+        run = free_runs(other.model, other.theta, pair).percent if pair else float("nan")
+        shown = _percent(float(np.sqrt(other.criteria.mse)), y)
+        told = replace(found, general=name, general_seen=shown, general_unseen=run)
+        if other.criteria.bic < fit.criteria.bic + MARGIN:
+            why = f"{name} explains it as well (fit {shown:.1f} %, the joint {seen:.1f} %)"
+            return replace(told, joint=False, reason=why)
+        if 100.0 - found.unseen > _SAME * (100.0 - run) and 100.0 - seen > _CLEAR * (100.0 - shown):
+            why = f"{name} is better where it was not fitted ({run:.1f} %, the joint {found.unseen:.1f} %)"
+            return replace(told, joint=False, reason=why)
+        found = told if found.general is None or run > found.general_unseen else found
+    return found
+
+
+def _fitted(chain: Chain, data: IOData) -> Fit | None:
+    """A general model, from few starts; None where it has no valid fit."""
+    try:
+        with np.errstate(all="ignore"):
+            return fit_chain(chain, data, starts=_STARTS, options=_STEPS)
+    except InputError:
+        return None
+
+
+def _percent(rms: float, y: np.ndarray) -> float:
+    return 100.0 * (1.0 - rms / max(float(np.std(y)), 1e-300))
+
+
+def _friction(fit: Fit, data: IOData) -> float:
+    """Dry friction with its stick, as a share of the input; a driver map of one's own may hold it instead."""
+    chain, motor = fit.model, motor_of(fit.model)
+    if chain.block("driver") is not None:
+        return float("inf")
+    part = chain.part(fit.theta, motor)
+    rise, fall, stick = (motor.value(part, name) for name in ("rise", "fall", "stick"))
+    return (0.5 * (rise + fall) + stick) / max(float(np.std(data.u)), 1e-300)
