@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sysid.base.units import number, shown
-from sysid.blocks import CoastingPlay, Play
+from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.value_physics import breakaway_over_place, ends_of
+from sysid.joint.value_physics import breakaway_over_place, ends_of, travel_of
 from sysid.joint.value_record import Started, StopTest, noise_level, starts_from_rest, stop_test
 from sysid.joint.value_spread import LACKS
 from sysid.model.chain import Chain
@@ -75,7 +75,8 @@ def evidence(fit: Fit, data: IOData, info: Information | None = None) -> Evidenc
     chain, theta = fit.model, fit.theta
     noise, links, stops = _noise(data), _links(chain, theta, data), stop_tests(fit, data)
     found = {name: _of_stop(test, data.y_unit or "y", name) for name, test in stops.items()}
-    starts = tuple(starts_from_rest(data, noise)) if chain.block("sensor") is None else ()
+    readable = chain.block("sensor") is None and not isinstance(motor_of(chain), ServoMotor)
+    starts = tuple(starts_from_rest(data, noise)) if readable else ()
     factors, volts = {}, breakaway_over_place(chain, theta)
     for name, way in (("breakaway_up", 1), ("breakaway_down", -1)):
         agreed = _agreed([start for start in starts if start.way == way and start.slow], volts)
@@ -91,17 +92,32 @@ def evidence(fit: Fit, data: IOData, info: Information | None = None) -> Evidenc
 
 
 def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
-    """`stop_test` of the fit's end_low and end_high on its record; empty without stops.
+    """`stop_test` of the fit's end_low and end_high on its record; empty for a joint without stops and travel.
 
-    Where a map of the sensor follows, the place of the link is the model's, because the record does not show it.
+    Where a map of the sensor follows, the place of the link is the model's, because the record does not show it. What
+    drives a servo is its error. An end that the fit has out of reach was not met.
     """
     chain, theta = fit.model, fit.theta
-    inputs, places = [record.u[:, 0] for record in data.experiments], _places(chain, theta, data)
-    noise, slack = float(np.median([noise_level(y) for y in places])), _width(chain, theta)
-    ends = zip(("end_low", "end_high"), (-1.0, 1.0), ends_of(chain, theta), strict=True)
-    return {
-        name: stop_test(inputs, places, data.Ts, at, noise, way, slack) for name, way, at in ends if np.isfinite(at)
-    }
+    places = _places(chain, theta, data)
+    drives, noise = _drives(chain, theta, data, places), float(np.median([noise_level(y) for y in places]))
+    slack, found = _width(chain, theta), {}
+    for name, way, at in zip(("end_low", "end_high"), (-1.0, 1.0), ends_of(chain, theta), strict=True):
+        if np.isfinite(at):
+            found[name] = stop_test(drives, places, data.Ts, at, noise, way, slack)
+        elif travel_of(chain) is not None:
+            farthest = way * max(float(np.max(way * y)) for y in places)
+            found[name] = StopTest(False, "no stop explains the record there", (), farthest, np.inf)
+    return found
+
+
+def _drives(chain: Chain, theta: np.ndarray, data: IOData, places: list[np.ndarray]) -> list[np.ndarray]:
+    """What drives the motor in each experiment: the input, or the error of a servo."""
+    inputs = [record.u[:, 0] for record in data.experiments]
+    motor = motor_of(chain)
+    if not isinstance(motor, ServoMotor):
+        return inputs
+    k = chain.blocks.index(motor)
+    return [chain.through(theta, u, 0, k) - place for u, place in zip(inputs, places, strict=True)]
 
 
 def _noise(data: IOData) -> float:

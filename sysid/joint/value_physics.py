@@ -1,15 +1,18 @@
 """Physics of an identified joint over its travel: ends, and the voltage that starts it at a place."""
 
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import numpy as np
 from scipy.optimize import brentq
 
 from sysid.blocks import TravelMap
+from sysid.blocks.motor import load_at
 from sysid.estimation.joint_parts import motor_of
 from sysid.model.chain import Chain
 
 _LARGEST = 1e3  # [V] within which a driver is inverted
+_REACH = 100.0  # strokes: a stop beyond is none
 _PLACES = 401  # of a travel map that is inverted
 
 
@@ -19,29 +22,26 @@ def travel_of(chain: Chain) -> TravelMap | None:
 
 
 def ends_of(chain: Chain, theta: np.ndarray) -> tuple[float, float]:
-    """Lower and upper end of a joint's stops in units of y; infinite without stops."""
+    """Lower and upper end of a joint's stops in units of y; infinite where it has none, or one out of reach."""
     motor, travel = motor_of(chain), travel_of(chain)
-    if not motor.stops:
-        return -np.inf, np.inf
     part = chain.part(theta, motor)
-    ends = np.array([motor.value(part, "lower"), motor.value(part, "upper")])
-    if travel is not None:
-        ends = travel.output(chain.part(theta, travel), ends)
-    return float(ends.min()), float(ends.max())
+    low, high = (motor.value(part, name) if name in motor.ends else np.inf for name in ("lower", "upper"))
+    if travel is None:
+        return (low if np.isfinite(low) else -np.inf), high
+    shape = chain.part(theta, travel)
+    angles = [float(travel.output(shape, np.array([x]))[0]) if abs(x) < _REACH else np.nan for x in (low, high)]
+    if shape[1] < shape[0]:
+        angles.reverse()
+    return (-np.inf if np.isnan(angles[0]) else angles[0]), (np.inf if np.isnan(angles[1]) else angles[1])
 
 
 def volts_to_move(chain: Chain, theta: np.ndarray, direction: int, static: bool, place: float | None = None) -> float:
     """Input [V] for friction and load in a direction of the motor, at its position `place` (None: mid stroke)."""
     motor = motor_of(chain)
-    part = chain.part(theta, motor)
-
-    def of(name: str) -> float:
-        return motor.value(part, name)
-
-    away = 0.0 if place is None else place - motor.at
-    load = of("load0") + of("load1") * away + of("load2") * away * away
-    dry = of("rise" if direction > 0 else "fall") + (of("stick") if static else 0.0)
-    return through_driver(chain, theta, load + direction * (dry + of("loss") * abs(load)))
+    p = SimpleNamespace(**{**motor.absent, **motor.by_name(chain.part(theta, motor))})
+    load = float(load_at(motor.at if place is None else place, p, motor))
+    dry = (p.rise if direction > 0 else p.fall) + (p.stick if static else 0.0)
+    return through_driver(chain, theta, load + direction * (dry + p.loss * abs(load)))
 
 
 def breakaway_over_place(chain: Chain, theta: np.ndarray) -> Callable[[float, int], float]:
