@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from sysid.blocks import Motor
+from sysid.blocks import Motor, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
-from sysid.joint.evidence import CROSSINGS, evidence
+from sysid.joint.evidence import CROSSINGS, evidence, stop_tests
 from sysid.joint.value_record import noise_level, starts_from_rest, stop_test
 from sysid.joint.values import joint_values
 from sysid.solver.covariance import Covariance
-from sysid.structures import actuated_joint
+from sysid.structures import actuated_joint, servo_joint
 
 TS, NOISE = 0.05, 0.003
 SPEED, DRY = 0.2, 2.0  # [1/s/V], [V]
@@ -216,3 +216,36 @@ def test_without_starts_from_rest_a_break_away_is_called_moving_friction():
         else:
             assert values["moving_friction_up"].value == pytest.approx(DRY)
             assert "qpal design --for breakaway" in values["moving_friction_up"].why
+
+
+def test_a_stop_that_a_fit_has_out_of_reach_was_not_met_and_a_motor_without_stops_has_no_ends():
+    u = levels([8, -8] * 3, 2.0)
+    above = {"motor.upper": 1.0, "motor.lower": -1000.0}
+    chain = actuated_joint(motor=Motor(load=3, delayed=False), knots=2, play=False, fixed=above)
+    fit = as_fit(chain, JOINT | above)
+    y = chain.simulate(fit.theta, u) + NOISE * np.random.default_rng(5).standard_normal(len(u))
+    values = {value.name: value for value in joint_values(fit, data=IOData(u, y, TS))}
+    assert values["end_high"].holds(1.0)
+    assert not values["end_low"].determined
+    assert values["end_low"].why.startswith("not met: beyond")
+    free = actuated_joint(motor=Motor(load=0, delayed=False, stops=False), knots=None, play=False)
+    fit = as_fit(free, JOINT | {"motor.gain": SPEED * TS})
+    y = free.simulate(fit.theta, u) + NOISE * np.random.default_rng(6).standard_normal(len(u))
+    names = {value.name for value in joint_values(fit, data=IOData(u, y, TS))}
+    assert "coulomb_up" in names
+    assert not {"end_low", "end_high"} & names
+
+
+def test_what_drives_a_servo_against_its_stop_is_its_error():
+    motor = ServoMotor(load=0, delayed=False, stops=True)
+    chain = servo_joint(motor, play=False, limit=6.0)
+    own = {"motor.kp": 20.0, "motor.limit": 6.0, "motor.gain": 0.01, "motor.lag": 0.7, "motor.rise": 0.5}
+    own |= {"motor.fall": 0.5, "motor.lower": -1.0, "motor.upper": 1.0}
+    fit = as_fit(chain, own)
+    # A goal beyond the stop leaves an error that moves it elsewhere; a servo at its goal has none.
+    for top, met in ((1.6, True), (0.9, False)):
+        goal = levels([top, -1.6, 0.3, -1.6, top, 0.3, -1.6, top], 4.0)
+        y = chain.simulate(fit.theta, goal) + NOISE * np.random.default_rng(7).standard_normal(len(goal))
+        tests = stop_tests(fit, IOData(goal, y, TS))
+        assert tests["end_low"].met
+        assert tests["end_high"].met == met
