@@ -80,8 +80,8 @@ def stop_test(
 ) -> StopTest:
     """Whether the record u, y (N,) shows a stop at the place `end` [y]; several experiments are lists of arrays.
 
-    A stop is met if the joint arrives there at speed, rests there against voltages that move it elsewhere, rests at
-    one place on every such visit, and is never seen beyond. A rest by friction lacks the voltage, a turn lacks the
+    A stop is met if the joint arrives there at speed, rests there against voltages that move it elsewhere, and is never
+    seen beyond. A rest by friction lacks the voltage, a turn lacks the
     rest, and a spring or a growing load lacks the speed. outward: 1 for an upper, -1 for a lower end; noise [y]: its
     standard deviation, see `noise_level`; slack [y]: a backlash, by which rests at one end may differ.
     """
@@ -104,23 +104,20 @@ def stop_test(
         visits += _visits(p, a, end - near, moves, (held[moving], speed[moving]), noise)
     visits = [Visit(v.first, v.last, outward * v.reading, v.push, v.speed) for v in visits]
     found = StopTest(False, "", tuple(visits), outward * farthest, moves)
-    why = _missing(found, outward * farthest - end > near, near)
+    why = _missing(found, farthest - end > near)
     return StopTest(not why, why, tuple(visits), outward * farthest, moves)
 
 
-def _missing(found: StopTest, beyond: bool, near: float) -> str:
+def _missing(found: StopTest, beyond: bool) -> str:
     """Why no stop is shown; '' if one is."""
-    readings = [v.reading for v in found.visits]
     if not np.isfinite(found.moves):
         return "no voltage moves the joint elsewhere, so a rest shows no stop"
-    if not readings:
+    if not found.visits:
         return "the joint never rests there against a voltage that moves it elsewhere"
     if beyond:
         return "the joint is seen beyond it"
     if not found.arrivals:
         return "the joint never arrives there at speed"
-    if max(readings) - min(readings) > 2.0 * near:
-        return "the joint rests at several places there"
     return ""
 
 
@@ -177,7 +174,7 @@ def _visits(
     found: list[Visit] = []
     if not np.isfinite(moves):
         return found
-    least, usual = moves - _SAME * float(np.abs(push).max()), float(np.median(free[1]))
+    least = moves - _SAME * float(np.abs(push).max())
     at = np.concatenate([[False], (place >= near) & (push >= least), [False]])
     edges = np.flatnonzero(np.diff(at.astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
@@ -186,10 +183,11 @@ def _visits(
             continue
         half = len(rest) // 2
         drift, seen = abs(float(rest[half:].mean() - rest[:half].mean())), _SURE * noise * np.sqrt(2.0 / half)
-        if drift > seen or half * usual < 2.0 * seen:  # in so short a time a slow motion looks like a rest
+        level = float(np.median(push[first:last]))
+        if drift > seen or half * _usual(level, free) < 2.0 * seen:  # a slow motion may look like it
             continue
         speed = _arrival(push, place, int(first), near, free)
-        found.append(Visit(int(first), int(last), float(rest.mean()), float(np.median(push[first:last])), speed))
+        found.append(Visit(int(first), int(last), float(rest.mean()), level, speed))
     return found
 
 
@@ -201,10 +199,15 @@ def _arrival(
     if first < back or place[first - 1] >= near:
         return 0.0
     came = float(place[first] - place[first - back]) / back
-    level, (held, speed) = float(np.median(push[first - back : first + 1])), free
-    same = (held > 0.8 * level) & (held < 1.1 * level)
-    usual = float(np.median(speed[same] if same.any() else speed))
+    usual = _usual(float(np.median(push[first - back : first + 1])), free)
     return max(came / usual, 0.0) if usual > 0.0 else 0.0
+
+
+def _usual(level: float, free: tuple[np.ndarray, np.ndarray]) -> float:
+    """Speed elsewhere at about the voltage `level`, or at any where there was no such voltage."""
+    held, speed = free
+    same = (held > 0.8 * level) & (held < 1.1 * level)
+    return float(np.median(speed[same] if same.any() else speed))
 
 
 @dataclass(frozen=True)

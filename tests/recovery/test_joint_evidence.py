@@ -112,11 +112,22 @@ def test_slow_stairs_bracket_every_start_and_sudden_voltages_none():
 
 
 def test_a_slow_motion_that_turns_is_no_rest_at_an_end():
-    # It moves by 2 standard deviations a sample: the last samples before a turn look like a rest.
-    u = levels([5, -5, 9, -9] * 4, 1.0)
-    y = moved(u, seed=3)
-    for end in (float(y.max()), float(y[19])):
-        assert not stop_test(u, y, TS, end, 5 * NOISE).met
+    # At 2.6 V it moves by two standard deviations a sample: the last five samples before it turns look like a rest.
+    u = np.concatenate([levels([-9], 1.3), levels([9], 1.2), levels([2.6], 2.0), levels([-9, 9, -9], 0.5)])
+    for seed in range(5):
+        y = moved(u, seed=seed)
+        assert not stop_test(u, y, TS, float(y.max()), NOISE).met
+
+
+def test_a_joint_that_begins_at_its_end_has_not_arrived_there():
+    u = levels([8, -7, 9, -7], 2.0)
+    y = moved(u, high=0.0)
+    assert stop_test(u, y, TS, 0.0, NOISE).met
+    found = stop_test(u[:80], y[:80], TS, 0.0, NOISE)
+    assert not found.met
+    half = stop_test(np.append(u[:80], levels([6], 0.5)), np.append(y[:80], y[80:90]), TS, 0.0, NOISE)
+    assert len(half.visits) == 1
+    assert "at speed" in half.why
 
 
 def test_starts_correct_a_model_whose_static_friction_is_off_and_refuse_one_that_they_contradict():
