@@ -144,7 +144,7 @@ def record(joint: Joint, rng: np.random.Generator, seconds: float = 30.0) -> tup
 
 def model(joint: Joint, play: bool) -> sysid.Chain:
     """The chain to fit: the kind of loop is known, its gains on half of the joints; with `play` any backlash."""
-    motor = ServoMotor(load=3, stops=False, at=0.0, loop="pd" if joint.kd else "p")
+    motor = ServoMotor(load=0, periodic=1, stops=False, loop="pd" if joint.kd else "p")
     gains = {"motor.kp": joint.kp} | ({"motor.kd": joint.kd / joint.Ts} if joint.kd else {})
     return servo_joint(motor, play=play and bool(joint.backlash), fixed=gains if joint.known else {})
 
