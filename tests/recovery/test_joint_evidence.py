@@ -74,6 +74,16 @@ def test_a_spring_holds_the_joint_against_the_voltage_that_moves_it_elsewhere_an
     assert stop_test(u, moved(u, -0.6, 0.6, spring=8.0), TS, 0.6, NOISE).met
 
 
+@pytest.mark.parametrize("spring", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("period", [3.0, 6.0, 10.0])
+def test_the_turns_of_a_slow_swing_against_a_spring_are_no_stops(spring, period):
+    t = TS * np.arange(900)
+    u = 10 * np.sin(2 * np.pi * t / period) * np.linspace(0.4, 1.0, len(t))
+    y = moved(u, spring=spring)
+    assert not stop_test(u, y, TS, float(y.max()), NOISE).met
+    assert not stop_test(u, y, TS, float(y.min()), NOISE, -1.0).met
+
+
 def test_a_place_that_the_joint_passes_is_no_end():
     y = moved(SWEEP, -1.0, 1.0)
     found = stop_test(SWEEP, y, TS, 0.8, NOISE)
