@@ -38,7 +38,7 @@ KEPT = ("supply_voltage", "rated_voltage", "pot_range", "pot_supply", "adc_bits"
 KEPT += ("servo_kp", "servo_ki", "servo_kd", "gravity", "bench_height", "gear_ratio", "lead")
 STARTS = 0.75  # of the supply: a joint that needs more to start is drawn again
 DURATION, TS = 125.0, 0.1  # [s]
-STAIRS = {"hold": 0.1, "steps": 120, "order": "stairs"}
+STAIRS = {"hold": 0.1, "steps": 80, "order": "stairs"}
 ABOVE = 1.7  # top of the stairs, in break-away voltages
 LEVELS = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 
@@ -79,7 +79,7 @@ def grown(joint: str, seed: int) -> tuple[Parameters, IOData, Fit, float]:
 
 @dataclass(frozen=True)
 class Found:
-    """A value of one leg: whether it is determined, its error and the accepted one, and by level the interval's hold."""
+    """A value of one leg: whether it is determined, its error, the accepted one, and whether its intervals hold."""
 
     joint: str
     seed: int

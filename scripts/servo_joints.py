@@ -142,11 +142,11 @@ def record(joint: Joint, rng: np.random.Generator, seconds: float = 30.0) -> tup
     return IOData(goal, read, joint.Ts, "goal", "angle", "rad", "rad"), y
 
 
-def model(joint: Joint) -> sysid.Chain:
-    """The chain to fit: the kind of loop is known, its gains on half of the joints."""
-    motor = ServoMotor(load=3, stops=False, at=0.0, loop="pd" if joint.kd else "p")
+def model(joint: Joint, play: bool) -> sysid.Chain:
+    """The chain to fit: the kind of loop is known, its gains on half of the joints; with `play` any backlash."""
+    motor = ServoMotor(load=0, periodic=1, stops=False, loop="pd" if joint.kd else "p")
     gains = {"motor.kp": joint.kp} | ({"motor.kd": joint.kd / joint.Ts} if joint.kd else {})
-    return servo_joint(motor, play=False, fixed=gains if joint.known else {})
+    return servo_joint(motor, play=play and bool(joint.backlash), fixed=gains if joint.known else {})
 
 
 def scored(k: int, seed: int, grown: bool) -> dict[str, float]:
@@ -157,9 +157,7 @@ def scored(k: int, seed: int, grown: bool) -> dict[str, float]:
     half = data.N // 2
     train, test = data.select(0, half), data.select(half, data.N)
     began = time.perf_counter()
-    chain = model(joint)
-    if not grown and joint.backlash:
-        chain = servo_joint(chain.block("motor"), fixed={**chain.fixed})
+    chain = model(joint, play=not grown)
     fit = grow_joint(train, chain).fit if grown else sysid.fit(chain, train, search="lm", starts=4)
     took = time.perf_counter() - began
     ceiling = fit_percent(test.y, truth[half:, None])

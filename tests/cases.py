@@ -13,6 +13,7 @@ from sysid.blocks import (
     BowedGain,
     Channels,
     CoastingPlay,
+    Compliance,
     CubicSpline,
     Custom,
     DeadZone,
@@ -36,6 +37,7 @@ from sysid.blocks import (
     TravelMap,
     UnitGain,
     WaveletNetwork,
+    Wrap,
     dynamic,
 )
 from sysid.excitations import Aprbs, Chirp, Multisine, Prbs, Staircase, Steps, Sweep
@@ -71,6 +73,7 @@ BLOCKS = {
         np.array([-1.1, 1.3, 0.3, 1.1, 0.4]),
     ),
     "coasting_play": (CoastingPlay(role="map"), np.array([0.8, 0.2, 0.15, 0.05, 0.1])),
+    "compliance": (Compliance(role="map"), np.array([0.9, 0.2, 0.1, -0.05])),
     "cubic_spline": (
         CubicSpline(knots=5, role="map"),
         np.array([-1.6, 1.7, -1.2, -0.4, 0.3, 0.1, 1.5]),
@@ -158,6 +161,7 @@ BLOCKS = {
         WaveletNetwork(wavelets=2, scaling=1, role="map"),
         np.array([0.2, 0.9, 0.6, -0.8, 0.7, 1.3, 2.1, 0.9, -0.8, 0.6, 0.3]),
     ),
+    "wrap": (Wrap(turn=1.5, low=-0.4, role="map"), np.empty(0)),
 }
 # Further options of the same blocks; they meet the same contracts.
 VARIANTS = {
@@ -181,6 +185,12 @@ VARIANTS = {
 }
 # Options of blocks with a memory, which no start makes an identity.
 MOVING = {
+    "compliance_critical": (Compliance(role="map"), np.array([0.7, 1.0, 0.1, -0.05])),
+    "compliance_creeps": (Compliance(role="map"), np.array([1.4, 3.0, 0.1, -0.05])),
+    "profiled_motor_turns": (  # inertia, drag_up, drag_down, rise (3), fall (3), delay, x0, v0
+        ProfiledMotor(knots=3, low=-1.0, high=2.0, delayed=True, period=3.0, midway=True, substeps=2, role="map"),
+        np.array([3.0, 2.0, 2.4, 0.3, 0.5, 0.2, 0.4, 0.1, 0.35, 1.37, 0.4, 0.1]),
+    ),
     "motor_plain": (Motor(load=0, delayed=False, stops=False, role="map"), np.array([0.15, 0.6, 0.3, 0.4, 0.4, 0.1])),
     "motor_jams": (  # the same, jam before delay
         Motor(jams=True, role="map"),
@@ -195,6 +205,10 @@ MOVING = {
     "servo_pid_held": (  # kp, kd, ki, i0, limit, gain, lag, rise, fall, x0, v0
         ServoMotor(loop="pid", held=True, load=0, updates=2, stops=False, delayed=False, role="map"),
         np.array([1.4, 0.6, 0.08, 0.1, 1.1, 0.3, 2.6, 0.3, 0.35, 0.4, 0.1]),
+    ),
+    "motor_swings": (  # gain, lag, rise, fall, load0, sine1, cosine1, sine2, cosine2, delay, lower, x0, v0
+        Motor(periodic=2, period=1.5, stops="lower", role="map"),
+        np.array([0.15, 0.6, 0.3, 0.4, -0.1, 0.5, 0.2, -0.1, 0.3, 0.37, 0.05, 0.4, 0.1]),
     ),
     "motor_loaded": (  # gain, lag, rise, fall, stick, stick_speed, load0-2, loss, delay, lower, upper, x0, v0
         Motor(load=3, loss=True, stribeck=True, substeps=3, role="map"),
@@ -289,7 +303,7 @@ STRUCTURES = {
     "motor_profile": MotorProfile(5, -1.5, 2.0),
     "nlarx": NonlinearArx(2, 2, 1),
     "output_error": OutputError(2, 2, 1),
-    "servo_joint": ServoJoint("pd", 3.0, 0.01, 7.4, "polynomial"),
+    "servo_joint": ServoJoint("pd", "polynomial", 360.0, 3.0, 0.01, 7.4, "polynomial"),
     "state_space": NonlinearStateSpace(2, 3, 2, "linear", 0.1, "polynomial"),
     "wiener": Wiener(2, 2, 1, "polynomial"),
     "wiener_hammerstein": WienerHammerstein(2, 2, 1),

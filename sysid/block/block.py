@@ -107,6 +107,10 @@ class Block(ABC):
         """False if theta gives no valid block (an unstable filter, knots out of order)."""
         return True
 
+    def remarks(self, theta: np.ndarray, x: np.ndarray, y: np.ndarray) -> list[str]:
+        """What a run with input x (N,) and output y (N,) should be told with: one sentence each, mostly none."""
+        return []
+
     def repair(self, theta: np.ndarray) -> np.ndarray:
         """The admissible theta used in place of an inadmissible one; theta itself if there is none."""
         return theta

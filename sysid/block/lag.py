@@ -5,12 +5,11 @@ from math import exp, log
 _CLOSE = 1e-9  # of the time; the Newton step that is as small leaves an error of its square
 
 
-def lagged(s, target, lag, way, h):
-    """Advance position and speed by a time h, or until the speed in direction `way` passes zero.
+def lagged(s, target, lag, way, h, decay):
+    """Advance position and speed by a time h, or until the speed in direction `way` passes zero; decay is e^(-h / lag).
 
     Returns the elapsed time, and whether it ended at a reversal.
     """
-    decay = exp(-h / lag)
     off = s.speed - target
     after = target + off * decay
     turns = s.speed != 0.0 and after * way < 0.0
@@ -33,10 +32,11 @@ def reached(speed, target, lag, way, far, h):
     off = speed - target
     t = 0.0 if off * way >= 0.0 or far * way <= 0.0 else h
     for _ in range(60):  # six are usual; many where the lag is far shorter than h
-        now = target + off * exp(-t / lag)
+        decay = exp(-t / lag)
+        now = target + off * decay
         if now * way <= 0.0 or far * way <= 0.0:
             break
-        error = (target * t + off * (lag * (1.0 - exp(-t / lag))) - far) / now
+        error = (target * t + off * (lag * (1.0 - decay)) - far) / now
         t -= error
         if abs(error) <= _CLOSE * h:
             break

@@ -8,6 +8,7 @@ from sysid.block.block import Block, StaticBlock
 from sysid.blocks.bowed_gain import BowedGain
 from sysid.blocks.channels import Channels
 from sysid.blocks.coasting_play import CoastingPlay
+from sysid.blocks.compliance import Compliance
 from sysid.blocks.cubic_spline import CubicSpline
 from sysid.blocks.custom import Custom
 from sysid.blocks.dead_zone import DeadZone
@@ -32,6 +33,7 @@ from sysid.blocks.transfer_matrix import TransferMatrix
 from sysid.blocks.travel_map import TravelMap
 from sysid.blocks.unit_gain import UnitGain
 from sysid.blocks.wavelet_network import WaveletNetwork
+from sysid.blocks.wrap import Wrap
 
 STATIC: dict[str, Callable[..., StaticBlock]] = {
     "cubic_spline": CubicSpline,
@@ -49,6 +51,7 @@ TABLE: dict[str, Callable[..., Block]] = {
     "bowed_gain": BowedGain,
     "channels": Channels,
     "coasting_play": CoastingPlay,
+    "compliance": Compliance,
     "custom": Custom,
     "delay": Delay,
     "dynamic": Dynamic,
@@ -64,6 +67,7 @@ TABLE: dict[str, Callable[..., Block]] = {
     "transfer_function": TransferFunction,
     "transfer_matrix": TransferMatrix,
     "travel_map": TravelMap,
+    "wrap": Wrap,
 }
 
 
@@ -82,6 +86,7 @@ __all__ = [
     "BowedGain",
     "Channels",
     "CoastingPlay",
+    "Compliance",
     "CubicSpline",
     "Custom",
     "DeadZone",
@@ -106,6 +111,7 @@ __all__ = [
     "TravelMap",
     "UnitGain",
     "WaveletNetwork",
+    "Wrap",
     "dynamic",
     "static",
 ]

@@ -1,7 +1,7 @@
 """Motor with friction: voltage in, position out, with stiction and end stops."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from sysid.block.writing import Writer, solved
 _FASTEST = 1e-3  # samples; a lag below it cannot be told from none
 LONGEST = 20.0  # samples of delay
 SHORTEST = 1e-12  # samples; what is left of a sample below it is over
-MOST_WAVES = 3  # harmonics of a periodic load
+MOST_WAVES = 2  # harmonics of a periodic load
 STOPS: dict[str, bool | str] = {"both": True, "lower": "lower", "upper": "upper", "none": False}
 MOST_LOSS = 3.0  # of the load: a screw that raises with an efficiency of a quarter
 
@@ -37,17 +37,22 @@ def step(s, x, p, block):
 
 
 def stretch(s, w, h, p, block):
-    """A time h of constant input; the Stribeck curve is taken from its start, the load from the middle of the way."""
-    for _ in range(6):  # turns, strikes and jams within h: none is usual, four can be
+    """A time h of constant input; the Stribeck curve is taken from its start, the load from the middle of the way.
+
+    The load stays through a reversal: taken anew there, it would give a spring energy at each.
+    """
+    load, fresh = 0.0, True
+    for _ in range(6):  # one pass is usual; a turn, a strike or a jam takes one more
         if block.jams and s.jammed > 0.0:
             kept = min(s.jammed, h)
             s.jammed -= kept
             h -= kept
             if s.jammed > 0.0:
                 break
-        load = load_at(s.position, p, block)
+        if fresh:
+            load = load_at(s.position, p, block)
         lost = p.loss * abs(load)
-        way, before = sign(s.speed), s.speed
+        way = sign(s.speed)
         if way == 0.0 and w - load > p.rise + p.stick + lost and s.position < p.upper:
             way = 1.0
         elif way == 0.0 and w - load < -(p.fall + p.stick + lost) and s.position > p.lower:
@@ -55,24 +60,28 @@ def stretch(s, w, h, p, block):
         if way == 0.0:  # friction or a stop holds it
             s.speed = 0.0
             break
-        friction = p.rise if way > 0.0 else p.fall
+        drag = p.rise if way > 0.0 else p.fall
         if block.stribeck:
             ratio = s.speed / p.stick_speed
-            friction += p.stick * exp(-ratio * ratio)
-        if block.bent:
-            load = load_midway(s, p.gain * (w - load - way * (friction + lost)), h, p, block)
+            drag += p.stick * exp(-ratio * ratio)
+        decay = exp(-h / p.lag)
+        if block.bent and fresh:
+            load = load_midway(s, p.gain * (w - load - way * (drag + lost)), h, p.lag * (1.0 - decay), p, block)
             lost = p.loss * abs(load)
-        target = p.gain * (w - load - way * (friction + lost))
-        begins, ends = s.position, p.upper if way > 0.0 else p.lower
-        span, more = lagged(s, target, p.lag, way, h)
-        if block.ended and (s.position - ends) * way >= 0.0:
+        target = p.gain * (w - load - way * (drag + lost))
+        begins, before = s.position, s.speed
+        span, turns = lagged(s, target, p.lag, way, h, decay)
+        fresh = (way > 0.0 and s.position >= p.upper) or (way < 0.0 and s.position <= p.lower)
+        if not turns and not fresh:
+            break
+        if fresh:
+            ends = max(min(s.position, p.upper), p.lower)
             span, speed = reached(before, target, p.lag, way, ends - begins, span)
             if block.jams:
                 s.jammed = p.jam * abs(speed)
             s.position, s.speed = ends, 0.0
-            more = True
         h -= span
-        if not more or h <= SHORTEST:
+        if h <= SHORTEST:
             break
 
 
@@ -81,29 +90,20 @@ def load_at(x, p, block):
     load = p.load0 + p.load1 * away + p.load2 * away * away
     if block.periodic:
         a = block.turn * x
-        load += p.sine1 * sin(a) + p.cosine1 * cos(a)
-        if block.periodic > 1:
-            load += p.sine2 * sin(2.0 * a) + p.cosine2 * cos(2.0 * a)
-        if block.periodic > 2:
-            load += p.sine3 * sin(3.0 * a) + p.cosine3 * cos(3.0 * a)
+        load += p.sine1 * sin(a) + p.cosine1 * cos(a) + p.sine2 * sin(2.0 * a) + p.cosine2 * cos(2.0 * a)
     return load
 
 
-def load_midway(s, target, h, p, block):
+def load_midway(s, target, h, held, p, block):
     """The load in the middle of the way that a time h covers, as far as the stops leave it.
 
     Where the load rises the way is that of the implicit midpoint rule, which no stiff load makes unstable.
     """
-    away = s.position - block.at
-    rises = p.load1 + 2.0 * p.load2 * away
+    rises = p.load1 + 2.0 * p.load2 * (s.position - block.at)
     if block.periodic:
         a = block.turn * s.position
-        rises += block.turn * (p.sine1 * cos(a) - p.cosine1 * sin(a))
-        if block.periodic > 1:
-            rises += 2.0 * block.turn * (p.sine2 * cos(2.0 * a) - p.cosine2 * sin(2.0 * a))
-        if block.periodic > 2:
-            rises += 3.0 * block.turn * (p.sine3 * cos(3.0 * a) - p.cosine3 * sin(3.0 * a))
-    held = p.lag * (1.0 - exp(-h / p.lag))
+        waves = p.sine1 * cos(a) - p.cosine1 * sin(a) + 2.0 * (p.sine2 * cos(2.0 * a) - p.cosine2 * sin(2.0 * a))
+        rises += block.turn * waves
     half = 0.5 * (target * (h - held) + s.speed * held)
     half /= 1.0 + 0.5 * p.gain * max(rises, 0.0) * (h - held)
     return load_at(min(max(s.position + half, p.lower), p.upper), p, block)
@@ -140,7 +140,7 @@ class Motor(Recursion):
     stribeck: bool = False
     jams: bool = False
     delayed: bool = True
-    stops: bool | str = True
+    stops: Any = True  # bool, or a name of STOPS
     at: float = 0.5
     substeps: int = 1
     periodic: int = 0
@@ -165,14 +165,11 @@ class Motor(Recursion):
             raise InputError(f"substeps is {self.substeps}; give at least 1")
 
     @property
-    def ended(self) -> bool:
-        """Whether it has an end stop."""
-        return bool(self.stops)
-
-    @property
     def ends(self) -> tuple[str, ...]:
         """Names of the stops that it has, "lower" and "upper"."""
-        return (self.stops,) if isinstance(self.stops, str) else ("lower", "upper") if self.stops else ()
+        if self.stops in ("lower", "upper"):
+            return (self.stops,)
+        return ("lower", "upper") if self.stops else ()
 
     @property
     def bent(self) -> bool:
@@ -229,8 +226,6 @@ class Motor(Recursion):
         places = " and at ".join(w.num(m[name]) for name in self.ends)
         ends = f"  {w.y} ends at {places}, where v becomes 0" if self.stops else ""
         ends += f" and stays 0 for a time {w.num(m['jam'])}*|v| after an impact at speed v" if self.jams else ""
-        loss_varies = self.loss and self.bent
-        varies = [name for name, does in (("L", self.bent), ("R", self.stribeck or loss_varies)) if does]
         late = f" and acts {w.num(m['delay'])} samples late" if m.get("delay") else ""
         lines = [
             f"{w.num(m['lag'])}*v' + v = {w.num(m['gain'])}*({net} - F), {w.y}' = v, time in samples",
@@ -240,9 +235,15 @@ class Motor(Recursion):
             f"  v stays 0 where {down} <= {net} <= {up}",
             ends,
             f"  {w.x} is held for one sample{late}",
-            solved(" and ".join(varies), self.substeps),
+            self._solved(),
         ]
         return [line for line in lines if line]
+
+    def _solved(self) -> str:
+        each = "held input" if self.substeps == 1 else f"of {self.substeps} equal parts of a held input"
+        taken = [f"L is that in the middle of the way over each {each}"] if self.bent else []
+        taken += [f"v in R is that at the start of each {each}"] if self.stribeck else []
+        return ", ".join([solved("", self.substeps), *taken])
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """A motor that moves through the stroke in a tenth of the record at the largest input."""
@@ -254,6 +255,27 @@ class Motor(Recursion):
         if not self.value(theta, "lower") < self.value(theta, "upper"):
             return False
         return all(slot.lower <= value <= slot.upper for slot, value in zip(self.slots(), theta, strict=True))
+
+    def remarks(self, theta: np.ndarray, x: np.ndarray, y: np.ndarray) -> list[str]:
+        """Whether it passes a place from which its load drives it on against friction and the largest input."""
+        largest, m = float(np.abs(x).max()), {**self.absent, **self.by_name(theta)}
+        waves = sum(abs(m[name]) for name in self.waves)
+        for side, friction, end in ((1.0, m["rise"], m["upper"]), (-1.0, m["fall"], m["lower"])):
+            # Outwards by side, away from `at`: -load(away) against all that may hold it.
+            load = [-m["load0"] * side - friction - largest - waves, -m["load1"], -m["load2"] * side]
+            drives = np.polynomial.Polynomial(load).trim()
+            if np.isfinite(end) or drives.degree() == 0 or drives.coef[-1] <= 0.0:
+                continue
+            roots = drives.roots()
+            last = max([0.0, *roots[np.abs(roots.imag) < 1e-9].real])
+            reached = float(np.nanmax(side * (y - self.at)))
+            if not np.all(np.isfinite(y)) or reached > last:
+                place = self.at + side * last
+                return [
+                    f"beyond {place:.4g} the load drives the {self.role} away from any input of this record, and the "
+                    f"run gets to {self.at + side * reached:.3g}: give the motor a stop, or a spring or periodic load"
+                ]
+        return []
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         names = [slot.name for slot in self.slots()]

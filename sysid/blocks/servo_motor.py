@@ -9,7 +9,7 @@ from sysid.base.errors import InputError, unknown
 from sysid.block.block import Slot, Symmetry
 from sysid.block.step import ago, floor
 from sysid.block.writing import Code, Writer
-from sysid.blocks.motor import SHORTEST, Motor, stretch
+from sysid.blocks.motor import Motor, stretch
 
 LOOPS = ("p", "pd", "pid")
 MOST_SAG = 3.0  # resistance of supply and driver over that of the motor
@@ -27,7 +27,7 @@ def step(s, x, p, block):
     for part in range(2):  # a sample sees the end of one goal and the beginning of the next
         goal = ago(x, whole + 1 - part)
         length = late if part == 0 else 1.0 - late
-        if length > SHORTEST or block.jams:  # a jam's derivative looks at both parts even where one has no length
+        if length > 0.0 or block.delayed:  # the derivative by a whole delay sees a part that has no length yet
             for _ in range(block.updates):
                 drive(s, goal, length / block.updates, p, block)
     return y
@@ -63,9 +63,13 @@ class ServoMotor(Motor):
     that never reaches the limit determines gain kp, rise / kp and fall / kp only, and one that never does so with
     "pd" lag / (1 + gain kd) and kp / (1 + gain kd) only, unless gains are fixed.
 
-    `updates` parts of a sample follow the loop. Without `held` they approximate a fast loop, to second order; with
-    `held` they are the loop itself, whose drive is constant over each part. `scheduled` takes a second input channel,
-    constant over a record: the factor of kp, kd and ki in this record, such as a gain register of known value.
+    With `sags` the source has a resistance, `sag` times the motor's: a bridge that is on for a share d of the time
+    draws d times the motor's current, so w becomes (w + sag d^2 v / gain) / (1 + sag d^2) with d = w / limit.
+
+    `updates` parts of a sample follow the loop. Without `held` they approximate a fast loop, its proportional part to
+    second order; with `held` they are the loop itself, whose drive is constant over each part. `scheduled` takes a
+    second input channel, constant over a record: the factor of kp, kd and ki in this record, such as a gain register
+    of known value.
     Everything else is that of `Motor`; `substeps` above `updates` divide these further.
     """
 
@@ -75,7 +79,7 @@ class ServoMotor(Motor):
     loop: str = "p"
     dead: bool = False
     sags: bool = False
-    updates: int = 8
+    updates: int = 4
     held: bool = False
     scheduled: bool = False
 
@@ -173,7 +177,7 @@ class ServoMotor(Motor):
         if self.load and not self.loss:  # a constant load is a difference between the frictions
             moves = {"rise": 1.0, "fall": -1.0, "load0": -1.0}
             found.append(Symmetry(np.array([moves.get(name, 0.0) for name in names])))
-        if self.load <= 1 and not self.scheduled:  # a load over position would have to be scaled about `at`
+        if not self.bent and not self.scheduled:  # a load over position would have to be scaled about `at`
             places = dict.fromkeys(("gain", "stick_speed", "lower", "upper", "x0", "v0", "dead"), 1.0) | {"jam": -1.0}
             places |= dict.fromkeys(("kp", "kd", "ki"), -1.0)
             found.append(Symmetry(along(places), in_scale=1.0, out_scale=1.0))
@@ -201,16 +205,18 @@ class ServoMotor(Motor):
         terms = [(m["kp"], "e"), (-m.get("kd", 0.0), "v"), (float(self.integrates), "i")]
         limit = w.num(m["limit"])
         late = f", {w.x} {w.num(m['delay'])} samples late" if m.get("delay") else ""
-        lines = [
-            f"W = min(max({w.sum(terms)}, -{limit}), {limit}), e = {w.x} - {w.y}{late}, held for one sample",
-            f"  e is 0 within {w.num(m['dead'])} of 0 and counts from there" if self.dead else "",
-            f"  i' = {w.num(m['ki'])}*e, 0 where W is at its limit; i = {w.num(m['i0'])} at first"
-            if self.integrates
-            else "",
-            f"  W from {'the start' if self.held else 'the middle'} of each of {self.updates} equal parts of a sample",
-        ]
+        lines = [f"W = min(max({w.sum(terms)}, -{limit}), {limit}), e = {w.x} - {w.y}{late}, held for one sample"]
+        if self.dead:
+            lines.append(f"  e is 0 within {w.num(m['dead'])} of 0 and counts from there")
+        if self.integrates:
+            lines.append(f"  i' = {w.num(m['ki'])}*e, 0 where W is at its limit; i = {w.num(m['i0'])} at first")
+        if self.sags:
+            share = f"{w.num(m['sag'])}*(W/{limit})^2"
+            lines.append(f"  W acts as (W + {share}*v/{w.num(m['gain'])})/(1 + {share})")
+        place = "start" if self.held else "middle"
+        lines.append(f"  W from the {place} of each of {self.updates} equal parts of a sample")
         motion = super().equations(theta, replace(w, x="W"))
-        return [line for line in (*lines, *motion) if line and (line in lines[:1] or "held for" not in line)]
+        return [*lines, *(line for line in motion if "is held for" not in line)]
 
     def _check_export(self) -> None:
         if self.scheduled:

@@ -1,7 +1,8 @@
 """Preprocessing: means removed and halves (the 'quick start' of the paper's section III.B), and re-exports.
 
 Trends with kinks are in `sysid.data.trends`, filters in `sysid.data.filters`, other rates in `sysid.data.resampling`,
-outliers in `sysid.data.outliers`, missing data in `sysid.data.missing`. Each returns a sentence that says what it did.
+outliers in `sysid.data.outliers`, missing data in `sysid.data.missing`, an angle's wraps in `sysid.data.wraps`. Each
+returns a sentence that says what it did.
 """
 
 from dataclasses import replace
@@ -13,6 +14,7 @@ from sysid.data.outliers import hampel, outliers
 from sysid.data.record import IOData
 from sysid.data.resampling import resample
 from sysid.data.trends import Trend
+from sysid.data.wraps import unwrapped
 
 DETREND = ("mean", "none")
 
@@ -54,4 +56,5 @@ __all__ = [
     "record",
     "resample",
     "retrend",
+    "unwrapped",
 ]

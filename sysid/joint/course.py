@@ -13,7 +13,7 @@ from sysid.model.chain import Chain
 
 LONGEST = 2**16  # samples of one way from end to end
 ARRIVED = 0.98  # of the way between the ends
-SHARES = np.arange(0.6, 1.62, 0.04)  # of the voltage that starts the joint: the levels of the stairs
+SHARES = np.arange(0.7, 2.0, 0.04)  # of the input against friction in motion: the levels of the stairs
 CAREFUL = 0.95  # of the largest speed that is allowed: the real joint may be a little faster than the fit
 MOVE = 0.03  # of the way between the ends: a slow reversal's
 _STARTS = 1e-6  # of the way: motion that counts as started
@@ -134,7 +134,10 @@ class Course:
         return 0.0 if down < 0.0 < up else 0.5 * (down + up)
 
     def starts(self, way: int) -> float:
-        """Input that starts the joint at mid way, by bisection."""
+        """Input that keeps the joint moving at mid way, by bisection: friction in motion, without more at rest.
+
+        What a fit says of friction at rest is a guess before the joint has started slowly.
+        """
         if way not in self._starts:
             low, high = -self.largest, self.largest
             for _ in range(_HALVINGS):
@@ -159,7 +162,10 @@ class Course:
         return 10.0 * max(volts * (1.0 + motor.value(own, "loss")), 1e-9) + 1.0
 
     def _moves(self, way: int, level: float) -> bool:
-        rest = self._place(self._at(0.5), np.full(2 * self.step + 20, level))
+        theta, stick = self._at(0.5), f"{motor_of(self.chain).role}.stick"
+        if stick in self.chain.names:
+            theta[self.chain.names.index(stick)] = 0.0
+        rest = self._place(theta, np.full(2 * self.step + 20, level))
         return bool(way * (rest[-1] - rest[0]) > _STARTS * (self.ends[1] - self.ends[0]))
 
     def _top(self, way: int, top: float, strike: float | None) -> float:

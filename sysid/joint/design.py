@@ -221,7 +221,7 @@ def _then(
     noise = np.sqrt(fit.criteria.mse) * np.random.default_rng(0).standard_normal(len(u))
     record = _named(IOData(u, y + noise, data.Ts), data)
     again = fit_chain(chain, record, start=np.array(theta), search="lm")
-    return joint_values(again, data=record), notes
+    return joint_values(again, data=record, complete=True), notes
 
 
 def _in_units(values: tuple[JointValue, ...], data: IOData) -> tuple[JointValue, ...]:

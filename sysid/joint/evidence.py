@@ -4,23 +4,28 @@ A fit has a number for every parameter, and a small interval where the model cou
 shows what the number stands for is a question to the record.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from sysid.base.units import number, shown
-from sysid.blocks import CoastingPlay, Play, TravelMap
+from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
+from sysid.joint.value_physics import breakaway_over_place, ends_of, travel_of
 from sysid.joint.value_record import Started, StopTest, noise_level, starts_from_rest, stop_test
+from sysid.joint.value_spread import LACKS
 from sysid.model.chain import Chain
 from sysid.uncertainty.information import Information, information
 from sysid.uncertainty.initial_sensitivity import with_initial_state
 
-STARTS = 3  # from rest in one direction, under a slowly rising voltage
+STARTS = 2  # from rest in one direction, under a slowly rising voltage
 CROSSINGS = 6  # of the backlash, both ways together
+_PLACE = 0.03  # standard uncertainty of a break-away at mid stroke that is read elsewhere, as a share of it
+_APART = 2.0  # standard deviations by which model and starts contradict each other
+_COASTS = 0.25  # of the speed: a link that loses more of it in a sample does not show its way across the backlash
 _SIDE = 0.4  # of the backlash from its middle: the link lies against this side
 _TOLD = 0.5  # of lag and delay together: a wider standard deviation of one does not tell it from the other
 _TOGETHER = -0.98  # a correlation of lag and delay below it leaves only their sum
@@ -40,18 +45,19 @@ class Shown:
 class Evidence:
     """By name of a value, what the record shows of it; the tests of both ends and the starts from rest behind it.
 
-    A value without an entry needs nothing but information.
+    A value without an entry needs nothing but information. `breakaway`: factor on the model's break-away by which it
+    agrees with the starts, and its standard uncertainty, by name.
     """
 
     values: Mapping[str, Shown]
     stops: Mapping[str, StopTest]
     starts: tuple[Started, ...]
     noise: float
+    breakaway: Mapping[str, tuple[float, float]]
 
-    def determined(self, name: str, otherwise: bool = True) -> bool:
-        """Whether the record determines the value `name`, as far as it takes more than information; `otherwise` for a
-        value without an entry."""
-        return self.values[name].determined if name in self.values else otherwise
+    def determined(self, name: str) -> bool:
+        """Whether the record determines the value `name`, as far as it takes more than information."""
+        return self.values[name].determined if name in self.values else True
 
     def why(self, name: str) -> str:
         """The sentence of the value `name`; '' if there is none."""
@@ -69,43 +75,49 @@ def evidence(fit: Fit, data: IOData, info: Information | None = None) -> Evidenc
     chain, theta = fit.model, fit.theta
     noise, links, stops = _noise(data), _links(chain, theta, data), stop_tests(fit, data)
     found = {name: _of_stop(test, data.y_unit or "y", name) for name, test in stops.items()}
-    starts = tuple(starts_from_rest(data, noise)) if chain.block("sensor") is None else ()
+    readable = chain.block("sensor") is None and not isinstance(motor_of(chain), ServoMotor)
+    starts = tuple(starts_from_rest(data, noise)) if readable else ()
+    factors, volts = {}, breakaway_over_place(chain, theta)
     for name, way in (("breakaway_up", 1), ("breakaway_down", -1)):
-        found[name] = _of_starts([s for s in starts if s.way == way], "up" if way > 0 else "down")
+        agreed = _agreed([start for start in starts if start.way == way and start.slow], volts)
+        factors[name] = _factor(agreed)
+        found[name] = _of_starts(len(agreed), factors[name][1], "up" if way > 0 else "down")
     if links is not None:
-        found["backlash"] = _of_crossings(*links)
+        found["backlash"] = _of_crossings(*links, _slowing(chain, theta, data))
     if motor_of(chain).delayed:
         found["time_constant"] = found["delay"] = _of_times(
             fit, information(fit, data, "auto") if info is None else info
         )
-    return Evidence(found, stops, starts, noise)
+    return Evidence(found, stops, starts, noise, factors)
 
 
 def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
-    """`stop_test` of the fit's end_low and end_high on its record; empty without stops.
+    """`stop_test` of the fit's end_low and end_high on its record; empty for a joint without stops and travel.
 
-    Where a map of the sensor follows, the place of the link is the model's, because the record does not show it.
+    Where a map of the sensor follows, the place of the link is the model's, because the record does not show it. What
+    drives a servo is its error. An end that the fit has out of reach was not met.
     """
     chain, theta = fit.model, fit.theta
-    inputs, places = [record.u[:, 0] for record in data.experiments], _places(chain, theta, data)
-    noise, slack = float(np.median([noise_level(y) for y in places])), _width(chain, theta)
-    ends = zip(("end_low", "end_high"), (-1.0, 1.0), ends_of(chain, theta), strict=True)
-    return {
-        name: stop_test(inputs, places, data.Ts, at, noise, way, slack) for name, way, at in ends if np.isfinite(at)
-    }
+    places = _places(chain, theta, data)
+    drives, noise = _drives(chain, theta, data, places), float(np.median([noise_level(y) for y in places]))
+    slack, found = _width(chain, theta), {}
+    for name, way, at in zip(("end_low", "end_high"), (-1.0, 1.0), ends_of(chain, theta), strict=True):
+        if np.isfinite(at):
+            found[name] = stop_test(drives, places, data.Ts, at, noise, way, slack)
+        elif travel_of(chain) is not None:
+            farthest = way * max(float(np.max(way * y)) for y in places)
+            found[name] = StopTest(False, "no stop explains the record there", (), farthest, np.inf)
+    return found
 
 
-def ends_of(chain: Chain, theta: np.ndarray) -> tuple[float, float]:
-    """Lower and upper end of a joint's stops in units of y; infinite without stops."""
+def _drives(chain: Chain, theta: np.ndarray, data: IOData, places: list[np.ndarray]) -> list[np.ndarray]:
+    """What drives the motor in each experiment: the input, or the error of a servo."""
+    inputs = [record.u[:, 0] for record in data.experiments]
     motor = motor_of(chain)
-    if not motor.stops:
-        return -np.inf, np.inf
-    part = chain.part(theta, motor)
-    ends = np.array([motor.value(part, "lower"), motor.value(part, "upper")])
-    travel = next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
-    if travel is not None:
-        ends = travel.output(chain.part(theta, travel), ends)
-    return float(ends.min()), float(ends.max())
+    if not isinstance(motor, ServoMotor):
+        return inputs
+    k = chain.blocks.index(motor)
+    return [chain.through(theta, u, 0, k) - place for u, place in zip(inputs, places, strict=True)]
 
 
 def _noise(data: IOData) -> float:
@@ -158,29 +170,68 @@ def _of_stop(test: StopTest, unit: str, name: str) -> Shown:
     return Shown(False, f"not met: beyond {place} ({test.why})", counts)
 
 
-def _of_starts(starts: list[Started], way: str) -> Shown:
-    slow = sum(start.slow for start in starts)
-    counts = {"starts": len(starts), "slow_starts": slow}
-    if slow >= STARTS:
-        return Shown(True, f"{slow} starts from rest {way} under a slowly rising voltage", counts)
-    return Shown(
-        False,
-        f"{slow or 'no'} start{'' if slow == 1 else 's'} from rest {way} under a slowly rising voltage, {STARTS} are "
-        f"needed: record slow stairs ({STAIRS})",
-        counts,
-    )
+def _of_starts(count: int, std: float, way: str) -> Shown:
+    counts = {"slow_starts": count, "uncertainty": std}
+    said = f"{count or 'no'} start{'' if count == 1 else 's'} from rest {way} under a slowly rising voltage"
+    if count < STARTS:
+        return Shown(False, f"{said}, {STARTS} that agree are needed: record slow stairs ({STAIRS})", counts)
+    if not np.isfinite(std):
+        return Shown(False, f"{said} contradict the model: record slower stairs ({STAIRS})", counts)
+    return Shown(True, said, counts)
 
 
-def _of_crossings(up: int, down: int) -> Shown:
-    counts = {"crossings_up": up, "crossings_down": down}
-    if up + down >= CROSSINGS:
-        return Shown(True, f"the link crosses it {up + down} times", counts)
-    return Shown(
-        False,
-        f"the link crosses it {up + down} times, {CROSSINGS} are needed: reverse slowly where its weight changes sides "
-        "(qpal design --for backlash FILE)",
-        counts,
-    )
+def _agreed(slow: Sequence[Started], volts: Callable[[float, int], float]) -> np.ndarray:
+    """Brackets (n, 2) of slow starts as shares of the model's break-away `volts`, those that overlap the earliest one.
+
+    A link that crosses its backlash first, or creeps before it is seen, starts late and never early.
+    """
+    model = np.array([volts(start.place, start.way) for start in slow])
+    brackets = np.array([sorted((abs(start.held), abs(start.moved))) for start in slow]).reshape(-1, 2)
+    brackets /= np.maximum(np.abs(model), 1e-9)[:, None]
+    return brackets[brackets[:, 0] <= brackets[:, 1].min(initial=np.inf)]
+
+
+def _factor(brackets: np.ndarray) -> tuple[float, float]:
+    """Factor on the model's break-away from the brackets (n, 2) of starts, and its standard uncertainty.
+
+    A bracket is a uniform distribution, the model a normal one around 1; they are weighted by their precisions. The
+    uncertainty is infinite if they contradict each other.
+    """
+    lack = LACKS["breakaway"]
+    if not len(brackets):
+        return 1.0, lack
+    middle, half = brackets.mean(axis=1), np.diff(brackets, axis=1)[:, 0] / 2.0
+    weight = 1.0 / np.maximum(half / np.sqrt(3.0), 1e-6) ** 2
+    read = float(weight @ middle / weight.sum())
+    scatter = float(np.sqrt(weight @ (middle - read) ** 2 / weight.sum() / len(middle)))
+    std = float(np.sqrt(1.0 / weight.sum() + scatter**2 + _PLACE**2))
+    if abs(read - 1.0) > _APART * np.hypot(std, lack):
+        return read, np.inf
+    share = lack**2 / (lack**2 + std**2)
+    return 1.0 + share * (read - 1.0), float(np.sqrt(share) * std)
+
+
+def _of_crossings(up: int, down: int, slowing: float) -> Shown:
+    counts = {"crossings_up": up, "crossings_down": down, "slowing": slowing}
+    if up + down < CROSSINGS:
+        why = f"the link crosses it {up + down} times, {CROSSINGS} are needed: reverse slowly where its weight changes"
+        return Shown(False, f"{why} sides (qpal design --for backlash FILE)", counts)
+    if slowing > _COASTS:
+        why = f"friction and weight take {100 * min(slowing, 1.0):.0f} % of the link's speed or more in a sample"
+        return Shown(False, f"{why}, so its way across is not seen: sample faster", counts)
+    return Shown(True, f"the link crosses it {up + down} times", counts)
+
+
+def _slowing(chain: Chain, theta: np.ndarray, data: IOData) -> float:
+    """Share of its usual speed that a coasting link loses in a sample by friction and weight; 0 for one that does not
+    coast."""
+    play = next((b for b in chain.blocks if isinstance(b, CoastingPlay)), None)
+    if play is None:
+        return 0.0
+    _, _, drag, pull, slope = chain.part(theta, play)
+    weight = max(abs(pull + slope * float(f(record.y))) for record in data.experiments for f in (np.min, np.max))
+    usual = max(float(np.quantile(np.abs(np.diff(record.y[:, 0])), 0.9)) for record in data.experiments)
+    return float(drag + weight) / max(usual, 1e-300)
 
 
 def _of_times(fit: Fit, info: Information) -> Shown:

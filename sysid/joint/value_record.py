@@ -177,7 +177,7 @@ def _visits(
     found: list[Visit] = []
     if not np.isfinite(moves):
         return found
-    least = moves - _SAME * float(np.abs(push).max())
+    least, usual = moves - _SAME * float(np.abs(push).max()), float(np.median(free[1]))
     at = np.concatenate([[False], (place >= near) & (push >= least), [False]])
     edges = np.flatnonzero(np.diff(at.astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
@@ -185,8 +185,8 @@ def _visits(
         if len(rest) < _REST:
             continue
         half = len(rest) // 2
-        drift = abs(float(rest[half:].mean() - rest[:half].mean()))
-        if drift > _SURE * noise * np.sqrt(2.0 / half):
+        drift, seen = abs(float(rest[half:].mean() - rest[:half].mean())), _SURE * noise * np.sqrt(2.0 / half)
+        if drift > seen or half * usual < 2.0 * seen:  # in so short a time a slow motion looks like a rest
             continue
         speed = _arrival(push, place, int(first), near, free)
         found.append(Visit(int(first), int(last), float(rest.mean()), float(np.median(push[first:last])), speed))
@@ -221,38 +221,55 @@ class Started:
 
     @property
     def slow(self) -> bool:
-        """Whether the voltage rose slowly enough to bracket the start."""
-        return abs(self.moved - self.held) <= _SLOW * max(abs(self.moved), abs(self.held))
+        """Whether the voltage rose, and slowly enough to bracket the start."""
+        return 0.0 < abs(self.moved - self.held) <= _SLOW * max(abs(self.moved), abs(self.held))
 
 
 def starts_from_rest(data: IOData, noise: float) -> list[Started]:
     """Every start from rest of a record; `way` is the direction of y.
 
-    The joint is seen to have moved when it is `_SURE` standard deviations from its rest. A start from rest grows with
-    the square of time or faster, so it began at most twice as long before as one standard deviation was passed.
+    The joint is seen to have moved when it is `_SURE` standard deviations from its rest. Under a rising voltage its way
+    grows with the square of time or faster, so it began at most twice as long before as a quarter of this way was
+    passed, which is no later than it was last seen behind its rest.
     """
     found = []
     sign = rising(*(np.concatenate([getattr(r, k)[:, 0] for r in data.experiments]) for k in ("u", "y")))
     for k, record in enumerate(data.experiments):
-        u, y, m = sign * record.u[:, 0], record.y[:, 0], 2
+        u, y = sign * record.u[:, 0], record.y[:, 0]
+        m = max(_window(noise, np.abs(np.diff(y))), 2)
         speed = np.concatenate([np.zeros(m), _speed(y, m), np.zeros(m - 1)])
         still = np.abs(speed) < _SURE * noise * np.sqrt(2.0 / m) / m
         edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
         ends = [*edges[2::2], len(y)]
         for first, last, following in zip(edges[::2], edges[1::2], ends, strict=True):
-            if last - first < _REST + m or last >= len(y):
-                continue
-            rest = float(np.median(y[first : first + max((last - first) // 2, _REST)]))
-            way = int(np.sign(speed[last]))
-            gone = way * (np.convolve(y, np.ones(3) / 3, "same") - rest)[first : min(following + 1, len(y) - 1)]
-            far = np.flatnonzero(gone > _SURE * noise)
-            far = far[far >= (last - first) // 2]
-            if not len(far):
-                continue
-            seen = int(first + far[0])
-            close = np.flatnonzero(gone[: far[0]] <= noise)
-            passed = int(first + close[-1]) if len(close) else int(first)
-            before = max(passed - (seen - passed) - _LATE, int(first))
-            held, moved = float((way * u)[first : before + 1].max()), float((way * u)[before : seen + 1].max())
-            found.append(Started(k, seen, way, rest, way * sign * min(held, moved), way * sign * moved))
+            if last - first >= _REST + m and last < len(y):
+                start = _start(u, y, noise, (int(first), int(last), int(following)), int(np.sign(speed[last])))
+                if start is not None:
+                    sample, place, held, moved = start
+                    way = int(np.sign(speed[last]))
+                    found.append(Started(k, sample, way, place, way * sign * held, way * sign * moved))
     return found
+
+
+def _start(
+    u: np.ndarray, y: np.ndarray, noise: float, around: tuple[int, int, int], way: int
+) -> tuple[int, float, float, float] | None:
+    """Sample at which a start is seen, place of the rest, and voltages before and at it, positive towards `way`; None
+    if the joint drifts instead of resting. `around`: first sample of the rest, of the motion, and of the next rest."""
+    first, last, following = around
+    half = max((last - first) // 2, _REST)
+    quarter = max(half // 2, 1)
+    rest = float(np.mean(y[first : first + half]))
+    drift = abs(float(np.mean(y[first : first + quarter]) - np.mean(y[first + half - quarter : first + half])))
+    if drift > _SURE * noise * np.sqrt(2.0 / quarter):
+        return None
+    gone = way * (np.convolve(y, np.ones(3) / 3, "same") - rest)[first : min(following + 1, len(y) - 1)]
+    far = np.flatnonzero(gone > _SURE * noise)
+    far = far[far >= half]
+    if not len(far):
+        return None
+    close = np.flatnonzero(gone[: far[0]] <= 0.0)
+    seen, passed = first + int(far[0]), first + (int(close[-1]) if len(close) else 0)
+    before = max(passed - (seen - passed) - _LATE, first)
+    held, moved = float((way * u)[first : before + 1].max()), float((way * u)[before : seen + 1].max())
+    return seen, rest, min(held, moved), moved

@@ -17,9 +17,10 @@ from sysid.uncertainty.noise_model import noise_model
 _DIRECTIONS = 10.0
 # Standard uncertainty, as a share of the value, that every joint model leaves even where its residuals are white,
 # because other parameters make up for what it lacks: found on drawn legs of the twin (scripts/drawn_joints.py).
-LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.07, "backlash": 0.2, "lag_and_delay": 0.12}
-LACKS |= {"time_constant": 0.2, "delay": 0.3, "speed_per_volt": 0.008}
-UNSEEN = 0.003  # of the travel: standard uncertainty of an end, by a backlash that the record does not show
+LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.07, "backlash": 0.12}
+LACKS |= {"speed_per_volt": 0.008}
+TIMES = 0.1  # of a sample: the same of a time
+UNSEEN = 0.005  # of the travel: standard uncertainty of an end, by the side of the backlash on which the link rests
 
 
 @dataclass(frozen=True)
@@ -70,10 +71,12 @@ def spread_of(fit: Fit, data: IOData, level: float) -> Spread:
     return Spread(information(fit, data, lags="auto"), plain, float(lack), level)
 
 
-def lacking(name: str, value: float, travel: float, hidden: bool) -> float:
-    """Standard uncertainty of a value by what every model of a joint lacks; of an end, by a `hidden` backlash."""
+def lacking(name: str, value: float, travel: float, Ts: float) -> float:
+    """Standard uncertainty of a value by what every model of a joint lacks; `travel` is the way between the ends."""
     if name.startswith("end_"):
-        return UNSEEN * travel if hidden else 0.0
+        return UNSEEN * travel
+    if name in ("lag_and_delay", "time_constant", "delay"):
+        return TIMES * Ts
     return next((share for start, share in LACKS.items() if name.startswith(start)), 0.0) * abs(value)
 
 

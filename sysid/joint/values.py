@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.stats import norm
 
 from sysid.base.errors import InputError
@@ -12,11 +11,11 @@ from sysid.blocks import CoastingPlay, Play, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.evidence import Evidence, Shown, ends_of, evidence
+from sysid.joint.evidence import Evidence, Shown, evidence
+from sysid.joint.value_physics import ends_of, travel_of, volts_to_move
 from sysid.joint.value_spread import lacking, spread_of, white
 from sysid.model.chain import Chain
 
-_LARGEST = 1e3  # [V] within which a driver is inverted
 _STEP = 1e-6
 
 
@@ -42,7 +41,7 @@ class JointValue:
 
 
 def joint_values(
-    fit: Fit, level: float = 0.95, data: IOData | None = None, linearity: float = 0.0
+    fit: Fit, level: float = 0.95, data: IOData | None = None, linearity: float = 0.0, complete: bool = False
 ) -> tuple[JointValue, ...]:
     """Physical values of an `actuated_joint`, at mid stroke if they depend on position.
 
@@ -54,11 +53,12 @@ def joint_values(
     Intervals without a record are those of the delta method from the covariance of the fit, which assumes white
     residuals and a complete model. With the record `data` of the fit they allow for coloured residuals (see
     `sysid.uncertainty.information`), for structure that is left in them, and for what every model of a joint lacks (see
-    `sysid.joint.value_spread`). A value that the record does not bear (see `sysid.joint.evidence`) then has no interval
-    and says why: an end that was not met, a backlash that is not crossed. In place of a break-away without starts from
-    rest there is moving_friction_up or moving_friction_down [V], and lag_and_delay [s] in place of a time constant and
-    a delay that the record does not tell apart. Intervals are symmetric and cut off at the limits of a value's range; a
-    value at a limit (no backlash) or a fixed value has none.
+    `sysid.joint.value_spread`); `complete` leaves the last out, for a record of the model itself. A value that the
+    record does not bear (see `sysid.joint.evidence`) then has no interval and says why: an end that was not met, a
+    backlash that is not crossed. In place of a break-away without starts from rest there is moving_friction_up or
+    moving_friction_down [V], and lag_and_delay [s] in place of a time constant and a delay that the record does not
+    tell apart; a break-away is drawn towards the voltages of those starts. Intervals are symmetric and cut off at the
+    limits of a value's range; a value at a limit (no backlash) or a fixed value has none.
 
     linearity [y]: largest deviation of the sensor from a straight line, from its data sheet. A record does not show
     the errors of its own sensor. They enter ends and speed as a deviation that oscillates between the two limits, with
@@ -75,6 +75,7 @@ def joint_values(
             f"linearity is {linearity}; give the largest deviation of the sensor from a straight line, 0 or more"
         )
     readings = _readings(chain, fit.Ts)
+    shown = None
     if data is None:
         plain, factor = white(fit, level), float(norm.ppf(0.5 + level / 2))
         rows = {name: Shown(True) for name in readings}
@@ -83,8 +84,7 @@ def joint_values(
         factor, shown = plain.noise.quantile(level), evidence(fit, data, plain.noise)
         readings = _told(readings, shown)
         rows = {name: _row(name, shown) for name in readings}
-    hidden = data is not None and not shown.determined("backlash", False)
-    low, high = ends_of(chain, fit.theta)
+    way = _way(chain, fit.theta, data)
     found = []
     for name, (unit, read, least) in readings.items():
         value, row = read(fit.theta), rows[name]
@@ -95,19 +95,32 @@ def joint_values(
             row = Shown(False, "the record has no information on it")
         limits: tuple[float | None, float | None] = (None, None)
         if row.determined:
-            off_line = linearity * _nonlinearity_share(name, value, chain, fit.theta)
-            lacks = lacking(name, value, high - low, hidden) if data is not None else 0.0
+            off_line, lacks = linearity * _nonlinearity_share(name, value, chain, fit.theta), 0.0
+            if shown is None or complete:
+                pass
+            elif name in shown.breakaway:
+                value, lacks = shown.breakaway[name][0] * value, abs(shown.breakaway[name][1] * value)
+            else:
+                lacks = lacking(name, value, way, fit.Ts)
             half = float(np.sqrt(half**2 + (factor * off_line) ** 2 + (factor * lacks) ** 2))
             limits = max(value - half, least), value + half
         found.append(JointValue(name, float(value), *limits, unit, row.determined, row.why))
     return tuple(found)
 
 
+def _way(chain: Chain, theta: np.ndarray, data: IOData | None) -> float:
+    """Way between the ends [y]; what was seen of it for a joint without two stops."""
+    low, high = ends_of(chain, theta)
+    if np.isfinite(high - low) or data is None:
+        return high - low
+    return max(float(np.ptp(record.y)) for record in data.experiments)
+
+
 def _nonlinearity_share(name: str, value: float, chain: Chain, theta: np.ndarray) -> float:
     """Standard uncertainty of a value for a sensor with a largest deviation of 1 from a straight line."""
     if name.startswith("end_"):
         return float(np.sqrt(0.5))
-    travel = next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
+    travel = travel_of(chain)
     if name != "speed_per_volt" or travel is None:
         return 0.0  # a play is a difference between readings at one place
     ends = _across_middle(travel, chain.part(theta, travel))
@@ -126,7 +139,7 @@ Reading = tuple[str, Callable[[np.ndarray], float], float]
 def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
     """Unit, function of theta, and smallest possible value of every quantity of the chain."""
     motor = motor_of(chain)
-    travel = next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
+    travel = travel_of(chain)
     play = next((b for b in chain.blocks if isinstance(b, Play | CoastingPlay)), None)
 
     def of(name: str) -> Callable[[np.ndarray], float]:
@@ -139,11 +152,7 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
         return of("gain")(theta) * slope / Ts
 
     def held(theta: np.ndarray, direction: int, static: bool) -> float:
-        load = of("load0")(theta)  # of the motor's own `at`, mid stroke
-        dry = of("rise" if direction > 0 else "fall")(theta)
-        extra = of("stick")(theta) if static else 0.0
-        volts = load + direction * (dry + extra + of("loss")(theta) * abs(load))
-        return _through_driver(chain, theta, volts)
+        return volts_to_move(chain, theta, direction, static)
 
     found: dict[str, Reading] = {
         "speed_per_volt": ("y/s/V", speed, -np.inf),
@@ -192,20 +201,6 @@ def _row(name: str, shown: Evidence) -> Shown:
 
 def _sum(a: Reading, b: Reading) -> Reading:
     return a[0], lambda theta: a[1](theta) + b[1](theta), a[2] + b[2]
-
-
-def _through_driver(chain: Chain, theta: np.ndarray, volts: float) -> float:
-    """Input [V] at which the driver's output is `volts`; nan if there is none."""
-    driver = chain.block("driver")
-    if driver is None:
-        return volts
-
-    def excess(u: float) -> float:
-        return float(driver.output(chain.part(theta, driver), np.array([u]))[0]) - volts
-
-    if excess(-_LARGEST) * excess(_LARGEST) > 0:
-        return np.nan
-    return float(brentq(excess, -_LARGEST, _LARGEST))
 
 
 def _gradient(read: Callable[[np.ndarray], float], theta: np.ndarray) -> np.ndarray:

@@ -208,6 +208,12 @@ class Chain:
         """
         return tuple(xs[0] if len(xs) == 1 else np.column_stack(xs) for xs in self._signals(theta, u))
 
+    def remarks(self, theta: np.ndarray, u: np.ndarray) -> list[str]:
+        """What the free run for u (N, nu) or (N,) should be told with, for example a motor that runs away."""
+        runs = self.signals(theta, u)
+        pairs = zip(self.blocks, runs[:-1], runs[1:], strict=True)
+        return [text for b, x, y in pairs for text in b.remarks(self.part(theta, b), x, y)]
+
     def through(self, theta: np.ndarray, x: np.ndarray, start: int = 0, stop: int | None = None) -> np.ndarray:
         """x (N,) through blocks[start:stop], each of one channel."""
         with np.errstate(over="ignore", invalid="ignore"):

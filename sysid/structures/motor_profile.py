@@ -6,17 +6,26 @@ from typing import Any, ClassVar
 from sysid.blocks import ProfiledMotor
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
-from sysid.model.recipes import Recipe, number, order
+from sysid.model.recipes import Recipe, choice, number, order
 
 
-def motor_profile(knots: int = 9, low: float = 0.0, high: float = 1.0, **limits: Any) -> Chain:
+def motor_profile(
+    knots: int = 9,
+    low: float | None = None,
+    high: float | None = None,
+    delayed: bool = False,
+    period: float | None = None,
+    **limits: Any,
+) -> Chain:
     """Voltage to position of a motor with inertia, drag, and friction each way at `knots` places from low to high.
 
-    low and high [unit of the output] are the ends of its way, see `ProfiledMotor`. Made to predict, not to be read:
-    a fit trades dry friction for drag where the record does not tell them apart. `limits` are the `fixed` and `bounds`
-    of the chain, by parameter.
+    low and high [unit of the output] are the ends of its way, by default the range of the record, and period is the
+    length of a turn; where the way is a turn the profile repeats, see `ProfiledMotor`. `delayed`: the input acts late.
+    Made to predict, not to be read: a fit trades dry friction for drag where the record does not tell them apart.
+    `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
-    return Chain((ProfiledMotor(knots, low, high, role="motor"),), structure="motor_profile", **limits)
+    motor = ProfiledMotor(knots, low, high, delayed=delayed, period=period or 0.0, midway=True, role="motor")
+    return Chain((motor,), structure="motor_profile", **limits)
 
 
 @dataclass(frozen=True)
@@ -27,18 +36,24 @@ class MotorProfile(Recipe):
     searched: ClassVar[bool] = True
     zero: ClassVar[str] = "volts and positions"
     knots: int = order(9, "places of the friction profile", least=1)
-    low: float = number(0.0, "lower end of the way of a motor with a friction profile", unit="Y")
-    high: float = number(1.0, "upper end of the way of a motor with a friction profile", unit="Y")
+    low: float | None = number(None, "lower end of a motor's friction profile [that of the record]", unit="Y")
+    high: float | None = number(None, "upper end of a motor's friction profile [that of the record]", unit="Y")
+    period: float | None = number(None, "a turn, over which a motor's friction profile repeats", unit="Y")
+    delay: str = choice("none", "whether a profiled motor's input acts late", ("none", "found"))
 
     @classmethod
     def ladder(cls, data: IOData) -> tuple[Recipe, ...]:
-        """Few and many places over the range of the record."""
+        """Few and many places over the range of the record, and a delay."""
         low, high = float(data.y.min()), float(data.y.max())
-        return tuple(cls(knots, low, high) for knots in (5, 9))
+        return (cls(5, low, high), cls(9, low, high), cls(9, low, high, delay="found"))
 
     def neighbours(self) -> tuple[Recipe, ...]:
-        """Twice or half the places."""
-        return tuple(replace(self, knots=knots) for knots in (2 * self.knots - 1, (self.knots + 1) // 2) if knots > 1)
+        """Twice or half the places, with and without a delay."""
+        other = replace(self, delay="none" if self.delay == "found" else "found")
+        return (
+            *(replace(self, knots=knots) for knots in (2 * self.knots - 1, (self.knots + 1) // 2) if knots > 1),
+            other,
+        )
 
     def model(self) -> Chain:
-        return motor_profile(self.knots, self.low, self.high)
+        return motor_profile(self.knots, self.low, self.high, self.delay == "found", self.period)

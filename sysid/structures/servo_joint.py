@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, unknown
 from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Play, ServoMotor, static
 from sysid.blocks.servo_motor import LOOPS
@@ -13,7 +13,9 @@ from sysid.data.record import IOData
 from sysid.model.chain import Chain
 from sysid.model.recipes import Map, Recipe, choice, number, static_map
 
-_GAINS = ("kp", "kd", "ki", "dead")
+LOADS = ("pendulum", "polynomial")
+TURN = 2.0 * math.pi
+_DEGREES = ("deg", "°", "degree", "degrees")
 
 
 def servo_joint(
@@ -28,7 +30,7 @@ def servo_joint(
     """Goal position to angle y of a servo-driven joint, with physical parameters.
 
     goal -> command (a static map, for a goal in another unit than y; None: none) -> `ServoMotor` (the servo's loop
-    around lag, dry friction with stick, load over position, delay) -> `Play`, or the given `play` (False: none) ->
+    around lag, dry friction with stick, the pull of a pendulum, delay) -> `Play`, or the given `play` (False: none) ->
     sensor (a static map; None: none) -> y. The servo reads its position ahead of the backlash.
 
     `limit` is the largest drive and gives its unit: 1 for shares of full duty, the supply voltage for volts. Gains
@@ -37,7 +39,7 @@ def servo_joint(
     """
     if not 0.0 < limit < math.inf:
         raise InputError(f"the servo's limit is {limit}; give its largest drive: 1 for full duty, or volts")
-    own = motor if motor is not None else ServoMotor(load=3, stops=False, at=0.0)
+    own = motor if motor is not None else ServoMotor(load=0, periodic=1, stops=False)
     blocks: list[Block] = [static(command, "command")] if command is not None else []
     blocks.append(replace(own, role="motor"))
     if play:
@@ -54,35 +56,56 @@ def servo_joint(
 class ServoJoint(Recipe):
     """Settings of a joint that grows from the plain `servo_joint`; the gains are found where they are not known.
 
-    loop: "p", "pd" or "pid". kp [unit of the limit per unit of the output], kd [times s], ki [per s], dead [unit of
-    the output]. limit: largest drive, 1 for shares of full duty, or the supply [V].
+    loop: "p", "pd" or "pid". load: "pendulum" (weight, sine and cosine of the angle) or "polynomial" (springs, a
+    parabola over the angle). turn [unit of the output]: a full turn, of a pendulum. kp [unit of the limit per unit of
+    the output]; dead [unit of the output]. limit: largest drive, 1 for shares of full duty, or the supply [V].
+    Raises InputError for a gain or a dead band that is not positive.
     """
 
     name: ClassVar[str] = "servo_joint"
     searched: ClassVar[bool] = True
-    rungs: ClassVar[tuple[dict[str, Any], ...]] = ({},)
     least_starts: ClassVar[int] = 4
     grown: ClassVar[bool] = True
     auto: ClassVar[str] = "lm"
     zero: ClassVar[str] = "goals and angles"
     loop: str = choice("p", "loop of the servo", LOOPS)
+    load: str = choice("pendulum", "load of the servo over its angle", LOADS)
+    turn: float = number(TURN, "a full turn of a servo joint, 360 for degrees", unit="Y")
     kp: float | None = number(None, "gain of the servo's loop, if known: drive per error", unit="1/Y")
     dead: float | None = number(None, "dead band of the servo's loop around its goal, if known", unit="Y")
     limit: float = number(1.0, "largest drive of the servo: 1 for shares of full duty, or the supply voltage", unit="V")
     output_map: str | None = static_map("sensor", "a servo joint's sensor")
 
+    def __post_init__(self) -> None:
+        for name in ("kp", "dead"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < math.inf:
+                raise InputError(f"{name} of the servo is {value}; give a number above 0, or leave it out")
+        if self.load not in LOADS:
+            raise unknown("load of a servo joint", self.load, LOADS)
+        super().__post_init__()
+
     @classmethod
     def ladder(cls, data: IOData) -> tuple[Recipe, ...]:
-        """P and PD."""
-        return cls(), cls(loop="pd")
+        """P and PD, with the turn of the record's unit."""
+        plain = cls(turn=360.0 if data.y_unit in _DEGREES else TURN)
+        return plain, replace(plain, loop="pd")
+
+    def neighbours(self) -> tuple[Recipe, ...]:
+        """A loop with one term more or less, and the other load."""
+        k = LOOPS.index(self.loop)
+        loops = (*LOOPS[max(k - 1, 0) : k], *LOOPS[k + 1 : k + 2])
+        loads = (load for load in LOADS if load != self.load)
+        return (*(replace(self, loop=loop) for loop in loops), *(replace(self, load=load) for load in loads))
 
     def model(self) -> Chain:
-        motor = ServoMotor(load=3, stops=False, at=0.0, loop=self.loop, dead=bool(self.dead))
-        known = {f"motor.{name}": value for name in ("kp", "dead") if (value := getattr(self, name))}
+        loads = {"load": 3, "at": 0.0} if self.load == "polynomial" else {"load": 0, "periodic": 1, "period": self.turn}
+        motor = ServoMotor(stops=False, loop=self.loop, dead=self.dead is not None, **loads)
+        known = {f"motor.{name}": value for name in ("kp", "dead") if (value := getattr(self, name)) is not None}
         return servo_joint(motor, play=False, sensor=self.output_map, limit=self.limit, fixed=known)
 
     def in_words(self, fit: Any = None) -> str:
-        parts = f"motor with friction in a {self.loop.upper()} loop, load, backlash"
+        parts = f"motor with friction in a {self.loop.upper()} loop, {self.load} load, backlash"
         return ", ".join([f"Servo joint ({parts})", *self.maps_in_words()])
 
     def as_subject(self, fit: Any = None) -> str:

@@ -68,6 +68,10 @@ OPTIONS = {
     "motor_no_stops": motor(stops=False, load=2, loss=True, at=0.3),
     "motor_part": motor(delay=0.5, load=0, substeps=2),
     "motor_sticky": motor(load=0, stribeck=True, substeps=4),
+    "motor_swings": (
+        Motor(load=1, stops="upper", periodic=2, period=3.0, role="part"),
+        np.array([0.08, 0.6, 0.3, 0.4, -0.1, 0.5, 0.2, -0.1, 0.3, 0.37, 1.1, 0.4, 0.1]),
+    ),
     "motor_whole": motor(delay=3.0, load=3),
     "motor_zero": motor(delay=0.0, load=0),
     "play_none": (Play(role="part"), np.array([0.0, 0.0])),
@@ -144,8 +148,8 @@ def test_the_record_asks_for_what_a_motor_has(name):
     assert np.sum((stands > low) & (stands < high)) >= 3
     assert np.sum(np.diff(x[:-1]) * np.diff(x[1:]) < 0.0) >= 5
     if block.stops:
-        assert np.sum(stands == low) >= 3
-        assert np.sum(stands == high) >= 3
+        assert not np.isfinite(low) or np.sum(stands == low) >= 3
+        assert not np.isfinite(high) or np.sum(stands == high) >= 3
 
 
 @pytest.mark.parametrize("name", sorted(k for k, (b, _) in CASES.items() if isinstance(b, Motor) and b.jams))
@@ -291,10 +295,12 @@ def test_motion_in_words():
         assert re.search(rf"\b{abs(value):g}\b", text), name
     assert "0.6*v' + v = 0.08*(u - L - F), y' = v" in text
     assert "R = 0.3*exp(-(v/0.1)^2) + 0.5*|L|" in text
-    assert "L and R from the start of each of 3 equal parts" in text
+    assert "L is that in the middle of the way over each of 3 equal parts of a held input" in text
+    assert "v in R is that at the start of each of 3 equal parts" in text
     assert "becomes 0 and stays 0 for a time 60*|v| after an impact at speed v" in text
     block, theta = motor(load=0, delayed=False, stops=False)
     plain = closed_form.text(made(Chain((block,)), theta))
+    assert "middle" not in plain
     assert not re.search(r"\bL\b|\bR\b|ends|late|blow", plain)
 
 

@@ -103,11 +103,39 @@ def test_slow_stairs_bracket_every_start_and_sudden_voltages_none():
     for way in (1, -1):
         mine = [start for start in found if start.way == way]
         assert len(mine) == 3
-        assert all(start.slow and start.held * way <= DRY + 0.05 and start.moved * way >= DRY for start in mine)
+        assert all(start.held * way <= DRY <= start.moved * way for start in mine)
+        assert sum(start.slow for start in mine) >= 2  # noise makes one bracket wider than another
     sudden = levels([5, 0, -5, 0, 5, 0, -5, 0], 2.0)
     found = starts_from_rest(IOData(sudden, moved(sudden), TS), NOISE)
     assert {start.way for start in found} == {1, -1}
     assert not any(start.slow for start in found)
+
+
+def test_a_slow_motion_that_turns_is_no_rest_at_an_end():
+    # It moves by 2 standard deviations a sample: the last samples before a turn look like a rest.
+    u = levels([5, -5, 9, -9] * 4, 1.0)
+    y = moved(u, seed=3)
+    for end in (float(y.max()), float(y[19])):
+        assert not stop_test(u, y, TS, end, 5 * NOISE).met
+
+
+def test_starts_correct_a_model_whose_static_friction_is_off_and_refuse_one_that_they_contradict():
+    chain = actuated_joint(motor=Motor(load=1), knots=2, play=False)
+    ramp = 0.02 * np.concatenate([np.arange(250), np.arange(250)[::-1]])
+    u = np.concatenate([ramp, -ramp] * 4)
+    fit = as_fit(chain, JOINT)
+    y = chain.simulate(fit.theta, u) + 0.2 * NOISE * np.random.default_rng(4).standard_normal(len(u))
+    data = IOData(u, y, TS)
+    for off, determined in ((1.08, True), (0.92, True), (1.6, False), (0.6, False)):
+        wrong = as_fit(chain, JOINT | {"motor.rise": DRY * off, "motor.fall": DRY * off})
+        values = {value.name: value for value in joint_values(wrong, data=data)}
+        for way, name in ((1, "up"), (-1, "down")):
+            if determined:
+                found = values[f"breakaway_{name}"]
+                assert abs(found.value - way * DRY) < abs(off - 1.0) * DRY / 2  # the model's error is halved at least
+                assert found.holds(way * DRY)
+            else:
+                assert "contradict" in values[f"moving_friction_{name}"].why
 
 
 def as_fit(chain, values) -> Fit:
@@ -183,7 +211,8 @@ def test_without_starts_from_rest_a_break_away_is_called_moving_friction():
         assert ("breakaway_up" in values) == determined
         assert ("moving_friction_up" in values) != determined
         if determined:
-            assert values["breakaway_up"].value == pytest.approx(DRY + 0.5)
+            assert values["breakaway_up"].holds(DRY + 0.5)
+            assert values["breakaway_up"].value == pytest.approx(DRY + 0.5, rel=0.05)
         else:
             assert values["moving_friction_up"].value == pytest.approx(DRY)
             assert "qpal design --for breakaway" in values["moving_friction_up"].why

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from motion import Reference
 
 import sysid
 from sysid import IOData
@@ -9,7 +10,7 @@ from sysid.base.errors import InputError
 from sysid.blocks import FrictionLag, Motor, ProfiledMotor
 from sysid.data.gain_variants import gain_variants
 from sysid.model.chain import Chain
-from sysid.structures import actuated_joint
+from sysid.structures import actuated_joint, motor_profile
 
 RISE, FALL = np.array([0.5, 0.8, 0.4]), np.array([0.6, 0.3, 0.5])
 
@@ -106,3 +107,95 @@ def test_friction_lag_slow_where_it_turns_fast():
     theta[-1] = 100.0
     y = block.propagate(theta, np.zeros(20), np.empty((20, 0)), 0)
     assert (y[0] - y[1]) == pytest.approx(0.02 * 100.0 + 0.1, rel=0.02)
+
+
+PLACES, LOADS = np.linspace(-2.0, 2.0, 5), np.array([0.9, -0.2, 0.4, -0.6, 0.9])
+
+
+def by_hand(periodic, delay=0.0, **more):
+    """The motor by an adaptive integration: a load that is straight between the knots, and even friction of 0.5 V."""
+
+    def load(x):
+        return np.interp(x, PLACES, LOADS, period=4.0 if periodic else None)
+
+    return Reference(load, gain=0.25, lag=1.5, rise=0.5, fall=0.5, x0=0.3, delay=delay, **more)
+
+
+def known(periodic, **options):
+    """The same motor as a block, and its theta: drag 4, inertia 6."""
+    knots = 4 if periodic else 5
+    block = ProfiledMotor(knots, -2.0, 2.0, period=4.0 if periodic else 0.0, midway=True, role="motor", **options)
+    load = LOADS[:knots]
+    late = [2.4] if block.delayed else []
+    return block, np.concatenate([[6.0, 4.0, 4.0], 0.5 + load, 0.5 - load, late, [0.3, 0.0]])
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("delayed", [False, True])
+def test_a_profile_is_followed_to_second_order_within_and_beyond_its_knots(periodic, delayed):
+    u = volts(7, 200)
+    expected = by_hand(periodic, 2.4 if delayed else 0.0).run(u)
+    assert np.ptp(expected) > (8.0 if periodic else 4.5)
+    errors = []
+    for substeps in (1, 4, 16):
+        block, theta = known(periodic, substeps=substeps, delayed=delayed)
+        errors.append(np.sqrt(np.mean((Chain((block,)).simulate(theta, u) - expected) ** 2)))
+    assert errors[2] < 2e-3 * np.std(expected)
+    assert errors[2] < errors[0] / 30.0  # 256 where no knot, start or reversal falls into a step
+
+
+def test_the_derivative_by_a_whole_delay_is_that_of_a_longer_one():
+    block, theta = known(True, delayed=True)
+    theta[-3] = 2.0
+    u, names = volts(8, 200), [s.name for s in block.slots()]
+    J = np.zeros((len(u), len(theta)))
+    y = block.propagate(theta, u, J, 0)
+
+    def slope(h):
+        late = theta + h * (np.array(names) == "delay")
+        return (block.output(late, u) - y) / h
+
+    right = 2.0 * slope(5e-7) - slope(1e-6)
+    np.testing.assert_allclose(J[:, names.index("delay")], right, rtol=0, atol=1e-6 * np.abs(right).max())
+
+
+def test_a_stiff_profile_does_not_run_away():
+    """A spring of 50 V a unit on a light motor: 12 times a sample's speed, which the profile of a start overshoots."""
+    block = ProfiledMotor(2, -1.0, 1.0, midway=True, role="motor")
+    x = block.output(np.array([0.01, 4.0, 4.0, -50.0, 50.0, 50.0, -50.0, 0.8, 0.0]), np.zeros(3000))
+    assert np.all(np.abs(x) <= 0.8)
+    assert np.abs(x[-1]) < 1e-3
+
+
+def test_a_run_outside_the_profile_is_told():
+    block, theta = known(False)
+    u = np.full(100, 4.0)
+    y = block.output(theta, u)
+    share = np.mean(y > 2.0)
+    assert 0.5 < share < 1.0
+    assert block.outside(y) == share
+    assert f"{100 * share:.1f} %" in Chain((block,)).remarks(theta, u)[0]
+    turns, theta = known(True)
+    assert not Chain((turns,)).remarks(theta, u)
+
+
+def test_a_delayed_profile_is_found_from_its_record():
+    block, theta = known(True, delayed=True)
+    theta[:3] = 150.0, 30.0, 36.0  # slow beside its samples: up to half a turn in twenty-five
+    u = volts(3, 1500)
+    y = Chain((block,)).simulate(theta, u) + 0.01 * np.random.default_rng(3).normal(size=len(u))
+    fit = sysid.fit(motor_profile(4, -2.0, 2.0, delayed=True, period=4.0), IOData(u, y), starts=1)
+    assert np.sqrt(fit.criteria.loss) == pytest.approx(0.01, rel=0.1)
+    np.testing.assert_allclose(fit.theta[3:11], theta[3:11], atol=0.02)
+    assert fit.theta[11] == pytest.approx(2.4, abs=0.02)
+
+
+def test_without_low_and_high_a_profile_has_the_range_of_its_record():
+    u, y = volts(3, 300), 3.0 * np.sin(np.arange(300) / 20.0)
+    for period, ends in ((None, (y.min(), y.max())), (4.0, (y.min(), y.min() + 4.0)), (7.0, (y.min(), y.max()))):
+        model = motor_profile(knots=4, period=period)
+        fit = sysid.fit(model, IOData(u, y), starts=1, options=sysid.Options(max_iterations=1))
+        assert fit.model.blocks[0].ends == ends
+        assert fit.model.blocks[0].periodic == (period == 4.0)
+    with pytest.raises(InputError, match="no range yet"):
+        model.simulate(np.zeros(len(model.names)), u)

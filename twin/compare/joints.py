@@ -20,6 +20,9 @@ EFFECTS = {
     "end_high": "end_stop",
     "backlash": "backlash",
     "delay": "delay",
+    "moving_friction_up": "friction",
+    "moving_friction_down": "friction",
+    "lag_and_delay": "delay",
 }
 
 

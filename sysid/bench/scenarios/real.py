@@ -8,7 +8,7 @@ IFAC-PapersOnLine 58 (15), 2024: the best linear model, a polynomial NARX, and t
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -129,18 +129,39 @@ def servo_logs(folder: Path) -> list[tuple[int, str, IOData]]:
     plant.
     """
     logs = []
-    for path in sorted(folder.glob("*.json")):
-        log = json.loads(path.read_text(encoding="utf-8"))
-        keys = ("timestamp", "position", "load", "input_volts", "torque_enable")
-        t, y, duty, supply, on = (np.array([entry[k] for entry in log["entries"]], dtype=float) for k in keys)
-        n = len(t) if on.all() else int(on.argmin())
-        volts = np.where(duty > 32767.0, duty - 65536.0, duty) / FULL_DUTY * supply  # the register is a signed word
-        grid = np.arange(t[0], t[n - 1], SERVO_TS)
-        record = IOData(np.interp(grid, t[:n], volts[:n]), np.interp(grid, t[:n], y[:n]), SERVO_TS)
+    for log, at in _servo_entries(folder):
+        duty, y = at["load"], at["position"]
+        volts = np.where(duty > 32767.0, duty - 65536.0, duty) / FULL_DUTY * at["input_volts"]  # a signed word
+        t = at["timestamp"]
+        grid = np.arange(t[0], t[-1], SERVO_TS)
+        record = IOData(np.interp(grid, t, volts), np.interp(grid, t, y), SERVO_TS)
         logs.append((int(log["kp"]), str(log["trajectory"]), record))
-    if not logs:
-        raise FileNotFoundError(folder / "*.json")
     return logs
+
+
+def servo_goals(folder: Path) -> list[tuple[int, str, IOData]]:
+    """The same logs from the goal [rad] and, as a second input, the gain in shares of `HELD_OUT`, to angle [rad]."""
+    logs = []
+    for log, at in _servo_entries(folder):
+        t = at["timestamp"]
+        grid = np.arange(t[0], t[-1], SERVO_TS)
+        u = np.column_stack([np.interp(grid, t, at["goal_position"]), np.full(len(grid), log["kp"] / HELD_OUT)])
+        record = IOData(u, np.interp(grid, t, at["position"]), SERVO_TS)
+        logs.append((int(log["kp"]), str(log["trajectory"]), record))
+    return logs
+
+
+def _servo_entries(folder: Path) -> Iterator[tuple[dict, dict[str, np.ndarray]]]:
+    """The head of every log, and its columns while the torque is on."""
+    paths = sorted(folder.glob("*.json"))
+    if not paths:
+        raise FileNotFoundError(folder / "*.json")
+    for path in paths:
+        log = json.loads(path.read_text(encoding="utf-8"))
+        on = np.array([entry["torque_enable"] for entry in log["entries"]], dtype=bool)
+        n = len(on) if on.all() else int(on.argmin())
+        keys = ("timestamp", "position", "goal_position", "load", "input_volts")
+        yield log, {key: np.array([entry[key] for entry in log["entries"][:n]], dtype=float) for key in keys}
 
 
 RECORDS: dict[str, tuple[Callable[[Path], Task], str]] = {

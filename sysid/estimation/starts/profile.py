@@ -1,5 +1,7 @@
 """Starts of a motor with a free friction profile from the record: the voltage balance over short windows."""
 
+from itertools import product
+
 import numpy as np
 from scipy.optimize import lsq_linear
 
@@ -9,6 +11,7 @@ from sysid.estimation.start import Start, generators
 from sysid.model.chain import Chain
 
 _WINDOWS = (400, 250, 100, 40)  # windows a record: few where the output is noisy, many where it is clean
+_DELAYS = (0, 1, 2, 3, 5, 8)  # whole samples
 _STATE = 20  # samples that give position and speed at the beginning
 _CALM = 0.1  # a profile's bend by its own level weighs as much as this share of an error that large in one window
 
@@ -28,14 +31,15 @@ def _from_balance(chain: Chain, data: IOData) -> np.ndarray:
     """theta (P,) of a chain of one `ProfiledMotor`, for the first experiment of the record.
 
     The voltage balance over a window of W samples is inertia (v_end - v_begin) / W + drag mean v + sign(v) mean
-    friction = mean u, linear in all parameters. Several W are tried; the best free run over all experiments is used.
+    friction = mean u, linear in all parameters but the delay. Several W, and of a delayed motor several whole delays,
+    are tried; the best free run over all experiments is used.
     """
     block = chain.blocks[0]
     assert isinstance(block, ProfiledMotor)
     best, least = block.start(data.u[:, 0]), np.inf
     N = max(data.lengths)
-    for W in sorted({max(4, N // count) for count in _WINDOWS}):
-        theta, cost = _balance(block, data, W), 0.0
+    for late, W in product(_DELAYS if block.delayed else (0,), sorted({max(4, N // count) for count in _WINDOWS})):
+        theta, cost = _balance(block, data, W, late), 0.0
         for e in reversed(data.experiments):  # the first experiment's state stays
             theta[-2:] = first_state(e.y[:, 0])
             cost += float(np.sum((e.y[:, 0] - chain.simulate(theta, e.u[:, 0])) ** 2))
@@ -53,26 +57,22 @@ def first_state(y: np.ndarray, n: int = _STATE) -> tuple[float, float]:
     return float(c[2]), float(c[1])
 
 
-def _balance(block: ProfiledMotor, data: IOData, W: int) -> np.ndarray:
+def _balance(block: ProfiledMotor, data: IOData, W: int, late: int) -> np.ndarray:
     rows, sides = [], []
     for e in data.experiments:
-        if e.N >= 4 * W:
-            A, b = _windows(block, e.u[:, 0], e.y[:, 0], W)
+        if 4 * W + late <= e.N:
+            A, b = _windows(block, e.u[: e.N - late, 0], e.y[late:, 0], W)
             rows.append(A)
             sides.append(b)
     A, b = np.concatenate(rows), np.concatenate(sides)
-    n = block.knots
-    D = np.zeros((2 * max(n - 2, 0), A.shape[1]))
-    for side in range(2):
-        for i in range(n - 2):
-            D[side * (n - 2) + i, 3 + side * n + i : 3 + side * n + i + 3] = 1.0, -2.0, 1.0
+    D = np.vstack(block.bends(A.shape[1]))
     A, b = np.concatenate([A, _CALM * D]), np.concatenate([b, np.zeros(len(D))])
     scale = np.maximum(np.linalg.norm(A, axis=0), 1e-12)
     free = np.full(A.shape[1], -np.inf)
     plain = np.linalg.lstsq(A / scale, b, rcond=1e-9)[0]
     free[:3] = 1e-3 * np.maximum(np.abs(plain[:3]), 1e-3 * np.abs(plain).max())
-    theta = np.concatenate([lsq_linear(A / scale, b, (free, np.inf)).x / scale, [0.0, 0.0]])
-    return block.repair(theta)
+    found = lsq_linear(A / scale, b, (free, np.inf)).x / scale
+    return block.repair(np.concatenate([found, [float(late)] if block.delayed else [], [0.0, 0.0]]))
 
 
 def _windows(block: ProfiledMotor, u: np.ndarray, y: np.ndarray, W: int) -> tuple[np.ndarray, np.ndarray]:
@@ -82,12 +82,12 @@ def _windows(block: ProfiledMotor, u: np.ndarray, y: np.ndarray, W: int) -> tupl
     v = np.convolve(y, k[::-1] / np.sum(k**2), "same")
     ends = np.arange(half, len(y) - half, W)
     up, down = (v > 0).astype(float), (v < 0).astype(float)
-    if block.knots > 1:
-        grid = np.linspace(block.low, block.high, block.knots)
-        s = np.clip((y - grid[0]) / (grid[1] - grid[0]), 0.0, block.knots - 1.0)
-        hats = [np.maximum(1.0 - np.abs(s - i), 0.0) for i in range(block.knots)]
+    s = (y - block.ends[0]) * block.density
+    if block.periodic:
+        s = np.abs((s[:, None] - np.arange(block.knots) + 0.5 * block.knots) % block.knots - 0.5 * block.knots).T
     else:
-        hats = [np.ones_like(y)]
+        s = np.abs(np.clip(s, 0.0, block.knots - 1.0) - np.arange(block.knots)[:, None])
+    hats = np.maximum(1.0 - s, 0.0)
     columns = [v * up, v * down, *(hat * up for hat in hats), *(-hat * down for hat in hats)]
 
     def means(x: np.ndarray) -> np.ndarray:
