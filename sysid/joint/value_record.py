@@ -11,6 +11,7 @@ _HELD = 3  # samples that a voltage must have acted, so that delay and lag are o
 _REST = 3  # samples of a rest
 _SETTLE = 2  # samples after an arrival that are no reading of the end
 _SURE = 4.0  # standard deviations of a speed or place that noise does not explain
+_WITHIN = 3.0  # standard deviations between the rest that is farthest out and any reading
 _NEAR = 0.01  # of the range seen: rests that are this close are at one place
 _MOVES = 0.95  # share of the samples at a voltage that must move the joint
 _ABOVE = 0.1  # of the voltage that moves the joint, by which a rest must exceed it
@@ -80,10 +81,11 @@ def stop_test(
 ) -> StopTest:
     """Whether the record u, y (N,) shows a stop at the place `end` [y]; several experiments are lists of arrays.
 
-    A stop is met if the joint arrives there at speed, rests there against voltages that move it elsewhere, rests at
-    one place on every such visit, and is never seen beyond. A rest by friction lacks the voltage, a turn lacks the
-    rest, and a spring or a growing load lacks the speed. outward: 1 for an upper, -1 for a lower end; noise [y]: its
-    standard deviation, see `noise_level`; slack [y]: a backlash, by which rests at one end may differ.
+    A stop is met if the joint arrives there at speed, rests there against voltages that move it elsewhere and would
+    move it on by the trend of its speeds over voltage and place, and is never seen beyond. A rest by friction lacks the
+    voltage, a turn lacks the rest, and a spring or a growing load lacks speed. outward: 1 for an upper, -1 for a lower
+    end; noise [y]: its standard deviation, see `noise_level`; slack [y]: a backlash, by which rests at one end may
+    differ.
     """
     us, ys = ([np.ravel(a) for a in (x if isinstance(x, list | tuple) else [x])] for x in (u, y))
     way = outward * rising(np.concatenate(us), np.concatenate(ys))
@@ -96,31 +98,52 @@ def stop_test(
     window = _window(noise, np.concatenate([np.abs(np.diff(a)) for a in places]))
     least = _SURE * noise * np.sqrt(2.0 / window) / window
     elsewhere = [_elsewhere(p, a, away, window, least) for p, a in zip(pushes, places, strict=True)]
-    held, speed = (np.concatenate([pair[k] for pair in elsewhere]) for k in (0, 1))
+    held, speed, place = (np.concatenate([part[k] for part in elsewhere]) for k in range(3))
     moving = speed > least
     moves = _moving_from(held, moving)
+    free = _Free(held[moving], speed[moving], place[moving])
     visits: list[Visit] = []
     for p, a in zip(pushes, places, strict=True):
-        visits += _visits(p, a, end - near, moves, (held[moving], speed[moving]), noise)
+        visits += _visits(p, a, end - near, moves, free, noise)
+    rests = max((v.reading for v in visits), default=farthest)
+    beyond = farthest - end > near or farthest - rests > _WITHIN * noise + 0.5 * _NEAR * (high - low) + slack
     visits = [Visit(v.first, v.last, outward * v.reading, v.push, v.speed) for v in visits]
     found = StopTest(False, "", tuple(visits), outward * farthest, moves)
-    why = _missing(found, outward * farthest - end > near, near)
+    why = _missing(found, beyond)
     return StopTest(not why, why, tuple(visits), outward * farthest, moves)
 
 
-def _missing(found: StopTest, beyond: bool, near: float) -> str:
+@dataclass(frozen=True)
+class _Free:
+    """Voltage, speed and place (n,) where the joint moves outward between its ends."""
+
+    held: np.ndarray
+    speed: np.ndarray
+    place: np.ndarray
+
+    def usual(self, level: float) -> float:
+        """Speed at about the voltage `level`, or at any where there was no such voltage."""
+        same = (self.held > 0.8 * level) & (self.held < 1.1 * level)
+        return float(np.median(self.speed[same] if same.any() else self.speed))
+
+    def trend(self, level: float, place: float) -> float:
+        """Speed at a voltage and place by a plane through the speeds in the outer half; a load moves it with place."""
+        outer = self.place >= np.median(self.place)
+        X = np.column_stack([np.ones(outer.sum()), self.held[outer], self.place[outer]])
+        plane = np.linalg.lstsq(X, self.speed[outer], rcond=1e-6)[0]
+        return float(plane @ (1.0, level, place))
+
+
+def _missing(found: StopTest, beyond: bool) -> str:
     """Why no stop is shown; '' if one is."""
-    readings = [v.reading for v in found.visits]
     if not np.isfinite(found.moves):
         return "no voltage moves the joint elsewhere, so a rest shows no stop"
-    if not readings:
+    if not found.visits:
         return "the joint never rests there against a voltage that moves it elsewhere"
     if beyond:
         return "the joint is seen beyond it"
     if not found.arrivals:
         return "the joint never arrives there at speed"
-    if max(readings) - min(readings) > 2.0 * near:
-        return "the joint rests at several places there"
     return ""
 
 
@@ -147,14 +170,14 @@ def _speed(a: np.ndarray, m: int) -> np.ndarray:
 
 def _elsewhere(
     push: np.ndarray, place: np.ndarray, between: tuple[float, float], m: int, least: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Voltage and speed at the samples with a place `between`; of changing voltages the largest where the joint is
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Voltage, speed, place at the samples with a place `between`; of changing voltages the largest where the joint is
     faster than `least`, which a smaller one may not have moved, else the smallest, which may not have acted long."""
     speed = _speed(place, m)
     at = np.arange(m, m + len(speed))
     around = np.stack([push[np.clip(at + k, 0, len(push) - 1)] for k in range(-_HELD, m)])
     there = (place[at] > between[0]) & (place[at] < between[1])
-    return np.where(speed > least, around.max(axis=0), around.min(axis=0))[there], speed[there]
+    return np.where(speed > least, around.max(axis=0), around.min(axis=0))[there], speed[there], place[at][there]
 
 
 def _moving_from(held: np.ndarray, moving: np.ndarray) -> float:
@@ -170,14 +193,12 @@ def _moving_from(held: np.ndarray, moving: np.ndarray) -> float:
     return max(found, float(below.max()) + _ABOVE * abs(float(below.max()))) if len(below) else found
 
 
-def _visits(
-    push: np.ndarray, place: np.ndarray, near: float, moves: float, free: tuple[np.ndarray, np.ndarray], noise: float
-) -> list[Visit]:
-    """Rests above the place `near` under a voltage that moves the joint elsewhere; `free` are voltages and speeds."""
+def _visits(push: np.ndarray, place: np.ndarray, near: float, moves: float, free: "_Free", noise: float) -> list[Visit]:
+    """Rests above the place `near` under a voltage that moves the joint elsewhere."""
     found: list[Visit] = []
     if not np.isfinite(moves):
         return found
-    least, usual = moves - _SAME * float(np.abs(push).max()), float(np.median(free[1]))
+    least = moves - _SAME * float(np.abs(push).max())
     at = np.concatenate([[False], (place >= near) & (push >= least), [False]])
     edges = np.flatnonzero(np.diff(at.astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
@@ -186,24 +207,24 @@ def _visits(
             continue
         half = len(rest) // 2
         drift, seen = abs(float(rest[half:].mean() - rest[:half].mean())), _SURE * noise * np.sqrt(2.0 / half)
-        if drift > seen or half * usual < 2.0 * seen:  # in so short a time a slow motion looks like a rest
+        level = float(np.median(push[first:last]))
+        usual = free.usual(level)
+        if drift > seen or half * usual < 2.0 * seen:  # a slow motion may look like it
+            continue
+        if free.trend(level, float(rest.mean())) < _AT_SPEED * usual:  # a load may hold it
             continue
         speed = _arrival(push, place, int(first), near, free)
-        found.append(Visit(int(first), int(last), float(rest.mean()), float(np.median(push[first:last])), speed))
+        found.append(Visit(int(first), int(last), float(rest.mean()), level, speed))
     return found
 
 
-def _arrival(
-    push: np.ndarray, place: np.ndarray, first: int, near: float, free: tuple[np.ndarray, np.ndarray]
-) -> float:
+def _arrival(push: np.ndarray, place: np.ndarray, first: int, near: float, free: "_Free") -> float:
     """Speed just before the sample `first` as a share of that elsewhere at the same voltage; 0 without an approach."""
     back = 2
     if first < back or place[first - 1] >= near:
         return 0.0
     came = float(place[first] - place[first - back]) / back
-    level, (held, speed) = float(np.median(push[first - back : first + 1])), free
-    same = (held > 0.8 * level) & (held < 1.1 * level)
-    usual = float(np.median(speed[same] if same.any() else speed))
+    usual = free.usual(float(np.median(push[first - back : first + 1])))
     return max(came / usual, 0.0) if usual > 0.0 else 0.0
 
 

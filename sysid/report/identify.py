@@ -55,8 +55,8 @@ def terminal_sentences(result: Identification) -> list[str]:
     chosen = [] if result.selection is None else [_found(result.selection)]
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
     notes = [f"Note: {note}." for note in (*result.record.notes, *e.notes)]
-    said = [*_no_joint(e), *chosen, *_grown(e), tests_in_words(e), sections.search_sentence(e), *advice, *notes]
-    return [*said, *_next(result)]
+    said = [*_no_joint(e), *chosen, *_grown(e), *filter(None, [sections.undetermined_in_words(e)])]
+    return [*said, tests_in_words(e), sections.search_sentence(e), *advice, *notes, *_next(result)]
 
 
 def _no_joint(e: Evaluation) -> list[str]:
@@ -185,7 +185,7 @@ def _offset(quantity: Quantity, value: float) -> str:
 _PHYSICS = (
     "The parameters of an actuated joint are physical, so the table can be compared with a data sheet. Speeds apply "
     "at mid stroke. A break-away voltage includes dry friction, load and the driver's dead zone. Up means towards "
-    "larger outputs. The intervals assume that the structure is correct."
+    "larger outputs. The intervals allow for coloured residuals and for what the model of a joint lacks."
 )
 
 
@@ -200,6 +200,7 @@ def _model(e: Evaluation) -> Section:
             *filter(None, [sections.intervals_in_words(e)]),
             *_grown(e),
             *([_PHYSICS] if e.values else []),
+            *filter(None, [sections.undetermined_in_words(e)]),
         ],
         tables=sections.only([sections.values_grid(e), sections.criteria_grid(e), sections.pole_grid(e)]),
         pictures=figures.pictures("Model", e),

@@ -59,12 +59,26 @@ def value_cells(v: JointValue) -> tuple[str, str, str]:
     shown_as = shown(v.name, v.unit)
     factor, unit = shown_as.factor, shown_as.unit
     if not v.determined:
-        return number(None), f"{NOT_KNOWN}: {v.why}" if v.why else NOT_KNOWN, unit
+        return number(None), v.why.split(" (")[0] if v.why.startswith("not met") else NOT_KNOWN, unit
     if v.low is None or v.high is None:
         return number(v.value * factor, 4), NOT_KNOWN, unit
     digits = max(decimals(v.high * factor - v.low * factor), decimals(v.value * factor) if v.value else 0)
     low, high = (f"{x * factor:.{digits}f}".replace("-", "−") for x in (v.low, v.high))
     return f"{v.value * factor:.{digits}f}".replace("-", "−"), f"{low} to {high}", unit
+
+
+def undetermined_in_words(evaluation: Evaluation) -> str:
+    """One sentence for each value that the record does not determine, with the reason and what to record."""
+    found = []
+    for v in evaluation.values:
+        name, why = WORDS.get(v.name, v.name), v.why
+        if v.name.startswith("moving_friction"):
+            name = WORDS[v.name.replace("moving_friction", "breakaway")]
+            why = why.removeprefix("break-away is not determined: ")
+        elif v.determined:
+            continue
+        found.append(f"{name[0].upper()}{name[1:]}: {why or 'this record does not show it'}.")
+    return " ".join(["Not determined.", *found]) if found else ""
 
 
 def decimals(width: float) -> int:

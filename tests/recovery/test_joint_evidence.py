@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from sysid.blocks import Motor
+from sysid.blocks import Motor, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
-from sysid.joint.evidence import CROSSINGS, evidence
+from sysid.joint.evidence import CROSSINGS, evidence, stop_tests
 from sysid.joint.value_record import noise_level, starts_from_rest, stop_test
 from sysid.joint.values import joint_values
 from sysid.solver.covariance import Covariance
-from sysid.structures import actuated_joint
+from sysid.structures import actuated_joint, servo_joint
 
 TS, NOISE = 0.05, 0.003
 SPEED, DRY = 0.2, 2.0  # [1/s/V], [V]
@@ -74,6 +74,16 @@ def test_a_spring_holds_the_joint_against_the_voltage_that_moves_it_elsewhere_an
     assert stop_test(u, moved(u, -0.6, 0.6, spring=8.0), TS, 0.6, NOISE).met
 
 
+@pytest.mark.parametrize("spring", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("period", [3.0, 6.0, 10.0])
+def test_the_turns_of_a_slow_swing_against_a_spring_are_no_stops(spring, period):
+    t = TS * np.arange(900)
+    u = 10 * np.sin(2 * np.pi * t / period) * np.linspace(0.4, 1.0, len(t))
+    y = moved(u, spring=spring)
+    assert not stop_test(u, y, TS, float(y.max()), NOISE).met
+    assert not stop_test(u, y, TS, float(y.min()), NOISE, -1.0).met
+
+
 def test_a_place_that_the_joint_passes_is_no_end():
     y = moved(SWEEP, -1.0, 1.0)
     found = stop_test(SWEEP, y, TS, 0.8, NOISE)
@@ -112,11 +122,22 @@ def test_slow_stairs_bracket_every_start_and_sudden_voltages_none():
 
 
 def test_a_slow_motion_that_turns_is_no_rest_at_an_end():
-    # It moves by 2 standard deviations a sample: the last samples before a turn look like a rest.
-    u = levels([5, -5, 9, -9] * 4, 1.0)
-    y = moved(u, seed=3)
-    for end in (float(y.max()), float(y[19])):
-        assert not stop_test(u, y, TS, end, 5 * NOISE).met
+    # At 2.6 V it moves by two standard deviations a sample: the last five samples before it turns look like a rest.
+    u = np.concatenate([levels([-9], 1.3), levels([9], 1.2), levels([2.6], 2.0), levels([-9, 9, -9], 0.5)])
+    for seed in range(5):
+        y = moved(u, seed=seed)
+        assert not stop_test(u, y, TS, float(y.max()), NOISE).met
+
+
+def test_a_joint_that_begins_at_its_end_has_not_arrived_there():
+    u = levels([8, -7, 9, -7], 2.0)
+    y = moved(u, high=0.0)
+    assert stop_test(u, y, TS, 0.0, NOISE).met
+    found = stop_test(u[:80], y[:80], TS, 0.0, NOISE)
+    assert not found.met
+    half = stop_test(np.append(u[:80], levels([6], 0.5)), np.append(y[:80], y[80:90]), TS, 0.0, NOISE)
+    assert len(half.visits) == 1
+    assert "at speed" in half.why
 
 
 def test_starts_correct_a_model_whose_static_friction_is_off_and_refuse_one_that_they_contradict():
@@ -216,3 +237,36 @@ def test_without_starts_from_rest_a_break_away_is_called_moving_friction():
         else:
             assert values["moving_friction_up"].value == pytest.approx(DRY)
             assert "qpal design --for breakaway" in values["moving_friction_up"].why
+
+
+def test_a_stop_that_a_fit_has_out_of_reach_was_not_met_and_a_motor_without_stops_has_no_ends():
+    u = levels([8, -8] * 3, 2.0)
+    above = {"motor.upper": 1.0, "motor.lower": -1000.0}
+    chain = actuated_joint(motor=Motor(load=3, delayed=False), knots=2, play=False, fixed=above)
+    fit = as_fit(chain, JOINT | above)
+    y = chain.simulate(fit.theta, u) + NOISE * np.random.default_rng(5).standard_normal(len(u))
+    values = {value.name: value for value in joint_values(fit, data=IOData(u, y, TS))}
+    assert values["end_high"].holds(1.0)
+    assert not values["end_low"].determined
+    assert values["end_low"].why.startswith("not met: beyond")
+    free = actuated_joint(motor=Motor(load=0, delayed=False, stops=False), knots=None, play=False)
+    fit = as_fit(free, JOINT | {"motor.gain": SPEED * TS})
+    y = free.simulate(fit.theta, u) + NOISE * np.random.default_rng(6).standard_normal(len(u))
+    names = {value.name for value in joint_values(fit, data=IOData(u, y, TS))}
+    assert "coulomb_up" in names
+    assert not {"end_low", "end_high"} & names
+
+
+def test_what_drives_a_servo_against_its_stop_is_its_error():
+    motor = ServoMotor(load=0, delayed=False, stops=True)
+    chain = servo_joint(motor, play=False, limit=6.0)
+    own = {"motor.kp": 20.0, "motor.limit": 6.0, "motor.gain": 0.01, "motor.lag": 0.7, "motor.rise": 0.5}
+    own |= {"motor.fall": 0.5, "motor.lower": -1.0, "motor.upper": 1.0}
+    fit = as_fit(chain, own)
+    # A goal beyond the stop leaves an error that moves it elsewhere; a servo at its goal has none.
+    for top, met in ((1.6, True), (0.9, False)):
+        goal = levels([top, -1.6, 0.3, -1.6, top, 0.3, -1.6, top], 4.0)
+        y = chain.simulate(fit.theta, goal) + NOISE * np.random.default_rng(7).standard_normal(len(goal))
+        tests = stop_tests(fit, IOData(goal, y, TS))
+        assert tests["end_low"].met
+        assert tests["end_high"].met == met
