@@ -152,6 +152,10 @@ class _Parts:
             found.append(f"friction of {value['loss']:.3g} times the load: its mean over the stroke is in frictionloss")
         if value["jam"] > 0.0:
             found.append("jamming at a struck stop")
+        if self.motor.periodic:
+            found.append("the periodic load over the angle: your link's weight takes its place")
+        if len(self.motor.ends) == 1:
+            found.append(f"the {self.motor.ends[0]} stop: give the joint a range of your own")
         if isinstance(self.play, CoastingPlay):
             found.append("the flight of the link within its play: the inertia and weight of your link take its place")
         known = (Motor, TravelMap, Play, CoastingPlay)

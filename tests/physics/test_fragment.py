@@ -229,3 +229,8 @@ def test_parts_without_elements_are_named():
     assert "load" in said
     assert "jamming" in said
     assert "levels of the driver" in said
+    swings = Motor(load=0, periodic=1, stops="upper", delayed=False)
+    fit = fit_of(actuated_joint(motor=swings, knots=None, play=False), **PLAIN, **STOPS, sine1=0.5, cosine1=0.0)
+    said = " ".join(mjcf.fragment(fit).left_out)
+    assert "periodic load" in said
+    assert "upper stop" in said

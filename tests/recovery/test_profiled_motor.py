@@ -182,12 +182,13 @@ def test_a_run_outside_the_profile_is_told():
 def test_a_delayed_profile_is_found_from_its_record():
     block, theta = known(True, delayed=True)
     theta[:3] = 150.0, 30.0, 36.0  # slow beside its samples: up to half a turn in twenty-five
-    u = volts(3, 1500)
+    theta[11] = 7.6
+    rng = np.random.default_rng(3)
+    u = np.repeat(rng.uniform(-3.0, 3.0, 1500), rng.integers(2, 8, 1500))[:1500]  # holds shorter than the delay
     y = Chain((block,)).simulate(theta, u) + 0.01 * np.random.default_rng(3).normal(size=len(u))
     fit = sysid.fit(motor_profile(4, -2.0, 2.0, delayed=True, period=4.0), IOData(u, y), starts=1)
-    assert np.sqrt(fit.criteria.loss) == pytest.approx(0.01, rel=0.1)
-    np.testing.assert_allclose(fit.theta[3:11], theta[3:11], atol=0.02)
-    assert fit.theta[11] == pytest.approx(2.4, abs=0.02)
+    assert np.sqrt(fit.criteria.loss) == pytest.approx(0.01, rel=0.05)  # 0.0111 from a start without a delay
+    assert fit.theta[11] == pytest.approx(7.6, abs=0.05)
 
 
 def test_without_low_and_high_a_profile_has_the_range_of_its_record():
