@@ -40,7 +40,7 @@ def servo_joint(
     """
     if not 0.0 < limit < math.inf:
         raise InputError(f"the servo's limit is {limit}; give its largest drive: 1 for full duty, or volts")
-    own = motor if motor is not None else ServoMotor(load=0, periodic=1, stops=False)
+    own = motor if motor is not None else ServoMotor(load=0, periodic=1, stops=False, at=0.0)
     blocks: list[Block] = [static(command, "command")] if command is not None else []
     blocks.append(replace(own, role="motor"))
     if play:
@@ -98,15 +98,14 @@ class ServoJoint(Recipe):
     def neighbours(self) -> tuple[Recipe, ...]:
         """A loop with one term more or less, the other load, and the other supply."""
         k = LOOPS.index(self.loop)
-        found = [{"loop": loop} for loop in (*LOOPS[max(k - 1, 0) : k], *LOOPS[k + 1 : k + 2])]
-        found += [{"load": load} for load in LOADS if load != self.load]
-        found += [{"supply": supply} for supply in SUPPLIES if supply != self.supply]
-        return tuple(replace(self, **change) for change in found)
+        found = [replace(self, loop=loop) for loop in (*LOOPS[max(k - 1, 0) : k], *LOOPS[k + 1 : k + 2])]
+        found += [replace(self, load=load) for load in LOADS if load != self.load]
+        return (*found, *(replace(self, supply=supply) for supply in SUPPLIES if supply != self.supply))
 
     def model(self) -> Chain:
-        loads = {"load": 3, "at": 0.0} if self.load == "polynomial" else {"load": 0, "periodic": 1, "period": self.turn}
-        options = {"loop": self.loop, "dead": self.dead is not None, "sags": self.supply == "sags"}
-        motor = ServoMotor(stops=False, **options, **loads)
+        plain = ServoMotor(stops=False, loop=self.loop, dead=self.dead is not None, sags=self.supply == "sags", at=0.0)
+        bent = self.load == "polynomial"
+        motor = replace(plain, load=3) if bent else replace(plain, load=0, periodic=1, period=self.turn)
         known = {f"motor.{name}": value for name in ("kp", "dead") if (value := getattr(self, name)) is not None}
         return servo_joint(motor, play=False, sensor=self.output_map, limit=self.limit, fixed=known)
 

@@ -126,7 +126,7 @@ def test_a_recipe_makes_the_chain_that_its_function_makes():
         (
             ServoJoint("pd", turn=360.0, kp=3.0, limit=7.4),
             structures.servo_joint(
-                ServoMotor(load=0, periodic=1, period=360.0, stops=False, loop="pd"),
+                ServoMotor(load=0, periodic=1, period=360.0, stops=False, at=0.0, loop="pd"),
                 play=False,
                 limit=7.4,
                 fixed={"motor.kp": 3.0},
