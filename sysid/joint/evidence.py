@@ -28,7 +28,7 @@ _APART = 2.0  # standard deviations by which model and starts contradict each ot
 _COASTS = 0.25  # of the speed: a link that loses more of it in a sample does not show its way across the backlash
 _SIDE = 0.4  # of the backlash from its middle: the link lies against this side
 _TOLD = 0.5  # of lag and delay together: a wider standard deviation of one does not tell it from the other
-_TOGETHER = -0.98  # a correlation of lag and delay below it leaves only their sum
+_TOGETHER = -0.9  # a correlation of lag and delay below it leaves only their sum
 STAIRS = "qpal design --for breakaway FILE"
 
 
