@@ -296,14 +296,14 @@ FOREIGN = {
 ROBOT = {"robot.mcap": ("log.u", "log.y"), "robot.bag": ("log.x", "log.y"), "robot.db3": ("log.x", "log.y")}
 # A recipe of each structure, with orders and maps.
 STRUCTURES = {
-    "actuated_joint": ActuatedJoint(driver_step=0.1, sensor_linearity=0.01),
+    "actuated_joint": ActuatedJoint(driver_step=0.1, sensor_linearity=0.01, load="spring", stops="lower"),
     "coupled_drives": CoupledDrives(2, 2, 1),
     "hammerstein": Hammerstein(2, 2, 1, "saturation"),
     "hammerstein_wiener": HammersteinWiener(2, 2, 1, "saturation", "polynomial"),
     "motor_profile": MotorProfile(5, -1.5, 2.0),
     "nlarx": NonlinearArx(2, 2, 1),
     "output_error": OutputError(2, 2, 1),
-    "servo_joint": ServoJoint("pd", "polynomial", 360.0, 3.0, 0.01, 7.4, "polynomial"),
+    "servo_joint": ServoJoint("pd", "polynomial", "sags", 360.0, 3.0, 0.01, 7.4, "polynomial"),
     "state_space": NonlinearStateSpace(2, 3, 2, "linear", 0.1, "polynomial"),
     "wiener": Wiener(2, 2, 1, "polynomial"),
     "wiener_hammerstein": WienerHammerstein(2, 2, 1),

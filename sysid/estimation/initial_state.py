@@ -120,4 +120,6 @@ def _way(chain: Chain, motor: Motor, part: np.ndarray, y: np.ndarray) -> tuple[f
     if not motor.stops:
         return low, high
     lower, upper = (motor.value(part, name) for name in ("lower", "upper"))
-    return (max(lower, low), min(upper, high)) if mapped else (lower, upper)
+    if mapped or not np.isfinite(lower + upper):
+        return max(lower, low), min(upper, high)
+    return lower, upper

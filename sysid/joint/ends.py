@@ -12,6 +12,7 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lifted, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.joint import Joint
+from sysid.joint.parts import PARTS
 from sysid.joint.unseen import free_runs, harms
 from sysid.model.chain import Chain
 from sysid.selection.folds import Fold
@@ -57,8 +58,13 @@ def variant(chain: Chain, which: str, low: float, high: float) -> Chain:
     return sub(chain, blocks, scale[which] if which in scale and _mapped(chain) else {})
 
 
-def chosen_ends(both: Fit, data: IOData, pair: tuple[Fold, ...], margin: float, options: dict[str, Any]) -> Ends:
-    """The choice with least BIC, where each stop costs `margin` besides and does no harm on unseen folds."""
+def chosen_ends(
+    both: Fit, data: IOData, pair: tuple[Fold, ...], margin: float, options: dict[str, Any], turns: bool = True
+) -> Ends:
+    """The choice with least BIC, where each stop costs `margin` besides and does no harm on unseen folds.
+
+    With `turns` a joint that goes on and on is judged with the load that repeats every turn, which it may grow.
+    """
     chain = both.model
     if not motor_of(chain).stops:
         return Ends("none" if _mapped(chain) else "straight", both, {})
@@ -78,6 +84,8 @@ def chosen_ends(both: Fit, data: IOData, pair: tuple[Fold, ...], margin: float, 
             other = _fitted(fits[name].model, fits[name], data, 3 * _OWN, {**options, "seed": options["seed"] + 1})
             fits[name] = min((fits[name], other or fits[name]), key=lambda fit: fit.criteria.bic)
     price = {name: fit.criteria.bic + margin * (ENDS[name] + (name != "straight")) for name, fit in fits.items()}
+    if turns and "straight" in fits:
+        price["straight"] = min(price["straight"], _turning(fits["straight"], data, options))
     which = min(price, key=lambda name: price[name])
     free = min(bare, key=lambda name: price[name])
     if ENDS[which] and pair and price[free] < price[which] + _CLEAR * margin:
@@ -96,6 +104,15 @@ def _fitted(chain: Chain, known: Fit, data: IOData, own: int, options: dict[str,
         return fit_chain(chain, data, start=np.array(points), options=_SCREENING, **options)
     except InputError:
         return None
+
+
+def _turning(straight: Fit, data: IOData, options: dict[str, Any]) -> float:
+    """BIC with a load that repeats every turn; infinite where the record shows too little of a turn."""
+    found = PARTS["turns"].added(straight, data)
+    try:
+        return np.inf if found is None else float(fit_chain(found[0], data, start=found[1], **options).criteria.bic)
+    except InputError:
+        return np.inf
 
 
 def _mapped(chain: Chain) -> bool:

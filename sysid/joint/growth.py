@@ -121,11 +121,11 @@ def grow_joint(
 
     Parts: "stribeck" (friction that falls with speed), "loss" (screw friction proportional to the load), "jams" (the
     motor jams at an end stop), "screw" (both), "plays" (backlash), "coasts" (backlash whose link has inertia and
-    weight). Each part starts from the current fit, must lower BIC by `MARGIN`, and must not do harm in free run over
-    parts of the record that it was not fitted to. The end stops are chosen first, by the same rules. `plain` is the
-    initial joint, an `actuated_joint` with a motor and without those parts or backlash; search, starts, seed and
-    progress are those of `sysid.fit`. Raises InputError for an unsuitable part or plain joint, and the errors of
-    `sysid.fit`.
+    weight), "turns" (a load that repeats every turn of a joint without travel map, as a pendulum's). Each part starts
+    from the current fit, must lower BIC by `MARGIN`, and must not do harm in free run over parts of the record that it
+    was not fitted to. The end stops are chosen first, by the same rules. `plain` is the initial joint, an
+    `actuated_joint` with a motor and without those parts or backlash; search, starts, seed and progress are those of
+    `sysid.fit`. Raises InputError for an unsuitable part or plain joint, and the errors of `sysid.fit`.
     """
     names = tuple(parts)
     for part in names:
@@ -137,7 +137,8 @@ def grow_joint(
     options: dict[str, Any] = {"search": search, "seed": seed, "progress": progress}
     pair = unseen_folds(data)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a motor that does not suit runs away
-        ends = chosen_ends(fit_chain(chain, data, starts=starts, **options), data, pair, MARGIN, options)
+        both = fit_chain(chain, data, starts=starts, **options)
+        ends = chosen_ends(both, data, pair, MARGIN, options, turns="turns" in names)
         growth = _grown(_shaken(ends.fit, data, options), data, pair, names, options)
         return _checked(replace(growth, ends=ends.which), ends, data, pair, starts, options)
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sysid.block.block import Block
-from sysid.blocks import CoastingPlay, Motor, Play
+from sysid.blocks import CoastingPlay, Motor, Play, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lifted, motor_of, sub
 from sysid.estimation.play_start import play_starts
@@ -15,6 +15,7 @@ from sysid.estimation.result import Fit
 from sysid.model.chain import Chain
 
 _TRIED = 3  # of the plays that promise most, how many are tried
+DEGREES = ("deg", "°", "degree", "degrees")
 _SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 Candidate = tuple[Chain, np.ndarray]
 
@@ -23,15 +24,19 @@ Candidate = tuple[Chain, np.ndarray]
 class Part:
     """A part by name: what it is in words, and how a fit gets it.
 
-    `options` are the fields of the motor that it sets; `play` is the block that it adds.
+    `options` are the fields of the motor that it sets; `play` is the block that it adds; `waves` are the harmonics of
+    a load that repeats every turn.
     """
 
     words: str
     options: tuple[str, ...] = ()
     play: type[Block] | None = None
+    waves: int = 0
 
     def added(self, fit: Fit, data: IOData) -> Candidate | None:
         """The chain with this part and starting points (K, P); None if the chain has it or cannot have it."""
+        if self.waves:
+            return _with_waves(fit, data, self.waves)
         return _with_friction(fit, data, self.options) if self.play is None else _with_play(fit, data, self.play)
 
     def within(self, other: "Part") -> bool:
@@ -47,6 +52,7 @@ PARTS: dict[str, Part] = {
     "screw": Part("screw friction proportional to its load, and jamming at the end stops", ("loss", "jams")),
     "plays": Part("a play", play=Play),
     "coasts": Part("backlash with a coasting link", play=CoastingPlay),
+    "turns": Part("a load that repeats every turn", waves=1),
 }
 
 
@@ -92,6 +98,27 @@ def _with_friction(fit: Fit, data: IOData, options: tuple[str, ...]) -> Candidat
 def _possible(motor: Motor, option: str) -> bool:
     needs: dict[str, Callable[[Motor], bool]] = {"loss": lambda m: m.load > 0, "jams": lambda m: bool(m.stops)}
     return needs[option](motor) if option in needs else True
+
+
+def _with_waves(fit: Fit, data: IOData, waves: int) -> Candidate | None:
+    """A load periodic in the angle, of a motor whose position is the angle itself."""
+    chain, motor = fit.model, motor_of(fit.model)
+    period = 360.0 if data.y_unit in DEGREES else 2.0 * np.pi
+    mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
+    if mapped or motor.periodic or not period / 4.0 < np.ptp(data.y):
+        return None
+    richer = replace(motor, periodic=waves, period=period)
+    grown = sub(chain, tuple(richer if b is motor else b for b in chain.blocks))
+    part = chain.part(fit.theta, motor)
+    dry = 0.5 * (motor.value(part, "rise") + motor.value(part, "fall"))
+    size = max(dry, 0.1 * float(np.std(data.u)))
+    straight = {f"{motor.role}.load{i}": 0.0 for i in range(1, motor.load)}
+    points = [
+        {**straight, f"{motor.role}.sine1": share * size * a, f"{motor.role}.cosine1": share * size * b}
+        for share in (0.5, 2.0)
+        for a, b in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+    ]
+    return grown, np.array([lifted(chain, fit.theta, grown, point) for point in points])
 
 
 def _with_play(fit: Fit, data: IOData, kind: type[Block]) -> Candidate | None:

@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, unknown
 from sysid.block.block import Block
-from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, TravelMap, static
+from sysid.blocks import CoastingPlay, Compliance, Motor, Play, Quantiser, TravelMap, static
+from sysid.blocks.motor import STOPS
 from sysid.model.chain import Chain
-from sysid.model.recipes import Map, Recipe, number, static_map
+from sysid.model.recipes import Map, Recipe, choice, number, static_map
 
 
 def actuated_joint(
@@ -17,6 +18,7 @@ def actuated_joint(
     motor: Motor | None = None,
     knots: int | None = 9,
     play: bool | Play | CoastingPlay = True,
+    compliance: bool | Compliance = False,
     sensor: Map | None = None,
     driver_step: float | None = None,
     fixed: Mapping[str, Any] | None = None,
@@ -26,10 +28,11 @@ def actuated_joint(
 
     u [V] -> driver levels at intervals of `driver_step` [V] (None: none) -> driver (a static map, for example
     "dead_zone_saturation"; None: none) -> `Motor` (lag, dry friction with stick, load over position, delay, end stops)
-    -> smooth `TravelMap` of `knots` (None: none) -> `Play`, or the given `play` (False: none) -> sensor (a static map,
-    for example a `Custom` absolute value for a sensor without sign; None: none) -> y. With a travel map the motor's
-    position is in strokes, its stops are fixed at 0 and 1, and `map.low` and `map.high` are the angles of the ends.
-    Without a travel map the position is in the unit of y and has no stops unless `motor` has them.
+    -> smooth `TravelMap` of `knots` (None: none) -> `Play`, or the given `play` (False: none) -> `Compliance`, a link
+    on a spring (False: none) -> sensor (a static map, for example a `Custom` absolute value for a sensor without sign;
+    None: none) -> y. With a travel map the motor's position is in strokes, its stops are fixed at 0 and 1, and
+    `map.low` and `map.high` are the angles of the ends. Without a travel map the position is in the unit of y and has
+    no stops unless `motor` has them.
 
     `fixed` and `bounds` of the chain are by parameter, for example fixed={"play": [0.0]}. Dry friction and the driver's
     dead zone have the same effect unless the motor coasts: leave one of them out.
@@ -43,6 +46,8 @@ def actuated_joint(
         blocks.append(TravelMap(knots, smooth=True, role="map"))
     if play:
         blocks.append(replace(Play() if play is True else play, role="play"))
+    if compliance:
+        blocks.append(replace(Compliance() if compliance is True else compliance, role="link"))
     if sensor is not None:
         blocks.append(static(sensor, "sensor"))
     # At the first sample only position counts: a speed is gone within a lag. A constant load is no more than a
@@ -50,18 +55,46 @@ def actuated_joint(
     held = {"motor.v0": 0.0}
     if own.load and not own.loss:
         held["motor.load0"] = 0.0
-    if knots is not None and own.stops:
-        held |= {"motor.lower": 0.0, "motor.upper": 1.0}
+    if knots is not None:
+        held |= {f"motor.{end}": float(end == "upper") for end in own.ends}
+    if compliance:  # nor does the link swing yet
+        held |= {"link.lead0": 0.0, "link.speed0": 0.0}
     held |= fixed or {}
     return Chain(tuple(blocks), structure="actuated_joint", fixed=held, bounds=dict(bounds or {}))
 
 
+_ENDED = {
+    **{"both": "between two stops", "none": "without stops"},
+    **{"lower": "with a lower stop", "upper": "with an upper stop"},
+}
+_LOADED = {"polynomial": "", "periodic": " and a periodic load", "spring": " and a spring", "none": " and no load"}
+LOADS = tuple(_LOADED)
+
+
+def joint_motor(load: str = "polynomial", stops: str = "both", period: float | None = None) -> Motor:
+    """The motor of a joint with a load of one of `LOADS` and end stops of one of `STOPS`.
+
+    A polynomial load is a parabola over the stroke, a periodic one has two harmonics of `period` (None: 2 pi) over the
+    angle, a spring one rises with the angle. Raises InputError for another name.
+    """
+    if load not in LOADS:
+        raise unknown("load of a joint", load, LOADS)
+    if load == "periodic":
+        return Motor(load=0, stops=stops, periodic=2, period=2.0 * math.pi if period is None else period, at=0.0)
+    if period is not None:
+        raise InputError(f"the period is {period} and the load {load}; leave the period out or give load periodic")
+    return Motor(load={"polynomial": 3, "spring": 2, "none": 0}[load], stops=stops, at=0.5 if stops == "both" else 0.0)
+
+
 @dataclass(frozen=True)
 class ActuatedJoint(Recipe):
-    """Settings of a joint that grows from the plain `actuated_joint`; data sheets give both numbers.
+    """Settings of a joint that grows from the plain `actuated_joint`.
 
-    driver_step [V]: interval between the driver's levels. sensor_linearity [unit of the output]: largest deviation of
-    the sensor from a straight line.
+    load: "polynomial" over the stroke, "periodic" over the angle (a pendulum that turns over; `period` is a turn),
+    "spring" or "none". stops: those that it begins with. A joint with both stops and no periodic load has a linkage
+    between motor and joint; of the others the angle is proportional to the motor's. compliance: "on" for a link on a
+    spring. driver_step [V]: interval between the driver's levels; sensor_linearity [unit of the output]: largest
+    deviation of the sensor from a straight line; data sheets give both numbers.
     """
 
     name: ClassVar[str] = "actuated_joint"
@@ -78,6 +111,10 @@ class ActuatedJoint(Recipe):
     sensor_linearity: float = number(
         0.0, "largest deviation of an actuated joint's sensor from a straight line, if known", unit="Y"
     )
+    load: str = choice("polynomial", "load of an actuated joint", LOADS)
+    stops: str = choice("both", "end stops that an actuated joint begins with", tuple(STOPS))
+    compliance: str = choice("off", "a spring between an actuated joint's drive and its link", ("off", "on"))
+    period: float | None = number(None, "a turn of an actuated joint with a periodic load [2 pi]", unit="Y")
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.sensor_linearity < math.inf:
@@ -87,10 +124,29 @@ class ActuatedJoint(Recipe):
         super().__post_init__()
 
     def model(self) -> Chain:
-        return actuated_joint(driver=self.input_map, sensor=self.output_map, driver_step=self.driver_step, play=False)
+        for name, value in (("load", LOADS), ("stops", tuple(STOPS)), ("compliance", ("off", "on"))):
+            if getattr(self, name) not in value:
+                raise unknown(f"{name} of a joint", getattr(self, name), value)
+        return actuated_joint(
+            driver=self.input_map,
+            motor=joint_motor(self.load, self.stops, self.period),
+            knots=9 if self.mapped else None,
+            play=False,
+            compliance=self.compliance == "on",
+            sensor=self.output_map,
+            driver_step=self.driver_step,
+            bounds={"motor.load1": (0.0, math.inf)} if self.load == "spring" else None,
+        )
+
+    @property
+    def mapped(self) -> bool:
+        """Whether a linkage is between the motor and the joint."""
+        return self.stops == "both" and self.load != "periodic"
 
     def in_words(self, fit: Any = None) -> str:
-        parts = "motor with friction between two stops, linkage, backlash"
+        parts = f"motor with friction {_ENDED[self.stops]}{_LOADED[self.load]}"
+        parts += (", linkage" if self.mapped else "") + ", backlash"
+        parts += ", link on a spring" if self.compliance == "on" else ""
         return ", ".join([f"Actuated joint ({parts})", *self.maps_in_words()])
 
     def as_subject(self, fit: Any = None) -> str:

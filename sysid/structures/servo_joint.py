@@ -14,6 +14,7 @@ from sysid.model.chain import Chain
 from sysid.model.recipes import Map, Recipe, choice, number, static_map
 
 LOADS = ("pendulum", "polynomial")
+SUPPLIES = ("stiff", "sags")
 TURN = 2.0 * math.pi
 _DEGREES = ("deg", "°", "degree", "degrees")
 
@@ -57,9 +58,10 @@ class ServoJoint(Recipe):
     """Settings of a joint that grows from the plain `servo_joint`; the gains are found where they are not known.
 
     loop: "p", "pd" or "pid". load: "pendulum" (weight, sine and cosine of the angle) or "polynomial" (springs, a
-    parabola over the angle). turn [unit of the output]: a full turn, of a pendulum. kp [unit of the limit per unit of
-    the output]; dead [unit of the output]. limit: largest drive, 1 for shares of full duty, or the supply [V].
-    Raises InputError for a gain or a dead band that is not positive.
+    parabola over the angle). supply: "stiff" or "sags" (it loses voltage under the servo's current). turn [unit of the
+    output]: a full turn, of a pendulum. kp [unit of the limit per unit of the output]; dead [unit of the output].
+    limit: largest drive, 1 for shares of full duty, or the supply [V]. Raises InputError for a gain or a dead band
+    that is not positive.
     """
 
     name: ClassVar[str] = "servo_joint"
@@ -70,6 +72,7 @@ class ServoJoint(Recipe):
     zero: ClassVar[str] = "goals and angles"
     loop: str = choice("p", "loop of the servo", LOOPS)
     load: str = choice("pendulum", "load of the servo over its angle", LOADS)
+    supply: str = choice("stiff", "supply of the servo: stiff, or with a resistance", SUPPLIES)
     turn: float = number(TURN, "a full turn of a servo joint, 360 for degrees", unit="Y")
     kp: float | None = number(None, "gain of the servo's loop, if known: drive per error", unit="1/Y")
     dead: float | None = number(None, "dead band of the servo's loop around its goal, if known", unit="Y")
@@ -81,8 +84,9 @@ class ServoJoint(Recipe):
             value = getattr(self, name)
             if value is not None and not 0.0 < value < math.inf:
                 raise InputError(f"{name} of the servo is {value}; give a number above 0, or leave it out")
-        if self.load not in LOADS:
-            raise unknown("load of a servo joint", self.load, LOADS)
+        for name, allowed in (("load", LOADS), ("supply", SUPPLIES)):
+            if getattr(self, name) not in allowed:
+                raise unknown(f"{name} of a servo joint", getattr(self, name), allowed)
         super().__post_init__()
 
     @classmethod
@@ -92,15 +96,17 @@ class ServoJoint(Recipe):
         return plain, replace(plain, loop="pd")
 
     def neighbours(self) -> tuple[Recipe, ...]:
-        """A loop with one term more or less, and the other load."""
+        """A loop with one term more or less, the other load, and the other supply."""
         k = LOOPS.index(self.loop)
-        loops = (*LOOPS[max(k - 1, 0) : k], *LOOPS[k + 1 : k + 2])
-        loads = (load for load in LOADS if load != self.load)
-        return (*(replace(self, loop=loop) for loop in loops), *(replace(self, load=load) for load in loads))
+        found = [{"loop": loop} for loop in (*LOOPS[max(k - 1, 0) : k], *LOOPS[k + 1 : k + 2])]
+        found += [{"load": load} for load in LOADS if load != self.load]
+        found += [{"supply": supply} for supply in SUPPLIES if supply != self.supply]
+        return tuple(replace(self, **change) for change in found)
 
     def model(self) -> Chain:
         loads = {"load": 3, "at": 0.0} if self.load == "polynomial" else {"load": 0, "periodic": 1, "period": self.turn}
-        motor = ServoMotor(stops=False, loop=self.loop, dead=self.dead is not None, **loads)
+        options = {"loop": self.loop, "dead": self.dead is not None, "sags": self.supply == "sags"}
+        motor = ServoMotor(stops=False, **options, **loads)
         known = {f"motor.{name}": value for name in ("kp", "dead") if (value := getattr(self, name)) is not None}
         return servo_joint(motor, play=False, sensor=self.output_map, limit=self.limit, fixed=known)
 

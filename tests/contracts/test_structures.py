@@ -9,6 +9,7 @@ from cases import STRUCTURES
 
 from sysid import structures
 from sysid.base.errors import InputError
+from sysid.blocks import ServoMotor
 from sysid.data.record import IOData
 from sysid.model.recipes import Option
 from sysid.structures import (
@@ -18,6 +19,7 @@ from sysid.structures import (
     HammersteinWiener,
     NonlinearArx,
     OutputError,
+    ServoJoint,
     Wiener,
     WienerHammerstein,
 )
@@ -96,6 +98,10 @@ def test_settings_that_give_no_model_are_refused_before_any_work():
         (lambda: NonlinearArx(focus="guess"), "focus 'guess'"),
         (lambda: ActuatedJoint(input_map="staircase"), "driver map 'staircase'"),
         (lambda: ActuatedJoint(sensor_linearity=-0.1), "linearity is -0.1"),
+        (lambda: ServoJoint(loop="pdd"), "loop of a servo 'pdd'"),
+        (lambda: ServoJoint(load="spring"), "load of a servo joint 'spring'"),
+        (lambda: ServoJoint(kp=-2.0), "kp of the servo is -2.0"),
+        (lambda: ServoJoint(limit=0.0), "limit is 0.0"),
     ):
         with pytest.raises(InputError, match=words):
             make()
@@ -115,6 +121,16 @@ def test_a_recipe_makes_the_chain_that_its_function_makes():
         (
             ActuatedJoint(None, "dead_zone", 0.2),
             structures.actuated_joint(None, sensor="dead_zone", driver_step=0.2, play=False),
+        ),
+        (ServoJoint(), structures.servo_joint(play=False)),
+        (
+            ServoJoint("pd", turn=360.0, kp=3.0, limit=7.4),
+            structures.servo_joint(
+                ServoMotor(load=0, periodic=1, period=360.0, stops=False, loop="pd"),
+                play=False,
+                limit=7.4,
+                fixed={"motor.kp": 3.0},
+            ),
         ),
     ):
         assert found.model() == expected

@@ -120,3 +120,20 @@ def test_a_motor_without_stops_gets_none(seed: int) -> None:
     value = dict(zip(growth.fit.model.names, growth.fit.theta, strict=True))
     assert value["motor.rise"] == pytest.approx(1.2, rel=0.1)
     assert not {"motor.lower", "motor.upper"} & set(value)
+
+
+def test_a_pendulum_over_several_turns_grows_a_load_that_repeats() -> None:
+    """Volts to an angle without end: the pull is a sine of the angle, which no parabola follows."""
+    rng = np.random.default_rng(63)
+    chain = actuated_joint(motor=Motor(load=0, periodic=1, stops=False), knots=None, play=False)
+    known = {"motor.gain": 0.03, "motor.lag": 3.0, "motor.rise": 0.8, "motor.fall": 0.9, "motor.sine1": 3.0}
+    u = levels(rng)
+    y = chain.simulate(np.array([known.get(name, 0.0) for name in chain.names]), u)
+    assert np.ptp(y) > 2 * np.pi
+    data = IOData(u, y + 0.003 * rng.normal(size=N), TS, y_unit="rad")
+    growth = grow_joint(data, parts=("turns",))
+    assert growth.parts == ("turns",)
+    value = dict(zip(growth.fit.model.names, growth.fit.theta, strict=True))
+    assert value["motor.sine1"] == pytest.approx(3.0, rel=0.05)
+    assert value["motor.rise"] == pytest.approx(0.8, rel=0.05)
+    assert growth.unseen_percent > 97.0

@@ -1,17 +1,20 @@
-"""Starts of a motor-driven joint from the record: ends, speed per volt, friction, lag and load."""
+"""Starts of a motor-driven joint from the record: ends, speed per volt, friction, lag, load, and a link's spring."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from sysid.block.block import Block
-from sysid.blocks import Motor, Play, TravelMap
+from sysid.blocks import Compliance, Motor, Play, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.start import Start, longest
+from sysid.estimation.voltage_balance import balances
 from sysid.model.chain import Chain
 
 _TRIED = 150  # candidates a start that is asked for
+_AROUND = 3  # candidates with the same balance of voltages
+_LINKS = ((0.05, 0.02), (2.5, 1.0))  # least and largest frequency and damping of a link on a spring
 _EDGE = 0.002  # of the samples that noise may throw beyond an end
 
 
@@ -43,6 +46,7 @@ class Joint(Start):
         seen = _read(record.u[:, 0], record.y[:, 0])
         rng = np.random.default_rng([seed, 7])
         draws = [_draw(chain, seen, rng, k) for k in range(_TRIED * count)]
+        draws += [_filled(chain, found, seen, rng) for found in _balanced(chain, seen) for _ in range(_AROUND)]
         costs = np.array([_cost(chain, theta, seen) for theta in draws])
         order = np.argsort(costs, kind="stable")
         chosen: list[np.ndarray] = []
@@ -52,6 +56,30 @@ class Joint(Start):
             if len(chosen) == count:
                 break
         return chosen + [draws[k] for k in order[: count - len(chosen)]]
+
+
+def _balanced(chain: Chain, seen: _Record) -> list[dict[str, float]]:
+    """The motor by its voltage balance where its position is the output but for the ends of a play or a spring."""
+    motor = motor_of(chain)
+    behind = chain.blocks[chain.blocks.index(motor) + 1 :]
+    if motor is not chain.blocks[0] or not all(isinstance(b, Play | Compliance) for b in behind) or seen.sign < 0:
+        return []
+    return balances(motor, seen.u, seen.y, (seen.low, seen.high))
+
+
+def _filled(chain: Chain, found: dict[str, float], seen: _Record, rng: np.random.Generator) -> np.ndarray:
+    """A candidate with these values of the motor."""
+    theta, motor = _draw(chain, seen, rng, 1), motor_of(chain)
+    part = dict(zip([slot.name for slot in motor.slots()], chain.part(theta, motor), strict=True)) | found
+    theta[chain.index(motor)] = [part[slot.name] for slot in motor.slots()]
+    return _within(chain, theta)
+
+
+def _within(chain: Chain, theta: np.ndarray) -> np.ndarray:
+    """Fixed values, and the others within their limits."""
+    low, high = chain.limits
+    inside = np.clip(theta, low, high)
+    return np.array([chain.fixed.get(name, value) for name, value in zip(chain.names, inside, strict=True)])
 
 
 def _read(u: np.ndarray, y: np.ndarray) -> _Record:
@@ -79,9 +107,9 @@ def _draw(chain: Chain, seen: _Record, rng: np.random.Generator, k: int) -> np.n
     span = max(abs(ends[1] - ends[0]), 1e-12)
     for b in chain.blocks:
         theta[chain.index(b)] = _values(b, values, ends, span, seen)
-    for i, (name, slot) in enumerate(zip(chain.names, chain.slots, strict=True)):
-        theta[i] = chain.fixed.get(name, float(np.clip(theta[i], slot.lower, slot.upper)))
-    return theta
+        if isinstance(b, Compliance) and k:
+            theta[chain.index(b).start : chain.index(b).start + 2] = np.exp(rng.uniform(*np.log(_LINKS)))
+    return _within(chain, theta)
 
 
 def _ends(chain: Chain, seen: _Record, rng: np.random.Generator) -> tuple[float, float]:
@@ -120,11 +148,18 @@ def _physics(
         "stick_speed": gain * seen.volts * creep,
         "load0": load * seen.volts,
         "loss": 0.1,
+        **({} if mapped or rng is None else _drawn_load(seen, way, rng)),
         "delay": delay,
         "lower": 0.0 if mapped else seen.low,
         "upper": 1.0 if mapped else seen.high,
         "x0": float(np.clip((first - ends[0]) / way, 0.0, 1.0)) if mapped else first,
     }
+
+
+def _drawn_load(seen: _Record, way: float, rng: np.random.Generator) -> dict[str, float]:
+    """A load over the position; that of a mapped motor begins flat."""
+    waves = {name: 0.3 * seen.volts * rng.normal() for name in ("sine1", "cosine1")}
+    return waves | {"load1": seen.volts * rng.uniform(0.0, 1.0) ** 2 / max(abs(way), 1e-12)}
 
 
 def _values(b: Block, values: dict[str, float], ends: tuple[float, float], span: float, seen: _Record) -> np.ndarray:

@@ -23,6 +23,7 @@ NAMES = {
     "screw": "loss and jam",
     "plays": "play",
     "coasts": "coasting play",
+    "turns": "load by turns",
 }
 
 
@@ -51,7 +52,8 @@ def caption(e: Evaluation) -> str:
     """Explanation of the bars."""
     return (
         f"Parts tried on the estimation data, round by round: by how much each lowered BIC. A part is "
-        f"kept only if BIC falls by {MARGIN:g} (line). The best part of each round (filled) stays in the next round. A "
+        f"kept only if BIC falls by {MARGIN:g} (line) and its free runs over unseen parts get no worse. "
+        "The best part of each round (filled) stays in the next round. A "
         "bar to the left is a part that increases BIC."
     )
 
