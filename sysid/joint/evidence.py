@@ -16,7 +16,7 @@ from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
 from sysid.joint.value_physics import breakaway_over_place, ends_of, travel_of
 from sysid.joint.value_record import Started, StopTest, noise_level, starts_from_rest, stop_test
-from sysid.joint.value_spread import LACKS
+from sysid.joint.value_spread import FAR, LACKS
 from sysid.model.chain import Chain
 from sysid.uncertainty.information import Information, information
 from sysid.uncertainty.initial_sensitivity import with_initial_state
@@ -28,7 +28,7 @@ _APART = 2.0  # standard deviations by which model and starts contradict each ot
 _COASTS = 0.25  # of the speed: a link that loses more of it in a sample does not show its way across the backlash
 _SIDE = 0.4  # of the backlash from its middle: the link lies against this side
 _TOLD = 0.5  # of lag and delay together: a wider standard deviation of one does not tell it from the other
-_TOGETHER = -0.98  # a correlation of lag and delay below it leaves only their sum
+_TOGETHER = -0.9  # a correlation of lag and delay below it leaves only their sum
 STAIRS = "qpal design --for breakaway FILE"
 
 
@@ -100,7 +100,8 @@ def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
     chain, theta = fit.model, fit.theta
     places = _places(chain, theta, data)
     drives, noise = _drives(chain, theta, data, places), float(np.median([noise_level(y) for y in places]))
-    slack, found = _width(chain, theta), {}
+    seen = max(float(y.max()) for y in places) - min(float(y.min()) for y in places)
+    slack, found = min(_width(chain, theta), FAR * seen), {}
     for name, way, at in zip(("end_low", "end_high"), (-1.0, 1.0), ends_of(chain, theta), strict=True):
         if np.isfinite(at):
             found[name] = stop_test(drives, places, data.Ts, at, noise, way, slack)

@@ -17,8 +17,9 @@ from sysid.uncertainty.noise_model import noise_model
 _DIRECTIONS = 10.0
 # Standard uncertainty, as a share of the value, that every joint model leaves even where its residuals are white,
 # because other parameters make up for what it lacks: found on drawn legs of the twin (scripts/drawn_joints.py).
-LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.07, "backlash": 0.12}
+LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.07, "backlash": 0.2}
 LACKS |= {"speed_per_volt": 0.008}
+FAR = 0.01  # of the travel: how far an end may lie from the rests against it, which the backlash keeps apart
 TIMES = 0.1  # of a sample: the same of a time
 UNSEEN = 0.005  # of the travel: standard uncertainty of an end, by the side of the backlash on which the link rests
 

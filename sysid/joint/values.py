@@ -13,7 +13,7 @@ from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.joint.evidence import Evidence, Shown, evidence
 from sysid.joint.value_physics import ends_of, travel_of, volts_to_move
-from sysid.joint.value_spread import lacking, spread_of, white
+from sysid.joint.value_spread import FAR, lacking, spread_of, white
 from sysid.model.chain import Chain
 
 _STEP = 1e-6
@@ -57,8 +57,9 @@ def joint_values(
     record does not bear (see `sysid.joint.evidence`) then has no interval and says why: an end that was not met, a
     backlash that is not crossed. In place of a break-away without starts from rest there is moving_friction_up or
     moving_friction_down [V], and lag_and_delay [s] in place of a time constant and a delay that the record does not
-    tell apart; a break-away is drawn towards the voltages of those starts. Intervals are symmetric and cut off at the
-    limits of a value's range; a value at a limit (no backlash) or a fixed value has none.
+    tell apart. A break-away is drawn towards the voltages of those starts, and an end stays near the rests against it.
+    Intervals are symmetric and cut off at the limits of a value's range; a value at a limit (no backlash) or a fixed
+    value has none.
 
     linearity [y]: largest deviation of the sensor from a straight line, from its data sheet. A record does not show
     the errors of its own sensor. They enter ends and speed as a deviation that oscillates between the two limits, with
@@ -96,16 +97,23 @@ def joint_values(
         limits: tuple[float | None, float | None] = (None, None)
         if row.determined:
             off_line, lacks = linearity * _nonlinearity_share(name, value, chain, fit.theta), 0.0
-            if shown is None or complete:
-                pass
-            elif name in shown.breakaway:
-                value, lacks = shown.breakaway[name][0] * value, abs(shown.breakaway[name][1] * value)
-            else:
-                lacks = lacking(name, value, way, fit.Ts)
+            if shown is not None and not complete:
+                value, lacks = _with_record(name, value, shown, way, fit.Ts)
             half = float(np.sqrt(half**2 + (factor * off_line) ** 2 + (factor * lacks) ** 2))
             limits = max(value - half, least), value + half
         found.append(JointValue(name, float(value), *limits, unit, row.determined, row.why))
     return tuple(found)
+
+
+def _with_record(name: str, value: float, shown: Evidence, way: float, Ts: float) -> tuple[float, float]:
+    """A value with what the record shows of it directly, and its standard uncertainty beyond that of the fit."""
+    if name in shown.breakaway:
+        factor, std = shown.breakaway[name]
+        return factor * value, abs(std * factor * value)
+    if name in shown.stops:
+        rests = float(np.mean([visit.reading for visit in shown.stops[name].visits]))
+        value = float(np.clip(value, rests - FAR * way, rests + FAR * way))
+    return value, lacking(name, value, way, Ts)
 
 
 def _way(chain: Chain, theta: np.ndarray, data: IOData | None) -> float:

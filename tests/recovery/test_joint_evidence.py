@@ -193,11 +193,11 @@ def test_lag_and_delay_are_one_value_where_a_sample_is_longer_than_both():
     chain = actuated_joint(knots=2, play=False)
     rng = np.random.default_rng(1)
     u = levels(rng.uniform(-9, 9, 80), 0.5)
-    data = driven(chain, u)
-    names = {value.name: value for value in joint_values(as_fit(chain, JOINT), data=data)}
+    fit = as_fit(chain, JOINT | {"motor.lag": 2.5, "motor.delay": 1.5})
+    data = IOData(u, chain.simulate(fit.theta, u) + NOISE * rng.standard_normal(len(u)), TS)
+    names = {value.name: value for value in joint_values(fit, data=data)}
     assert {"time_constant", "delay"} <= set(names)
-    short = JOINT | {"motor.lag": 0.5, "motor.delay": 0.2}
-    fit = as_fit(chain, short)
+    fit = as_fit(chain, JOINT | {"motor.lag": 0.5, "motor.delay": 0.2})
     data = IOData(u, chain.simulate(fit.theta, u) + NOISE * rng.standard_normal(len(u)), TS)
     names = {value.name: value for value in joint_values(fit, data=data)}
     assert not {"time_constant", "delay"} & set(names)
