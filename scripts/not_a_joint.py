@@ -211,7 +211,8 @@ def leg(seed: int) -> tuple[str, IOData]:
 def figures(said: Verdict) -> str:
     """The figures of a verdict in one line."""
     general = f", {said.general} {said.general_seen:.1f} / {said.general_unseen:.1f}" if said.general else ""
-    return f"joint {said.seen:.1f} / {said.unseen:.1f}, friction {said.friction:.3f}{general}; {said.reason}"
+    share = f"friction {said.friction:.3f}, spring {said.spring:.2f}"
+    return f"joint {said.seen:.1f} / {max(said.unseen, -999.0):.1f}, {share}{general}; {said.reason}"
 
 
 def main() -> None:

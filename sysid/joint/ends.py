@@ -102,7 +102,7 @@ def _fitted(chain: Chain, known: Fit, data: IOData, own: int, options: dict[str,
     points += Joint().starts(chain, data, own, options["seed"]) if free or not points else []
     try:
         return fit_chain(chain, data, start=np.array(points), options=_SCREENING, **options)
-    except InputError:
+    except (InputError, np.linalg.LinAlgError):
         return None
 
 
@@ -111,7 +111,7 @@ def _turning(straight: Fit, data: IOData, options: dict[str, Any]) -> float:
     found = PARTS["turns"].added(straight, data)
     try:
         return np.inf if found is None else float(fit_chain(found[0], data, start=found[1], **options).criteria.bic)
-    except InputError:
+    except (InputError, np.linalg.LinAlgError):
         return np.inf
 
 

@@ -33,6 +33,7 @@ _SHAKES = 12  # places near an optimum that are tried
 _GLANCE, _FINALISTS = 4, 3  # iterations at each of these places, and how many go on
 _WAYS = 2  # starts anew, at most, to come to the same joint
 _BETTER = 1.0  # of BIC, less than which is the same optimum reached to another tolerance
+_TELLING = 2.0  # times the error over the whole record, up to which free runs over unseen parts can judge a part
 _LOST = 3.0  # points of fit on unseen parts that a warning speaks of
 
 
@@ -169,7 +170,7 @@ def _valid(chain: Chain, points: np.ndarray, data: IOData, options: dict[str, An
     """The fit from these points; None if the chain diverges at every one of them."""
     try:
         return fit_chain(chain, data, start=points, **options)
-    except InputError:
+    except (InputError, np.linalg.LinAlgError):  # a motor that runs away has derivatives too large for numbers
         return None
 
 
@@ -185,6 +186,8 @@ def _best(
         if not pair:
             return name, ratios
         before = before or free_runs(fit.model, fit.theta, pair)
+        if before.rms > _TELLING * float(np.sqrt(fit.criteria.mse)):
+            return name, ratios  # the folds do not show what a joint needs, with this part or without it
         after = free_runs(tried[name].model, tried[name].theta, pair)
         ratios[name] = after.rms / before.rms
         if not harms(before, after, float(np.sqrt(tried[name].criteria.mse))):
@@ -235,7 +238,7 @@ def _checked(
         ways += 1
         try:
             other = _another(fit, ends, data, starts, {**options, "seed": options["seed"] + 1000 * k})
-        except InputError:  # no start gives a valid model
+        except (InputError, np.linalg.LinAlgError):  # no start gives a valid model
             continue
         gap = float(other.criteria.bic - fit.criteria.bic)
         if abs(gap) <= MARGIN:

@@ -16,6 +16,7 @@ from sysid.model.chain import Chain
 
 _TRIED = 3  # of the plays that promise most, how many are tried
 DEGREES = ("deg", "°", "degree", "degrees")
+SHOWN = (0.25, 20.0)  # turns of a record that may show such a load
 _SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 Candidate = tuple[Chain, np.ndarray]
 
@@ -104,8 +105,9 @@ def _with_waves(fit: Fit, data: IOData, waves: int) -> Candidate | None:
     """A load periodic in the angle, of a motor whose position is the angle itself."""
     chain, motor = fit.model, motor_of(fit.model)
     period = 360.0 if data.y_unit in DEGREES else 2.0 * np.pi
+    least, most = (share * period for share in SHOWN)
     mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
-    if mapped or motor.periodic or not period / 4.0 < np.ptp(data.y):
+    if mapped or motor.periodic or not least < np.ptp(data.y) < most:
         return None
     richer = replace(motor, periodic=waves, period=period)
     grown = sub(chain, tuple(richer if b is motor else b for b in chain.blocks))

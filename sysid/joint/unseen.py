@@ -19,7 +19,7 @@ FIRST = 20  # samples that give a free run its initial position
 _ITERATIONS = 8  # of the search on a fold: it begins at the optimum of the whole record
 _CHUNKS = 24  # of the record, each one a vote
 _WORST = 1e100  # error of a free run that diverges
-_CHANCE = 1.7  # t of a mean over some twenty chunks that chance exceeds once in twenty
+_CHANCE = 2.5  # t of a mean over some twenty chunks that chance exceeds once in a hundred
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import motor_of
-from sysid.estimation.result import Fit
+from sysid.estimation.result import Fit, rested
 from sysid.joint.growth import MARGIN, Growth
 from sysid.joint.unseen import free_runs, unseen_folds
 from sysid.model.chain import Chain
@@ -18,6 +18,9 @@ from sysid.structures import hammerstein_wiener, output_error
 
 LEAST = 80.0  # [%] a joint's free run over the record that it was fitted to
 DRY = 0.03  # of the deviation of the input: dry friction of a motor that drives a joint; filters come to below 0.01
+# A filter's output settles where its input holds it: read as a motor, it works against a spring that takes the whole
+# range of the input. Friction of a share of that spring would hold a motor where it is.
+SPRING, HELD = 0.7, 0.5
 _SAME = 1.1  # ratio of errors on unseen parts within which two models are equally good
 _CLEAR = 0.8  # of the general model's error: so much better over the whole record, a joint may drift on unseen parts
 _STARTS, _STEPS = 2, Options(max_iterations=50)
@@ -33,7 +36,8 @@ class Verdict:
 
     `seen` and `unseen` are fits [%] of the joint's free run, over the record that it was fitted to and over parts that
     it was not fitted to; `general` names the best model without physics, with the same two fits (None and nan where
-    none was needed). `friction` is the dry friction as a share of the input's standard deviation.
+    none was needed). `friction` is the dry friction as a share of the input's standard deviation, `spring` the range
+    of the load over the positions of the record as a share of the input's range.
     """
 
     joint: bool
@@ -41,6 +45,7 @@ class Verdict:
     seen: float
     unseen: float
     friction: float
+    spring: float = 0.0
     general: str | None = None
     general_seen: float = float("nan")
     general_unseen: float = float("nan")
@@ -67,7 +72,8 @@ def verdict(growth: Growth, data: IOData) -> Verdict:
     y = data.y[data.observed[:, 0], 0]
     seen = _percent(float(np.sqrt(fit.criteria.mse)), y)
     friction = _friction(fit, data)
-    found = Verdict(True, "", seen, growth.unseen_percent, friction)
+    spring = _spring(fit, data)
+    found = Verdict(True, "", seen, growth.unseen_percent, friction, spring)
     if not seen >= LEAST:
         return replace(
             found, joint=False, reason=f"no joint explains it (fit of the free run {max(seen, 0.0):.0f} % where fitted)"
@@ -94,7 +100,23 @@ def verdict(growth: Growth, data: IOData) -> Verdict:
             why = f"{name} is better where it was not fitted ({run:.1f} %, the joint {found.unseen:.1f} %)"
             return replace(told, joint=False, reason=why)
         found = told if found.general is None or run > found.general_unseen else found
+    if spring > SPRING and friction < HELD * spring:
+        return replace(
+            found,
+            joint=False,
+            reason=f"the output returns by itself (the load takes {100 * spring:.0f} % of the input), as a filter's",
+        )
     return found
+
+
+def _spring(fit: Fit, data: IOData) -> float:
+    """Range of the load over the positions of most samples, as a share of the input's."""
+    chain, motor = fit.model, motor_of(fit.model)
+    shown = chain.signals(rested(chain, fit.theta), data.experiments[0].u)[1 + chain.blocks.index(motor)].ravel()
+    away = np.quantile(shown, np.linspace(0.02, 0.98, 49)) - motor.at
+    part = chain.part(fit.theta, motor)
+    load = sum(motor.value(part, f"load{k}") * away**k for k in (1, 2))
+    return float(np.ptp(load)) / max(float(np.ptp(np.quantile(data.u, [0.02, 0.98]))), 1e-300)
 
 
 def _fitted(chain: Chain, data: IOData) -> Fit | None:
@@ -102,7 +124,7 @@ def _fitted(chain: Chain, data: IOData) -> Fit | None:
     try:
         with np.errstate(all="ignore"):
             return fit_chain(chain, data, starts=_STARTS, options=_STEPS)
-    except InputError:
+    except (InputError, np.linalg.LinAlgError):
         return None
 
 
