@@ -51,6 +51,7 @@ _MORE = (4, 8)  # times the starts
 
 def fitted(c: Recipe, data: IOData, search: str, seed: int, effort: Effort, deadline: float = np.inf) -> AnyFit:
     """The candidate fitted to a record that is on its own scale."""
+    _compile(c.model())
     options = Options(max_iterations=effort.iterations, max_seconds=effort.seconds, deadline=deadline)
     method = c.auto if search == "auto" else search
     starts, model = max(effort.starts, c.least_starts), c.model()
@@ -68,6 +69,18 @@ def fitted(c: Recipe, data: IOData, search: str, seed: int, effort: Effort, dead
     except InputError:
         return found
     return again if again.criteria.loss < found.criteria.loss else found
+
+
+def _compile(model: Any) -> None:
+    """Compile the kernels of a chain on a short input: a machine that never ran them takes seconds, and a look at one
+    candidate has little more."""
+    x = np.linspace(-1.0, 1.0, 4)
+    for block in model.blocks if isinstance(model, Chain) else ():
+        if block.channels == (1, 1):
+            b = block.scaled(x[:, None], x[:, None])
+            theta = b.start(x)
+            b.propagate(theta, x, np.zeros((len(x), len(theta))), 0)
+            b.propagate(theta, x, np.empty((len(x), 0)), 0)
 
 
 def _fits(job: Job, deadline: float) -> list[AnyFit]:
