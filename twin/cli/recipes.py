@@ -104,7 +104,8 @@ def _annotation(found: list[Option]) -> Any:
     help = ", or ".join(dict.fromkeys(option.help for option in found))
     if found[0].kind == "number":
         return Annotated[float | None, options.number(found[0].unit, help)]
-    return Annotated[str | None, options.name(help, found[0].allowed)]
+    allowed = dict.fromkeys(name for option in found for name in option.allowed)  # each recipe refuses the others'
+    return Annotated[str | None, options.name(help, tuple(allowed))]
 
 
 def _example(kind: type[Recipe]) -> str:
