@@ -78,14 +78,14 @@ def joint_values(
     readings = _readings(chain, fit.Ts)
     shown = None
     if data is None:
-        plain, factor = white(fit, level), float(norm.ppf(0.5 + level / 2))
+        plain = white(fit, level)
         rows = {name: Shown(True) for name in readings}
     else:
         plain = spread_of(fit, data, level)
-        factor, shown = plain.noise.quantile(level), evidence(fit, data, plain.noise)
+        shown = evidence(fit, data, plain.noise)
         readings = _told(readings, shown)
         rows = {name: _row(name, shown) for name in readings}
-    way = _way(chain, fit.theta, data)
+    way, factor = _way(chain, fit.theta, data), float(norm.ppf(0.5 + level / 2))
     found = []
     for name, (unit, read, least) in readings.items():
         value, row = read(fit.theta), rows[name]

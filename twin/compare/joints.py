@@ -26,6 +26,9 @@ EFFECTS = {
 }
 
 
+SUM = "lag_and_delay"
+
+
 @dataclass(frozen=True)
 class Pair:
     """A physical value of the log and of the other side; `apart`: the intervals of the two do not overlap."""
@@ -57,8 +60,19 @@ def pairs(log: IOData, other: IOData, seed: int = 0, starts: int = 2) -> tuple[P
         mine, theirs = joint_values(fit, data=log), joint_values(second, data=other)
     except InputError:
         return ()
+    if any(value.name == SUM for value in (*mine, *theirs)):  # one side tells time constant and delay as one value
+        mine, theirs = _summed(mine), _summed(theirs)
     found = {value.name: value for value in theirs}
     return tuple(Pair(value.name, value, found[value.name]) for value in mine if value.name in found)
+
+
+def _summed(values: tuple[JointValue, ...]) -> tuple[JointValue, ...]:
+    """The values with the sum of time constant and delay in place of both, without an interval."""
+    parts = [value for value in values if value.name in ("time_constant", "delay")]
+    if len(parts) < 2:
+        return values
+    one = JointValue(SUM, sum(part.value for part in parts), None, None, "s")
+    return (*(value for value in values if value not in parts), one)
 
 
 __all__ = ["EFFECTS", "Pair", "pairs"]
