@@ -20,7 +20,7 @@ LEAST = 80.0  # [%] a joint's free run over the record that it was fitted to
 DRY = 0.03  # of the deviation of the input: dry friction of a motor that drives a joint; filters come to below 0.01
 # A filter's output settles where its input holds it: read as a motor, it works against a spring that takes the whole
 # range of the input. Friction of a share of that spring would hold a motor where it is.
-SPRING, HELD = 0.7, 0.5
+SPRING, HELD = 0.7, 0.15
 _SAME = 1.1  # ratio of errors on unseen parts within which two models are equally good
 _CLEAR = 0.8  # of the general model's error: so much better over the whole record, a joint may drift on unseen parts
 _STARTS, _STEPS = 2, Options(max_iterations=50)
@@ -111,12 +111,18 @@ def verdict(growth: Growth, data: IOData) -> Verdict:
 
 def _spring(fit: Fit, data: IOData) -> float:
     """Range of the load over the positions of most samples, as a share of the input's."""
+    return float(np.ptp(_loads(fit, data))) / max(float(np.ptp(np.quantile(data.u, [0.02, 0.98]))), 1e-300)
+
+
+def _loads(fit: Fit, data: IOData) -> np.ndarray:
+    """The load [V] (49,) at the positions of most samples, in order of position."""
     chain, motor = fit.model, motor_of(fit.model)
-    shown = chain.signals(rested(chain, fit.theta), data.experiments[0].u)[1 + chain.blocks.index(motor)].ravel()
-    away = np.quantile(shown, np.linspace(0.02, 0.98, 49)) - motor.at
-    part = chain.part(fit.theta, motor)
-    load = sum(motor.value(part, f"load{k}") * away**k for k in (1, 2))
-    return float(np.ptp(load)) / max(float(np.ptp(np.quantile(data.u, [0.02, 0.98]))), 1e-300)
+    with np.errstate(all="ignore"):
+        shown = chain.signals(rested(chain, fit.theta), data.experiments[0].u)[1 + chain.blocks.index(motor)].ravel()
+        away = np.quantile(shown, np.linspace(0.02, 0.98, 49)) - motor.at
+        part = chain.part(fit.theta, motor)
+        load = np.sum([motor.value(part, f"load{k}") * away**k for k in range(3)], axis=0)
+    return np.nan_to_num(load, posinf=0.0, neginf=0.0)
 
 
 def _fitted(chain: Chain, data: IOData) -> Fit | None:
@@ -133,10 +139,11 @@ def _percent(rms: float, y: np.ndarray) -> float:
 
 
 def _friction(fit: Fit, data: IOData) -> float:
-    """Dry friction with its stick, as a share of the input; a driver map of one's own may hold it instead."""
+    """Dry friction with stick and the loss of a screw, as a share of the input; a driver map may hold it instead."""
     chain, motor = fit.model, motor_of(fit.model)
     if chain.block("driver") is not None:
         return float("inf")
     part = chain.part(fit.theta, motor)
-    rise, fall, stick = (motor.value(part, name) for name in ("rise", "fall", "stick"))
-    return (0.5 * (rise + fall) + stick) / max(float(np.std(data.u)), 1e-300)
+    rise, fall, stick, loss = (motor.value(part, name) for name in ("rise", "fall", "stick", "loss"))
+    lost = loss * float(np.mean(np.abs(_loads(fit, data))))
+    return (0.5 * (rise + fall) + stick + lost) / max(float(np.std(data.u)), 1e-300)
