@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from sysid.block.block import Block
-from sysid.blocks import CoastingPlay, Motor
+from sysid.blocks import CoastingPlay, Motor, ServoMotor
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
 
@@ -122,8 +122,17 @@ def _jam(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
     """A motor that hits a stop at full speed jams for 1.5, 4 or 10 samples."""
     role, gain, rise, fall = _read(chain, theta)
     dry = 0.5 * (rise + fall)
-    fastest = max(gain * max(float(np.abs(data.u).max()) - dry, 0.1 * dry), 1e-12)
+    motor = motor_of(chain)
+    most = float(np.abs(data.u).max())
+    if isinstance(motor, ServoMotor):  # whose input is a goal
+        most = motor.value(chain.part(theta, motor), "limit")
+    fastest = max(gain * max(most - dry, 0.1 * dry), 1e-12)
     return [{f"{role}.jam": samples / fastest} for samples in (1.5, 4.0, 10.0)]
+
+
+def _sag(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
+    """A source with a tenth and with half of the motor's resistance."""
+    return [{f"{motor_of(chain).role}.sag": sag} for sag in (0.1, 0.5)]
 
 
 # What a motor's friction may have besides, by the option's name, and first values for it beside a plainer optimum.
@@ -131,4 +140,5 @@ FRICTIONS: dict[str, Callable[[Chain, np.ndarray, IOData], list[Part]]] = {
     "stribeck": _stribeck,
     "loss": _loss,
     "jams": _jam,
+    "sags": _sag,
 }

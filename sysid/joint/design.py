@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
-from sysid.blocks import CoastingPlay, Play
+from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.joint_parts import is_joint, lifted, sub
+from sysid.estimation.joint_parts import is_joint, lifted, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.joint.course import Course
-from sysid.joint.values import JointValue, joint_values
+from sysid.joint.values import JointValue, in_unit, joint_values
 
 TARGETS = {
     "ends": ("end_low", "end_high", "speed_per_volt"),
@@ -112,6 +112,8 @@ def design(
         raise InputError(f"no value to design for; give some of {', '.join(TARGETS)}")
     if not is_joint(fit.model):
         raise InputError(f"a {fit.model.structure} has no motor; design the next experiment on an actuated_joint")
+    if isinstance(motor_of(fit.model), ServoMotor):
+        raise InputError("the joint is a servo, whose input is a goal; design records of a joint driven by voltage")
     for name, value in (("volts", volts), ("strike", strike)):
         if value is not None and not 0.0 < value < np.inf:
             raise InputError(f"{name} is {value}; give a positive number, or leave it out")
@@ -132,8 +134,8 @@ def design(
         data.Ts,
         tuple(work.phases),
         fastest,
-        _in_units(joint_values(fit, data=data), data),
-        _in_units(then, data),
+        in_unit(joint_values(fit, data=data), data.y_unit),
+        in_unit(then, data.y_unit),
         (data.u_unit, data.y_unit),
         (*course.notes, *notes),
     )
@@ -222,13 +224,6 @@ def _then(
     record = _named(IOData(u, y + noise, data.Ts), data)
     again = fit_chain(chain, record, start=np.array(theta), search="lm")
     return joint_values(again, data=record, complete=True), notes
-
-
-def _in_units(values: tuple[JointValue, ...], data: IOData) -> tuple[JointValue, ...]:
-    """The values with the output's unit in place of y."""
-    if not data.y_unit:
-        return values
-    return tuple(replace(v, unit=data.y_unit + v.unit[1:]) if v.unit[:1] == "y" else v for v in values)
 
 
 def _named(record: IOData, like: IOData) -> IOData:

@@ -53,6 +53,7 @@ PARTS: dict[str, Part] = {
     "screw": Part("screw friction proportional to its load, and jamming at the end stops", ("loss", "jams")),
     "plays": Part("a play", play=Play),
     "coasts": Part("backlash with a coasting link", play=CoastingPlay),
+    "sags": Part("a supply that sags under the motor's current", ("sags",)),
     "turns": Part("a load that repeats every turn", waves=1),
 }
 
@@ -60,7 +61,7 @@ PARTS: dict[str, Part] = {
 def is_plain(chain: Chain) -> bool:
     """Whether the chain has a motor and none of the parts that can be added."""
     motors = [b for b in chain.blocks if isinstance(b, Motor)]
-    richer = any(getattr(b, option) for b in motors for option in FRICTIONS)
+    richer = any(getattr(b, option, False) for b in motors for option in FRICTIONS)
     return bool(motors) and not richer and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks)
 
 
@@ -82,7 +83,7 @@ def again(name: str, fit: Fit, data: IOData) -> list[np.ndarray]:
 
 def _with_friction(fit: Fit, data: IOData, options: tuple[str, ...]) -> Candidate | None:
     chain, motor = fit.model, motor_of(fit.model)
-    if any(getattr(motor, option) or not _possible(motor, option) for option in options):
+    if any(getattr(motor, option, True) or not _possible(motor, option) for option in options):
         return None
     switched: dict[str, Any] = dict.fromkeys(options, True)
     if "stribeck" in options:
@@ -97,7 +98,10 @@ def _with_friction(fit: Fit, data: IOData, options: tuple[str, ...]) -> Candidat
 
 
 def _possible(motor: Motor, option: str) -> bool:
-    needs: dict[str, Callable[[Motor], bool]] = {"loss": lambda m: m.load > 0, "jams": lambda m: bool(m.stops)}
+    needs: dict[str, Callable[[Motor], bool]] = {
+        "loss": lambda m: bool(m.load or m.periodic),
+        "jams": lambda m: bool(m.stops),
+    }
     return needs[option](motor) if option in needs else True
 
 

@@ -1,13 +1,13 @@
 """Physical values of an identified actuated joint: speeds, voltages, angles and times, with intervals."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm
 
 from sysid.base.errors import InputError
-from sysid.blocks import CoastingPlay, Play, TravelMap
+from sysid.blocks import CoastingPlay, Play, ServoMotor, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
@@ -57,9 +57,10 @@ def joint_values(
     record does not bear (see `sysid.joint.evidence`) then has no interval and says why: an end that was not met, a
     backlash that is not crossed. In place of a break-away without starts from rest there is moving_friction_up or
     moving_friction_down [V], and lag_and_delay [s] in place of a time constant and a delay that the record does not
-    tell apart. A break-away is drawn towards the voltages of those starts, and an end stays near the rests against it.
-    Intervals are symmetric and cut off at the limits of a value's range; a value at a limit (no backlash) or a fixed
-    value has none.
+    tell apart. A servo has speed_full_drive [y/s] in place of speed_per_volt, its gains kp [drive/y] and kd, and where
+    its largest drive is 1, shares of full duty in place of volts. A break-away is drawn towards the voltages of those
+    starts, and an end stays near the rests against it. Intervals are symmetric and cut off at the limits of a value's
+    range; a value at a limit (no backlash) or a fixed value has none.
 
     linearity [y]: largest deviation of the sensor from a straight line, from its data sheet. A record does not show
     the errors of its own sensor. They enter ends and speed as a deviation that oscillates between the two limits, with
@@ -103,6 +104,17 @@ def joint_values(
             limits = max(value - half, least), value + half
         found.append(JointValue(name, float(value), *limits, unit, row.determined, row.why))
     return tuple(found)
+
+
+def in_unit(values: tuple[JointValue, ...], unit: str) -> tuple[JointValue, ...]:
+    """The values with the output's unit in place of y; as they are where it has none."""
+    if not unit:
+        return values
+
+    def named(of: str) -> str:
+        return "/".join(unit if part == "y" else part for part in of.split("/"))
+
+    return tuple(replace(v, unit=named(v.unit)) for v in values)
 
 
 def _with_record(name: str, value: float, shown: Evidence, way: float, Ts: float) -> tuple[float, float]:
@@ -162,13 +174,15 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
     def held(theta: np.ndarray, direction: int, static: bool) -> float:
         return volts_to_move(chain, theta, direction, static)
 
+    servo = isinstance(motor, ServoMotor)
+    volts = "duty" if servo and chain.fixed.get(f"{motor.role}.limit") == 1.0 else "V"
     found: dict[str, Reading] = {
         "speed_per_volt": ("y/s/V", speed, -np.inf),
         "time_constant": ("s", lambda theta: of("lag")(theta) * Ts, 0.0),
-        "breakaway_up": ("V", lambda theta: held(theta, 1, True), -np.inf),
-        "breakaway_down": ("V", lambda theta: held(theta, -1, True), -np.inf),
-        "coulomb_up": ("V", lambda theta: held(theta, 1, False), -np.inf),
-        "coulomb_down": ("V", lambda theta: held(theta, -1, False), -np.inf),
+        "breakaway_up": (volts, lambda theta: held(theta, 1, True), -np.inf),
+        "breakaway_down": (volts, lambda theta: held(theta, -1, True), -np.inf),
+        "coulomb_up": (volts, lambda theta: held(theta, 1, False), -np.inf),
+        "coulomb_down": (volts, lambda theta: held(theta, -1, False), -np.inf),
     }
     if travel is not None:
         found["end_low"] = ("y", lambda theta: float(chain.part(theta, travel)[:2].min()), -np.inf)
@@ -177,6 +191,12 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
         found["end_low"], found["end_high"] = ("y", of("lower"), -np.inf), ("y", of("upper"), -np.inf)
     if play is not None:
         found["backlash"] = ("y", lambda theta: float(chain.part(theta, play)[0]), 0.0)
+    if servo:
+        del found["speed_per_volt"]
+        found = {"speed_full_drive": ("y/s", lambda theta: speed(theta) * of("limit")(theta), -np.inf)} | found
+        found["kp"] = (f"{volts}/y", of("kp"), 0.0)
+        if f"{motor.role}.kd" in chain.names:
+            found["kd"] = (f"{volts} s/y", lambda theta: of("kd")(theta) * Ts, 0.0)
     if motor.delayed:
         found["delay"] = ("s", lambda theta: of("delay")(theta) * Ts, 0.0)
     return found

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.blocks import ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import motor_of
@@ -111,6 +112,8 @@ def verdict(growth: Growth, data: IOData) -> Verdict:
 
 def _spring(fit: Fit, data: IOData) -> float:
     """Range of the load over the positions of most samples, as a share of the input's."""
+    if isinstance(motor_of(fit.model), ServoMotor):  # returns to its goal by its loop, not by its load
+        return 0.0
     return float(np.ptp(_loads(fit, data))) / max(float(np.ptp(np.quantile(data.u, [0.02, 0.98]))), 1e-300)
 
 
@@ -146,4 +149,6 @@ def _friction(fit: Fit, data: IOData) -> float:
     part = chain.part(fit.theta, motor)
     rise, fall, stick, loss = (motor.value(part, name) for name in ("rise", "fall", "stick", "loss"))
     lost = loss * float(np.mean(np.abs(_loads(fit, data))))
-    return (0.5 * (rise + fall) + stick + lost) / max(float(np.std(data.u)), 1e-300)
+    # A servo's input is a goal, and its drive goes up to a limit of which it uses, on the mean, a good part.
+    drive = 0.5 * motor.value(part, "limit") if isinstance(motor, ServoMotor) else float(np.std(data.u))
+    return (0.5 * (rise + fall) + stick + lost) / max(drive, 1e-300)

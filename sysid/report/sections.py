@@ -17,6 +17,9 @@ T = TypeVar("T")
 NOT_KNOWN = "not determined"
 WORDS = {  # the physical values of an actuated joint as people call them
     "speed_per_volt": "speed per volt, mid stroke",
+    "speed_full_drive": "speed at full drive",
+    "kp": "gain of the loop, kp",
+    "kd": "derivative gain of the loop, kd",
     "time_constant": "time constant",
     "breakaway_up": "break-away voltage up",
     "breakaway_down": "break-away voltage down",

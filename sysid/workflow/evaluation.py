@@ -14,7 +14,7 @@ from sysid.diagnosis.higher_order import HigherOrderTests, higher_order_tests
 from sysid.diagnosis.residuals import ResidualTests
 from sysid.estimation.result import Fit
 from sysid.joint.growth import Growth, grow_joint
-from sysid.joint.values import JointValue, joint_values
+from sysid.joint.values import JointValue, in_unit, joint_values
 from sysid.joint.verdict import Verdict, verdict
 from sysid.linear import linearize
 from sysid.nlarx.dispatch import fit as fit_model
@@ -28,6 +28,7 @@ from sysid.workflow.extrapolation import extrapolated_joint, extrapolated_signal
 
 RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
+APART = 3.0  # the same of a joint, whose two parts are the same physics
 AMPLE = 100  # samples for each parameter
 Progress = Callable[[str], None] | None
 
@@ -220,13 +221,19 @@ def evaluate_fit(
         notes.append(f"in the validation data {network.divergence(validation)}")
     elif network and (left := network.excursion(validation)):
         notes.append(f"in the validation data {left}")
-    if np.isfinite(fits).all() and fits[0] - fits[1] > OVERFITTED:
+    if np.isfinite(fits).all() and fits[0] - fits[1] > (OVERFITTED if physics is None else APART):
         seen, unseen = (f"{f:.0f} %" if f > -1000 else "below -1000 %" for f in fits)
-        cause = "the two parts differ" if ample(fit) else "the model is too large for this record, or its parts differ"
-        notes.append(
-            f"the fit is {seen} on the estimation data and {unseen} on the validation data: {cause}; lower the orders, "
-            f"choose smaller maps or inspect the data"
-        )
+        if physics is not None:
+            cause = (
+                "the joint meets something there that the estimation data do not show, for example a moment at a stop; "
+                "qpal design FILE proposes a record of which each half shows all"
+            )
+        else:
+            size = "" if ample(fit) else "the model is too large for this record, or "
+            cause = f"{size}the two parts differ; lower the orders, choose smaller maps or inspect the data"
+        notes.append(f"the fit is {seen} on the estimation data and {unseen} on the validation data: {cause}")
+    if chain is not None:
+        notes += [f"in the validation data {text}" for text in chain.model.remarks(chain.theta, validation.u)]
     physical = chain is not None and physics is not None
     if chain and physical:
         notes += extrapolated_joint(chain, estimation, validation)
@@ -297,10 +304,7 @@ def _check_can_be_scored(data: IOData, part: str) -> None:
 
 def _values(fit: Fit, data: IOData, options: dict[str, Any]) -> tuple[JointValue, ...]:
     """Physical values with the output's unit in place of y."""
-    unit = data.y_unit or "y"
-    return tuple(
-        replace(v, unit=unit + v.unit[1:]) if v.unit[0] == "y" else v for v in joint_values(fit, data=data, **options)
-    )
+    return in_unit(joint_values(fit, data=data, **options), data.y_unit)
 
 
 def _step_response(fit: Fit, u0: float) -> Curve | None:

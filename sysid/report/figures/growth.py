@@ -24,6 +24,7 @@ NAMES = {
     "plays": "play",
     "coasts": "coasting play",
     "turns": "load by turns",
+    "sags": "sagging supply",
 }
 
 
