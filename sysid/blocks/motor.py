@@ -49,7 +49,7 @@ def stretch(s, w, h, p, block):
             h -= kept
             if s.jammed > 0.0:
                 break
-        if fresh:
+        if block.loaded and fresh:
             load = load_at(s.position, p, block)
         lost = p.loss * abs(load)
         way = sign(s.speed)
@@ -170,6 +170,11 @@ class Motor(Recursion):
         if self.stops in ("lower", "upper"):
             return (self.stops,)
         return ("lower", "upper") if self.stops else ()
+
+    @property
+    def loaded(self) -> bool:
+        """Whether there is a load."""
+        return bool(self.load or self.periodic)
 
     @property
     def bent(self) -> bool:
