@@ -93,16 +93,16 @@ def draw(d: Design, second: IOData, path: Path) -> None:
     upper.step(t, d.u, where="post", color="tab:blue", linewidth=0.8)
     lower.plot(t, np.degrees(second.y[:, 0]), color="0.2", label="the joint")
     lower.plot(t, np.degrees(d.y), color="tab:red", linestyle="--", linewidth=0.8, label="predicted by the first fit")
-    for phase in d.phases:
+    colours = {"ends": "0.75", "breakaway": "C2", "backlash": "C1"}
+    for k, phase in enumerate(d.phases):
         for axes in (upper, lower):
-            axes.axvspan(
-                phase.start * d.Ts, phase.stop * d.Ts, alpha=0.06 if phase.name == "ends" else 0.16, color="C2"
-            )
-    for phase in d.phases[:3]:
-        upper.annotate(phase.name, (0.5 * (phase.start + phase.stop) * d.Ts, 1.02), xycoords=("data", "axes fraction"))
+            label = phase.name if axes is upper and k < len(colours) else None
+            span = (phase.start * d.Ts, phase.stop * d.Ts)
+            axes.axvspan(*span, alpha=0.2, color=colours[phase.name], linewidth=0, label=label)
+    upper.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, frameon=False)
     upper.set(ylabel="input [V]")
     lower.set(ylabel="angle [deg]", xlabel="time [s]")
-    lower.legend(loc="upper right")
+    lower.legend(loc="upper left", bbox_to_anchor=(0, -0.18), ncols=2, frameon=False)
     figure.savefig(path, dpi=100)
 
 

@@ -88,10 +88,9 @@ def draw(d: Design) -> Sequence["Axes"]:
     for axes in (upper, lower):
         for p in d.phases:
             colour = COLOURS[names.index(p.name) % len(COLOURS)]
-            axes.axvspan(p.start * d.Ts, p.stop * d.Ts, color=colour, alpha=0.10, linewidth=0)
-    for p in d.phases:
-        middle = 0.5 * (p.start + p.stop) * d.Ts
-        upper.annotate(p.name, (middle, 1.02), xycoords=("data", "axes fraction"), ha="center", va="bottom")
+            label = p.name if axes is upper and p is d.phases[names.index(p.name)] else None
+            axes.axvspan(p.start * d.Ts, p.stop * d.Ts, color=colour, alpha=0.15, linewidth=0, label=label)
+    upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(names), frameon=False)
     upper.set(ylabel=f"input u [{d.units[0]}]" if d.units[0] else "input u")
     lower.set(xlabel="time [s]", ylabel=f"predicted y [{out.unit}]" if out.unit else "predicted y")
     return upper, lower
