@@ -103,9 +103,7 @@ class Leg:
 
 def truths(joint: str, p: Parameters) -> dict[str, float]:
     """True values by every name that `sysid.joint_values` gives."""
-    true = twin_truth(joint, TS, p)
-    moving = {f"moving_friction_{way}": true[f"coulomb_{way}"] for way in ("up", "down")}
-    return true | moving | {"lag_and_delay": true["time_constant"] + true["delay"]}
+    return twin_truth(joint, TS, p)
 
 
 def accepted(name: str, true: float) -> float:

@@ -11,6 +11,7 @@ from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit, rested
+from sysid.joint.evidence import stop_tests
 from sysid.joint.growth import MARGIN, Growth
 from sysid.joint.unseen import free_runs, unseen_folds
 from sysid.model.chain import Chain
@@ -65,8 +66,8 @@ class Verdict:
 def verdict(growth: Growth, data: IOData) -> Verdict:
     """Whether the joint that grew on `data` explains it as a joint would.
 
-    A joint's free run must come to `LEAST` over the record; its motor must have dry friction, without which it is a
-    linear filter under another name; and output-error and Hammerstein-Wiener models must not explain the record
+    A joint's free run must come to `LEAST` over the record; its motor must have dry friction or strike a stop, without
+    which it is a linear filter under another name; and output-error and Hammerstein-Wiener models must not explain the record
     better: neither by BIC over the whole record, nor in free run over parts that neither was fitted to.
     """
     fit = growth.fit
@@ -79,7 +80,7 @@ def verdict(growth: Growth, data: IOData) -> Verdict:
         return replace(
             found, joint=False, reason=f"no joint explains it (fit of the free run {max(seen, 0.0):.0f} % where fitted)"
         )
-    if friction < DRY:
+    if friction < DRY and not any(test.met for test in stop_tests(fit, data).values()):  # no filter strikes a stop
         return replace(
             found,
             joint=False,

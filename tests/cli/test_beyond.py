@@ -156,6 +156,8 @@ def test_recovered_values_stand_beside_the_truth_in_its_own_units(shoulder):
     true = twin.truth("shoulder")
     assert found["speed_per_volt"].true == true.gain
     assert found["time_constant"].true == pytest.approx(-1 / true.continuous_pole)
+    assert found["lag_and_delay"].true == pytest.approx(true.delay - 1 / true.continuous_pole)
+    assert {r.unit for r in found.values()} == {"rad", "rad/s/V", "V", "s"}
     assert (found["breakaway_down"].true, found["breakaway_up"].true) == true.breakaway_voltage
     assert 0 < found["coulomb_up"].true < found["breakaway_up"].true  # Stribeck friction is less once it moves
     assert found["breakaway_down"].true < found["coulomb_down"].true < 0

@@ -100,7 +100,7 @@ def values_table(result: ProtocolResult) -> Grid:
                 (
                     r.joint,
                     unit.label,
-                    number(None if value.true is None else value.true * unit.factor, 4),
+                    number(value.true * unit.factor, 4),
                     number(value.aim * unit.factor, 2),
                     *(cell for pair in cells for cell in pair),
                 )
@@ -156,7 +156,7 @@ def recovery(result: ProtocolResult) -> Figure:
     """Every recovered value less its truth, in aims, a panel for each joint."""
     figure, axes = style.sheet(1, len(result.joints), height=3.6)
     for ax, r in zip(axes[0], result.joints, strict=True):
-        values = [value for value in r.beyond.recovered if value.true is not None]
+        values = r.beyond.recovered
         ax.axvspan(-1, 1, color="#e4e7eb", zorder=0)
         ax.axvline(0, color=style.SECOND, linewidth=1.0)
         for row, value in enumerate(values):
@@ -175,8 +175,6 @@ def recovery(result: ProtocolResult) -> Figure:
 
 def _dot(ax: Axes, value: Recovered, found: JointValue, row: float, mark: str, colour: str) -> None:
     true = value.true
-    if true is None:
-        return
 
     def scaled(x: float) -> float:
         return float(np.clip((x - true) / value.aim, -FRAME, FRAME))

@@ -69,7 +69,7 @@ class Recovered:
 
     name: str
     unit: str
-    true: float | None
+    true: float
     aim: float
     found: Mapping[str, JointValue]
 
@@ -144,6 +144,13 @@ def _trial(record: str, log: Log, paper: Evaluation) -> Trial:
     return Trial(record, log, paper, joint, ceiling(log, slice(estimation.N + joint.fit.n_init, None)))
 
 
+UNITS = {
+    **{"speed_per_volt": "rad/s/V", "backlash": "rad", "end_low": "rad", "end_high": "rad"},
+    **dict.fromkeys(("time_constant", "delay", "lag_and_delay"), "s"),
+    **{f"{name}_{way}": "V" for name in ("breakaway", "coulomb", "moving_friction") for way in ("up", "down")},
+}
+
+
 def twin_truth(joint: str, Ts: float, parameters: Parameters | None = None) -> dict[str, float]:
     """True values of a twin's joint, with the names and units of `sysid.joint_values`."""
     p = parameters or Parameters()
@@ -162,6 +169,9 @@ def twin_truth(joint: str, Ts: float, parameters: Parameters | None = None) -> d
         "end_high": t.end_angles[1],
         "backlash": t.backlash,
         "delay": t.delay,
+        "lag_and_delay": t.delay - 1.0 / t.continuous_pole,
+        "moving_friction_up": moving.breakaway_voltage[1],
+        "moving_friction_down": moving.breakaway_voltage[0],
     }
 
 
@@ -171,18 +181,19 @@ def aim(name: str, true: float, Ts: float) -> float:
         return float(np.deg2rad(0.5))
     if name == "backlash":
         return max(0.2 * true, float(np.deg2rad(0.1)))
-    if name in ("time_constant", "delay"):
+    if name in ("time_constant", "delay", "lag_and_delay"):
         return 0.1 * Ts
     return abs(true) * (0.02 if name == "speed_per_volt" else 0.1)
 
 
 def recovered(true: Mapping[str, float], trials: list[Trial]) -> tuple[Recovered, ...]:
-    """The physical values of every trial and the truth; a joint without the part gives no value."""
+    """The physical values of every trial and the truth; a value that a record does not determine may be missing.
+
+    Moving friction is left out: it stands for a break-away that is not determined, and is the friction in motion.
+    """
     Ts, rows = trials[0].log.Ts, []
-    units = {value.name: value.unit for trial in trials for value in trial.joint.values}
-    for name in [*true, *(name for name in units if name not in true)]:
+    for name, known in true.items():
         found = {t.record: value for t in trials for value in t.joint.values if value.name == name}
-        known = true.get(name)
-        unit = units.get(name, "rad")  # only the backlash can be missing
-        rows.append(Recovered(name, unit, known, np.nan if known is None else aim(name, known, Ts), found))
+        if not name.startswith("moving_friction"):
+            rows.append(Recovered(name, UNITS[name], known, aim(name, known, Ts), found))
     return tuple(rows)
