@@ -66,9 +66,9 @@ class Verdict:
 def verdict(growth: Growth, data: IOData) -> Verdict:
     """Whether the joint that grew on `data` explains it as a joint would.
 
-    A joint's free run must come to `LEAST` over the record; its motor must have dry friction or strike a stop, without
-    which it is a linear filter under another name; and output-error and Hammerstein-Wiener models must not explain the record
-    better: neither by BIC over the whole record, nor in free run over parts that neither was fitted to.
+    A joint's free run must come to `LEAST` over the record. Its motor must have dry friction or strike a stop; without
+    both it is a linear filter under another name. Output-error and Hammerstein-Wiener models must not explain the
+    record better: neither by BIC over the whole record, nor in free run over parts that neither was fitted to.
     """
     fit = growth.fit
     y = data.y[data.observed[:, 0], 0]
