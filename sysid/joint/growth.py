@@ -11,7 +11,7 @@ from sysid.base.errors import InputError, unknown
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.joint_parts import lifted, shaken
+from sysid.estimation.joint_parts import lifted, shaken, traded
 from sysid.estimation.objective import Objective
 from sysid.estimation.race import Run, with_curvature_weight
 from sysid.estimation.result import Fit
@@ -30,7 +30,8 @@ MARGIN = 30.0
 CLOSE = 10.0  # difference of BIC between two parts that is no very strong evidence (the same source)
 WORDS = {name: part.words for name, part in PARTS.items()}
 _SHAKES = 12  # places near an optimum that are tried
-_GLANCE, _FINALISTS = 4, 3  # iterations at each of these places, and how many go on
+_USUAL, _LAST = (4, 3), (15, 8)  # iterations at each of these places, and how many go on; for the whole joint
+_ROUNDS = 4  # at most, of the last search, as long as each lowers BIC by MARGIN
 _WAYS = 2  # starts anew, at most, to come to the same joint
 _BETTER = 1.0  # of BIC, less than which is the same optimum reached to another tolerance
 _TELLING = 2.0  # times the error over the whole record, up to which free runs over unseen parts can judge a part
@@ -161,8 +162,10 @@ def _grown(fit: Fit, data: IOData, pair: tuple[Fold, ...], names: tuple[str, ...
         undecided += [(best, name) for name in tried if _close(best, name, earned)]
         fit = _shaken(tried[best], data, options)  # from beside its optimum the next part would make up for that
     kept = tuple(step.part for step in steps if step.kept)
-    if kept:
-        fit = _shaken(fit, data, options, kept)
+    for _ in range(_ROUNDS if kept else 0):
+        bic, fit = fit.criteria.bic, _shaken(fit, data, options, kept)
+        if fit.criteria.bic > bic - MARGIN:
+            break
     return Growth(fit, first, tuple(steps), undecided=tuple((a, b) for a, b in undecided if b not in kept))
 
 
@@ -205,23 +208,24 @@ def _close(best: str, name: str, earned: dict[str, float]) -> bool:
 def _shaken(fit: Fit, data: IOData, options: dict[str, Any], grown: tuple[str, ...] = ()) -> Fit:
     """The fit, or a better one from nearby starts: whether a stop is reached in time is discrete and blocks the search.
 
-    The first of several `grown` parts is started again from its initial values, because it was added to a simpler
-    joint.
+    Several `grown` parts are started again from their initial values, because each was added to a simpler joint.
     """
     chain, rng = fit.model, np.random.default_rng([options["seed"], len(fit.theta)])
     points = [np.clip(shaken(chain, fit.theta, rng), *chain.limits) for _ in range(_SHAKES)]
     if len(grown) > 1:
-        points += again(grown[0], fit, data)
-    return _better(fit, points, data, options)
+        points += [point for name in grown for point in again(name, fit, data)]
+    return _better(fit, points + traded(chain, fit.theta), data, options, *(_LAST if grown else _USUAL))
 
 
-def _better(fit: Fit, points: list[np.ndarray], data: IOData, options: dict[str, Any]) -> Fit:
-    """The fit, or that from the most promising of the points: a few iterations at each, the leaders to the end."""
+def _better(
+    fit: Fit, points: list[np.ndarray], data: IOData, options: dict[str, Any], glance: int = 4, finalists: int = 3
+) -> Fit:
+    """The fit, or that from the most promising points: `glance` iterations at each, the `finalists` to the end."""
     chain = fit.model
-    run = Run(chain, data, Objective(), "lm", Options(max_iterations=_GLANCE).begun(), None)
+    run = Run(chain, data, Objective(), "lm", Options(max_iterations=glance).begun(), None)
     problems = with_curvature_weight(run, [run.problem(with_initial_states(chain, p, data)) for p in points])
     outcomes = [run.iterate(problem, problem.start, run.options) for problem in problems]
-    order = np.argsort([o.cost for o in outcomes], kind="stable")[:_FINALISTS]
+    order = np.argsort([o.cost for o in outcomes], kind="stable")[:finalists]
     leaders = [problems[k].thetas(outcomes[k].p)[0] for k in order if np.isfinite(outcomes[k].cost)]
     if not leaders:
         return fit
