@@ -178,7 +178,7 @@ def test_one_part_is_found_over_many_records(seeds: range) -> None:
 
 @pytest.mark.slow
 def test_all_parts_at_once_are_found_over_many_records(seeds: range) -> None:
-    found = shares([judged("all", seed) for seed in seeds])
+    found = shares([judged("all", seed) for seed in seeds[::2]])  # twenty seconds each
     assert found.pop("parts") >= 0.75
     assert all(share >= 0.9 for share in found.values()), found
 
