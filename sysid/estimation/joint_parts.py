@@ -100,6 +100,22 @@ def traded(chain: Chain, theta: np.ndarray) -> list[np.ndarray]:
     return found
 
 
+def free_run_cost(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> float:
+    """Sum of squared errors of the free run under u (N,) or (N, nu); infinite where theta is no model or runs away."""
+    if not chain.admissible(theta):
+        return np.inf
+    e = y - chain.simulate(theta, u)
+    cost = float(e @ e)
+    return cost if np.isfinite(cost) else np.inf
+
+
+def apart(chain: Chain, a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether two candidates differ by a fifth or more in a parameter of the motor."""
+    motor = motor_of(chain)
+    x, y = chain.part(a, motor), chain.part(b, motor)
+    return bool(np.any(np.abs(x - y) > 0.2 * np.maximum(np.abs(x), np.abs(y)) + 1e-12))
+
+
 def friction_starts(names: tuple[str, ...], chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
     """Initial values of the frictions `names` in every combination, added to the optimum theta of `chain`."""
     parts = product(*(FRICTIONS[name](chain, theta, data) for name in names))

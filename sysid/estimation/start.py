@@ -28,3 +28,9 @@ def longest(data: IOData) -> IOData:
 def generators(count: int, seed: int) -> list[np.random.Generator]:
     """One generator for each start after the first, so that start k does not depend on the number of starts."""
     return [np.random.default_rng([seed, k]) for k in range(1, count)]
+
+
+def within(chain: Chain, theta: np.ndarray) -> np.ndarray:
+    """theta within the chain's bounds, with fixed parameters at their values."""
+    inside = np.clip(theta, *chain.limits)
+    return np.array([chain.fixed.get(name, value) for name, value in zip(chain.names, inside, strict=True)])

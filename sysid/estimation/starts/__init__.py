@@ -4,7 +4,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
-from sysid.estimation.start import Start
+from sysid.estimation.start import Start, within
 from sysid.estimation.starts.drives import Drives
 from sysid.estimation.starts.joint import Joint
 from sysid.estimation.starts.matrix import Matrix
@@ -38,11 +38,5 @@ def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray
     """
     for start in TABLE.values():
         if start.applies(chain):
-            return [_held(chain, theta) for theta in start.starts(chain, data, count, seed)]
+            return [within(chain, theta) for theta in start.starts(chain, data, count, seed)]
     raise InputError("this chain has no automatic start; give fit() a start of one value for each parameter")
-
-
-def _held(chain: Chain, theta: np.ndarray) -> np.ndarray:
-    """theta within the chain's bounds, with fixed parameters at their values."""
-    within = np.clip(theta, *chain.limits)
-    return np.array([chain.fixed.get(name, value) for name, value in zip(chain.names, within, strict=True)])

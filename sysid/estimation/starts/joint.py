@@ -7,8 +7,8 @@ import numpy as np
 from sysid.block.block import Block
 from sysid.blocks import Compliance, Motor, Play, TravelMap
 from sysid.data.record import IOData
-from sysid.estimation.joint_parts import is_joint, motor_of
-from sysid.estimation.start import Start, longest
+from sysid.estimation.joint_parts import apart, free_run_cost, is_joint, motor_of
+from sysid.estimation.start import Start, longest, within
 from sysid.estimation.voltage_balance import balances
 from sysid.model.chain import Chain
 
@@ -47,11 +47,11 @@ class Joint(Start):
         rng = np.random.default_rng([seed, 7])
         draws = [_draw(chain, seen, rng, k) for k in range(_TRIED * count)]
         draws += [_filled(chain, found, seen, rng) for found in _balanced(chain, seen) for _ in range(_AROUND)]
-        costs = np.array([_cost(chain, theta, seen) for theta in draws])
+        costs = np.array([free_run_cost(chain, theta, seen.u, seen.y) for theta in draws])
         order = np.argsort(costs, kind="stable")
         chosen: list[np.ndarray] = []
         for k in order:
-            if all(_apart(chain, draws[k], other) for other in chosen):
+            if all(apart(chain, draws[k], other) for other in chosen):
                 chosen.append(draws[k])
             if len(chosen) == count:
                 break
@@ -72,14 +72,7 @@ def _filled(chain: Chain, found: dict[str, float], seen: _Record, rng: np.random
     theta, motor = _draw(chain, seen, rng, 1), motor_of(chain)
     part = dict(zip([slot.name for slot in motor.slots()], chain.part(theta, motor), strict=True)) | found
     theta[chain.index(motor)] = [part[slot.name] for slot in motor.slots()]
-    return _within(chain, theta)
-
-
-def _within(chain: Chain, theta: np.ndarray) -> np.ndarray:
-    """Fixed values, and the others within their limits."""
-    low, high = chain.limits
-    inside = np.clip(theta, low, high)
-    return np.array([chain.fixed.get(name, value) for name, value in zip(chain.names, inside, strict=True)])
+    return within(chain, theta)
 
 
 def _read(u: np.ndarray, y: np.ndarray) -> _Record:
@@ -109,7 +102,7 @@ def _draw(chain: Chain, seen: _Record, rng: np.random.Generator, k: int) -> np.n
         theta[chain.index(b)] = _values(b, values, ends, span, seen)
         if isinstance(b, Compliance) and k:
             theta[chain.index(b).start : chain.index(b).start + 2] = np.exp(rng.uniform(*np.log(_LINKS)))
-    return _within(chain, theta)
+    return within(chain, theta)
 
 
 def _ends(chain: Chain, seen: _Record, rng: np.random.Generator) -> tuple[float, float]:
@@ -174,18 +167,3 @@ def _values(b: Block, values: dict[str, float], ends: tuple[float, float], span:
         part[0] = 0.005 * span
         return part
     return b.start(seen.u if b.role == "driver" else seen.y)
-
-
-def _cost(chain: Chain, theta: np.ndarray, seen: _Record) -> float:
-    if not chain.admissible(theta):
-        return np.inf
-    e = seen.y - chain.simulate(theta, seen.u)
-    cost = float(e @ e)
-    return cost if np.isfinite(cost) else np.inf
-
-
-def _apart(chain: Chain, a: np.ndarray, b: np.ndarray) -> bool:
-    """Whether two candidates differ by a tenth or more in a parameter of the motor."""
-    motor = motor_of(chain)
-    x, y = chain.part(a, motor), chain.part(b, motor)
-    return bool(np.any(np.abs(x - y) > 0.2 * np.maximum(np.abs(x), np.abs(y)) + 1e-12))

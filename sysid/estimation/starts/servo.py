@@ -7,7 +7,7 @@ import numpy as np
 from sysid.block.block import Block
 from sysid.blocks import Play, ServoMotor
 from sysid.data.record import IOData
-from sysid.estimation.joint_parts import motor_of
+from sysid.estimation.joint_parts import apart, free_run_cost, motor_of
 from sysid.estimation.start import Start, longest
 from sysid.model.chain import Chain
 
@@ -34,11 +34,11 @@ class Servo(Start):
         rate, delay = _first_order(goal, y)
         rng = np.random.default_rng([seed, 11])
         draws = [_draw(chain, u, goal, y, rate, delay, None if k == 0 else rng) for k in range(_TRIED * count)]
-        costs = np.array([_cost(chain, theta, u, y) for theta in draws])
+        costs = np.array([free_run_cost(chain, theta, u, y) for theta in draws])
         order = np.argsort(costs, kind="stable")
         chosen: list[int] = []
         for k in order:
-            if all(_apart(chain, draws[k], draws[j]) for j in chosen):
+            if all(apart(chain, draws[k], draws[j]) for j in chosen):
                 chosen.append(int(k))
             if len(chosen) == count:
                 break
@@ -133,18 +133,3 @@ def _values(b: Block, u: np.ndarray, y: np.ndarray) -> np.ndarray:
     if isinstance(b, Play):
         part[0] = 0.005 * float(np.ptp(y))
     return part
-
-
-def _cost(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> float:
-    if not chain.admissible(theta):
-        return np.inf
-    e = y - chain.simulate(theta, u)
-    cost = float(e @ e)
-    return cost if np.isfinite(cost) else np.inf
-
-
-def _apart(chain: Chain, a: np.ndarray, b: np.ndarray) -> bool:
-    """Whether two candidates differ by a fifth or more in a parameter of the motor."""
-    motor = motor_of(chain)
-    x, y = chain.part(a, motor), chain.part(b, motor)
-    return bool(np.any(np.abs(x - y) > 0.2 * np.maximum(np.abs(x), np.abs(y)) + 1e-12))
