@@ -12,6 +12,7 @@ import sysid
 from sysid.base.errors import InputError
 from sysid.blocks import CoastingPlay, Motor
 from sysid.data.record import IOData
+from sysid.estimation.joint_parts import traded
 from sysid.excitations import Staircase, Sweep
 from sysid.joint.growth import MARGIN, Growth, Step, grow_joint
 from sysid.joint.values import joint_values
@@ -280,3 +281,15 @@ def test_starts_of_a_wrong_shape_are_refused_in_a_sentence(points: tuple[Chain, 
     for wrong in (rows[0, 1:], rows[:, 1:], rows[:0], rows[None], np.full((2, P), np.nan), 1.0):
         with pytest.raises(InputError, match=f"give {P} finite values, one for each parameter, or several such rows"):
             sysid.fit(chain, data, start=wrong)
+
+
+def test_lag_and_delay_are_shared_otherwise_and_nothing_else_moves() -> None:
+    chain, more, _ = PLANTS["stribeck"]
+    theta = theta_of(chain, more)
+    lag, delay = (chain.names.index(f"motor.{name}") for name in ("lag", "delay"))
+    points = traded(chain, theta)
+    for point in points:
+        assert point[lag] + point[delay] == pytest.approx(theta[lag] + theta[delay], rel=1e-12)
+        np.testing.assert_array_equal(np.delete(point, [lag, delay]), np.delete(theta, [lag, delay]))
+    shares = [point[lag] / (theta[lag] + theta[delay]) for point in points]
+    assert min(shares) < 0.3 < 0.7 < max(shares)  # from nearly all delay to nearly all lag
