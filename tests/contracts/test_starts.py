@@ -50,6 +50,16 @@ def test_start_k_is_the_same_however_many_are_asked_for(name):
     np.testing.assert_array_equal(few, many[:3])
 
 
+@pytest.mark.parametrize("motor", [{"stribeck": True}, {"loss": True, "load": 3}, {"jams": True}])
+def test_frictions_of_a_motor_that_cannot_sag_start_within_their_bounds(motor):
+    """A motor in a voltage's terms has no supply that sags; a servo's has."""
+    chain = actuated_joint(motor=Motor(**motor), play=CoastingPlay())
+    points = np.array(starts(chain, record(), 2, 0))
+    low, high = chain.limits()
+    assert points.shape == (2, len(chain.names))
+    assert np.all((points >= low) & (points <= high))
+
+
 def test_every_start_keeps_what_is_held_and_stays_within_bounds():
     chain = output_error(2, 2, 1, fixed={"linear.b0": 7.0}, bounds={"linear.f1": (-0.2, 0.1), "linear.b1": (3.0, 4.0)})
     points = dict(zip(chain.names, np.transpose(starts(chain, record(), 4, 0)), strict=True))

@@ -32,7 +32,7 @@ class StagedJoint(Start):
         assert plain is not None
         found = _best(plain, Joint().starts(plain, data, _TRIED, seed), data)
         if middle != plain:
-            names = tuple(name for name in FRICTIONS if getattr(motor_of(chain), name))
+            names = tuple(name for name in FRICTIONS if getattr(motor_of(chain), name, False))
             points = [lifted(plain, found, middle, more) for more in friction_starts(names, plain, found, data)]
             found = _best(middle, points, data)
         if middle is chain:
