@@ -55,7 +55,7 @@ def test_frictions_of_a_motor_that_cannot_sag_start_within_their_bounds(motor):
     """A motor in a voltage's terms has no supply that sags; a servo's has."""
     chain = actuated_joint(motor=Motor(**motor), play=CoastingPlay())
     points = np.array(starts(chain, record(), 2, 0))
-    low, high = chain.limits()
+    low, high = chain.limits
     assert points.shape == (2, len(chain.names))
     assert np.all((points >= low) & (points <= high))
 
