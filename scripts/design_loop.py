@@ -9,6 +9,7 @@ held, and how far the free run over a fresh sweep stays behind the ceiling.
 """
 
 import argparse
+import time
 from pathlib import Path
 
 import numpy as np
@@ -38,9 +39,9 @@ def first_record(joint: str, seed: int, p: Parameters) -> IOData:
 
 def designed_record(d: Design, joint: str, seed: int, p: Parameters) -> IOData:
     """The leg under the designed input."""
-    experiment = twin.Experiment(joint, "sweep", d.duration, TS, seed, (), p)
+    experiment = twin.Experiment(joint, "sweep", d.duration, d.Ts, seed, (), p)
     run = experiment.prepare(u=d.u[:, None])
-    return experiment.record(run, step([run], TS, SETTLE)[0]).io()
+    return experiment.record(run, step([run], d.Ts, SETTLE)[0]).io()
 
 
 def grown(data: IOData, joint: str, p: Parameters) -> Growth:
@@ -72,7 +73,7 @@ def one(joint: str, seed: int, figure: Path | None) -> None:
         {v.name: v for v in joint_values(fit, data=first, linearity=linearity)},
         {v.name: v for v in joint_values(grown(half, joint, p).fit, data=half, linearity=linearity)},
     ]
-    true = truths(joint, p)
+    true = truths(joint, p, d.Ts)
     print(f"first {FIRST:.0f} s, designed {d.duration:.0f} s; in brackets without interval: not determined")
     for name in dict.fromkeys([*columns[0], *columns[1]]):
         unit = next(c[name].unit for c in columns if name in c)
@@ -116,13 +117,18 @@ def looped(joint: str, seed: int) -> Leg | None:
         print(f"{joint} {seed}: {error}", flush=True)
         return None
     data = designed_record(d, joint, 3 * seed + 1, p)
+    began = time.process_time()
     growth = grown(data, joint, p)
     fit = growth.fit
-    fresh = twin.Experiment(joint, "sweep", FIRST, TS, 3 * seed + 2, (), p, sweep(joint, p, "voltage")).run()
+    fresh = twin.Experiment(joint, "sweep", FIRST, d.Ts, 3 * seed + 2, (), p, sweep(joint, p, "voltage")).run()
     assert fresh.y_true is not None
     gap = fit_percent(fresh.y[fit.n_init :], fresh.y_true[fit.n_init :]) - fit.fit_percent(fresh.io())
-    print(f"{joint} {seed}: gap {gap:.2f}, {d.duration:.0f} s, {growth.parts}, {growth.warnings}", flush=True)
-    return Leg(joint, seed, gap, fit.seconds, compared(joint, seed, p, data, fit))
+    seconds = time.process_time() - began
+    print(
+        f"{joint} {seed}: gap {gap:.2f}, {len(d.u)} samples of {d.Ts:g} s, {growth.parts}, {growth.warnings}",
+        flush=True,
+    )
+    return Leg(joint, seed, gap, seconds, compared(joint, seed, p, data, fit))
 
 
 def main() -> None:

@@ -101,14 +101,14 @@ class Leg:
     values: dict[str, Found] = field(default_factory=dict)
 
 
-def truths(joint: str, p: Parameters) -> dict[str, float]:
+def truths(joint: str, p: Parameters, Ts: float = TS) -> dict[str, float]:
     """True values by every name that `sysid.joint_values` gives."""
-    return twin_truth(joint, TS, p)
+    return twin_truth(joint, Ts, p)
 
 
 def accepted(name: str, true: float) -> float:
-    """Accepted error: 2 % of a speed, 10 % of a voltage, 0.5 degrees of an end, 20 % or 0.1 degrees of a backlash, a
-    tenth of a sample of a time."""
+    """Accepted error: 2 % of a speed, 10 % of a voltage, 0.5 degrees of an end, 20 % or 0.1 degrees of a backlash, 10
+    ms of a time."""
     if name == "lag_and_delay":
         return aim("delay", true, TS)
     return aim(name.replace("moving_friction", "coulomb"), true, TS)
@@ -124,7 +124,7 @@ def studied(joint: str, seed: int) -> Leg:
 
 def compared(joint: str, seed: int, p: Parameters, data: IOData, fit: Fit) -> dict[str, Found]:
     """Every value of a fit against the twin's truth."""
-    linearity, true = p["pot_linearity"] * p["pot_range"], truths(joint, p)
+    linearity, true = p["pot_linearity"] * p["pot_range"], truths(joint, p, fit.Ts)
     by_level = {level: _named(joint_values(fit, level, data, linearity)) for level in LEVELS}
     found = {}
     for name, value in by_level[0.95].items():

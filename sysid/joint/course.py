@@ -9,6 +9,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
+from sysid.joint.rate import at_rate
 from sysid.model.chain import Chain
 
 LONGEST = 2**16  # samples of one way from end to end
@@ -16,6 +17,7 @@ ARRIVED = 0.98  # of the way between the ends
 SHARES = np.arange(0.7, 2.0, 0.04)  # of the input against friction in motion: the levels of the stairs
 CAREFUL = 0.95  # of the largest speed that is allowed: the real joint may be a little faster than the fit
 MOVE = 0.03  # of the way between the ends: a slow reversal's
+_SHOWN = 2.0  # of lag and delay, after which the joint shows whether a stair started it
 _STARTS = 1e-6  # of the way: motion that counts as started
 _HALVINGS = 30
 
@@ -38,8 +40,8 @@ class Course:
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, fit: Fit, data: IOData, top: float, strike: float | None) -> "Course":
-        """An empty course on the joint of a fit, with inputs up to `top` and speeds up to `strike` [y/s].
+    def of(cls, fit: Fit, data: IOData, top: float, strike: float | None, Ts: float) -> "Course":
+        """An empty course on the joint of a fit, with inputs up to `top`, speeds up to `strike` [y/s], samples of `Ts`.
 
         Raises InputError if the joint does not move under these limits.
         """
@@ -48,9 +50,9 @@ class Course:
         place = chain.signals(fit.theta, data.u)[chain.blocks.index(motor) + 1]
         bounded = motor.stops and all(np.isfinite(motor.value(own, name)) for name in ("lower", "upper"))
         ends = (motor.value(own, "lower"), motor.value(own, "upper")) if bounded else (place.min(), place.max())
-        theta = np.array(fit.theta)
+        theta = at_rate(chain, fit.theta, fit.Ts / Ts)
         theta[chain.names.index(f"{motor.role}.v0")] = 0.0
-        course = cls(chain, theta, fit.Ts, (float(ends[0]), float(ends[1])), not bounded)
+        course = cls(chain, theta, Ts, (float(ends[0]), float(ends[1])), not bounded)
         for way in (-1, 1):
             course.tops[way] = course._top(way, top, strike)
             least = way * course.starts(way)
@@ -120,11 +122,11 @@ class Course:
         """Samples that a stair is held for: the joint shows whether it started."""
         motor = motor_of(self.chain)
         own = self.chain.part(self.theta, motor)
-        return max(2, int(np.ceil(motor.value(own, "delay") + motor.value(own, "lag"))))
+        return max(2, int(np.ceil(_SHOWN * (motor.value(own, "delay") + motor.value(own, "lag")))))
 
-    def reversal(self, way: int) -> int:
-        """Samples for `MOVE` of the way between the ends at a quarter of the level."""
-        level = way * self.level(way, 0.25)
+    def reversal(self, way: int, share: float) -> int:
+        """Samples for `MOVE` of the way between the ends at `level(way, share)`."""
+        level = way * self.level(way, share)
         return max(3, self._until(way, level, 0.5 + MOVE / 2) - self._until(way, level, 0.5 - MOVE / 2))
 
     @cached_property

@@ -12,11 +12,13 @@ import numpy as np
 
 from sysid.base.errors import InputError, unknown
 from sysid.blocks import CoastingPlay, Play, ServoMotor
+from sysid.blocks.motor import LONGEST
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import is_joint, lifted, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.joint.course import Course
+from sysid.joint.rate import MOST, times_faster
 from sysid.joint.values import JointValue, in_unit, joint_values
 
 TARGETS = {
@@ -26,16 +28,16 @@ TARGETS = {
 }
 # Every round has all parts, so that either half of the record shows what the other does; slow parts are at these shares
 # of the way between the ends.
-PLACES = (0.4, 0.7, 0.3, 0.6)
-REVERSALS = 6  # of the drive at each place
+PLACES = (0.4, 0.65)
+STAIRS = 3  # each way at each place
+REVERSALS = 6  # of the drive at each place, to and fro
+SLOW = (0.2, 0.5)  # shares of the largest level, in turn: at one speed a backlash looks like a delay
 # Pairs of ways from end to end: the share of the largest level, and the time as a share of the way's own, from and to.
 # Some rest long at the end, some are turned on the way, and some just after they arrive, where a jam shows.
 LONG, TURNED, SHORT = (1.2, 1.6), (0.4, 0.9), (1.02, 1.12)
 PAIRS = (
-    ((1.0, *LONG), (0.7, *TURNED), (0.85, *SHORT)),
-    ((0.6, *LONG), (0.95, *SHORT)),
-    ((0.8, *LONG), (0.55, *TURNED), (0.65, *SHORT)),
-    ((0.5, *LONG), (0.9, *SHORT)),
+    ((1.0, *LONG), (0.7, *TURNED), (0.85, *SHORT), (0.65, *LONG)),
+    ((0.8, *LONG), (0.95, *SHORT), (0.55, *TURNED), (0.9, *LONG)),
 )
 GUESSED_PLAY = 0.01  # of the way: width of a backlash that the first fit does not have
 
@@ -97,12 +99,15 @@ def design(
     volts: float | None = None,
     strike: float | None = None,
     seed: int = 0,
+    Ts: float | None = None,
 ) -> Design:
     """The next experiment on the joint of `fit`, an `actuated_joint` fitted to `data`, for values of `TARGETS`.
 
     volts: largest input [unit of u], that of `data` if not given. strike [y/s]: speed that the joint must not exceed
-    anywhere, so that it meets no end harder. Raises InputError for a fit without a motor, an unknown target, a joint
-    that does not move under these limits, and the errors of `sysid.joint_values`.
+    anywhere, so that it meets no end harder. Ts [s]: sampling time of the next record; if not given, that of `data`, or
+    a half, a quarter or a fifth of it, so that lag and delay together last three samples. Raises InputError for a fit
+    without a motor, an unknown target, a sampling time that does not suit, a joint that does not move under these
+    limits, and the errors of `sysid.joint_values`.
     """
     targets = tuple(targets)
     for name in targets:
@@ -118,20 +123,20 @@ def design(
         if value is not None and not 0.0 < value < np.inf:
             raise InputError(f"{name} is {value}; give a positive number, or leave it out")
     top = float(np.abs(data.u).max()) if volts is None else volts
-    work = _Work(Course.of(fit, data, top, strike), np.random.default_rng([seed, 14]))
+    work = _Work(Course.of(fit, data, top, strike, _sampling(fit, Ts)), np.random.default_rng([seed, 14]))
     for k in range(len(PLACES)):
         for name in TARGETS:
             if name in targets:
                 _PARTS[name](work, k)
     course = work.course
     u, y = course.inputs(), course.outputs()
-    then, notes = _then(fit, data, u, y, targets)
-    fastest = float(np.abs(np.diff(y)).max()) / data.Ts
+    then, notes = _then(fit, data, course, targets)
+    fastest = float(np.abs(np.diff(y)).max()) / course.Ts
     return Design(
         targets,
         u,
         y,
-        data.Ts,
+        course.Ts,
         tuple(work.phases),
         fastest,
         in_unit(joint_values(fit, data=data), data.y_unit),
@@ -176,7 +181,7 @@ def _breakaway(work: _Work, k: int) -> None:
 
     def run() -> None:
         course.go(PLACES[k])
-        for way in (1, -1, 1, -1):
+        for way in (1, -1) * STAIRS:
             course.rest(0.5)
             for level in course.stairs(way):
                 course.hold(level, course.step)
@@ -193,8 +198,8 @@ def _backlash(work: _Work, k: int) -> None:
         if not (work.phases and work.phases[-1].name == "breakaway"):  # whose stairs end where they began
             course.go(PLACES[k])
         for n in range(2 * REVERSALS):
-            way = 1 if n % 2 == 0 else -1
-            course.hold(way * course.level(way, 0.25), course.reversal(way))
+            way, share = 1 if n % 2 == 0 else -1, SLOW[n // 2 % 2]
+            course.hold(way * course.level(way, share), course.reversal(way, share))
             course.rest(0.1)
         course.rest(0.5)
 
@@ -204,11 +209,22 @@ def _backlash(work: _Work, k: int) -> None:
 _PARTS = {"ends": _ends, "breakaway": _breakaway, "backlash": _backlash}
 
 
-def _then(
-    fit: Fit, data: IOData, u: np.ndarray, y: np.ndarray, targets: tuple[str, ...]
-) -> tuple[tuple[JointValue, ...], list[str]]:
-    """The values from a simulated record of the experiment, fitted together with the first record."""
-    chain, theta, notes = fit.model, fit.theta, []
+def _sampling(fit: Fit, Ts: float | None) -> float:
+    """Sampling time [s] of the next record."""
+    if Ts is None:
+        return fit.Ts / times_faster(fit)
+    motor = motor_of(fit.model)
+    least = fit.Ts * max(1.0 / MOST, motor.value(fit.model.part(fit.theta, motor), "delay") / LONGEST)
+    if not least <= Ts <= fit.Ts:
+        raise InputError(
+            f"the sampling time of the next record is {Ts:g} s; give {least:.3g} to {fit.Ts:g} s, that of the first"
+        )
+    return Ts
+
+
+def _then(fit: Fit, data: IOData, course: Course, targets: tuple[str, ...]) -> tuple[tuple[JointValue, ...], list[str]]:
+    """The values from a simulated record of the experiment."""
+    chain, theta, notes, u, y = fit.model, course.theta, [], course.inputs(), course.outputs()
     if "backlash" in targets and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks):
         width = GUESSED_PLAY * float(np.ptp(data.y))
         place = len(chain.blocks) - (chain.blocks[-1].role == "sensor")
@@ -221,7 +237,7 @@ def _then(
             f"the first fit has no backlash; the simulated record has one of {width:.3g} {data.y_unit}".rstrip()
         )
     noise = np.sqrt(fit.criteria.mse) * np.random.default_rng(0).standard_normal(len(u))
-    record = _named(IOData(u, y + noise, data.Ts), data)
+    record = _named(IOData(u, y + noise, course.Ts), data)
     again = fit_chain(chain, record, start=np.array(theta), search="lm")
     return joint_values(again, data=record, complete=True), notes
 

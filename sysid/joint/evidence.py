@@ -8,24 +8,30 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.stats import norm
 
 from sysid.base.units import number, shown
 from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.value_physics import breakaway_over_place, ends_of, travel_of
+from sysid.joint.value_physics import breakaway_over_place, ends_of, travel_of, volts_to_move
 from sysid.joint.value_record import Started, StopTest, noise_level, starts_from_rest, stop_test
-from sysid.joint.value_spread import FAR, LACKS
+from sysid.joint.value_spread import FAR, LACKS, Spread, gradient_of, spread_of
 from sysid.model.chain import Chain
-from sysid.uncertainty.information import Information, information
+from sysid.uncertainty.information import Information
 from sysid.uncertainty.initial_sensitivity import with_initial_state
 
 STARTS = 2  # from rest in one direction, under a slowly rising voltage
 CROSSINGS = 6  # of the backlash, both ways together
 _PLACE = 0.03  # standard uncertainty of a break-away at mid stroke that is read elsewhere, as a share of it
+_TARDY = 0.2  # probability of a late start: a link crosses its backlash first, or creeps before it is seen
+_COUNTED = 2.0  # starts that differ: a joint's starts are late for the same reasons
+_FACTORS = (0.3, 2.5)  # on the model's break-away
+_UNKNOWN = 0.2  # of its value: largest standard uncertainty of the break-away of a fit
+_DOUBTFUL = 0.15  # of the model's break-away: starts that differ by more than such an uncertainty are not believed
 _APART = 2.0  # standard deviations by which model and starts contradict each other
-_COASTS = 0.25  # of the speed: a link that loses more of it in a sample does not show its way across the backlash
+_CLEAR = 0.15  # of the backlash: a wider standard uncertainty of the fit does not determine it
 _SIDE = 0.4  # of the backlash from its middle: the link lies against this side
 _TOLD = 0.5  # of lag and delay together: a wider standard deviation of one does not tell it from the other
 _TOGETHER = -0.9  # a correlation of lag and delay below it leaves only their sum
@@ -64,30 +70,29 @@ class Evidence:
         return self.values[name].why if name in self.values else ""
 
 
-def evidence(fit: Fit, data: IOData, info: Information | None = None) -> Evidence:
+def evidence(fit: Fit, data: IOData, spread: Spread | None = None) -> Evidence:
     """What the estimation record `data` shows of the values of an actuated joint `fit`.
 
     end_low, end_high: see `sysid.joint.value_record.stop_test`. breakaway_up, breakaway_down: at least `STARTS` starts
     from rest that a slowly rising voltage brackets. backlash: at least `CROSSINGS` of the model's link from side to
-    side. time_constant and delay: neither is told from their sum if Ts is longer than it, or if their correlation in
-    the information matrix, or their uncertainty, says so. `info` spares its computation.
+    side, and a standard uncertainty of 15 % at most in the fit. time_constant and delay: neither is told from their sum if Ts is longer than it, or if their correlation in
+    the information matrix, or their uncertainty, says so. `spread` spares its computation.
     """
     chain, theta = fit.model, fit.theta
+    spread = spread_of(fit, data, 0.95) if spread is None else spread
     noise, links, stops = _noise(data), _links(chain, theta, data), stop_tests(fit, data)
     found = {name: _of_stop(test, data.y_unit or "y", name) for name, test in stops.items()}
     readable = chain.block("sensor") is None and not isinstance(motor_of(chain), ServoMotor)
-    starts = tuple(starts_from_rest(data, noise)) if readable else ()
+    starts = tuple(starts_from_rest(data, noise, _every(fit))) if readable else ()
     factors, volts = {}, breakaway_over_place(chain, theta)
     for name, way in (("breakaway_up", 1), ("breakaway_down", -1)):
         agreed = _agreed([start for start in starts if start.way == way and start.slow], volts)
-        factors[name] = _factor(agreed)
+        factors[name] = _factor(agreed, _uncertain(fit, way, spread))
         found[name] = _of_starts(len(agreed), factors[name][1], "up" if way > 0 else "down")
     if links is not None:
-        found["backlash"] = _of_crossings(*links, _slowing(chain, theta, data))
+        found["backlash"] = _of_crossings(*links, _play_uncertainty(fit, spread))
     if motor_of(chain).delayed:
-        found["time_constant"] = found["delay"] = _of_times(
-            fit, information(fit, data, "auto") if info is None else info
-        )
+        found["time_constant"] = found["delay"] = _of_times(fit, spread.noise)
     return Evidence(found, stops, starts, noise, factors)
 
 
@@ -100,15 +105,24 @@ def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
     chain, theta = fit.model, fit.theta
     places = _places(chain, theta, data)
     drives, noise = _drives(chain, theta, data, places), float(np.median([noise_level(y) for y in places]))
+    every = _every(fit)
+    drives, places = ([a[::every] for a in each] for each in (drives, places))
     seen = max(float(y.max()) for y in places) - min(float(y.min()) for y in places)
     slack, found = min(_width(chain, theta), FAR * seen), {}
     for name, way, at in zip(("end_low", "end_high"), (-1.0, 1.0), ends_of(chain, theta), strict=True):
         if np.isfinite(at):
-            found[name] = stop_test(drives, places, data.Ts, at, noise, way, slack)
+            found[name] = stop_test(drives, places, every * data.Ts, at, noise, way, slack)
         elif travel_of(chain) is not None:
             farthest = way * max(float(np.max(way * y)) for y in places)
             found[name] = StopTest(False, "no stop explains the record there", (), farthest, np.inf)
     return found
+
+
+def _every(fit: Fit) -> int:
+    """Samples in which lag and delay pass, at least 1: what a record shows of rests does not change faster."""
+    motor = motor_of(fit.model)
+    part = fit.model.part(fit.theta, motor)
+    return max(1, round(motor.value(part, "lag") + motor.value(part, "delay")))
 
 
 def _drives(chain: Chain, theta: np.ndarray, data: IOData, places: list[np.ndarray]) -> list[np.ndarray]:
@@ -192,47 +206,61 @@ def _agreed(slow: Sequence[Started], volts: Callable[[float, int], float]) -> np
     return brackets[brackets[:, 0] <= brackets[:, 1].min(initial=np.inf)]
 
 
-def _factor(brackets: np.ndarray) -> tuple[float, float]:
+def _uncertain(fit: Fit, way: int, spread: Spread) -> float:
+    """Standard uncertainty of the model's break-away, as a share of it."""
+
+    def read(theta: np.ndarray) -> float:
+        return volts_to_move(fit.model, theta, way, True)
+
+    std = spread.std(gradient_of(read, fit.theta))
+    share = std / max(abs(read(fit.theta)), 1e-9)
+    return float(np.hypot(LACKS["breakaway"], share if share < _UNKNOWN else _UNKNOWN))
+
+
+def _factor(brackets: np.ndarray, lack: float) -> tuple[float, float]:
     """Factor on the model's break-away from the brackets (n, 2) of starts, and its standard uncertainty.
 
-    A bracket is a uniform distribution, the model a normal one around 1; they are weighted by their precisions. The
-    uncertainty is infinite if they contradict each other.
+    Mean and deviation of the factor's distribution, on a grid. The model is a normal distribution around 1 with
+    standard deviation `lack`. A bracket is a uniform one, and with the probability `_TARDY` the start was late and the
+    factor is below the bracket. Its edges are uncertain by `_PLACE`. All starts together count as `_COUNTED`. The
+    uncertainty is infinite if starts and model contradict each other.
     """
-    lack = LACKS["breakaway"]
-    if not len(brackets):
-        return 1.0, lack
-    middle, half = brackets.mean(axis=1), np.diff(brackets, axis=1)[:, 0] / 2.0
-    weight = 1.0 / np.maximum(half / np.sqrt(3.0), 1e-6) ** 2
-    read = float(weight @ middle / weight.sum())
-    scatter = float(np.sqrt(weight @ (middle - read) ** 2 / weight.sum() / len(middle)))
-    std = float(np.sqrt(1.0 / weight.sum() + scatter**2 + _PLACE**2))
-    if abs(read - 1.0) > _APART * np.hypot(std, lack):
+    grid = np.linspace(*_FACTORS, 1001)
+    told = np.zeros(len(grid))
+    for low, high in brackets:
+        below, above = (norm.cdf((grid - edge) / _PLACE) for edge in (low, high))
+        inside = (below - above) / max(high - low, _PLACE)
+        told += np.log((1.0 - _TARDY) * inside + _TARDY * (1.0 - below) / low + 1e-12)
+    told *= min(1.0, _COUNTED / max(len(brackets), 1))
+    read, std = _moments(grid, told) if len(brackets) else (1.0, 0.0)
+    if abs(read - 1.0) > _APART * np.hypot(std, min(lack, _DOUBTFUL)):
         return read, np.inf
-    share = lack**2 / (lack**2 + std**2)
-    return 1.0 + share * (read - 1.0), float(np.sqrt(share) * std)
+    return _moments(grid, told - 0.5 * ((grid - 1.0) / lack) ** 2)
 
 
-def _of_crossings(up: int, down: int, slowing: float) -> Shown:
-    counts = {"crossings_up": up, "crossings_down": down, "slowing": slowing}
+def _moments(grid: np.ndarray, log: np.ndarray) -> tuple[float, float]:
+    """Mean and standard deviation of a density that is given by its logarithm."""
+    weight = np.exp(log - log.max())
+    mean = float(weight @ grid / weight.sum())
+    return mean, float(np.sqrt(weight @ (grid - mean) ** 2 / weight.sum()))
+
+
+def _of_crossings(up: int, down: int, std: float) -> Shown:
+    counts = {"crossings_up": up, "crossings_down": down, "uncertainty": std}
     if up + down < CROSSINGS:
         why = f"the link crosses it {up + down} times, {CROSSINGS} are needed: reverse slowly where its weight changes"
         return Shown(False, f"{why} sides (qpal design --for backlash FILE)", counts)
-    if slowing > _COASTS:
-        why = f"friction and weight take {100 * min(slowing, 1.0):.0f} % of the link's speed or more in a sample"
-        return Shown(False, f"{why}, so its way across is not seen: sample faster", counts)
+    if not std <= _CLEAR:
+        size = f"{100 * std:.0f} % of it" if std < 10.0 else "larger than itself"
+        why = f"its standard uncertainty is {size}: what the link does on its way across looks like lag and friction"
+        return Shown(False, f"{why}; sample faster (qpal design --for backlash FILE)", counts)
     return Shown(True, f"the link crosses it {up + down} times", counts)
 
 
-def _slowing(chain: Chain, theta: np.ndarray, data: IOData) -> float:
-    """Share of its usual speed that a coasting link loses in a sample by friction and weight; 0 for one that does not
-    coast."""
-    play = next((b for b in chain.blocks if isinstance(b, CoastingPlay)), None)
-    if play is None:
-        return 0.0
-    _, _, drag, pull, slope = chain.part(theta, play)
-    weight = max(abs(pull + slope * float(f(record.y))) for record in data.experiments for f in (np.min, np.max))
-    usual = max(float(np.quantile(np.abs(np.diff(record.y[:, 0])), 0.9)) for record in data.experiments)
-    return float(drag + weight) / max(usual, 1e-300)
+def _play_uncertainty(fit: Fit, spread: Spread) -> float:
+    """Standard uncertainty of the backlash in the fit, as a share of it."""
+    std = spread.std(gradient_of(lambda theta: _width(fit.model, theta), fit.theta))
+    return std / max(_width(fit.model, fit.theta), 1e-300) if np.isfinite(std) else np.inf
 
 
 def _of_times(fit: Fit, info: Information) -> Shown:

@@ -246,17 +246,19 @@ class Started:
         return 0.0 < abs(self.moved - self.held) <= _SLOW * max(abs(self.moved), abs(self.held))
 
 
-def starts_from_rest(data: IOData, noise: float) -> list[Started]:
-    """Every start from rest of a record; `way` is the direction of y.
+def starts_from_rest(data: IOData, noise: float, every: int = 1) -> list[Started]:
+    """Every start from rest of a record, read in means of `every` samples; `way` is the direction of y.
 
     The joint is seen to have moved when it is `_SURE` standard deviations from its rest. Under a rising voltage its way
     grows with the square of time or faster, so it began at most twice as long before as a quarter of this way was
     passed, which is no later than it was last seen behind its rest.
     """
+    noise /= np.sqrt(every)
     found = []
     sign = rising(*(np.concatenate([getattr(r, k)[:, 0] for r in data.experiments]) for k in ("u", "y")))
     for k, record in enumerate(data.experiments):
-        u, y = sign * record.u[:, 0], record.y[:, 0]
+        n = record.N // every
+        u, y = sign * record.u[: n * every : every, 0], record.y[: n * every, 0].reshape(n, every).mean(axis=1)
         m = max(_window(noise, np.abs(np.diff(y))), 2)
         speed = np.concatenate([np.zeros(m), _speed(y, m), np.zeros(m - 1)])
         still = np.abs(speed) < _SURE * noise * np.sqrt(2.0 / m) / m
@@ -268,7 +270,7 @@ def starts_from_rest(data: IOData, noise: float) -> list[Started]:
                 if start is not None:
                     sample, place, held, moved = start
                     way = int(np.sign(speed[last]))
-                    found.append(Started(k, sample, way, place, way * sign * held, way * sign * moved))
+                    found.append(Started(k, every * sample, way, place, way * sign * held, way * sign * moved))
     return found
 
 

@@ -17,10 +17,11 @@ from sysid.uncertainty.noise_model import noise_model
 _DIRECTIONS = 10.0
 # Standard uncertainty, as a share of the value, that every joint model leaves even where its residuals are white,
 # because other parameters make up for what it lacks: found on drawn legs of the twin (scripts/drawn_joints.py).
-LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.07, "backlash": 0.2}
+LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.09, "backlash": 0.15}
 LACKS |= {"speed_per_volt": 0.008}
 FAR = 0.01  # of the travel: how far an end may lie from the rests against it, which the backlash keeps apart
 TIMES = 0.1  # of a sample: the same of a time
+_STEP = 1e-6
 UNSEEN = 0.005  # of the travel: standard uncertainty of an end, by the side of the backlash on which the link rests
 
 
@@ -38,9 +39,12 @@ class Spread:
     level: float
 
     def __call__(self, gradient: np.ndarray) -> float:
-        std = float(self.noise.std_of(gradient)[0])
+        return self.noise.quantile(self.level) * self.std(gradient)
+
+    def std(self, gradient: np.ndarray) -> float:
+        """Standard uncertainty of a value with a gradient (P,); nan if it is undetermined."""
         off = self.lack * float(np.linalg.norm(np.atleast_2d(gradient) @ self.plain.factor))
-        return self.noise.quantile(self.level) * float(np.hypot(std, off))
+        return float(np.hypot(float(self.noise.std_of(gradient)[0]), off))
 
 
 def white(fit: Fit, level: float) -> Callable[[np.ndarray], float]:
@@ -79,6 +83,16 @@ def lacking(name: str, value: float, travel: float, Ts: float) -> float:
     if name in ("lag_and_delay", "time_constant", "delay"):
         return TIMES * Ts
     return next((share for start, share in LACKS.items() if name.startswith(start)), 0.0) * abs(value)
+
+
+def gradient_of(read: Callable[[np.ndarray], float], theta: np.ndarray) -> np.ndarray:
+    """Central differences (P,) of a value that is read from theta."""
+    out = np.zeros(len(theta))
+    for i in range(len(theta)):
+        step = np.zeros(len(theta))
+        step[i] = _STEP * max(1.0, abs(theta[i])) if theta[i] == 0.0 else _STEP * abs(theta[i])
+        out[i] = (read(theta + step) - read(theta - step)) / (2.0 * step[i])
+    return out
 
 
 def residuals(fit: Fit, data: IOData) -> list[np.ndarray]:

@@ -13,10 +13,8 @@ from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.joint.evidence import Evidence, Shown, evidence
 from sysid.joint.value_physics import ends_of, travel_of, volts_to_move
-from sysid.joint.value_spread import FAR, lacking, spread_of, white
+from sysid.joint.value_spread import FAR, gradient_of, lacking, spread_of, white
 from sysid.model.chain import Chain
-
-_STEP = 1e-6
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ def joint_values(
         rows = {name: Shown(True) for name in readings}
     else:
         plain = spread_of(fit, data, level)
-        shown = evidence(fit, data, plain.noise)
+        shown = evidence(fit, data, plain)
         readings = _told(readings, shown)
         rows = {name: _row(name, shown) for name in readings}
     way, factor = _way(chain, fit.theta, data), float(norm.ppf(0.5 + level / 2))
@@ -92,7 +90,7 @@ def joint_values(
         value, row = read(fit.theta), rows[name]
         if not np.isfinite(value):
             continue
-        half = plain(_gradient(read, fit.theta))
+        half = plain(gradient_of(read, fit.theta))
         if row.determined and not (np.isfinite(half) and half > 0.0):
             row = Shown(False, "the record has no information on it")
         limits: tuple[float | None, float | None] = (None, None)
@@ -100,6 +98,7 @@ def joint_values(
             off_line, lacks = linearity * _nonlinearity_share(name, value, chain, fit.theta), 0.0
             if shown is not None and not complete:
                 value, lacks = _with_record(name, value, shown, way, fit.Ts)
+                half = 0.0 if name in shown.breakaway else half  # which the agreement with the starts includes
             half = float(np.sqrt(half**2 + (factor * off_line) ** 2 + (factor * lacks) ** 2))
             limits = max(value - half, least), value + half
         found.append(JointValue(name, float(value), *limits, unit, row.determined, row.why))
@@ -229,13 +228,3 @@ def _row(name: str, shown: Evidence) -> Shown:
 
 def _sum(a: Reading, b: Reading) -> Reading:
     return a[0], lambda theta: a[1](theta) + b[1](theta), a[2] + b[2]
-
-
-def _gradient(read: Callable[[np.ndarray], float], theta: np.ndarray) -> np.ndarray:
-    """Central differences (P,)."""
-    out = np.zeros(len(theta))
-    for i in range(len(theta)):
-        step = np.zeros(len(theta))
-        step[i] = _STEP * max(1.0, abs(theta[i])) if theta[i] == 0.0 else _STEP * abs(theta[i])
-        out[i] = (read(theta + step) - read(theta - step)) / (2.0 * step[i])
-    return out

@@ -47,10 +47,11 @@ def propose(
     volts: float | None = None,
     strike: float | None = None,
     seed: int = 0,
+    sample: float | None = None,
     progress: Callable[[], None] = lambda: None,
     **columns: Any,
 ) -> Proposal:
-    """The next experiment on the joint in the log at `path`; `columns` as in `read_record`.
+    """The next experiment on the joint in the log at `path`, in samples of `sample` [s]; `columns` as in `read_record`.
 
     Raises InputError for a file that is no log, and as `sysid.joint.design.design`.
     """
@@ -58,7 +59,7 @@ def propose(
     progress()
     data = ActuatedJoint().scale(record.data)
     fit = grow_joint(data, seed=seed).fit
-    return Proposal(record, fit, design(fit, data, targets, volts, strike, seed))
+    return Proposal(record, fit, design(fit, data, targets, volts, strike, seed, sample))
 
 
 def write_input(proposal: Proposal, path: Path) -> Path:

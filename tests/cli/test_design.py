@@ -28,14 +28,15 @@ def test_the_break_away_that_a_sweep_hides_is_found_with_the_proposed_experiment
     assert main(["design", str(first), "--for", "ends,breakaway", "--out", "next", "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     read = read_record("next/design.csv")
-    assert (read.data.Ts, read.data.u_unit, read.data.y_unit) == (pytest.approx(0.1), "V", "rad")
-    assert summary["duration"] == pytest.approx(read.data.N * 0.1)
+    assert (read.data.Ts, read.data.u_unit, read.data.y_unit) == (pytest.approx(0.02), "V", "rad")
+    assert summary["Ts"] == pytest.approx(0.02)  # a third of lag and delay, in place of more than both
+    assert summary["duration"] == pytest.approx(read.data.N * 0.02)
     assert np.abs(read.data.u).max() == pytest.approx(summary["largest_input"])
     told = main(["simulate", "--joint", "thigh", "--input-log", "next/design.csv", "--log", "second.csv", "--out", "s"])
     assert told == 0
     capsys.readouterr()
     assert main(["identify", "second.csv", "--structure", "actuated_joint", "--out", "i", "--json"]) == 0
-    found, true = values(json.loads(capsys.readouterr().out)), twin_truth("thigh", 0.1)
+    found, true = values(json.loads(capsys.readouterr().out)), twin_truth("thigh", 0.02)
     for name in ("breakaway_up", "breakaway_down"):
         assert found[name]["value"] == pytest.approx(true[name], rel=0.1), name
 

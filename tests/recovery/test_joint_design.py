@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from sysid.base.errors import InputError
-from sysid.blocks import Motor
+from sysid.blocks import CoastingPlay, Motor
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.result import Fit
 from sysid.joint.design import Design, design
+from sysid.joint.rate import at_rate, times_faster
 from sysid.joint.values import joint_values
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint, output_error
@@ -31,6 +32,18 @@ def theta_of(chain: Chain, values: dict[str, float]) -> np.ndarray:
 
 def run(values: dict[str, float], u: np.ndarray, chain: Chain = STICKY) -> np.ndarray:
     return chain.simulate(theta_of(chain, values), u).ravel()
+
+
+def at(Ts: float, values: dict[str, float]) -> dict[str, float]:
+    """The same joint in samples of Ts."""
+    share = Ts / TS
+    change = {"gain": share, "stick_speed": share, "lag": 1.0 / share, "delay": 1.0 / share}
+    return {name: value * change.get(name.split(".")[1], 1.0) for name, value in values.items()}
+
+
+def positions(values: dict[str, float], d: Design) -> np.ndarray:
+    """The true motor under a design, in strokes."""
+    return STICKY.signals(theta_of(STICKY, at(d.Ts, values)), d.u)[1].ravel()
 
 
 @cache
@@ -57,7 +70,7 @@ def changed(**factors: float) -> dict[str, float]:
 
 def starts(values: dict[str, float], d: Design) -> list[tuple[int, float, float]]:
     """Way, level and position at every start from rest in the stairs, by the motion of the true joint."""
-    place = STICKY.signals(theta_of(STICKY, values), d.u)[1].ravel()
+    place = positions(values, d)
     speed = np.abs(np.diff(place, prepend=place[0]))
     found = []
     for phase in d.phases:
@@ -91,7 +104,7 @@ def test_both_ends_are_met_at_different_speeds_by_a_joint_that_differs_from_the_
     factors: dict[str, float], least: int
 ) -> None:
     d = proposed("ends")
-    place = STICKY.signals(theta_of(STICKY, changed(**factors)), d.u)[1].ravel()
+    place = positions(changed(**factors), d)
     for end in (0.0, 1.0):
         there = np.abs(place - end) < 1e-9
         arrivals = np.flatnonzero(there[1:] & ~there[:-1])
@@ -102,7 +115,7 @@ def test_both_ends_are_met_at_different_speeds_by_a_joint_that_differs_from_the_
 
 def test_no_speed_above_the_one_allowed() -> None:
     free, careful = proposed("ends", "breakaway", "backlash"), proposed("ends", "breakaway", "backlash", strike=0.12)
-    fastest = [np.abs(np.diff(run(TRUE, d.u))).max() / TS for d in (free, careful)]
+    fastest = [np.abs(np.diff(run(at(d.Ts, TRUE), d.u))).max() / d.Ts for d in (free, careful)]
     assert fastest[0] > 0.15
     assert 0.08 < fastest[1] <= 0.12  # as fast as it may be, not slower
     assert careful.fastest <= 0.12
@@ -110,11 +123,12 @@ def test_no_speed_above_the_one_allowed() -> None:
 
 def test_expected_intervals_are_as_wide_as_estimates_from_such_records_scatter() -> None:
     d, (fit, _) = proposed("ends", "breakaway"), first()
-    own = fit.model.simulate(fit.theta, d.u).ravel()
+    begin = at_rate(fit.model, fit.theta, TS / d.Ts)
+    own = fit.model.simulate(begin, d.u).ravel()
     estimates: dict[str, list[float]] = {}
     for seed in range(30):
         noise = np.sqrt(fit.criteria.mse) * np.random.default_rng([seed, 1]).standard_normal(len(own))
-        again = fit_chain(fit.model, IOData(d.u, own + noise, TS), start=fit.theta, search="lm")
+        again = fit_chain(fit.model, IOData(d.u, own + noise, d.Ts), start=begin, search="lm")
         for value in joint_values(again):
             estimates.setdefault(value.name, []).append(value.value)
     expected = {v.name: v for v in d.then}
@@ -124,6 +138,35 @@ def test_expected_intervals_are_as_wide_as_estimates_from_such_records_scatter()
         assert v.high is not None
         # Of 30 estimates the standard deviation is known to 13 %.
         assert (v.high - v.low) / 3.92 == pytest.approx(np.std(estimates[name], ddof=1), rel=0.45), name
+
+
+@pytest.mark.parametrize("play", [False, CoastingPlay()])
+def test_a_chain_at_a_shorter_sampling_time_is_the_same_joint(play) -> None:
+    """Samples of the slow chain against every fifth of the fast one, under the same held input."""
+    chain = actuated_joint(motor=Motor(load=1, stops=True, jams=True), knots=3, play=play)
+    coasts = {"play.width": 0.02, "play.drag": 2e-3, "play.pull0": 1e-3} if play else {}
+    theta = theta_of(chain, TRUE | {"motor.load0": 0.3, "motor.jam": 400.0} | coasts)
+    levels = np.random.default_rng(3).uniform(-12.0, 12.0, 40)
+    u = np.repeat(levels, 120)
+    slow = chain.simulate(theta, u).ravel()
+    fast = chain.simulate(at_rate(chain, theta, 5.0), np.repeat(u, 5)).ravel()[::5]
+    assert np.ptp(slow) > 1.5  # from end to end
+    far = np.abs(slow - fast)
+    # The motor is solved in continuous time; a coasting link meets its sides at samples, up to one of them late.
+    assert far.max() < (np.abs(np.diff(slow)).max() if play else 1e-9)
+    assert np.median(far) < (1e-4 if play else 1e-12)
+
+
+def test_the_next_record_is_sampled_so_that_lag_and_delay_last_three_samples() -> None:
+    fit, data = first()
+    motor = dict(zip(fit.model.names, fit.theta, strict=True))
+    lasts = motor["motor.lag"] + motor["motor.delay"]
+    assert lasts == pytest.approx(2.1, abs=0.1)
+    assert times_faster(fit) == 2
+    assert proposed("ends").Ts == TS / 2
+    assert design(fit, data, ("backlash",), Ts=TS).Ts == TS
+    with pytest.raises(InputError, match=r"sampling time of the next record is 0.1 s; give 0.0025 to 0.05 s"):
+        design(fit, data, Ts=0.1)
 
 
 def test_what_cannot_be_designed_is_told_in_a_sentence() -> None:

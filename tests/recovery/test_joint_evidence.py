@@ -153,7 +153,8 @@ def test_starts_correct_a_model_whose_static_friction_is_off_and_refuse_one_that
         for way, name in ((1, "up"), (-1, "down")):
             if determined:
                 found = values[f"breakaway_{name}"]
-                assert abs(found.value - way * DRY) < abs(off - 1.0) * DRY / 2  # the model's error is halved at least
+                # Starts may be late, so the upper half of a bracket counts for less than it tells here.
+                assert abs(found.value - way * DRY) < 0.7 * abs(off - 1.0) * DRY
                 assert found.holds(way * DRY)
             else:
                 assert "contradict" in values[f"moving_friction_{name}"].why
@@ -180,13 +181,18 @@ def driven(chain, u, seed=0) -> IOData:
     return IOData(u, y, TS, y_unit="rad")
 
 
-def test_the_backlash_is_crossed_at_every_reversal():
+@pytest.mark.parametrize(
+    ("sizes", "determined"), [((6.0, 3.0, 8.0), False), ((6.0,) * 10, False), ((6.0, 3.0, 8.0, 3.5, 5.0) * 2, True)]
+)
+def test_the_backlash_is_crossed_at_every_reversal(sizes, determined):
+    """Reversals at one speed show a time, which may be a delay as well; at several speeds they show an angle."""
     chain = actuated_joint(knots=2)
-    for reversals in (2, 9):
-        u = levels([6.0 * (-1) ** k for k in range(reversals + 1)], 1.0)
-        found = evidence(as_fit(chain, JOINT), driven(chain, u)).values["backlash"]
-        assert found.counts["crossings_up"] + found.counts["crossings_down"] == reversals
-        assert found.determined == (reversals >= CROSSINGS)
+    u = levels([size * (-1) ** k for k, size in enumerate(sizes)], 1.0)
+    found = evidence(as_fit(chain, JOINT), driven(chain, u)).values["backlash"]
+    assert found.counts["crossings_up"] + found.counts["crossings_down"] == len(sizes) - 1
+    assert found.determined == determined
+    if len(sizes) > CROSSINGS:
+        assert (found.counts["uncertainty"] < 0.15) == determined
 
 
 def test_lag_and_delay_are_one_value_where_a_sample_is_longer_than_both():

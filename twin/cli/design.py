@@ -20,6 +20,10 @@ def design(
     strike: Annotated[
         float | None, options.number("SPEED", "largest speed, in units of the output per second, also at an end")
     ] = None,
+    sample: Annotated[
+        float | None,
+        options.number("S", "sampling time of the next record [s]; by the lag and delay of the joint if not given"),
+    ] = None,
     input: options.Input = None,
     output: options.Output = None,
     ts: options.Ts = None,
@@ -48,6 +52,7 @@ def design(
             volts,
             strike,
             options.seed(seed),
+            sample,
             lambda: step("fitting the joint and designing"),
             input=input,
             output=output,
