@@ -75,8 +75,9 @@ def evidence(fit: Fit, data: IOData, spread: Spread | None = None) -> Evidence:
 
     end_low, end_high: see `sysid.joint.value_record.stop_test`. breakaway_up, breakaway_down: at least `STARTS` starts
     from rest that a slowly rising voltage brackets. backlash: at least `CROSSINGS` of the model's link from side to
-    side, and a standard uncertainty of 15 % at most in the fit. time_constant and delay: neither is told from their sum if Ts is longer than it, or if their correlation in
-    the information matrix, or their uncertainty, says so. `spread` spares its computation.
+    side, and a standard uncertainty of 15 % at most in the fit. time_constant and delay: neither is told from their sum
+    if Ts is longer than it, or if their correlation in the information matrix, or their uncertainty, says so. `spread`
+    spares its computation.
     """
     chain, theta = fit.model, fit.theta
     spread = spread_of(fit, data, 0.95) if spread is None else spread
