@@ -1,11 +1,12 @@
 """What a designed experiment adds: a joint of the twin from a first sweep, and from the record designed on it.
 
-    python scripts/design_loop.py [--joint thigh] [--seed 1] [--legs 0] [--figure docs/joint-design.png]
+    python scripts/design_loop.py [--joint thigh] [--seed 1] [--legs 0] [--jobs 1] [--figure docs/joint-design.png]
 
 The table has the values of both records beside the truth; each is fitted to the first half, as `qpal identify` does.
 The figure shows the designed input and prediction, and both records' intervals. With --legs N the loop runs on the
-joint of N drawn legs (see `scripts/drawn_joints.py`), and the summary tells how often values are determined, found and
-held, and how far the free run over a fresh sweep stays behind the ceiling.
+joints of N drawn legs (see `scripts/drawn_joints.py`). The summary then tells how often values are determined, found
+and held, and how far the free run over a fresh sweep stays behind the ceiling, and the figure has the calibration of
+the intervals by value.
 """
 
 import argparse
@@ -14,10 +15,12 @@ from pathlib import Path
 
 import numpy as np
 from drawn_joints import TS, Leg, compared, leg, table, truths
+from drawn_joints import draw as calibration
 
 import twin
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
+from sysid.base.executor import in_order
 from sysid.data.record import IOData
 from sysid.joint.design import Design, design
 from sysid.joint.growth import Growth, grow_joint
@@ -131,20 +134,33 @@ def looped(joint: str, seed: int) -> Leg | None:
     return Leg(joint, seed, gap, seconds, compared(joint, seed, p, data, fit))
 
 
+def called(job: tuple[str, int]) -> Leg | None:
+    """One job: a joint and the seed of its leg."""
+    return looped(*job)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--joint", default="thigh")
+    parser.add_argument("--joint", default="thigh", help="with --legs also several: shoulder,thigh,shank")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--legs", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--figure", type=Path)
     given = parser.parse_args()
     if not given.legs:
         one(given.joint, given.seed, given.figure)
         return
-    found = [looped(given.joint, seed) for seed in range(given.seed, given.seed + given.legs)]
-    legs = [each for each in found if each is not None]
-    print(f"{given.joint}: designed on {len(legs)} of {given.legs}", end="; ")
-    table(legs)
+    joints = given.joint.split(",")
+    jobs = [(joint, seed) for seed in range(given.seed, given.seed + given.legs) for joint in joints]
+    found = [each for each in in_order(called, jobs, given.jobs, None) if each is not None]
+    for joint in joints:
+        legs = [each for each in found if each.joint == joint]
+        print(f"{joint}: designed on {len(legs)} of {given.legs}", end="; ")
+        table(legs)
+    print("all", end=", ")
+    table(found)
+    if given.figure is not None:
+        calibration(found, given.figure)
 
 
 if __name__ == "__main__":

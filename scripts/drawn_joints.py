@@ -185,7 +185,7 @@ def draw(legs: list[Leg], where: Path) -> None:
 
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2)
-    left.plot((0.5, 1), (0.5, 1), color="0.6", linewidth=1)
+    left.plot((0.5, 1), (0.5, 1), color="0.6", linewidth=1, label="level = share")
     names = [name for name in LISTED if any(name in leg.values for leg in legs)]
     for name in names:
         told = [leg.values[name] for leg in legs if name in leg.values and leg.values[name].determined]

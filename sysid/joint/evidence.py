@@ -19,7 +19,6 @@ from sysid.joint.value_physics import breakaway_over_place, ends_of, travel_of, 
 from sysid.joint.value_record import Started, StopTest, noise_level, starts_from_rest, stop_test
 from sysid.joint.value_spread import FAR, LACKS, Spread, gradient_of, spread_of
 from sysid.model.chain import Chain
-from sysid.uncertainty.information import Information
 from sysid.uncertainty.initial_sensitivity import with_initial_state
 
 STARTS = 2  # from rest in one direction, under a slowly rising voltage
@@ -93,7 +92,7 @@ def evidence(fit: Fit, data: IOData, spread: Spread | None = None) -> Evidence:
     if links is not None:
         found["backlash"] = _of_crossings(*links, _play_uncertainty(fit, spread))
     if motor_of(chain).delayed:
-        found["time_constant"] = found["delay"] = _of_times(fit, spread.noise)
+        found["time_constant"] = found["delay"] = _of_times(fit, spread)
     return Evidence(found, stops, starts, noise, factors)
 
 
@@ -264,13 +263,13 @@ def _play_uncertainty(fit: Fit, spread: Spread) -> float:
     return std / max(_width(fit.model, fit.theta), 1e-300) if np.isfinite(std) else np.inf
 
 
-def _of_times(fit: Fit, info: Information) -> Shown:
+def _of_times(fit: Fit, spread: Spread) -> Shown:
     """Whether lag and delay are told apart; the correlation of their estimates decides, and the sampling time."""
     chain, motor, Ts = fit.model, motor_of(fit.model), fit.Ts
     gradient = np.array([[float(name == f"{motor.role}.{part}") for name in chain.names] for part in ("lag", "delay")])
     lag, delay = (motor.value(chain.part(fit.theta, motor), part) for part in ("lag", "delay"))
-    std = info.std_of(gradient)
-    cov = info.covariance_of(gradient)
+    std = [spread.std(row) for row in gradient]
+    cov = spread.noise.covariance_of(gradient)
     size = float(np.sqrt(cov[0, 0] * cov[1, 1]))
     r = float(cov[0, 1]) / size if size > 0.0 else 0.0
     counts = {"correlation": r, "samples": lag + delay}
