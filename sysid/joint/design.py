@@ -57,7 +57,7 @@ class Design:
     """An input u (N,) for the next experiment, and the output y (N,) that the fit predicts for it.
 
     `fastest` [y/s] is the largest predicted speed, and so the hardest that the joint may meet an end. `now` are the
-    joint's values from the first record, `then` those from a simulated record of both experiments: they hold if the
+    joint's values from the first record, `then` those from a simulated record of this experiment: they hold if the
     real joint is like the fit.
     """
 
@@ -100,12 +100,14 @@ def design(
     strike: float | None = None,
     seed: int = 0,
     Ts: float | None = None,
+    complete: bool = False,
 ) -> Design:
     """The next experiment on the joint of `fit`, an `actuated_joint` fitted to `data`, for values of `TARGETS`.
 
     volts: largest input [unit of u], that of `data` if not given. strike [y/s]: speed that the joint must not exceed
     anywhere, so that it meets no end harder. Ts [s]: sampling time of the next record; if not given, that of `data`, or
-    a half, a quarter or a fifth of it, so that lag and delay together last three samples. Raises InputError for a fit
+    a half, a quarter or a fifth of it, so that lag and delay together last three samples. `complete` leaves out of the
+    expected intervals what every model of a joint lacks. Raises InputError for a fit
     without a motor, an unknown target, a sampling time that does not suit, a joint that does not move under these
     limits, and the errors of `sysid.joint_values`.
     """
@@ -130,7 +132,7 @@ def design(
                 _PARTS[name](work, k)
     course = work.course
     u, y = course.inputs(), course.outputs()
-    then, notes = _then(fit, data, course, targets)
+    then, notes = _then(fit, data, course, targets, complete)
     fastest = float(np.abs(np.diff(y)).max()) / course.Ts
     return Design(
         targets,
@@ -222,7 +224,9 @@ def _sampling(fit: Fit, Ts: float | None) -> float:
     return Ts
 
 
-def _then(fit: Fit, data: IOData, course: Course, targets: tuple[str, ...]) -> tuple[tuple[JointValue, ...], list[str]]:
+def _then(
+    fit: Fit, data: IOData, course: Course, targets: tuple[str, ...], complete: bool
+) -> tuple[tuple[JointValue, ...], list[str]]:
     """The values from a simulated record of the experiment."""
     chain, theta, notes, u, y = fit.model, course.theta, [], course.inputs(), course.outputs()
     if "backlash" in targets and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks):
@@ -239,7 +243,7 @@ def _then(fit: Fit, data: IOData, course: Course, targets: tuple[str, ...]) -> t
     noise = np.sqrt(fit.criteria.mse) * np.random.default_rng(0).standard_normal(len(u))
     record = _named(IOData(u, y + noise, course.Ts), data)
     again = fit_chain(chain, record, start=np.array(theta), search="lm")
-    return joint_values(again, data=record, complete=True), notes
+    return joint_values(again, data=record, complete=complete), notes
 
 
 def _named(record: IOData, like: IOData) -> IOData:

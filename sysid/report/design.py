@@ -11,7 +11,7 @@ from sysid.base.units import shown
 from sysid.base.versions import versions
 from sysid.joint.design import Design
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.report.sections import WORDS, value_cells
+from sysid.report.sections import WORDS, told_once, value_cells
 from sysid.workflow.design import Proposal
 
 if TYPE_CHECKING:
@@ -65,9 +65,9 @@ def phases(d: Design) -> Grid:
 
 def values(d: Design) -> Grid:
     """The joint's values now, and with the experiment."""
-    now, then = ({v.name: v for v in each} for each in (d.now, d.then))
+    now, then = ({v.name: v for v in told_once(each)} for each in (d.now, d.then))
     rows = []
-    for name in dict.fromkeys([*now, *then]):
+    for name in (name for name in WORDS if name in now or name in then):
         cells = [value_cells(each[name])[:2] if name in each else ("–", "–") for each in (now, then)]
         unit = value_cells(then.get(name) or now[name])[2]
         rows.append((WORDS.get(name, name.replace("_", " ")), *cells[0], cells[1][1], unit))

@@ -51,10 +51,14 @@ def values_grid(evaluation: Evaluation, caption: str = "Physical values with 95 
     """Physical values of an actuated joint in display units; None for other structures."""
     if not evaluation.values:
         return None
-    moving = {v.name.replace("moving_friction", "coulomb") for v in evaluation.values}  # once is enough
-    listed = [v for v in evaluation.values if v.name not in moving or not v.name.startswith("coulomb")]
-    rows = [(WORDS.get(v.name, v.name), *value_cells(v)) for v in listed]
+    rows = [(WORDS.get(v.name, v.name), *value_cells(v)) for v in told_once(evaluation.values)]
     return Grid(("", "value", "95 % interval", "unit"), rows, caption, last_text=True)
+
+
+def told_once(values: Sequence[JointValue]) -> list[JointValue]:
+    """The values without the friction in motion of a way whose moving friction, the same number, is among them."""
+    moving = {v.name.replace("moving_friction", "coulomb") for v in values}
+    return [v for v in values if v.name not in moving or not v.name.startswith("coulomb")]
 
 
 def value_cells(v: JointValue) -> tuple[str, str, str]:

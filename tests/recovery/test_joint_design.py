@@ -61,7 +61,7 @@ def first() -> tuple[Fit, IOData]:
 @cache
 def proposed(*targets: str, strike: float | None = None) -> Design:
     fit, data = first()
-    return design(fit, data, targets, strike=strike)
+    return design(fit, data, targets, strike=strike, complete=True)
 
 
 def changed(**factors: float) -> dict[str, float]:
