@@ -18,6 +18,7 @@ SHARES = np.arange(0.7, 2.0, 0.04)  # of the input against friction in motion: t
 CAREFUL = 0.95  # of the largest speed that is allowed: the real joint may be a little faster than the fit
 MOVE = 0.03  # of the way between the ends: a slow reversal's
 _SHOWN = 2.0  # of lag and delay, after which the joint shows whether a stair started it
+ALONG = (0.02, 0.25, 0.5, 0.75, 0.98)  # places on the way, whose loads differ
 _STARTS = 1e-6  # of the way: motion that counts as started
 _HALVINGS = 30
 
@@ -55,7 +56,7 @@ class Course:
         course = cls(chain, theta, Ts, (float(ends[0]), float(ends[1])), not bounded)
         for way in (-1, 1):
             course.tops[way] = course._top(way, top, strike)
-            least = way * course.starts(way)
+            least = way * course.starts(way, ALONG)
             if course.tops[way] <= least:
                 limit = f"{top:.4g}" if strike is None else f"{course.tops[way]:.4g} (for a speed up to {strike:.4g})"
                 raise InputError(
@@ -88,8 +89,8 @@ class Course:
         self.hold(self.still, max(1, round(seconds / self.Ts)))
 
     def level(self, way: int, share: float) -> float:
-        """Size of an input `share` of the way from the one that starts the joint to the largest."""
-        least = way * self.starts(way)
+        """Size of an input `share` of the way from the one that keeps the joint moving everywhere to the largest."""
+        least = way * self.starts(way, ALONG)
         return least + share * (self.tops[way] - least)
 
     def crossing(self, way: int, share: float) -> int:
@@ -135,24 +136,24 @@ class Course:
         down, up = self.starts(-1), self.starts(1)
         return 0.0 if down < 0.0 < up else 0.5 * (down + up)
 
-    def starts(self, way: int) -> float:
-        """Input that keeps the joint moving at mid way, by bisection: friction in motion, without more at rest.
+    def starts(self, way: int, places: tuple[float, ...] = (0.5,)) -> float:
+        """Input that keeps the joint moving at all `places`, by bisection: friction in motion, without more at rest.
 
-        What a fit says of friction at rest is a guess before the joint has started slowly.
+        What a fit says of friction at rest is a guess before the joint has started slowly. Places: shares of the way.
         """
-        if way not in self._starts:
+        if (way, places) not in self._starts:
             low, high = -self.largest, self.largest
             for _ in range(_HALVINGS):
                 middle = 0.5 * (low + high)
-                if self._moves(way, way * middle):
+                if all(self._moves(way, way * middle, place) for place in places):
                     high = middle
                 else:
                     low = middle
-            self._starts[way] = way * high
-        return self._starts[way]
+            self._starts[way, places] = way * high
+        return self._starts[way, places]
 
     @cached_property
-    def _starts(self) -> dict[int, float]:
+    def _starts(self) -> dict[tuple[int, tuple[float, ...]], float]:
         return {}
 
     @cached_property
@@ -163,8 +164,8 @@ class Course:
         volts = sum(abs(motor.value(own, n)) for n in ("rise", "fall", "stick", "load0", "load1", "load2"))
         return 10.0 * max(volts * (1.0 + motor.value(own, "loss")), 1e-9) + 1.0
 
-    def _moves(self, way: int, level: float) -> bool:
-        theta, stick = self._at(0.5), f"{motor_of(self.chain).role}.stick"
+    def _moves(self, way: int, level: float, place: float) -> bool:
+        theta, stick = self._at(place), f"{motor_of(self.chain).role}.stick"
         if stick in self.chain.names:
             theta[self.chain.names.index(stick)] = 0.0
         rest = self._place(theta, np.full(2 * self.step + 20, level))
