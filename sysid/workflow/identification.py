@@ -15,6 +15,7 @@ from sysid.selection.select import SECONDS, select
 from sysid.selection.space import Space
 from sysid.selection.table import Selection
 from sysid.solver.searches import TABLE as SEARCHES
+from sysid.workflow.angles import in_unit_of, without_wraps
 from sysid.workflow.evaluation import Evaluation, Setting, check_parts, evaluate, evaluate_fit
 from sysid.workflow.identified import Identification
 from sysid.workflow.next_step import next_step
@@ -61,12 +62,18 @@ def identify_file(
     """Reads the file, prepares both parts and fits `setting` to the first part; `fitting` is called before the fit.
 
     A structure search uses only the first part, as every fit does; `candidate(done, total, name)` receives its
-    progress. `detrend` None means "mean", or "none" for a structure with absolute signals (`Recipe.zero`). Every
-    InputError names the file.
+    progress. Settings in the unit of the output are in that of its column. An angle that wraps at a turn counts on over
+    turns for structures of absolute signals and for a search. `detrend` None means "mean", or "none" for a structure
+    with absolute signals (`Recipe.zero`). Every InputError names the file.
     """
     detrend = setting.recipe.detrend(detrend) if isinstance(setting, Setting) else detrend or "mean"
     record = read_record(path, input, output, Ts, time, mapping, range, time_unit)
     try:
+        if isinstance(setting, Setting):
+            recipe, record = in_unit_of(record, setting.recipe)
+            setting = replace(setting, recipe=recipe)
+        if isinstance(setting, Auto) or setting.recipe.zero:  # a structure of absolute angles
+            record = without_wraps(record)
         estimation, validation = quick_start(record.data, split, detrend)
         check_parts(estimation, validation)
         advice = advise(record.data)
