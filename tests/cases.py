@@ -303,7 +303,7 @@ STRUCTURES = {
     "motor_profile": MotorProfile(5, -1.5, 2.0),
     "nlarx": NonlinearArx(2, 2, 1),
     "output_error": OutputError(2, 2, 1),
-    "servo_joint": ServoJoint("pd", "polynomial", "sags", 360.0, 3.0, 0.01, 7.4, "polynomial"),
+    "servo_joint": ServoJoint("pd", "polynomial", "sags", 360.0, 3.0, 0.01, 7.4, "polynomial", 0.02),
     "state_space": NonlinearStateSpace(2, 3, 2, "linear", 0.1, "polynomial"),
     "wiener": Wiener(2, 2, 1, "polynomial"),
     "wiener_hammerstein": WienerHammerstein(2, 2, 1),

@@ -38,7 +38,7 @@ class Suite:
 
 JOINTS = tuple(f"{kind}/{joint}" for kind in ("twin", "legs", "mismatch") for joint in ("shoulder", "thigh", "shank"))
 PHYSICAL = (
-    Part(("real/emps",), ("emps_motor", "emps_profile"), 1),
+    Part(("real/emps",), ("emps_motor", "emps_joint", "emps_profile"), 1),
     Part(("real/ced",), ("ced_drives",), 1),
     Part(("real/bam_xl330",), ("servo_joint", "servo_profile"), 1),
 )

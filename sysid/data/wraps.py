@@ -9,6 +9,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 
 TURNS = (360.0, 2.0 * math.pi, 1.0, 4096.0, 16384.0, 1024.0, 65536.0)  # degrees, radians, turns, counts
+DEGREES = ("deg", "°", "degree", "degrees")
 _LARGE, _SMALL = 0.7, 0.3  # of a turn: a jump at a wrap, and a motion between two samples
 _OVER = 1e-3  # of a turn by which a record may exceed one
 
@@ -21,6 +22,11 @@ class Wraps:
     turn: float
     count: int
     sentence: str
+
+
+def turn_of(data: IOData) -> float:
+    """A turn in the unit of the output: 360 in degrees, else 2 pi."""
+    return 360.0 if data.y_unit in DEGREES else 2.0 * math.pi
 
 
 def unwrapped(data: IOData, turn: float | None = None) -> Wraps:

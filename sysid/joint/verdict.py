@@ -25,6 +25,13 @@ DRY = 0.03  # of the deviation of the input: dry friction of a motor that drives
 SPRING, HELD = 0.7, 0.15
 _SAME = 1.1  # ratio of errors on unseen parts within which two models are equally good
 _CLEAR = 0.8  # of the general model's error: so much better over the whole record, a joint may drift on unseen parts
+# Of the general model's error on unseen parts: a joint so much better there is not refused by BIC, which takes the
+# coloured residuals of both as white. A servo drives its motor by the angle, and in that loop a filter of many
+# parameters repeats the record without being the motor.
+_BETTER = 0.8
+# A joint that follows the record it was fitted to and loses this many times that error on unseen parts, or whose
+# friction no input of the record overcomes, is not determined by it: the record may be a joint's or not.
+_FOLLOWS, _LOSES = 95.0, 3.0
 _STARTS, _STEPS = 2, Options(max_iterations=50)
 GENERAL: dict[str, Chain] = {
     "a linear model of order 4": output_error(4, 4, 1),
@@ -39,7 +46,8 @@ class Verdict:
     `seen` and `unseen` are fits [%] of the joint's free run, over the record that it was fitted to and over parts that
     it was not fitted to; `general` names the best model without physics, with the same two fits (None and nan where
     none was needed). `friction` is the dry friction as a share of the input's standard deviation, `spring` the range
-    of the load over the positions of the record as a share of the input's range.
+    of the load over the positions of the record as a share of the input's range. `undetermined`: the record shows no
+    joint and does not exclude one.
     """
 
     joint: bool
@@ -51,11 +59,17 @@ class Verdict:
     general: str | None = None
     general_seen: float = float("nan")
     general_unseen: float = float("nan")
+    undetermined: bool = False
 
     def sentence(self) -> str:
         """The verdict in words; empty for a joint."""
         if self.joint:
             return ""
+        if self.undetermined:
+            return (
+                f"This record does not show whether it is that of an actuated joint: {self.reason}, and no joint is "
+                "determined; no physical value is given. Record longer, and at larger inputs."
+            )
         return f"This record is not that of an actuated joint: {self.reason}; no physical value is given."
 
     def as_dict(self) -> dict[str, Any]:
@@ -68,8 +82,17 @@ def verdict(growth: Growth, data: IOData) -> Verdict:
 
     A joint's free run must come to `LEAST` over the record. Its motor must have dry friction or strike a stop; without
     both it is a linear filter under another name. Output-error and Hammerstein-Wiener models must not explain the
-    record better: neither by BIC over the whole record, nor in free run over parts that neither was fitted to.
+    record better: neither by BIC over the whole record, unless the joint is clearly better in free run over parts that
+    neither was fitted to, nor on these parts.
     """
+    found = _found(growth, data)
+    friction = found.friction * float(np.std(data.u))
+    stuck = np.isfinite(friction) and friction > float(np.abs(data.u).max()) and not _servo(growth.fit)
+    loses = 100.0 - found.unseen > _LOSES * (100.0 - found.seen)
+    return replace(found, undetermined=not found.joint and found.seen >= _FOLLOWS and (stuck or loses))
+
+
+def _found(growth: Growth, data: IOData) -> Verdict:
     fit = growth.fit
     y = data.y[data.observed[:, 0], 0]
     seen = _percent(float(np.sqrt(fit.criteria.mse)), y)
@@ -95,7 +118,8 @@ def verdict(growth: Growth, data: IOData) -> Verdict:
         run = free_runs(other.model, other.theta, pair).percent if pair else float("nan")
         shown = _percent(float(np.sqrt(other.criteria.mse)), y)
         told = replace(found, general=name, general_seen=shown, general_unseen=run)
-        if other.criteria.bic < fit.criteria.bic + MARGIN:
+        better = 100.0 - found.unseen < _BETTER * (100.0 - run)
+        if other.criteria.bic < fit.criteria.bic + MARGIN and not better:
             why = f"{name} explains it as well (fit {shown:.1f} %, the joint {seen:.1f} %)"
             return replace(told, joint=False, reason=why)
         if 100.0 - found.unseen > _SAME * (100.0 - run) and 100.0 - seen > _CLEAR * (100.0 - shown):
@@ -113,9 +137,14 @@ def verdict(growth: Growth, data: IOData) -> Verdict:
 
 def _spring(fit: Fit, data: IOData) -> float:
     """Range of the load over the positions of most samples, as a share of the input's."""
-    if isinstance(motor_of(fit.model), ServoMotor):  # returns to its goal by its loop, not by its load
+    if _servo(fit):  # returns to its goal by its loop, not by its load
         return 0.0
     return float(np.ptp(_loads(fit, data))) / max(float(np.ptp(np.quantile(data.u, [0.02, 0.98]))), 1e-300)
+
+
+def _servo(fit: Fit) -> bool:
+    """Whether the input is a goal."""
+    return isinstance(motor_of(fit.model), ServoMotor)
 
 
 def _loads(fit: Fit, data: IOData) -> np.ndarray:

@@ -81,6 +81,20 @@ class Recipe(ABC):
     def model(self) -> Any:
         """The Chain or Nlarx to fit; of a structure that grows, what it begins with."""
 
+    def model_of(self, data: IOData) -> Any:
+        """The model to fit to a record: `model()` with what the settings leave to its units and its sampling time."""
+        return self.model()
+
+    def scaled(self, y: float) -> "Recipe":
+        """The same where settings are in a unit of the output that is `y` times the record's, as a file's degrees are.
+
+        Settings in its inverse, such as gains, change the other way.
+        """
+        values = {name: getattr(self, name) for name in self.of_kind("number")}
+        powers = {name: _power_of_y(self.options()[name].unit) for name in values}
+        changed = {name: value * y ** powers[name] for name, value in values.items() if value is not None}
+        return replace(self, **{name: changed[name] for name in changed if powers[name]})
+
     @classmethod
     def options(cls) -> dict[str, Option]:
         """What people read of every setting, by field."""
@@ -184,6 +198,12 @@ class LinearOrders(Recipe):
         steps += [(0, 0, 1), (0, 0, -1), (-1, 0, 1), (1, 0, -1)]
         found = (self.stepped(nb=nb, nf=nf, nk=nk) for nb, nf, nk in steps)
         return tuple(recipe for recipe in found if recipe is not None)
+
+
+def _power_of_y(unit: str) -> int:
+    """1 of a setting in the unit of the output, -1 of one in its inverse, else 0."""
+    above, _, below = unit.partition("/")
+    return int("Y" in above) - int("Y" in below)
 
 
 def named(**maps: str | None) -> dict[str, Any]:

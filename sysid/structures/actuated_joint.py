@@ -9,6 +9,8 @@ from sysid.base.errors import InputError, unknown
 from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Compliance, Motor, Play, Quantiser, TravelMap, static
 from sysid.blocks.motor import STOPS
+from sysid.data.record import IOData
+from sysid.data.wraps import turn_of
 from sysid.model.chain import Chain
 from sysid.model.recipes import Map, Recipe, choice, number, static_map
 
@@ -90,11 +92,12 @@ def joint_motor(load: str = "polynomial", stops: str = "both", period: float | N
 class ActuatedJoint(Recipe):
     """Settings of a joint that grows from the plain `actuated_joint`.
 
-    load: "polynomial" over the stroke, "periodic" over the angle (a pendulum that turns over; `period` is a turn),
-    "spring" or "none". stops: those that it begins with. A joint with both stops and no periodic load has a linkage
-    between motor and joint; of the others the angle is proportional to the motor's. compliance: "on" for a link on a
-    spring. driver_step [V]: interval between the driver's levels; sensor_linearity [unit of the output]: largest
-    deviation of the sensor from a straight line; data sheets give both numbers.
+    load: "polynomial" over the stroke, "periodic" over the angle (a pendulum that turns over; `period` is a turn, by
+    default 360 of a record in degrees and 2 pi of another), "spring" or "none". stops: those that it begins with. A
+    joint with both stops and no periodic load has a linkage between motor and joint; of the others the angle is
+    proportional to the motor's. compliance: "on" for a link on a spring. driver_step [V]: interval between the driver's
+    levels; sensor_linearity [unit of the output]: largest deviation of the sensor from a straight line; data sheets
+    give both numbers.
     """
 
     name: ClassVar[str] = "actuated_joint"
@@ -114,7 +117,7 @@ class ActuatedJoint(Recipe):
     load: str = choice("polynomial", "load of an actuated joint", LOADS)
     stops: str = choice("both", "end stops that an actuated joint begins with", tuple(STOPS))
     compliance: str = choice("off", "a spring between an actuated joint's drive and its link", ("off", "on"))
-    period: float | None = number(None, "a turn of an actuated joint with a periodic load [2 pi]", unit="Y")
+    period: float | None = number(None, "a turn of an actuated joint with a periodic load [2 pi rad]", unit="Y")
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.sensor_linearity < math.inf:
@@ -137,6 +140,12 @@ class ActuatedJoint(Recipe):
             driver_step=self.driver_step,
             bounds={"motor.load1": (0.0, math.inf)} if self.load == "spring" else None,
         )
+
+    def model_of(self, data: IOData) -> Chain:
+        """With 360 for a turn of a periodic load where the record is in degrees."""
+        if self.load == "periodic" and self.period is None:
+            return replace(self, period=turn_of(data)).model()
+        return self.model()
 
     @property
     def mapped(self) -> bool:

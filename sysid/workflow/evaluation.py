@@ -183,11 +183,11 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     recipe = setting.recipe
     setting = replace(setting, search=recipe.auto if setting.search == "auto" else setting.search)
     if recipe.grown:
-        growth = grow_joint(estimation, recipe.model(), search=setting.search, **options)
+        growth = grow_joint(estimation, recipe.model_of(estimation), search=setting.search, **options)
         said = verdict(growth, estimation)
         found = evaluate_fit(setting, growth.fit, estimation, validation, physical=said.joint)
         return replace(found, growth=growth, joint=said, notes=(*found.notes, *growth.warnings))
-    fit = fit_model(recipe.model(), estimation, search=setting.search, **options)
+    fit = fit_model(recipe.model_of(estimation), estimation, search=setting.search, **options)
     return evaluate_fit(setting, fit, estimation, validation)
 
 

@@ -15,6 +15,7 @@ from sysid.selection.select import SECONDS, select
 from sysid.selection.space import Space
 from sysid.selection.table import Selection
 from sysid.solver.searches import TABLE as SEARCHES
+from sysid.workflow.angles import in_unit_of, without_wraps
 from sysid.workflow.evaluation import Evaluation, Setting, check_parts, evaluate, evaluate_fit
 from sysid.workflow.identified import Identification
 from sysid.workflow.next_step import next_step
@@ -57,24 +58,32 @@ def identify_file(
     mapping: Mapping | None = None,
     range: Range = Range(),  # noqa: B008 - it is frozen
     time_unit: str | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Identification:
     """Reads the file, prepares both parts and fits `setting` to the first part; `fitting` is called before the fit.
 
     A structure search uses only the first part, as every fit does; `candidate(done, total, name)` receives its
-    progress. `detrend` None means "mean", or "none" for a structure with absolute signals (`Recipe.zero`). Every
-    InputError names the file.
+    progress, and `progress` a text after each search of a fit. Settings in the unit of the output are in that of its
+    column. An angle that wraps at a turn counts on over turns for structures of absolute signals and for a search.
+    `detrend` None means "mean", or "none" for a structure with absolute signals (`Recipe.zero`). Every InputError names
+    the file.
     """
     detrend = setting.recipe.detrend(detrend) if isinstance(setting, Setting) else detrend or "mean"
     record = read_record(path, input, output, Ts, time, mapping, range, time_unit)
     try:
+        if isinstance(setting, Setting):
+            recipe, record = in_unit_of(record, setting.recipe)
+            setting = replace(setting, recipe=recipe)
+        if isinstance(setting, Auto) or setting.recipe.zero:  # a structure of absolute angles
+            record = without_wraps(record)
         estimation, validation = quick_start(record.data, split, detrend)
         check_parts(estimation, validation)
         advice = advise(record.data)
         fitting()
         if isinstance(setting, Auto):
-            selection, evaluation = _search(setting, estimation, validation, candidate)
+            selection, evaluation = _search(setting, estimation, validation, candidate, progress)
         else:
-            selection, evaluation = None, evaluate(setting, estimation, validation)
+            selection, evaluation = None, evaluate(setting, estimation, validation, progress)
     except InputError as error:
         raise InputError(f"{record.path}: {error}") from None
     detrend = "none" if evaluation.setting.recipe.zero else detrend
@@ -83,7 +92,11 @@ def identify_file(
 
 
 def _search(
-    auto: Auto, estimation: IOData, validation: IOData, candidate: Callable[[int, int, str], None] | None
+    auto: Auto,
+    estimation: IOData,
+    validation: IOData,
+    candidate: Callable[[int, int, str], None] | None,
+    progress: Callable[[str], None] | None,
 ) -> tuple[Selection, Evaluation]:
     """The search on `estimation`, and its chosen fit evaluated on `validation` without refitting."""
     space = Space(starts=auto.starts)
@@ -93,5 +106,5 @@ def _search(
     setting = Setting(recipe, auto.search, auto.starts, auto.seed)
     parts = recipe.scale(estimation), recipe.scale(validation)
     if recipe.grown:  # the search tried the plain one
-        return found, evaluate(setting, *parts)
+        return found, evaluate(setting, *parts, progress)
     return found, evaluate_fit(setting, found.fit, *parts)

@@ -49,9 +49,12 @@ _Rule = Callable[[Identification], NextStep | None]
 
 def _no_joint(result: Identification) -> NextStep | None:
     """The record is not that of a joint: a search over all structures, or, after one, a model without physics."""
+    said = result.evaluation.joint
+    open_ = said is not None and said.undetermined
+    why = "the record does not determine a joint" if open_ else "the record is not that of an actuated joint"
     if result.selection is None:
-        return NextStep("the record is not that of an actuated joint", command(result, structure="auto"))
-    why = "the record is not that of an actuated joint, which the search chose"
+        return NextStep(why, command(result, structure="auto"))
+    why = f"{why}, which the search chose"
     return NextStep(why, command(result, structure=HammersteinWiener.name))
 
 

@@ -22,8 +22,8 @@ OWN = {"input": "voltage_V", "output": "angle_rad", "time": "time_s"}  # the col
 class Record:
     """The data and their source columns.
 
-    `signals` says how the file was read. `options` are those of the command line that read it so again; none for what
-    is detected.
+    `signals` says how the file was read, `remarks` in sentences what was done after that. `options` are those of the
+    command line that read it so again; none for what is detected.
     """
 
     path: Path
@@ -33,11 +33,12 @@ class Record:
     time: str | None
     signals: Signals
     options: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed and repaired."""
-        return self.signals.notes
+        return (*self.signals.notes, *self.remarks)
 
     def as_dict(self) -> dict:
         """File, columns, units, Ts [s], number of samples, notes and counts of repairs, for a summary."""

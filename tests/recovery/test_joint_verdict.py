@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.signal import lfilter
 from sysid.blocks import Motor
 from sysid.data.record import IOData
 from sysid.excitations import Aprbs
+from sysid.joint import verdict as rules
 from sysid.joint.growth import Growth, grow_joint
 from sysid.joint.verdict import verdict
 from sysid.report import identify as report
@@ -78,6 +80,21 @@ def test_a_joint_is_a_joint_and_its_friction_is_that_of_the_record() -> None:
     assert growth.ends == "both"
     assert said.friction == pytest.approx(1.35 / np.std(data.u), rel=0.05)
     assert said.general_unseen < said.unseen
+
+
+@pytest.mark.parametrize(("unseen", "is_joint"), [(0.99, False), (0.5, True)])
+def test_bic_alone_refuses_no_joint_that_is_clearly_better_on_unseen_parts(unseen, is_joint, monkeypatch) -> None:
+    """Beside a general model of lower BIC whose error on unseen parts is the joint's divided by `unseen`."""
+    data = record(joint)
+    growth = grow_joint(data, parts=())
+    error = (100.0 - growth.unseen_percent) / unseen
+    criteria = SimpleNamespace(bic=growth.fit.criteria.bic - 1e4, mse=growth.fit.criteria.mse)
+    general = SimpleNamespace(model=None, theta=None, criteria=criteria)
+    monkeypatch.setattr(rules, "_fitted", lambda chain, data: general)
+    monkeypatch.setattr(rules, "free_runs", lambda *args: SimpleNamespace(percent=100.0 - error))
+    said = verdict(growth, data)
+    assert said.joint is is_joint
+    assert ("explains it as well" in said.reason) is not is_joint
 
 
 def test_a_refusal_is_the_first_sentence_and_no_physical_value_is_told(tmp_path: Path) -> None:

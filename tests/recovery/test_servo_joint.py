@@ -14,7 +14,7 @@ from sysid.base.errors import InputError
 from sysid.blocks import ServoMotor
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
-from sysid.structures import servo_joint
+from sysid.structures import ServoJoint, servo_joint
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 from servo_joints import TICK, Joint, drawn, goals, model, record, simulated
@@ -143,6 +143,64 @@ def test_a_record_below_full_duty_gives_what_it_can_and_the_rest_where_the_gain_
     std = dict(zip(fit.model.names, fit.covariance.std(), strict=True))
     assert not np.isfinite(std["motor.kp"])
     assert any("do not determine" in warning for warning in fit.warnings)
+
+
+def still(joint, seed: int) -> IOData:
+    """A record of small slow steps, far below full duty."""
+    rng = np.random.default_rng(seed)
+    goal = np.repeat(rng.uniform(-0.15, 0.15, 60), 25)
+    y = simulated(joint, goal) + joint.noise * rng.normal(size=len(goal))
+    return IOData(goal, y, joint.Ts, "goal", "angle", "rad", "rad")
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_known_gains_of_a_pd_loop_count_in_seconds_and_in_the_unit_of_the_record(unit):
+    """Below full duty the derivative acts like a drag: with kd known the lag is the motor's, and not without."""
+    joint = plain(noise=1e-4, kp=2.0, kd=0.04, up=0.02, down=0.03)
+    data, scale = still(joint, 6), 180.0 / np.pi if unit == "deg" else 1.0
+    data = replace(data, u=scale * data.u, y=scale * data.y, u_unit=unit, y_unit=unit)
+    own = ServoJoint("pd", kp=joint.kp / scale, kd=joint.kd / scale)
+    assert own.model_of(data).blocks[0].period == pytest.approx(2 * np.pi * scale)
+    motor = ServoMotor(load=0, stops=False, loop="pd")
+    fit = sysid.fit(servo_joint(motor, False, kp=own.kp, kd=own.kd, Ts=joint.Ts), data, search="lm", starts=4)
+    assert own.model_of(data).fixed["motor.kd"] == dict(zip(fit.model.names, fit.theta, strict=True))["motor.kd"]
+    found = dict(zip(fit.model.names, fit.theta, strict=True))
+    assert found["motor.gain"] == pytest.approx(scale * joint.speed * joint.Ts, rel=0.05)
+    assert found["motor.lag"] == pytest.approx(joint.lag / joint.Ts, rel=0.1)
+    assert found["motor.rise"] == pytest.approx(joint.up, rel=0.05)
+
+
+def test_a_known_integral_gain_counts_in_seconds():
+    """A pid servo without friction by scipy: ki in drive per unit and s gives back gain and lag."""
+    made, theta = block(loop="pid", load=1)
+    goal, Ts = np.repeat([0.2, 0.5, -1.2, -1.0, 1.1, 1.15, 0.0], 25), 0.02
+    y = solved(made, theta, goal)
+    chain = servo_joint(
+        ServoMotor(load=1, stops=False, loop="pid", updates=64),
+        False,
+        fixed={f"motor.{name}": SMOOTH[name] for name in ("load0", "rise", "fall", "v0")},
+        **{"kp": SMOOTH["kp"], "kd": SMOOTH["kd"] * Ts, "ki": SMOOTH["ki"] / Ts, "Ts": Ts},
+    )
+    start = [chain.fixed.get(name, 1.3 * SMOOTH[name.split(".")[1]]) for name in chain.names]
+    fit = sysid.fit(chain, IOData(goal, y, Ts), start=np.clip(start, *chain.limits))
+    found = dict(zip(fit.model.names, fit.theta, strict=True))
+    for name in ("gain", "lag", "delay"):
+        assert found[f"motor.{name}"] == pytest.approx(SMOOTH[name], rel=0.01), name
+
+
+def test_a_gain_that_the_loop_lacks_or_that_has_no_time_is_refused():
+    pd = ServoMotor(load=0, stops=False, loop="pd")
+    for make, words in (
+        (lambda: ServoJoint("p", kd=0.1), "kd of the servo is 0.1 and its loop 'p', which has none"),
+        (lambda: ServoJoint("pd", ki=0.1), "give loop pid"),
+        (lambda: ServoJoint("pd", kd=-0.1), "kd of the servo is -0.1; give 0 or more"),
+        (lambda: servo_joint(pd, kd=0.1), "give Ts"),
+        (lambda: servo_joint(pd, kp=2.0, fixed={"motor.kp": 2.0}), "motor.kp is given as a gain and in fixed"),
+    ):
+        with pytest.raises(InputError, match=words):
+            make()
+    assert {n.loop for n in ServoJoint("pd", kd=0.1).neighbours()} == {"pd", "pid"}
+    assert {n.loop for n in ServoJoint("pid", ki=0.2).neighbours()} == {"pid"}
 
 
 def test_drawn_joints_come_near_the_ceiling():

@@ -43,6 +43,17 @@ class Rounds:
         self._steps.part(share, f"round {self._round}: {done} of {total}, {name.replace('_', ' ')}")
 
 
+class Searches:
+    """Receives a text after each of a number of searches that nobody knows, and advances the bar ever more slowly."""
+
+    def __init__(self, steps: Steps, usual: int = 20) -> None:
+        self._steps, self._usual, self._done = steps, usual, 0
+
+    def __call__(self, text: str) -> None:
+        self._done += 1
+        self._steps.part(self._done / (self._done + self._usual), f"search {self._done}, {text.replace('_', ' ')}")
+
+
 @contextmanager
 def progress(steps: int) -> Iterator[Steps]:
     """Receives the names of `steps` steps and shows them on a progress bar in a terminal."""

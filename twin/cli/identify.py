@@ -80,6 +80,7 @@ def identify(
                 mapping=map,
                 range=options.time_range(range),
                 time_unit=time_unit,
+                progress=console.Searches(step),
             )
         except KeyboardInterrupt:
             if resume is None:
