@@ -18,6 +18,7 @@ from sysid.estimation.result import Fit
 from sysid.joint.ends import WORDS as ENDS_IN_WORDS
 from sysid.joint.ends import Ends, chosen_ends
 from sysid.joint.parts import PARTS, again, is_plain, more
+from sysid.joint.pruning import pruned, remaining
 from sysid.joint.unseen import Unseen, free_runs, harms, unseen_folds
 from sysid.model.chain import Chain
 from sysid.selection.folds import Fold
@@ -59,15 +60,17 @@ class Growth:
     """The resulting joint, BIC of the plain joint, and the parts tried, in order.
 
     `ends` says which end stops the record shows ("none", "straight", "lower", "upper", "both"; see
-    `sysid.joint.ends`). `undecided` names parts that the record does not tell apart from a kept one. `agreed` counts
-    independent starts that came to this joint; `unseen_percent` is its free-run fit [%] on parts of the record that
-    it was not fitted to. `warnings` are sentences for a report.
+    `sysid.joint.ends`). `dropped` are the parts that were kept, and that the grown joint does without. `undecided`
+    names parts that the record does not tell apart from a kept one. `agreed` counts independent starts that came to
+    this joint; `unseen_percent` is its free-run fit [%] on parts of the record that it was not fitted to. `warnings`
+    are sentences for a report.
     """
 
     fit: Fit
     plain_bic: float
     steps: tuple[Step, ...]
     ends: str = "both"
+    dropped: tuple[str, ...] = ()
     undecided: tuple[tuple[str, str], ...] = ()
     agreed: int = 1
     unseen_percent: float = float("nan")
@@ -75,8 +78,8 @@ class Growth:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Names of the parts that were kept."""
-        return tuple(step.part for step in self.steps if step.kept)
+        """Names of the parts that the joint has."""
+        return remaining(tuple(step.part for step in self.steps if step.kept), self.dropped)
 
     def sentence(self) -> str:
         """The parts kept, in words."""
@@ -86,7 +89,8 @@ class Growth:
                 "No part other than dry friction and a position-dependent load improves BIC enough on this record."
                 + stops
             )
-        kept = [f"{WORDS[step.part]} ({step.bic:.0f})" for step in self.steps if step.kept]
+        steps = [(name, step.bic) for step in self.steps if step.kept for name in remaining((step.part,), self.dropped)]
+        kept = [f"{WORDS[name]} ({bic:.0f})" for name, bic in steps]
         doubt = "".join(
             f" The record does not tell {WORDS[kept]} from {WORDS[other]}." for kept, other in self.undecided
         )
@@ -103,6 +107,7 @@ class Growth:
             "plain_bic": self.plain_bic,
             "parts": list(self.parts),
             "ends": self.ends,
+            "dropped": list(self.dropped),
             "undecided": [list(pair) for pair in self.undecided],
             "agreed": self.agreed,
             "unseen_percent": self.unseen_percent if np.isfinite(self.unseen_percent) else None,
@@ -166,7 +171,11 @@ def _grown(fit: Fit, data: IOData, pair: tuple[Fold, ...], names: tuple[str, ...
         bic, fit = fit.criteria.bic, _shaken(fit, data, options, kept)
         if fit.criteria.bic > bic - MARGIN:
             break
-    return Growth(fit, first, tuple(steps), undecided=tuple((a, b) for a, b in undecided if b not in kept))
+    fit, dropped = pruned(fit, data, kept, MARGIN, options)
+    if dropped:
+        fit = _shaken(fit, data, options, remaining(kept, dropped))
+    doubts = tuple((a, b) for a, b in undecided if b not in kept and a in remaining(kept, dropped))
+    return Growth(fit, first, tuple(steps), dropped=dropped, undecided=doubts)
 
 
 def _valid(chain: Chain, points: np.ndarray, data: IOData, options: dict[str, Any]) -> Fit | None:
