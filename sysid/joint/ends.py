@@ -70,9 +70,10 @@ def chosen_ends(
 ) -> Ends:
     """The choice with least BIC, where each stop costs `margin` besides and does no harm on unseen folds.
 
-    The joints are fitted to `cut`, the record in stretches, and `pair` are its folds. A joint is judged with what it may grow of `parts`: one that goes on and on with the load that repeats every turn,
-    and joints that are nearly as good as each other with friction that falls with speed. Without it the free run of a
-    joint that has such friction is so far off that its stops explain little.
+    The joints are fitted to `cut`, the record in stretches, and `pair` are its folds. A joint is judged with what it
+    may grow of `parts`: one that goes on and on with the load that repeats every turn, and joints that are nearly as
+    good as each other with friction that falls with speed. Without it the free run of a joint that has such friction is
+    so far off that its stops explain little.
     """
     turns, curved = "turns" in parts, "stribeck" in parts
     chain = both.model

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lifted, shaken
@@ -119,7 +120,8 @@ def grow_joint(
     if not is_plain(chain):
         raise InputError("grow_joint begins with a plain actuated_joint; leave Stribeck, loss, jam and play out")
     options: dict[str, Any] = {"search": search, "seed": seed, "progress": progress}
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a motor that does not suit runs away
+    # A motor that does not suit runs away.
+    with one_blas_thread(), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         return _grown(chain.scaled(data.u, data.y), data, starts, names, options)
 
 
