@@ -133,15 +133,13 @@ def _grown(chain: Chain, data: IOData, starts: int, names: tuple[str, ...], opti
     fit, steps, undecided = rounds(beside(ends.fit, cut, options), cut, short, names, options)
     kept = tuple(step.part for step in steps if step.kept)
     first = float(ends.fit.criteria.bic)
-    fit = beside(_over(fit, data, options), data, options, kept)
-    for _ in range(_ROUNDS if kept else 0):
-        bic, fit = fit.criteria.bic, beside(fit, data, options, kept)
+    fit, dropped = pruned(_over(fit, data, options), data, kept, MARGIN, options)
+    left = remaining(kept, dropped)
+    for k in range(_ROUNDS):
+        bic, fit = fit.criteria.bic, beside(fit, data, options, left if k else ())
         if fit.criteria.bic > bic - MARGIN:
             break
-    fit, dropped = pruned(fit, data, kept, MARGIN, options)
-    if dropped:
-        fit = beside(fit, data, options, remaining(kept, dropped))
-    doubts = tuple((a, b) for a, b in undecided if b not in kept and a in remaining(kept, dropped))
+    doubts = tuple((a, b) for a, b in undecided if b not in kept and a in left)
     growth = Growth(fit, first, steps, ends=ends.which, dropped=dropped, undecided=doubts)
     return _checked(growth, ends, data, cut, pair, starts, options)
 

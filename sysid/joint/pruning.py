@@ -15,7 +15,9 @@ from sysid.estimation.joint_parts import lifted, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.joint.parts import PARTS
 from sysid.model.chain import Chain
+from sysid.solver.iterate import Options
 
+_SCREENING = Options(max_iterations=20)
 Candidate = tuple[Chain, np.ndarray]
 
 
@@ -45,7 +47,7 @@ def pruned(
         for name in remaining(kept, dropped):
             for single, (chain, points) in without(name, fit):
                 try:
-                    fewer[single] = fit_chain(chain, data, start=points, **options)
+                    fewer[single] = fit_chain(chain, data, start=points, options=_SCREENING, **options)
                 except (InputError, np.linalg.LinAlgError):
                     continue
         best = min(fewer, key=lambda name: fewer[name].criteria.bic, default=None)

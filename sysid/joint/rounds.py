@@ -19,7 +19,7 @@ from sysid.solver.iterate import Options
 MARGIN = 30.0
 _CLOSE = 10.0  # difference of BIC between two parts that is no very strong evidence (the same source)
 _TELLING = 2.0  # times the error over the whole record, up to which free runs over unseen parts can judge a part
-_SCREENING = Options(max_iterations=40)
+_SCREENING = Options(max_iterations=15)
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def rounds(
         if best is None:
             return fit, tuple(steps), tuple(undecided)
         undecided += [(best, name) for name in tried if _close(best, name, earned)]
-        fit = tried[best]
+        fit = searched(tried[best].model, tried[best].theta[None], data, options) or tried[best]
 
 
 def _best(

@@ -13,8 +13,8 @@ from sysid.blocks import Compliance, ServoMotor
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
 
-STRETCHES = 10  # of a record
-SHORTEST = 100  # samples of a stretch
+STRETCHES = 6  # of a record
+SHORTEST = 150  # samples of a stretch
 _NEAR = 0.3  # of a stretch, within which a cut is moved to where the joint rests
 _STILL = 50  # a joint is still where it hardly moves over this share of a stretch
 
