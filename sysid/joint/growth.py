@@ -13,6 +13,7 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lifted, shaken
 from sysid.estimation.result import Fit
 from sysid.estimation.starts import starts as make_starts
+from sysid.joint.coarse import coarse, factor, retimed
 from sysid.joint.ends import WORDS as ENDS_IN_WORDS
 from sysid.joint.ends import Ends, chosen_ends
 from sysid.joint.nearby import SHAKES, beside, better
@@ -93,6 +94,15 @@ class Growth:
         }
 
 
+@dataclass(frozen=True)
+class _Rough:
+    """The record with k samples as one, and that in stretches."""
+
+    whole: IOData
+    cut: IOData
+    k: int
+
+
 def grow_joint(
     data: IOData,
     plain: Chain | None = None,
@@ -126,22 +136,24 @@ def grow_joint(
 
 
 def _grown(chain: Chain, data: IOData, starts: int, names: tuple[str, ...], options: dict[str, Any]) -> Growth:
-    """Ends and parts on the record in stretches, then the whole record."""
-    cut, pair = in_stretches(data, chain), unseen_folds(data)
+    """Ends and parts on the record in stretches, of a long one with fewer samples; then the whole record."""
+    k = factor(data, chain)
+    rough = coarse(data, k)
+    cut, pair = in_stretches(rough, chain), unseen_folds(data)
     short = unseen_folds(cut)
-    ends = chosen_ends(_plain(chain, data, cut, starts, options), data, cut, short, MARGIN, options, names)
+    ends = chosen_ends(_plain(chain, rough, cut, starts, options), rough, cut, short, MARGIN, options, names)
     fit, steps, undecided = rounds(beside(ends.fit, cut, options), cut, short, names, options)
     kept = tuple(step.part for step in steps if step.kept)
     first = float(ends.fit.criteria.bic)
-    fit, dropped = pruned(_over(fit, data, options), data, kept, MARGIN, options)
+    fit, dropped = pruned(_over(fit, data, k, options), data, kept, MARGIN, options)
     left = remaining(kept, dropped)
-    for k in range(_ROUNDS):
-        bic, fit = fit.criteria.bic, beside(fit, data, options, left if k else ())
+    for turn in range(_ROUNDS):
+        bic, fit = fit.criteria.bic, beside(fit, data, options, left if turn else ())
         if fit.criteria.bic > bic - MARGIN:
             break
     doubts = tuple((a, b) for a, b in undecided if b not in kept and a in left)
     growth = Growth(fit, first, steps, ends=ends.which, dropped=dropped, undecided=doubts)
-    return _checked(growth, ends, data, cut, pair, starts, options)
+    return _checked(growth, ends, data, _Rough(rough, cut, k), pair, starts, options)
 
 
 def _plain(chain: Chain, data: IOData, cut: IOData, starts: int, options: dict[str, Any]) -> Fit:
@@ -152,16 +164,16 @@ def _plain(chain: Chain, data: IOData, cut: IOData, starts: int, options: dict[s
     return fit_chain(chain, cut, start=np.array(points), **options)
 
 
-def _over(fit: Fit, data: IOData, options: dict[str, Any]) -> Fit:
-    """The fit over the whole record."""
-    return fit_chain(fit.model, data, start=fit.theta[None], **options)
+def _over(fit: Fit, data: IOData, k: int, options: dict[str, Any]) -> Fit:
+    """The fit, with k samples as one, over the whole record."""
+    return fit_chain(fit.model, data, start=retimed(fit.model, fit.theta, 1.0 / k)[None], **options)
 
 
 def _checked(
     growth: Growth,
     ends: Ends,
     data: IOData,
-    cut: IOData,
+    rough: _Rough,
     pair: tuple[Fold, ...],
     starts: int,
     options: dict[str, Any],
@@ -171,7 +183,7 @@ def _checked(
     for k in range(1, _WAYS + 1):
         ways += 1
         try:
-            other = _another(fit, ends, data, cut, starts, {**options, "seed": options["seed"] + 1000 * k})
+            other = _another(fit, ends, data, rough, starts, {**options, "seed": options["seed"] + 1000 * k})
         except (InputError, np.linalg.LinAlgError):  # no start gives a valid model
             continue
         gap = float(other.criteria.bic - fit.criteria.bic)
@@ -188,18 +200,18 @@ def _checked(
     return replace(growth, warnings=tuple(_warnings(growth, data, ways)))
 
 
-def _another(fit: Fit, ends: Ends, data: IOData, cut: IOData, starts: int, options: dict[str, Any]) -> Fit:
+def _another(fit: Fit, ends: Ends, data: IOData, rough: _Rough, starts: int, options: dict[str, Any]) -> Fit:
     """The same chain from a plain joint that was found from other starts."""
-    bare = ends.fit.model
-    found = _plain(bare, data, cut, starts, options)
+    bare, cut = ends.fit.model, rough.cut
+    found = _plain(bare, rough.whole, cut, starts, options)
     chain = fit.model
-    own = set(chain.names) - set(bare.names)
-    grown = {name: float(v) for name, v in zip(chain.names, fit.theta, strict=True) if name in own}
+    own, theta = set(chain.names) - set(bare.names), retimed(chain, fit.theta, rough.k)
+    grown = {name: float(v) for name, v in zip(chain.names, theta, strict=True) if name in own}
     rng = np.random.default_rng(options["seed"])
     base = lifted(bare, found.theta, chain, grown)
     points = [base, *(np.clip(shaken(chain, base, rng), *chain.limits) for _ in range(SHAKES - 1))]
     run = fit_chain(chain, cut, start=base[None], options=Options(max_iterations=1), **options)
-    return _over(better(run, points, cut, options), data, options)
+    return _over(better(run, points, cut, options), data, rough.k, options)
 
 
 def _warnings(growth: Growth, data: IOData, ways: int) -> list[str]:

@@ -62,7 +62,8 @@ def without(name: str, fit: Fit) -> Iterator[tuple[str, Candidate]]:
     if part.play is not None:
         yield name, _from(fit, tuple(b for b in chain.blocks if not isinstance(b, Play | CoastingPlay)), [{}])
     for option in part.options:
-        plainer = replace(motor, **{option: False}, **({"substeps": 1} if option == "stribeck" else {}))
+        switched: dict[str, Any] = {option: False} | ({"substeps": 1} if option == "stribeck" else {})
+        plainer = replace(motor, **switched)
         blocks = tuple(plainer if b is motor else b for b in chain.blocks)
         yield option, _from(fit, blocks, _instead(option, fit))
 

@@ -1,7 +1,6 @@
 """Rounds of growth: in each every part is tried, and the one that lowers BIC most stays, as long as one does."""
 
 from dataclasses import dataclass
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -44,7 +43,8 @@ def rounds(
     """The grown fit, the parts tried, and pairs (kept, other) of parts that the record does not tell apart."""
     steps: list[Step] = []
     undecided: list[tuple[str, str]] = []
-    for k in count():
+    k = 0
+    while True:
         tried: dict[str, Fit] = {}
         for name, chain, points in more(fit, data, names):
             other = searched(chain, points, data, options, _SCREENING)
@@ -59,6 +59,7 @@ def rounds(
         if best is None:
             return fit, tuple(steps), tuple(undecided)
         undecided += [(best, name) for name in tried if _close(best, name, earned)]
+        k += 1
         fit = searched(tried[best].model, tried[best].theta[None], data, options) or tried[best]
 
 
