@@ -14,7 +14,7 @@ from sysid.data.record import IOData
 from sysid.model.chain import Chain
 
 STRETCHES = 6  # of a record
-SHORTEST = 150  # samples of a stretch
+SHORTEST = 400  # samples of a stretch: over shorter ones friction shows less, since its errors do not add up
 _NEAR = 0.3  # of a stretch, within which a cut is moved to where the joint rests
 _STILL = 50  # a joint is still where it hardly moves over this share of a stretch
 
