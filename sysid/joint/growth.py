@@ -142,7 +142,9 @@ def _grown(chain: Chain, data: IOData, starts: int, names: tuple[str, ...], opti
     cut, pair = in_stretches(rough, chain), unseen_folds(data)
     short = unseen_folds(cut)
     ends = chosen_ends(_plain(chain, rough, cut, starts, options), rough, cut, short, MARGIN, options, names)
-    fit, steps, undecided = rounds(beside(ends.fit, cut, options), cut, short, names, options)
+    # Over stretches a search seldom stops beside its optimum.
+    plain = beside(ends.fit, cut, options) if cut is rough else ends.fit
+    fit, steps, undecided = rounds(plain, cut, short, names, options)
     kept = tuple(step.part for step in steps if step.kept)
     first = float(ends.fit.criteria.bic)
     fit, dropped = pruned(_over(fit, data, k, options), data, kept, MARGIN, options)
