@@ -147,7 +147,7 @@ def _grown(chain: Chain, data: IOData, starts: int, names: tuple[str, ...], opti
     fit, steps, undecided = rounds(plain, cut, short, names, options)
     kept = tuple(step.part for step in steps if step.kept)
     first = float(ends.fit.criteria.bic)
-    fit, dropped = pruned(_over(fit, data, k, options), data, kept, MARGIN, options)
+    fit, dropped = pruned(beside(_over(fit, data, k, options), data, options, kept), data, kept, MARGIN, options)
     left = remaining(kept, dropped)
     for turn in range(_ROUNDS):
         bic, fit = fit.criteria.bic, beside(fit, data, options, left if turn else ())
