@@ -30,6 +30,7 @@ WORDS = {
 _SCREENING = Options(max_iterations=40)
 _OWN = 1  # starts of its own for a joint with fewer stops, besides the optimum with both
 _DOUBT = 20.0  # margins of BIC within which a joint without stops gets more starts
+_ALIKE = 0.5  # of BIC a sample: twice the logarithm of the error's ratio, within which joints are nearly as good
 _CLEAR = 5.0  # margins beyond which a stop need not show on unseen folds: one that is struck once is in one fold alone
 
 
@@ -59,12 +60,22 @@ def variant(chain: Chain, which: str, low: float, high: float) -> Chain:
 
 
 def chosen_ends(
-    both: Fit, data: IOData, pair: tuple[Fold, ...], margin: float, options: dict[str, Any], turns: bool = True
+    both: Fit,
+    data: IOData,
+    cut: IOData,
+    pair: tuple[Fold, ...],
+    margin: float,
+    options: dict[str, Any],
+    parts: tuple[str, ...] = ("stribeck", "turns"),
 ) -> Ends:
     """The choice with least BIC, where each stop costs `margin` besides and does no harm on unseen folds.
 
-    With `turns` a joint that goes on and on is judged with the load that repeats every turn, which it may grow.
+    The joints are fitted to `cut`, the record in stretches, and `pair` are its folds. A joint is judged with what it
+    may grow of `parts`: one that goes on and on with the load that repeats every turn, and joints that are nearly as
+    good as each other with friction that falls with speed. Without it the free run of a joint that has such friction is
+    so far off that its stops explain little.
     """
+    turns, curved = "turns" in parts, "stribeck" in parts
     chain = both.model
     if not motor_of(chain).stops:
         return Ends("none" if _mapped(chain) else "straight", both, {})
@@ -73,7 +84,7 @@ def chosen_ends(
     for which in ENDS:
         if which == "both" or (which == "straight" and not (_mapped(chain) and low < high)):
             continue
-        other = _fitted(variant(chain, which, low, high), both, data, _OWN, options)
+        other = _fitted(variant(chain, which, low, high), both, data, cut, _OWN, options)
         if other is not None:
             fits[which] = other
     bare = [name for name in fits if not ENDS[name]]
@@ -81,11 +92,16 @@ def chosen_ends(
         return Ends("both", both, {"both": float(both.criteria.bic)})
     if min(fits[name].criteria.bic for name in bare) < both.criteria.bic + _DOUBT * margin:
         for name in bare:
-            other = _fitted(fits[name].model, fits[name], data, 3 * _OWN, {**options, "seed": options["seed"] + 1})
+            other = _fitted(fits[name].model, fits[name], data, cut, 3 * _OWN, {**options, "seed": options["seed"] + 1})
             fits[name] = min((fits[name], other or fits[name]), key=lambda fit: fit.criteria.bic)
-    price = {name: fit.criteria.bic + margin * (ENDS[name] + (name != "straight")) for name, fit in fits.items()}
+    cost = {name: margin * (ENDS[name] + (name != "straight")) for name in fits}
+    price = {name: fit.criteria.bic + cost[name] for name, fit in fits.items()}
     if turns and "straight" in fits:
-        price["straight"] = min(price["straight"], _turning(fits["straight"], data, options))
+        price["straight"] = min(price["straight"], _with("turns", fits["straight"], cut, options))
+    near = [name for name in fits if price[name] < min(price.values()) + max(_DOUBT * margin, _ALIKE * data.N)]
+    if curved and len(near) > 1:
+        for name in near:
+            price[name] = min(price[name], _with("stribeck", fits[name], cut, options) + cost[name])
     which = min(price, key=lambda name: price[name])
     free = min(bare, key=lambda name: price[name])
     if ENDS[which] and pair and price[free] < price[which] + _CLEAR * margin:
@@ -95,22 +111,24 @@ def chosen_ends(
     return Ends(which, fits[which], {name: float(fit.criteria.bic) for name, fit in fits.items()})
 
 
-def _fitted(chain: Chain, known: Fit, data: IOData, own: int, options: dict[str, Any]) -> Fit | None:
+def _fitted(chain: Chain, known: Fit, data: IOData, cut: IOData, own: int, options: dict[str, Any]) -> Fit | None:
     """From a known optimum, and from starts of its own where the stops are gone; None if every one of them diverges."""
     free = not motor_of(chain).stops
     points = [lifted(known.model, known.theta, chain, {})] if _mapped(chain) or not _mapped(known.model) else []
     points += Joint().starts(chain, data, own, options["seed"]) if free or not points else []
     try:
-        return fit_chain(chain, data, start=np.array(points), options=_SCREENING, **options)
+        return fit_chain(chain, cut, start=np.array(points), options=_SCREENING, **options)
     except (InputError, np.linalg.LinAlgError):
         return None
 
 
-def _turning(straight: Fit, data: IOData, options: dict[str, Any]) -> float:
-    """BIC with a load that repeats every turn; infinite where the record shows too little of a turn."""
-    found = PARTS["turns"].added(straight, data)
+def _with(part: str, fit: Fit, data: IOData, options: dict[str, Any]) -> float:
+    """BIC with this part; infinite where the joint cannot have it."""
+    found = PARTS[part].added(fit, data)
     try:
-        return np.inf if found is None else float(fit_chain(found[0], data, start=found[1], **options).criteria.bic)
+        if found is None:
+            return np.inf
+        return float(fit_chain(found[0], data, start=found[1], options=_SCREENING, **options).criteria.bic)
     except (InputError, np.linalg.LinAlgError):
         return np.inf
 

@@ -2,56 +2,36 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from itertools import count
 from typing import Any
 
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.joint_parts import lifted, shaken, traded
-from sysid.estimation.objective import Objective
-from sysid.estimation.race import Run, with_curvature_weight
+from sysid.estimation.joint_parts import lifted, shaken
 from sysid.estimation.result import Fit
+from sysid.estimation.starts import starts as make_starts
+from sysid.joint.coarse import coarse, factor, retimed
 from sysid.joint.ends import WORDS as ENDS_IN_WORDS
 from sysid.joint.ends import Ends, chosen_ends
-from sysid.joint.parts import PARTS, again, is_plain, more
-from sysid.joint.unseen import Unseen, free_runs, harms, unseen_folds
+from sysid.joint.nearby import SHAKES, beside, better
+from sysid.joint.parts import PARTS, is_plain
+from sysid.joint.pruning import pruned, remaining
+from sysid.joint.rounds import MARGIN, Step, rounds
+from sysid.joint.stretches import in_stretches
+from sysid.joint.unseen import free_runs, unseen_folds
 from sysid.model.chain import Chain
 from sysid.selection.folds import Fold
 from sysid.solver.iterate import Options
 from sysid.structures import actuated_joint
 
-# Three times what counts as very strong evidence (Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995, section 3.2):
-# residuals of a model that is not quite the joint are coloured, and BIC takes them as white.
-MARGIN = 30.0
-CLOSE = 10.0  # difference of BIC between two parts that is no very strong evidence (the same source)
 WORDS = {name: part.words for name, part in PARTS.items()}
-_SHAKES = 12  # places near an optimum that are tried
-_USUAL, _LAST = (4, 3), (15, 8)  # iterations at each of these places, and how many go on; for the whole joint
 _ROUNDS = 4  # at most, of the last search, as long as each lowers BIC by MARGIN
 _WAYS = 2  # starts anew, at most, to come to the same joint
 _BETTER = 1.0  # of BIC, less than which is the same optimum reached to another tolerance
-_TELLING = 2.0  # times the error over the whole record, up to which free runs over unseen parts can judge a part
 _LOST = 3.0  # points of fit on unseen parts that a warning speaks of
-
-
-@dataclass(frozen=True)
-class Step:
-    """One part tried in a round: BIC with it, its reduction of BIC, and whether the part was kept.
-
-    `unseen` is the ratio of the free-run error on unseen parts of the record with the part to that without it, nan if
-    the part did not lower BIC enough to be asked.
-    """
-
-    round: int
-    part: str
-    bic: float
-    earned: float
-    kept: bool
-    unseen: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -59,15 +39,17 @@ class Growth:
     """The resulting joint, BIC of the plain joint, and the parts tried, in order.
 
     `ends` says which end stops the record shows ("none", "straight", "lower", "upper", "both"; see
-    `sysid.joint.ends`). `undecided` names parts that the record does not tell apart from a kept one. `agreed` counts
-    independent starts that came to this joint; `unseen_percent` is its free-run fit [%] on parts of the record that
-    it was not fitted to. `warnings` are sentences for a report.
+    `sysid.joint.ends`). `dropped` are the parts that were kept, and that the grown joint does without. `undecided`
+    names parts that the record does not tell apart from a kept one. `agreed` counts independent starts that came to
+    this joint; `unseen_percent` is its free-run fit [%] on parts of the record that it was not fitted to. `warnings`
+    are sentences for a report.
     """
 
     fit: Fit
     plain_bic: float
     steps: tuple[Step, ...]
     ends: str = "both"
+    dropped: tuple[str, ...] = ()
     undecided: tuple[tuple[str, str], ...] = ()
     agreed: int = 1
     unseen_percent: float = float("nan")
@@ -75,8 +57,8 @@ class Growth:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Names of the parts that were kept."""
-        return tuple(step.part for step in self.steps if step.kept)
+        """Names of the parts that the joint has."""
+        return remaining(tuple(step.part for step in self.steps if step.kept), self.dropped)
 
     def sentence(self) -> str:
         """The parts kept, in words."""
@@ -86,7 +68,8 @@ class Growth:
                 "No part other than dry friction and a position-dependent load improves BIC enough on this record."
                 + stops
             )
-        kept = [f"{WORDS[step.part]} ({step.bic:.0f})" for step in self.steps if step.kept]
+        steps = [(name, step.bic) for step in self.steps if step.kept for name in remaining((step.part,), self.dropped)]
+        kept = [f"{WORDS[name]} ({bic:.0f})" for name, bic in steps]
         doubt = "".join(
             f" The record does not tell {WORDS[kept]} from {WORDS[other]}." for kept, other in self.undecided
         )
@@ -103,11 +86,21 @@ class Growth:
             "plain_bic": self.plain_bic,
             "parts": list(self.parts),
             "ends": self.ends,
+            "dropped": list(self.dropped),
             "undecided": [list(pair) for pair in self.undecided],
             "agreed": self.agreed,
             "unseen_percent": self.unseen_percent if np.isfinite(self.unseen_percent) else None,
             "steps": steps,
         }
+
+
+@dataclass(frozen=True)
+class _Rough:
+    """The record with k samples as one, and that in stretches."""
+
+    whole: IOData
+    cut: IOData
+    k: int
 
 
 def grow_joint(
@@ -137,111 +130,62 @@ def grow_joint(
     if not is_plain(chain):
         raise InputError("grow_joint begins with a plain actuated_joint; leave Stribeck, loss, jam and play out")
     options: dict[str, Any] = {"search": search, "seed": seed, "progress": progress}
-    pair = unseen_folds(data)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a motor that does not suit runs away
-        both = fit_chain(chain, data, starts=starts, **options)
-        ends = chosen_ends(both, data, pair, MARGIN, options, turns="turns" in names)
-        growth = _grown(_shaken(ends.fit, data, options), data, pair, names, options)
-        return _checked(replace(growth, ends=ends.which), ends, data, pair, starts, options)
+    # A motor that does not suit runs away.
+    with one_blas_thread(), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        return _grown(chain.scaled(data.u, data.y), data, starts, names, options)
 
 
-def _grown(fit: Fit, data: IOData, pair: tuple[Fold, ...], names: tuple[str, ...], options: dict[str, Any]) -> Growth:
-    """The parts, round by round."""
-    first, steps, undecided = float(fit.criteria.bic), [], []
-    for k in count():
-        fits = {name: _valid(richer, points, data, options) for name, richer, points in more(fit, data, names)}
-        tried = {name: other for name, other in fits.items() if other is not None}
-        earned = {name: float(fit.criteria.bic - other.criteria.bic) for name, other in tried.items()}
-        best, ratios = _best(fit, tried, earned, pair)
-        steps += [
-            Step(k, name, float(other.criteria.bic), earned[name], name == best, ratios.get(name, np.nan))
-            for name, other in tried.items()
-        ]
-        if best is None:
-            break
-        undecided += [(best, name) for name in tried if _close(best, name, earned)]
-        fit = _shaken(tried[best], data, options)  # from beside its optimum the next part would make up for that
+def _grown(chain: Chain, data: IOData, starts: int, names: tuple[str, ...], options: dict[str, Any]) -> Growth:
+    """Ends and parts on the record in stretches, of a long one with fewer samples; then the whole record."""
+    k = factor(data, chain)
+    rough = coarse(data, k)
+    cut, pair = in_stretches(rough, chain), unseen_folds(data)
+    short = unseen_folds(cut)
+    ends = chosen_ends(_plain(chain, rough, cut, starts, options), rough, cut, short, MARGIN, options, names)
+    # Over stretches a search seldom stops beside its optimum.
+    plain = beside(ends.fit, cut, options) if cut is rough else ends.fit
+    fit, steps, undecided = rounds(plain, cut, short, names, options)
     kept = tuple(step.part for step in steps if step.kept)
-    for _ in range(_ROUNDS if kept else 0):
-        bic, fit = fit.criteria.bic, _shaken(fit, data, options, kept)
+    first = float(ends.fit.criteria.bic)
+    fit, dropped = pruned(beside(_over(fit, data, k, options), data, options, kept), data, kept, MARGIN, options)
+    left = remaining(kept, dropped)
+    for turn in range(_ROUNDS):
+        bic, fit = fit.criteria.bic, beside(fit, data, options, left if turn else ())
         if fit.criteria.bic > bic - MARGIN:
             break
-    return Growth(fit, first, tuple(steps), undecided=tuple((a, b) for a, b in undecided if b not in kept))
+    doubts = tuple((a, b) for a, b in undecided if b not in kept and a in left)
+    growth = Growth(fit, first, steps, ends=ends.which, dropped=dropped, undecided=doubts)
+    return _checked(growth, ends, data, _Rough(rough, cut, k), pair, starts, options)
 
 
-def _valid(chain: Chain, points: np.ndarray, data: IOData, options: dict[str, Any]) -> Fit | None:
-    """The fit from these points; None if the chain diverges at every one of them."""
-    try:
-        return fit_chain(chain, data, start=points, **options)
-    except (InputError, np.linalg.LinAlgError):  # a motor that runs away has derivatives too large for numbers
-        return None
+def _plain(chain: Chain, data: IOData, cut: IOData, starts: int, options: dict[str, Any]) -> Fit:
+    """The plain joint, from starts that the whole record gives."""
+    if cut is data:
+        return fit_chain(chain, data, starts=starts, **options)
+    points = make_starts(chain, data, starts, options["seed"])
+    return fit_chain(chain, cut, start=np.array(points), **options)
 
 
-def _best(
-    fit: Fit, tried: dict[str, Fit], earned: dict[str, float], pair: tuple[Fold, ...]
-) -> tuple[str | None, dict[str, float]]:
-    """The part that lowers BIC most among those that lower it enough and do no harm on unseen parts."""
-    ratios: dict[str, float] = {}
-    before: Unseen | None = None
-    for name in sorted(earned, key=lambda name: -earned[name]):
-        if earned[name] <= MARGIN:
-            break
-        if not pair:
-            return name, ratios
-        before = before or free_runs(fit.model, fit.theta, pair)
-        if before.rms > _TELLING * float(np.sqrt(fit.criteria.mse)):
-            return name, ratios  # the folds do not show what a joint needs, with this part or without it
-        after = free_runs(tried[name].model, tried[name].theta, pair)
-        ratios[name] = after.rms / before.rms
-        if not harms(before, after, float(np.sqrt(tried[name].criteria.mse))):
-            return name, ratios
-    return None, ratios
-
-
-def _close(best: str, name: str, earned: dict[str, float]) -> bool:
-    """Whether the record does not tell the kept part from another one that is not a part of it, or it of that."""
-    if name == best or PARTS[name].within(PARTS[best]) or PARTS[best].within(PARTS[name]):
-        return False
-    return earned[best] - earned[name] < CLOSE
-
-
-def _shaken(fit: Fit, data: IOData, options: dict[str, Any], grown: tuple[str, ...] = ()) -> Fit:
-    """The fit, or a better one from nearby starts: whether a stop is reached in time is discrete and blocks the search.
-
-    Several `grown` parts are started again from their initial values, because each was added to a simpler joint.
-    """
-    chain, rng = fit.model, np.random.default_rng([options["seed"], len(fit.theta)])
-    points = [np.clip(shaken(chain, fit.theta, rng), *chain.limits) for _ in range(_SHAKES)]
-    if len(grown) > 1:
-        points += [point for name in grown for point in again(name, fit, data)]
-    return _better(fit, points + traded(chain, fit.theta), data, options, *(_LAST if grown else _USUAL))
-
-
-def _better(
-    fit: Fit, points: list[np.ndarray], data: IOData, options: dict[str, Any], glance: int = 4, finalists: int = 3
-) -> Fit:
-    """The fit, or that from the most promising points: `glance` iterations at each, the `finalists` to the end."""
-    chain = fit.model
-    run = Run(chain, data, Objective(), "lm", Options(max_iterations=glance).begun(), None)
-    problems = with_curvature_weight(run, [run.problem(with_initial_states(chain, p, data)) for p in points])
-    outcomes = [run.iterate(problem, problem.start, run.options) for problem in problems]
-    order = np.argsort([o.cost for o in outcomes], kind="stable")[:finalists]
-    leaders = [problems[k].thetas(outcomes[k].p)[0] for k in order if np.isfinite(outcomes[k].cost)]
-    if not leaders:
-        return fit
-    other = _valid(chain, np.array(leaders), data, options)
-    return other if other is not None and other.criteria.loss < fit.criteria.loss else fit
+def _over(fit: Fit, data: IOData, k: int, options: dict[str, Any]) -> Fit:
+    """The fit, with k samples as one, over the whole record."""
+    return fit_chain(fit.model, data, start=retimed(fit.model, fit.theta, 1.0 / k)[None], **options)
 
 
 def _checked(
-    growth: Growth, ends: Ends, data: IOData, pair: tuple[Fold, ...], starts: int, options: dict[str, Any]
+    growth: Growth,
+    ends: Ends,
+    data: IOData,
+    rough: _Rough,
+    pair: tuple[Fold, ...],
+    starts: int,
+    options: dict[str, Any],
 ) -> Growth:
     """The growth with what independent starts and unseen parts say of it."""
     fit, agreed, ways = growth.fit, 1, 0
     for k in range(1, _WAYS + 1):
         ways += 1
         try:
-            other = _another(fit, ends, data, starts, {**options, "seed": options["seed"] + 1000 * k})
+            other = _another(fit, ends, data, rough, starts, {**options, "seed": options["seed"] + 1000 * k})
         except (InputError, np.linalg.LinAlgError):  # no start gives a valid model
             continue
         gap = float(other.criteria.bic - fit.criteria.bic)
@@ -258,18 +202,18 @@ def _checked(
     return replace(growth, warnings=tuple(_warnings(growth, data, ways)))
 
 
-def _another(fit: Fit, ends: Ends, data: IOData, starts: int, options: dict[str, Any]) -> Fit:
+def _another(fit: Fit, ends: Ends, data: IOData, rough: _Rough, starts: int, options: dict[str, Any]) -> Fit:
     """The same chain from a plain joint that was found from other starts."""
-    bare = ends.fit.model
-    found = fit_chain(bare, data, starts=starts, options=Options(max_iterations=40), **options)
+    bare, cut = ends.fit.model, rough.cut
+    found = _plain(bare, rough.whole, cut, starts, options)
     chain = fit.model
-    own = set(chain.names) - set(bare.names)
-    grown = {name: float(v) for name, v in zip(chain.names, fit.theta, strict=True) if name in own}
+    own, theta = set(chain.names) - set(bare.names), retimed(chain, fit.theta, rough.k)
+    grown = {name: float(v) for name, v in zip(chain.names, theta, strict=True) if name in own}
     rng = np.random.default_rng(options["seed"])
     base = lifted(bare, found.theta, chain, grown)
-    points = [base, *(np.clip(shaken(chain, base, rng), *chain.limits) for _ in range(_SHAKES - 1))]
-    run = fit_chain(chain, data, start=base[None], options=Options(max_iterations=1), **options)
-    return _better(run, points, data, options)
+    points = [base, *(np.clip(shaken(chain, base, rng), *chain.limits) for _ in range(SHAKES - 1))]
+    run = fit_chain(chain, cut, start=base[None], options=Options(max_iterations=1), **options)
+    return _over(better(run, points, cut, options), data, rough.k, options)
 
 
 def _warnings(growth: Growth, data: IOData, ways: int) -> list[str]:

@@ -1,0 +1,106 @@
+"""What growth searches on: a record in stretches or with fewer samples, and a joint without parts that say nothing."""
+
+import numpy as np
+import pytest
+
+import sysid
+from sysid.blocks import Compliance, Motor
+from sysid.data.record import IOData
+from sysid.excitations import Staircase, Sweep
+from sysid.joint.coarse import ENOUGH, coarse, factor, retimed
+from sysid.joint.parts import PARTS
+from sysid.joint.pruning import pruned, remaining
+from sysid.joint.stretches import in_stretches
+from sysid.model.chain import Chain
+from sysid.structures import actuated_joint
+
+TS, K = 0.02, 4
+JAMS = actuated_joint(motor=Motor(load=1, jams=True), knots=None, play=False)
+VALUES = {"gain": 0.004, "lag": 3.1, "rise": 1.9, "fall": 2.6, "jam": 400.0, "delay": 2.7, "upper": 1.0, "x0": 0.4}
+
+
+def theta_of(chain: Chain, more: dict[str, float] | None = None) -> np.ndarray:
+    values = VALUES | (more or {})
+    return np.array([values.get(name.split(".")[-1], 0.0) for name in chain.names])
+
+
+def drive(N: int, hold: int, seed: int = 0) -> np.ndarray:
+    """A sweep (N,) whose input is held for `hold` samples."""
+    u = Sweep(12.0, 4.0, jitter=0.5, shrink=0.5).generate(N // hold, hold * TS, np.random.default_rng(seed))
+    return np.repeat(u, hold)
+
+
+@pytest.fixture(scope="module")
+def fast() -> IOData:
+    u = drive(12_000, K)
+    return IOData(u, JAMS.simulate(theta_of(JAMS), u), TS)
+
+
+def test_a_joint_with_fewer_samples_is_the_same_joint(fast: IOData) -> None:
+    """Between switches a motor under a held input is solved exactly: its samples lie on one curve at either rate."""
+    assert np.ptp(fast.y) == pytest.approx(1.0)  # it meets both stops, and jams there
+    slow = coarse(fast, K)
+    assert (slow.N, slow.Ts) == (fast.N // K, K * TS)
+    theta = retimed(JAMS, theta_of(JAMS), K)
+    np.testing.assert_allclose(JAMS.simulate(theta, slow.u), slow.y[:, 0], atol=1e-9)
+    np.testing.assert_allclose(retimed(JAMS, theta, 1.0 / K), theta_of(JAMS), rtol=1e-12)
+
+
+def test_fewer_samples_leave_enough_of_the_record_and_of_every_way(fast: IOData) -> None:
+    """A joint that crosses in about 120 samples may have fewer; one that crosses in thirty may not."""
+    assert factor(fast, JAMS) == 1
+    u = fast.u
+    slow = IOData(u, JAMS.simulate(theta_of(JAMS, {"gain": 0.001}), u), TS)
+    k = factor(slow, JAMS)
+    assert k > 1
+    assert slow.N / k >= ENOUGH
+    assert np.abs(np.diff(coarse(slow, k).y[:, 0])).max() < 0.05  # twenty samples from end to end at the fastest
+    assert factor(slow.select(0, 2 * ENOUGH - 1), JAMS) == 1
+    timed = actuated_joint(motor=Motor(load=1, jams=True), knots=None, play=False, fixed={"motor.delay": 2.7})
+    assert factor(slow, timed) == 1  # a delay in samples would no longer be the one that was given
+
+
+def test_stretches_are_the_record_cut_where_it_rests() -> None:
+    """Ways of 40 samples and rests of 60 take turns; a stretch that begins in a way has a speed."""
+    way, rest, turns = 40, 60, 48
+    ramp = np.concatenate(
+        [np.full(rest, 0.0), np.linspace(0.0, 1.0, way), np.full(rest, 1.0), np.linspace(1.0, 0.0, way)]
+    )
+    y = np.tile(ramp, turns // 2)
+    u = np.sign(np.diff(y, append=y[-1]))
+    data = IOData(u, y, TS)
+    cut = in_stretches(data, JAMS)
+    np.testing.assert_array_equal(cut.y, data.y)
+    np.testing.assert_array_equal(cut.u, data.u)
+    assert len(cut.lengths) > 3
+    starts = np.cumsum(cut.lengths)[:-1]
+    assert np.all(y[starts - 1] == y[starts])
+    assert np.all(y[starts] == y[starts + 1])
+    assert in_stretches(data.select(0, 700), JAMS).lengths == (700,)
+    sprung = actuated_joint(motor=Motor(load=1), knots=None, play=False, compliance=Compliance())
+    assert in_stretches(data, sprung) is data  # whose spring is bent where it rests
+
+
+def test_parts_that_were_kept_are_told_without_those_dropped() -> None:
+    assert remaining(("screw", "stribeck", "coasts"), ("jams",)) == ("loss", "stribeck", "coasts")
+    assert remaining(("screw",), ("jams", "loss")) == ()
+    assert remaining(("stribeck", "coasts"), ("coasts",)) == ("stribeck",)
+    assert set(remaining(tuple(PARTS), ())) == set(PARTS)
+
+
+def test_a_part_that_says_nothing_of_the_record_is_dropped_and_one_that_does_is_not() -> None:
+    """The plant has Stribeck friction and no jam; a jam that fits into the rests of the record costs nothing there."""
+    motor = Motor(load=1, stribeck=True, substeps=4)
+    plant = actuated_joint(motor=motor, knots=None, play=False)
+    richer = actuated_joint(motor=Motor(load=1, stribeck=True, jams=True, substeps=4), knots=None, play=False)
+    true = {"stick": 0.8, "stick_speed": 0.004}
+    stairs = Staircase(amplitude=8.0, hold=0.3, steps=60, order="stairs").generate(2000, TS, np.random.default_rng(1))
+    u = np.concatenate([drive(2000, K, seed=1), stairs])
+    y = plant.simulate(theta_of(plant, true), u)
+    data = IOData(u, y + 0.002 * np.random.default_rng(2).normal(size=len(y)), TS)
+    fit = sysid.fit(richer, data, search="lm", start=theta_of(richer, true | {"jam": 20.0}))
+    left, dropped = pruned(fit, data, ("stribeck", "jams"), 30.0, {"search": "lm", "seed": 0, "progress": None})
+    assert dropped == ("jams",)
+    assert left.model.names == plant.names
+    assert left.criteria.bic <= fit.criteria.bic + 30.0
+    assert np.sqrt(left.criteria.mse) == pytest.approx(0.002, rel=0.05)
