@@ -10,6 +10,7 @@ import numpy as np
 from sysid.base import style
 from sysid.base.style import styled
 from sysid.joint.growth import MARGIN
+from sysid.joint.pruning import remaining
 from sysid.report.figures._figure import ReportFigure
 from sysid.workflow.evaluation import Evaluation
 
@@ -38,8 +39,9 @@ def draw(e: Evaluation) -> Sequence[Axes]:
         shown = [step for step in steps if step.round == k]
         places = np.arange(len(shown))
         for place, step in zip(places, shown, strict=True):
-            colour = style.MODEL if step.kept else "none"
-            ax.barh(place, step.earned, 0.6, color=colour, edgecolor=style.MODEL, linewidth=1.0)
+            left = remaining((step.part,), e.growth.dropped) if step.kept else ()
+            colour, hatch = style.MODEL if left == (step.part,) else "none", "////" if step.kept else ""
+            ax.barh(place, step.earned, 0.6, color=colour, hatch=hatch, edgecolor=style.MODEL, linewidth=1.0)
         ax.axvline(0, color=style.SECOND, linewidth=0.8)
         ax.axvline(MARGIN, color=style.INK, linewidth=0.8, linestyle="--")
         ax.set_xscale("symlog", linthresh=10.0)
@@ -51,11 +53,13 @@ def draw(e: Evaluation) -> Sequence[Axes]:
 
 def caption(e: Evaluation) -> str:
     """Explanation of the bars."""
+    assert e.growth is not None
+    dropped = " A hatched bar is a part that the final joint does without, wholly or partly." if e.growth.dropped else ""
     return (
         f"Parts tried on the estimation data, round by round: by how much each lowered BIC. A part is "
         f"kept only if BIC falls by {MARGIN:g} (line) and its free runs over unseen parts get no worse. "
         "The best part of each round (filled) stays in the next round. A "
-        "bar to the left is a part that increases BIC."
+        f"bar to the left is a part that increases BIC.{dropped}"
     )
 
 
