@@ -54,7 +54,7 @@ def draw(e: Evaluation) -> Sequence[Axes]:
 def caption(e: Evaluation) -> str:
     """Explanation of the bars."""
     assert e.growth is not None
-    dropped = " A hatched bar is a part that the final joint does without, wholly or partly." if e.growth.dropped else ""
+    dropped = " A hatched bar is a part that the final joint does without." if e.growth.dropped else ""
     return (
         f"Parts tried on the estimation data, round by round: by how much each lowered BIC. A part is "
         f"kept only if BIC falls by {MARGIN:g} (line) and its free runs over unseen parts get no worse. "
