@@ -1,16 +1,14 @@
-"""A record at fewer samples per second, and the same joint's parameters at another sampling time."""
-
-import re
+"""A record at fewer samples per second."""
 
 import numpy as np
 
 from sysid.data.record import IOData
+from sysid.joint.rate import powers
 from sysid.model.chain import Chain
 
 ENOUGH = 2500  # samples that show what a joint is made of
 _WAY = 25.0  # samples from end to end, at the least: a motor's way is still seen
 _FAST = 0.95  # quantile of the speeds that counts as the joint's
-_TIME = re.compile(r"(/)?samples?(?:\^(\d))?")
 
 
 def factor(data: IOData, chain: Chain) -> int:
@@ -44,17 +42,3 @@ def coarse(data: IOData, k: int) -> IOData:
             )
         )
     return IOData.merge(*parts)
-
-
-def retimed(chain: Chain, theta: np.ndarray, k: float) -> np.ndarray:
-    """theta (P,) with k samples as one; by the units of the parameters, 1 / k for the way back."""
-    return np.clip(theta * np.array([k**-power for power in powers(chain)]), *chain.limits)
-
-
-def powers(chain: Chain) -> list[int]:
-    """The power of a sample's length in the unit of each parameter (P,)."""
-    found = []
-    for slot in chain.slots:
-        seen = _TIME.search(slot.unit)
-        found.append(0 if seen is None else (-1 if seen[1] else 1) * int(seen[2] or 1))
-    return found

@@ -13,12 +13,13 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lifted, shaken
 from sysid.estimation.result import Fit
 from sysid.estimation.starts import starts as make_starts
-from sysid.joint.coarse import coarse, factor, retimed
+from sysid.joint.coarse import coarse, factor
 from sysid.joint.ends import WORDS as ENDS_IN_WORDS
 from sysid.joint.ends import Ends, chosen_ends
 from sysid.joint.nearby import SHAKES, beside, better
 from sysid.joint.parts import PARTS, is_plain
 from sysid.joint.pruning import pruned, remaining
+from sysid.joint.rate import at_rate
 from sysid.joint.rounds import MARGIN, Step, rounds
 from sysid.joint.stretches import in_stretches
 from sysid.joint.unseen import free_runs, unseen_folds
@@ -168,7 +169,7 @@ def _plain(chain: Chain, data: IOData, cut: IOData, starts: int, options: dict[s
 
 def _over(fit: Fit, data: IOData, k: int, options: dict[str, Any]) -> Fit:
     """The fit, with k samples as one, over the whole record."""
-    return fit_chain(fit.model, data, start=retimed(fit.model, fit.theta, 1.0 / k)[None], **options)
+    return fit_chain(fit.model, data, start=at_rate(fit.model, fit.theta, k)[None], **options)
 
 
 def _checked(
@@ -207,7 +208,7 @@ def _another(fit: Fit, ends: Ends, data: IOData, rough: _Rough, starts: int, opt
     bare, cut = ends.fit.model, rough.cut
     found = _plain(bare, rough.whole, cut, starts, options)
     chain = fit.model
-    own, theta = set(chain.names) - set(bare.names), retimed(chain, fit.theta, rough.k)
+    own, theta = set(chain.names) - set(bare.names), at_rate(chain, fit.theta, 1.0 / rough.k)
     grown = {name: float(v) for name, v in zip(chain.names, theta, strict=True) if name in own}
     rng = np.random.default_rng(options["seed"])
     base = lifted(bare, found.theta, chain, grown)

@@ -1,23 +1,26 @@
 """A fitted chain at another sampling time, and the sampling time that a joint needs."""
 
+import re
+
 import numpy as np
 
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
 from sysid.model.chain import Chain
 
+_SAMPLE = re.compile(r"(/)?samples?(?:\^(\d))?")
 _PARTS = (1, 2, 4, 5)  # of the first sampling time: an estimate of lag and delay by a slow record goes no further
 MOST = 20  # times: a motor knows a delay of so many samples
 _NEEDED = 3.0  # samples of lag and delay together, at least
 
 
-def exponent(unit: str) -> int:
-    """Power of the sample in a parameter's unit: 1 for "samples", -2 for "y/sample^2", 0 without one."""
-    for part in unit.split("/"):
-        if part.startswith("sample"):
-            power = int(part.partition("^")[2] or 1)
-            return power if unit.startswith("sample") else -power
-    return 0
+def powers(chain: Chain) -> np.ndarray:
+    """Power (P,) of the sample in each parameter's unit: 1 for "samples", -2 for "y/sample^2", 0 without one."""
+    found = []
+    for slot in chain.slots:
+        seen = _SAMPLE.search(slot.unit)
+        found.append(0 if seen is None else (-1 if seen[1] else 1) * int(seen[2] or 1))
+    return np.array(found)
 
 
 def at_rate(chain: Chain, theta: np.ndarray, times: float) -> np.ndarray:
@@ -25,8 +28,7 @@ def at_rate(chain: Chain, theta: np.ndarray, times: float) -> np.ndarray:
 
     Holds for chains whose dynamics are solved in continuous time, as a motor's, a backlash's and a spring's.
     """
-    powers = np.array([exponent(slot.unit) for slot in chain.slots])
-    return np.clip(theta * times ** powers.astype(float), *chain.limits)
+    return np.clip(theta * times ** powers(chain).astype(float), *chain.limits)
 
 
 def times_faster(fit: Fit) -> int:

@@ -7,9 +7,10 @@ import sysid
 from sysid.blocks import Compliance, Motor
 from sysid.data.record import IOData
 from sysid.excitations import Staircase, Sweep
-from sysid.joint.coarse import ENOUGH, coarse, factor, retimed
+from sysid.joint.coarse import ENOUGH, coarse, factor
 from sysid.joint.parts import PARTS
 from sysid.joint.pruning import pruned, remaining
+from sysid.joint.rate import at_rate
 from sysid.joint.stretches import in_stretches
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
@@ -41,9 +42,9 @@ def test_a_joint_with_fewer_samples_is_the_same_joint(fast: IOData) -> None:
     assert np.ptp(fast.y) == pytest.approx(1.0)  # it meets both stops, and jams there
     slow = coarse(fast, K)
     assert (slow.N, slow.Ts) == (fast.N // K, K * TS)
-    theta = retimed(JAMS, theta_of(JAMS), K)
+    theta = at_rate(JAMS, theta_of(JAMS), 1.0 / K)
     np.testing.assert_allclose(JAMS.simulate(theta, slow.u), slow.y[:, 0], atol=1e-9)
-    np.testing.assert_allclose(retimed(JAMS, theta, 1.0 / K), theta_of(JAMS), rtol=1e-12)
+    np.testing.assert_allclose(at_rate(JAMS, theta, K), theta_of(JAMS), rtol=1e-12)
 
 
 def test_fewer_samples_leave_enough_of_the_record_and_of_every_way(fast: IOData) -> None:

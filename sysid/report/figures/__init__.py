@@ -13,6 +13,7 @@ from sysid.report.figures import (
     residuals,
     static_maps,
     step_response,
+    values,
 )
 from sysid.report.figures._figure import VALIDATION_TIME, ReportFigure, SectionTitle, signals
 from sysid.report.page import Picture
@@ -25,6 +26,7 @@ TABLE: dict[str, ReportFigure] = {
     "pole-zero": pole_zero.FIGURE,
     "step-response": step_response.FIGURE,
     "static-maps": static_maps.FIGURE,
+    "values": values.FIGURE,
     "growth": growth.FIGURE,
     "residuals": residuals.FIGURE,
 }

@@ -1,0 +1,75 @@
+"""Physical values of an actuated joint with their intervals, one panel a unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.base import style
+from sysid.base.style import styled
+from sysid.base.units import shown
+from sysid.joint.values import JointValue
+from sysid.report.figures._figure import ReportFigure
+from sysid.report.sections import told_once
+from sysid.workflow.evaluation import Evaluation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SHORT = {
+    "speed_per_volt": "speed",
+    "speed_full_drive": "speed",
+    "breakaway_up": "break-away up",
+    "breakaway_down": "break-away down",
+    "coulomb_up": "moving up",
+    "coulomb_down": "moving down",
+    "moving_friction_up": "moving up",
+    "moving_friction_down": "moving down",
+    "end_low": "lower end",
+    "end_high": "upper end",
+    "time_constant": "time constant",
+    "lag_and_delay": "lag + delay",
+}
+
+
+@styled
+def draw(e: Evaluation) -> Sequence[Axes]:
+    """A point and a bar each; an open point is not determined."""
+    groups: dict[str, list[JointValue]] = {}
+    for v in told_once(e.values):
+        groups.setdefault(shown(v.name, v.unit).unit, []).append(v)
+    rows = max(len(values) for values in groups.values())
+    found = style.panels(None, 1, len(groups), height=1.3 + 0.28 * rows)
+    for ax, (unit, values) in zip(found, groups.items(), strict=True):
+        for place, v in enumerate(values):
+            _point(ax, place, v)
+        ax.set_yticks(range(len(values)), [SHORT.get(v.name, v.name.replace("_", " ")) for v in values])
+        ax.set(ylim=(len(values) - 0.5, -0.5), xlabel=f"value [{unit}]" if unit else "value")
+        ax.margins(x=0.15)
+    return found
+
+
+def _point(ax: Axes, place: int, v: JointValue) -> None:
+    factor = shown(v.name, v.unit).factor
+    sure = v.low is not None and v.high is not None
+    if v.low is not None and v.high is not None:
+        ax.plot(np.array([v.low, v.high]) * factor, [place, place], color=style.MODEL, linewidth=2.0)
+    face = style.MODEL if sure else "none"
+    ax.plot(v.value * factor, place, "o", color=style.MODEL, markerfacecolor=face, markersize=4)
+
+
+def caption(e: Evaluation) -> str:
+    """What the points are, and whether some are open."""
+    some = any(v.low is None for v in told_once(e.values))
+    doubt = " An open point is a number of the model that the record does not determine." if some else ""
+    return f"Physical values (points) with their 95 % intervals (bars); voltages are those at mid stroke.{doubt}"
+
+
+def applies(e: Evaluation) -> bool:
+    """If the model has physical values."""
+    return bool(e.values)
+
+
+FIGURE = ReportFigure("Model", draw, caption, applies)
