@@ -21,6 +21,7 @@ LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.09, "backlas
 LACKS |= {"speed_per_volt": 0.008}
 FAR = 0.01  # of the travel: how far an end may lie from the rests against it, which the backlash keeps apart
 TIMES = 0.1  # of a sample: the same of a time
+LATE = 0.1  # of a time: what else delays a joint, as a backlash that a model has not, looks like lag
 _STEP = 1e-6
 UNSEEN = 0.005  # of the travel: standard uncertainty of an end, by the side of the backlash on which the link rests
 
@@ -81,7 +82,7 @@ def lacking(name: str, value: float, travel: float, Ts: float) -> float:
     if name.startswith("end_"):
         return UNSEEN * travel
     if name in ("lag_and_delay", "time_constant", "delay"):
-        return TIMES * Ts
+        return float(np.hypot(TIMES * Ts, LATE * value))
     return next((share for start, share in LACKS.items() if name.startswith(start)), 0.0) * abs(value)
 
 
