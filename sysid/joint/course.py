@@ -9,7 +9,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.rate import at_rate
+from sysid.joint.rate import at_rate, response
 from sysid.model.chain import Chain
 
 LONGEST = 2**16  # samples of one way from end to end
@@ -121,9 +121,7 @@ class Course:
     @property
     def step(self) -> int:
         """Samples that a stair is held for: the joint shows whether it started."""
-        motor = motor_of(self.chain)
-        own = self.chain.part(self.theta, motor)
-        return max(2, int(np.ceil(_SHOWN * (motor.value(own, "delay") + motor.value(own, "lag")))))
+        return max(2, int(np.ceil(_SHOWN * response(self.chain, self.theta))))
 
     def reversal(self, way: int, share: float) -> int:
         """Samples for `MOVE` of the way between the ends at `level(way, share)`."""

@@ -15,6 +15,7 @@ from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
+from sysid.joint.rate import response
 from sysid.joint.value_physics import breakaway_over_place, ends_of, travel_of, volts_to_move
 from sysid.joint.value_record import Started, StopTest, noise_level, starts_from_rest, stop_test
 from sysid.joint.value_spread import FAR, LACKS, Spread, gradient_of, spread_of
@@ -120,9 +121,7 @@ def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
 
 def _every(fit: Fit) -> int:
     """Samples in which lag and delay pass, at least 1: what a record shows of rests does not change faster."""
-    motor = motor_of(fit.model)
-    part = fit.model.part(fit.theta, motor)
-    return max(1, round(motor.value(part, "lag") + motor.value(part, "delay")))
+    return max(1, round(response(fit.model, fit.theta)))
 
 
 def _drives(chain: Chain, theta: np.ndarray, data: IOData, places: list[np.ndarray]) -> list[np.ndarray]:

@@ -31,9 +31,14 @@ def at_rate(chain: Chain, theta: np.ndarray, times: float) -> np.ndarray:
     return np.clip(theta * times ** powers(chain).astype(float), *chain.limits)
 
 
+def response(chain: Chain, theta: np.ndarray) -> float:
+    """Lag and delay of the motor together, in samples."""
+    motor = motor_of(chain)
+    part = chain.part(theta, motor)
+    return motor.value(part, "lag") + motor.value(part, "delay")
+
+
 def times_faster(fit: Fit) -> int:
     """How many times faster to sample, 1 to 5, so that lag and delay together last three samples."""
-    motor = motor_of(fit.model)
-    part = fit.model.part(fit.theta, motor)
-    lasts = motor.value(part, "lag") + motor.value(part, "delay")
+    lasts = response(fit.model, fit.theta)
     return next((k for k in _PARTS if k * lasts >= _NEEDED), _PARTS[-1])
