@@ -10,6 +10,7 @@ from sysid.blocks import CoastingPlay, Motor
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.result import Fit
+from sysid.joint.course import ALONG, Course
 from sysid.joint.design import Design, design
 from sysid.joint.rate import at_rate, times_faster
 from sysid.joint.values import joint_values
@@ -155,6 +156,16 @@ def test_a_chain_at_a_shorter_sampling_time_is_the_same_joint(play) -> None:
     # The motor is solved in continuous time; a coasting link meets its sides at samples, up to one of them late.
     assert far.max() < (np.abs(np.diff(slow)).max() if play else 1e-9)
     assert np.median(far) < (1e-4 if play else 1e-12)
+
+
+def test_a_level_moves_the_joint_everywhere_on_its_way() -> None:
+    """By hand: friction and the load at the worst place, the far end in the direction of motion; mid way needs less."""
+    fit, data = first()
+    course, p = Course.of(fit, data, 12.0, None, TS), dict(zip(fit.model.names, fit.theta, strict=True))
+    load = p["motor.load0"] + p["motor.load1"] * (ALONG[-1] - 0.5)
+    assert course.starts(1, ALONG) == pytest.approx(p["motor.rise"] + load, rel=1e-3)
+    assert course.starts(1) < course.starts(1, ALONG) - 0.1
+    assert course.level(1, 0.0) == course.starts(1, ALONG)
 
 
 def test_the_next_record_is_sampled_so_that_lag_and_delay_last_three_samples() -> None:
