@@ -68,7 +68,7 @@ def one(joint: str, seed: int, figure: Path | None) -> None:
     p = Parameters()
     first = first_record(joint, seed, p)
     fit = grown(first, joint, p).fit
-    d = design(fit, first)
+    d = design(fit, first, to_stops=True)
     second = designed_record(d, joint, seed + 1, p)
     half = second.split(0.5)[0]
     linearity = p["pot_linearity"] * p["pot_range"]
@@ -115,7 +115,7 @@ def looped(joint: str, seed: int) -> Leg | None:
     p = leg(joint, seed)
     first = first_record(joint, 3 * seed, p)
     try:
-        d = design(grown(first, joint, p).fit, first)
+        d = design(grown(first, joint, p).fit, first, to_stops=True)
     except InputError as error:
         print(f"{joint} {seed}: {error}", flush=True)
         return None

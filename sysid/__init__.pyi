@@ -41,11 +41,11 @@ from .diagnosis.residuals import residual_tests as residual_tests
 from .estimation.objective import Objective as Objective
 from .estimation.result import Fit as Fit
 from .estimation.saving import save as save
-from .estimation.storage import load as load
 from .joint.growth import grow_joint as grow_joint
 from .joint.values import joint_values as joint_values
 from .model.chain import Chain as Chain
 from .nlarx.dispatch import fit as fit
+from .nlarx.dispatch import load as load
 from .nlarx.fit import fit_nlarx as fit_nlarx
 from .nlarx.result import NlarxFit as NlarxFit
 from .selection.select import select as select

@@ -196,6 +196,10 @@ MOVING = {
         Motor(jams=True, role="map"),
         np.array([0.4, 0.6, 0.3, 0.4, -0.1, 6.0, 0.37, 0.05, 1.1, 0.4, 0.1]),
     ),
+    "motor_sided": (  # gain, lag, rise, fall, stick, stick_speed, stick_down, load0, delay, lower, upper, x0, v0
+        Motor(stribeck=True, sided=True, substeps=3, role="map"),
+        np.array([0.15, 0.6, 0.3, 0.4, 0.3, 0.1, 0.15, -0.1, 1.37, 0.05, 1.1, 0.4, 0.1]),
+    ),
     "servo_pd_loaded": (  # kp, kd, dead, limit, sag, gain, lag, rise, fall, stick, stick_speed, load0-1, delay, x0, v0
         ServoMotor(
             loop="pd", dead=True, sags=True, load=2, stribeck=True, substeps=4, updates=2, stops=False, role="map"

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from shares import in_shares
 
 settings.register_profile("qpal", deadline=None, max_examples=20, derandomize=True)
 settings.load_profile("qpal")
@@ -24,3 +25,11 @@ def records() -> Path:
 def seeds() -> range:
     """Seeds of a statistical test: 100 with QPAL_FULL=1, a dozen otherwise."""
     return range(100 if os.environ.get("QPAL_FULL") == "1" else 12)
+
+
+@pytest.hookimpl(trylast=True)  # after pytest has grouped tests by their fixtures
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Every worker of xdist begins with long tests, so that none is left for the end, when the other workers idle."""
+    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    if workers > 1:
+        items[:] = in_shares(items, workers, lambda item: item.get_closest_marker("long"), lambda item: item.path)

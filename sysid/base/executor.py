@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
 from sysid.base.errors import InputError
+from sysid.base.modules import facades_by_name
 from sysid.base.threads import available
 
 J = TypeVar("J")
@@ -24,6 +25,7 @@ def results(
     """
     if workers is not None and workers < 1:
         raise InputError(f"workers is {workers}; give a number of 1 or more")
+    facades_by_name()
     if scheduler is not None:
         return _on_cluster(function, jobs, scheduler)
     count = min(workers or available(), max(len(jobs), 1))

@@ -17,6 +17,7 @@ LONGEST = 20.0  # samples of delay
 SHORTEST = 1e-12  # samples; what is left of a sample below it is over
 MOST_WAVES = 2  # harmonics of a periodic load
 STOPS: dict[str, bool | str] = {"both": True, "lower": "lower", "upper": "upper", "none": False}
+_VOLTS = ("rise", "fall", "stick", "stick_down", "load0", "load1", "load2")
 MOST_LOSS = 3.0  # of the load: a screw that raises with an efficiency of a quarter
 
 
@@ -53,9 +54,10 @@ def stretch(s, w, h, p, block):
             load = load_at(s.position, p, block)
         lost = p.loss * abs(load)
         way = sign(s.speed)
+        stick_down = p.stick_down if block.sided else p.stick
         if way == 0.0 and w - load > p.rise + p.stick + lost and s.position < p.upper:
             way = 1.0
-        elif way == 0.0 and w - load < -(p.fall + p.stick + lost) and s.position > p.lower:
+        elif way == 0.0 and w - load < -(p.fall + stick_down + lost) and s.position > p.lower:
             way = -1.0
         if way == 0.0:  # friction or a stop holds it
             s.speed = 0.0
@@ -63,7 +65,7 @@ def stretch(s, w, h, p, block):
         drag = p.rise if way > 0.0 else p.fall
         if block.stribeck:
             ratio = s.speed / p.stick_speed
-            drag += p.stick * exp(-ratio * ratio)
+            drag += (p.stick if way > 0.0 else stick_down) * exp(-ratio * ratio)
         decay = exp(-h / p.lag)
         if block.bent and fresh:
             load = load_midway(s, p.gain * (w - load - way * (drag + lost)), h, p.lag * (1.0 - decay), p, block)
@@ -115,22 +117,22 @@ class Motor(Recursion):
 
     gain is the speed per volt, lag the motor's time constant. F is dry friction in volts: `rise` against upward and
     `fall` against downward motion, plus loss |L|, the screw friction of the load. With `stribeck` it grows by `stick`
-    as the speed falls below stick_speed. At rest the motor stands until the input exceeds friction and load: stick is
-    a state, not a steep slope. L(x) = load0 + load1 (x - at) + load2 (x - at)^2, with `load` coefficients, plus
-    sine_k sin(2 pi k x / period) + cosine_k cos(2 pi k x / period) for k up to `periodic`, as a pendulum pulls over
-    many turns (period 360 where x is in degrees). `stops` (True or "both", "lower", "upper", False or "none") end the
-    motion at `lower` and `upper`, where the speed becomes zero; fix both at 0 and 1 with x in strokes, or leave them
-    free and fix the next map. With `jams` a motor that hits a stop at speed v stays there for a time jam |v|, like a
-    screw that jams. Each input is held for one sample and is delayed by `delay`. Between switches the lag is solved
-    exactly, and stops are met in the middle of a sample, so a sample may be longer than the lag. A load that changes
-    with x acts as in the middle of the way, to second order; `substeps` parts of a sample follow it more closely, and
-    the Stribeck curve. Derivatives are exact; at a switch they are those of the branch taken, at a delay of whole
-    samples those of a longer delay.
+    as the speed falls below stick_speed, with `sided` by stick_down against downward motion. At rest the motor stands
+    until the input exceeds friction and load: stick is a state, not a steep slope. L(x) = load0 + load1 (x - at) +
+    load2 (x - at)^2, with `load` coefficients, plus sine_k sin(2 pi k x / period) + cosine_k cos(2 pi k x / period) for
+    k up to `periodic`, as a pendulum pulls over many turns (period 360 where x is in degrees). `stops` (True or "both",
+    "lower", "upper", False or "none") end the motion at `lower` and `upper`, where the speed becomes zero; fix both at
+    0 and 1 with x in strokes, or leave them free and fix the next map. With `jams` a motor that hits a stop at speed v
+    stays there for a time jam |v|, like a screw that jams. Each input is held for one sample and is delayed by `delay`.
+    Between switches the lag is solved exactly, and stops are met in the middle of a sample, so a sample may be longer
+    than the lag. A load that changes with x acts as in the middle of the way, to second order; `substeps` parts of a
+    sample follow it more closely, and the Stribeck curve. Derivatives are exact; at a switch they are those of the
+    branch taken, at a delay of whole samples those of a longer delay.
     """
 
     functions: ClassVar = {"step": step, "begin": begin}
     absent: ClassVar = {
-        **dict.fromkeys(("stick", "load0", "load1", "load2", "loss", "jam", "delay"), 0.0),
+        **dict.fromkeys(("stick", "stick_down", "load0", "load1", "load2", "loss", "jam", "delay"), 0.0),
         **dict.fromkeys((f"{wave}{k}" for k in range(1, MOST_WAVES + 1) for wave in ("sine", "cosine")), 0.0),
         **{"stick_speed": 1.0, "lower": -np.inf, "upper": np.inf},
     }
@@ -138,6 +140,7 @@ class Motor(Recursion):
     load: int = 1
     loss: bool = False
     stribeck: bool = False
+    sided: bool = False
     jams: bool = False
     delayed: bool = True
     stops: Any = True  # bool, or a name of STOPS
@@ -159,6 +162,8 @@ class Motor(Recursion):
             if self.stops not in STOPS:
                 raise unknown("kind of stops", self.stops, STOPS)
             object.__setattr__(self, "stops", STOPS[self.stops])
+        if self.sided and not self.stribeck:
+            raise InputError("sided=True needs friction at rest; give stribeck=True or sided=False")
         if self.jams and not self.stops:
             raise InputError("jams=True needs end stops; give stops=True or jams=False")
         if self.substeps < 1:
@@ -200,6 +205,8 @@ class Motor(Recursion):
         ]
         if self.stribeck:
             found += [Slot("stick", "V", lower=0.0), Slot("stick_speed", "1/sample", lower=1e-9)]
+        if self.sided:
+            found.append(Slot("stick_down", "V", lower=0.0))
         found += [Slot(name, "V") for name in (*(f"load{i}" for i in range(self.load)), *self.waves)]
         if self.loss:
             found.append(Slot("loss", lower=0.0, upper=MOST_LOSS))
@@ -224,7 +231,8 @@ class Motor(Recursion):
         for name in self.waves:
             turns = w.num(int(name[-1]) * self.turn)
             load.append((m[name], f"{'sin' if name.startswith('s') else 'cos'}({turns}*{w.y})"))
-        extra = [f"{w.num(m['stick'])}*exp(-(v/{w.num(m['stick_speed'])})^2)"] if self.stribeck else []
+        stick = "S" if self.sided else w.num(m["stick"]) if self.stribeck else ""
+        extra = [f"{stick}*exp(-(v/{w.num(m['stick_speed'])})^2)"] if self.stribeck else []
         extra += [f"{w.num(m['loss'])}*|L|"] if self.loss else []
         up = w.num(m["rise"]) + (" + R" if extra else "")
         down = f"-({w.num(m['fall'])} + R)" if extra else w.num(-m["fall"])
@@ -235,6 +243,9 @@ class Motor(Recursion):
         lines = [
             f"{w.num(m['lag'])}*v' + v = {w.num(m['gain'])}*({net} - F), {w.y}' = v, time in samples",
             f"  L = {w.sum(load)}" if load else "",
+            f"  S = {w.num(m['stick'])} against upward, {w.num(m['stick_down'])} against downward motion"
+            if self.sided
+            else "",
             f"  R = {' + '.join(extra)}" if extra else "",
             f"  F = {up} where v > 0, F = {down} where v < 0",
             f"  v stays 0 where {down} <= {net} <= {up}",
@@ -288,7 +299,7 @@ class Motor(Recursion):
         def along(moves: dict[str, float]) -> np.ndarray:
             return np.array([moves.get(name, 0.0) * value for name, value in zip(names, theta, strict=True)])
 
-        volts = {"gain": -1.0, **dict.fromkeys(("rise", "fall", "stick", "load0", "load1", "load2", *self.waves), 1.0)}
+        volts = {"gain": -1.0, **dict.fromkeys(_VOLTS, 1.0), **dict.fromkeys(self.waves, 1.0)}
         found = [Symmetry(along(volts), in_scale=1.0)]
         if self.load:
             found.append(Symmetry(np.array([float(name == "load0") for name in names]), in_shift=1.0))

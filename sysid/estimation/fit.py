@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ def fit_chain(
     starts: int | str = AUTO,
     seed: int = 0,
     options: Options | None = None,
-    start: np.ndarray | None = None,
+    start: "np.ndarray | Fit | None" = None,
     objective: Objective | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
@@ -72,7 +73,7 @@ def fit_chain(
     )
 
 
-def _raced(run: Run, starts: int | str, seed: int, start: np.ndarray | None) -> Raced:
+def _raced(run: Run, starts: int | str, seed: int, start: "np.ndarray | Fit | None") -> Raced:
     """The best of the given starts, of the portfolio where there is one for this chain, or of its own starts."""
     if start is None and applies(run.model):
         found = portfolio(run, seed, None if isinstance(starts, str) else starts)
@@ -127,11 +128,21 @@ def _n_init(model: Chain, data: IOData) -> int:
     return min(max(least, min(N // 20, 1000)), N // 4)
 
 
-def _own_starts(model: Chain, start: np.ndarray) -> list[np.ndarray]:
+def _own_starts(model: Chain, start: Any) -> list[np.ndarray]:
+    if isinstance(start, Fit):
+        if start.model.names != model.names:
+            raise InputError(
+                f"start is a fit of a {start.model.structure} with {len(start.model.names)} parameters, and those of "
+                f"this model ({len(model.names)}) are others; give a fit with the same ones, or numbers"
+            )
+        start = start.theta
     try:
         points = np.array(start, dtype=float, ndmin=2)
     except (TypeError, ValueError):
-        raise InputError(f"start is {start!r}; give {len(model.names)} numbers, or several such rows") from None
+        kind = type(start).__name__
+        raise InputError(
+            f"start is of type {kind}; give {len(model.names)} numbers, several such rows, or a fit"
+        ) from None
     if points.ndim != 2 or not len(points) or points.shape[1] != len(model.names) or not np.all(np.isfinite(points)):
         raise InputError(
             f"start has shape {np.shape(start)}; give {len(model.names)} finite values, one for each parameter, or "

@@ -15,7 +15,7 @@ Part = dict[str, float]
 # How far a value is shaken (standard deviation): in parts of itself, or, of those that may be zero, in their own unit.
 _SHAKEN = {
     **{"gain": 0.01, "rise": 0.05, "fall": 0.05, "lag": 0.5, "stick": 0.3, "stick_speed": 0.5, "loss": 0.3, "jam": 0.5},
-    **{"width": 0.2, "drag": 0.5},
+    **{"stick_down": 0.3, "width": 0.2, "drag": 0.5},
 }
 _DELAY = 0.3  # samples
 _LAGS = (0.2, 0.5, 0.8)  # of lag and delay together: the lag
@@ -36,7 +36,7 @@ def motor_of(chain: Chain) -> Motor:
 def plainer(chain: Chain) -> Chain | None:
     """The chain with dry friction only and without a coasting play; None if it already has this form."""
     motor = motor_of(chain)
-    plain = replace(motor, stribeck=False, loss=False, jams=False, substeps=min(motor.substeps, 2))
+    plain = replace(motor, stribeck=False, sided=False, loss=False, jams=False, substeps=min(motor.substeps, 2))
     blocks = tuple(plain if b is motor else b for b in without_play(chain).blocks)
     return None if blocks == chain.blocks else sub(chain, blocks)
 
@@ -137,6 +137,14 @@ def _stribeck(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
     ]
 
 
+def _sided(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
+    """The friction at rest of both directions, and more of it in one of them."""
+    motor, (role, _, rise, fall) = motor_of(chain), _read(chain, theta)
+    stick = motor.value(chain.part(theta, motor), "stick") or 0.1 * (rise + fall)
+    names = (f"{role}.stick", f"{role}.stick_down")
+    return [dict(zip(names, (up * stick, down * stick), strict=True)) for up, down in ((1, 1), (1.5, 0.7), (0.7, 1.5))]
+
+
 def _loss(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
     """Direction-dependent friction replaced by a load and its screw loss, equal at mid stroke."""
     role, _, rise, fall = _read(chain, theta)
@@ -169,6 +177,7 @@ def _sag(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
 # What a motor's friction may have besides, by the option's name, and first values for it beside a plainer optimum.
 FRICTIONS: dict[str, Callable[[Chain, np.ndarray, IOData], list[Part]]] = {
     "stribeck": _stribeck,
+    "sided": _sided,
     "loss": _loss,
     "jams": _jam,
     "sags": _sag,

@@ -5,6 +5,7 @@ change here. The file includes derived criteria for its reader. The version rise
 """
 
 import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,12 @@ FORMAT = "sysid fit"
 
 def save(fit: Any, path: str | os.PathLike) -> Path:
     """Write a `sysid.Fit`; raises InputError for a model that text cannot store or a path that cannot be written."""
-    document = {"format": FORMAT, "version": VERSION, **encode(fit, "the fit")}
+    return write(fit, fit.model.names, {"format": FORMAT, "version": VERSION}, path)
+
+
+def write(fit: Any, names: Sequence[str], head: Mapping[str, Any], path: str | os.PathLike) -> Path:
+    """Write a fit behind a `head`, with the `names` of its parameters."""
+    document = {**head, **encode(fit, "the fit")}
     document["criteria"] = encode(fit.criteria.as_dict(), "the fit, criteria")
-    document["theta"] = dict(zip(fit.model.names, document["theta"], strict=True))
+    document["theta"] = dict(zip(names, document["theta"], strict=True))
     return write_text(path, lines(document) + "\n")

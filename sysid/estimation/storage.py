@@ -6,9 +6,10 @@ fewer or more of them. Renames are in `sysid.estimation.migrations`.
 
 import json
 import os
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
@@ -19,9 +20,16 @@ from sysid.estimation.migrations import VERSION, migrate
 from sysid.estimation.result import Fit
 from sysid.estimation.saving import FORMAT
 
+F = TypeVar("F")
+
 
 def load(path: str | os.PathLike) -> Fit:
-    """Read a fit that `save` wrote; raises InputError, one sentence, for anything else."""
+    """Read a chain that `save` wrote; raises InputError, one sentence, for anything else."""
+    return read(path, {FORMAT: built})
+
+
+def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]], F]]) -> F:
+    """Read a file of one of `formats`, a function of the document for each; raises InputError for anything else."""
     source = Path(path)
     try:
         document = json.loads(source.read_text(encoding="utf-8"), parse_constant=_refused)
@@ -36,7 +44,12 @@ def load(path: str | os.PathLike) -> Fit:
     except (RecursionError, ValueError) as e:
         raise InputError(f"{source} is not a fit that save() wrote ({e}); give another file") from None
     try:
-        return _fit(document)
+        if not isinstance(document, dict) or document.get("format") not in formats:
+            known = " or ".join(repr(name) for name in formats)
+            raise InputError(
+                f"this is JSON but not a saved fit (its format is not {known}); give a file that save() wrote"
+            )
+        return formats[document["format"]](document)
     except InputError as e:
         raise InputError(f"{source}: {e}") from None
 
@@ -45,29 +58,35 @@ def _refused(constant: str) -> NoReturn:
     raise ValueError(f"it holds {constant}")
 
 
-def _fit(document: Any) -> Fit:
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise InputError(
-            f"this is JSON but not a saved fit (its format is not {FORMAT!r}); give a file that save() wrote"
-        )
+def version_of(document: dict[str, Any], newest: int) -> int:
+    """The version of a document; raises InputError for one that is newer than `newest`, or none."""
     version = document.get("version")
     if type(version) is not int or version < 1:
         raise InputError(f"version is {version!r}; give a file that save() wrote")
-    if version > VERSION:
+    if version > newest:
         raise InputError(
-            f"saved by a newer version of this library (file version {version}, this one reads up to {VERSION}); "
+            f"saved by a newer version of this library (file version {version}, this one reads up to {newest}); "
             "update the library"
         )
-    document = migrate(document, version)
+    return version
+
+
+def built(document: dict[str, Any]) -> Fit:
+    """The fit of a document; raises InputError for entries that are missing, wrong or do not belong together."""
+    fit, names = made(Fit, migrate(document, version_of(document, VERSION)))
+    _check(fit, names)
+    return fit
+
+
+def made(kind: type[F], document: dict[str, Any]) -> tuple[F, list[str]]:
+    """A fit of this kind from its document, and the names of the parameters there."""
     theta = document.get("theta")
     if not isinstance(theta, dict):
         raise InputError("theta is not a table of parameter names and values; save the fit again")
     body = {k: v for k, v in document.items() if k not in ("format", "version")}
     if isinstance(body.get("criteria"), dict):
         body["criteria"] = _criteria(body["criteria"])
-    fit: Fit = build(Fit, {**body, "theta": list(theta.values())})
-    _check(fit, list(theta))
-    return fit
+    return build(kind, {**body, "theta": list(theta.values())}), list(theta)
 
 
 def _criteria(saved: dict[str, Any]) -> dict[str, Any]:

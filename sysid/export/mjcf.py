@@ -134,11 +134,13 @@ class _Parts:
         tilt = 0.5 * (value["rise"] - value["fall"])  # friction that differs by direction acts as a constant load
         self.load = np.array([value["load0"] + tilt, value["load1"], value["load2"]])
         self.stick, self.stick_speed = value["stick"], value["stick_speed"] / Ts
+        if self.motor.sided:
+            self.stick = 0.5 * (self.stick + value["stick_down"])
         self.first = value["x0"]
         self.left_out = self._missing(chain, value)
 
     names = (
-        *("gain", "lag", "delay", "rise", "fall", "load0", "load1", "load2", "stick", "stick_speed"),
+        *("gain", "lag", "delay", "rise", "fall", "load0", "load1", "load2", "stick", "stick_down", "stick_speed"),
         *("lower", "upper", "x0", "loss", "jam"),
     )
 
@@ -152,6 +154,8 @@ class _Parts:
             found.append(f"friction of {value['loss']:.3g} times the load: its mean over the stroke is in frictionloss")
         if value["jam"] > 0.0:
             found.append("jamming at a struck stop")
+        if self.motor.sided:
+            found.append("friction at rest that differs by direction: its mean is in lugre")
         if self.motor.periodic:
             found.append("the periodic load over the angle: your link's weight takes its place")
         if len(self.motor.ends) == 1:

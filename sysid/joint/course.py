@@ -9,18 +9,29 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.rate import at_rate, response
+from sysid.joint.evidence import noise_of
+from sysid.joint.limits import end_of, falling, stops_met
+from sysid.joint.rate import at_rate, rated, response
 from sysid.model.chain import Chain
 
 LONGEST = 2**16  # samples of one way from end to end
 ARRIVED = 0.98  # of the way between the ends
-SHARES = np.arange(0.7, 2.0, 0.04)  # of the input against friction in motion: the levels of the stairs
+# Of the friction in motion: a joint at rest starts at some pulse of a rising series. Two of three series end early,
+# because a joint that has started goes on with every further pulse.
+FIRST, STEP = 0.85, 0.06
+TOPS = (1.4, 1.6, 2.0)
 CAREFUL = 0.95  # of the largest speed that is allowed: the real joint may be a little faster than the fit
 MOVE = 0.03  # of the way between the ends: a slow reversal's
-_SHOWN = 2.0  # of lag and delay, after which the joint shows whether a stair started it
+_SHOWN = 2.0  # of lag and delay, after which the joint shows whether a pulse started it
 ALONG = (0.02, 0.25, 0.5, 0.75, 0.98)  # places on the way, whose loads differ
 _STARTS = 1e-6  # of the way: motion that counts as started
 _HALVINGS = 30
+RESTS = 0.5  # [s] between two movements, at least
+LONG = 1.2  # of the way: longer runs rest at the end, shorter ones turn on the way or just after they arrive
+SHORT_OF = 0.9  # of the way seen: where the joint may meet no end
+_SEEN = 6.0  # standard deviations of a reading that a pulse moves a joint by
+_RESTED = 8  # times lag and delay: a rest that shows an end
+_STICK = 0.7  # of the friction in motion: what a fit says of friction at rest beyond it is not believed
 
 
 @dataclass
@@ -28,32 +39,44 @@ class Course:
     """Held levels one after the other. Ways are +1 and -1, the sign of the input's effect on the motor's position.
 
     `tops` are the largest inputs each way (positive numbers), `ends` the motor's positions between which the course is
-    planned: its stops, or, where it has none (`free`), the range that it was seen in.
+    planned: a stop each way if the joint may run into it (`met`), else the outermost position that it was seen at.
+    `falls`: the output falls as that position rises. `noise` [y]: the standard deviation of a reading.
     """
 
     chain: Chain
     theta: np.ndarray
     Ts: float
     ends: tuple[float, float]
-    free: bool
+    met: dict[int, bool]
+    falls: bool = False
+    noise: float = 0.0
     tops: dict[int, float] = field(default_factory=dict)
     pieces: list[np.ndarray] = field(default_factory=list)
-    notes: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, fit: Fit, data: IOData, top: float, strike: float | None, Ts: float) -> "Course":
+    def of(
+        cls, fit: Fit, data: IOData, top: float, strike: float | None, Ts: float, to_stops: bool = False
+    ) -> "Course":
         """An empty course on the joint of a fit, with inputs up to `top`, speeds up to `strike` [y/s], samples of `Ts`.
 
-        Raises InputError if the joint does not move under these limits.
+        `to_stops`: the joint may run into a stop each way, also where `data` shows none. Raises InputError if the joint
+        does not move under these limits.
         """
-        chain, motor = fit.model, motor_of(fit.model)
-        own = chain.part(fit.theta, motor)
-        place = chain.signals(fit.theta, data.u)[chain.blocks.index(motor) + 1]
-        bounded = motor.stops and all(np.isfinite(motor.value(own, name)) for name in ("lower", "upper"))
-        ends = (motor.value(own, "lower"), motor.value(own, "upper")) if bounded else (place.min(), place.max())
-        theta = at_rate(chain, fit.theta, fit.Ts / Ts)
+        chain, motor = rated(fit.model, fit.Ts / Ts), motor_of(fit.model)
+        seen = chain.signals(fit.theta, data.u)[chain.blocks.index(motor) + 1]
+        shown = stops_met(fit, data)
+        ends = tuple(end_of(fit, way, seen, shown[way], to_stops) for way in (-1, 1))
+        theta = at_rate(fit.model, fit.theta, fit.Ts / Ts)
         theta[chain.names.index(f"{motor.role}.v0")] = 0.0
-        course = cls(chain, theta, Ts, (float(ends[0]), float(ends[1])), not bounded)
+        course = cls(
+            chain,
+            theta,
+            Ts,
+            (ends[0], ends[1]),
+            {way: met or to_stops for way, met in shown.items()},
+            falling(fit),
+            noise_of(data),
+        )
         for way in (-1, 1):
             course.tops[way] = course._top(way, top, strike)
             least = way * course.starts(way, ALONG)
@@ -63,8 +86,6 @@ class Course:
                     f"the joint starts at {way * least:.4g} and the input may not exceed {limit}; allow larger "
                     "inputs or speeds"
                 )
-        if course.free:
-            course.notes = ("the joint has no end stops in the first fit; the course stays in the range seen there",)
         return course
 
     @property
@@ -82,91 +103,144 @@ class Course:
 
     def hold(self, level: float, samples: int) -> None:
         """Hold an input."""
-        self.pieces.append(np.full(max(int(samples), 1), float(level)))
+        if samples > 0:
+            self.pieces.append(np.full(int(samples), float(level)))
 
-    def rest(self, seconds: float) -> None:
-        """Hold the input under which the joint stands still."""
-        self.hold(self.still, max(1, round(seconds / self.Ts)))
+    def rest(self) -> None:
+        """Hold the input under which the joint stands still, until it does."""
+        self.hold(self.still, max(round(RESTS / self.Ts), 2 * self.step))
 
     def level(self, way: int, share: float) -> float:
-        """Size of an input `share` of the way from the one that keeps the joint moving everywhere to the largest."""
-        least = way * self.starts(way, ALONG)
+        """Size of an input `share` of the way from the one that moves the joint everywhere to the largest."""
+        least = self._least[way]
         return least + share * (self.tops[way] - least)
 
-    def crossing(self, way: int, share: float) -> int:
-        """Samples from end to end at `level(way, share)`."""
-        return self._until(way, way * self.level(way, share), ARRIVED)
-
-    def go(self, place: float) -> None:
-        """To `place`, a share of the way between the ends: from the lower end, or straight where there is none."""
-        if not self.free:
-            # Surely there: a fifth of the whole way more than from where it should be now.
-            low, whole = -self.level(-1, 0.5), self.crossing(-1, 0.5)
-            self.hold(low, round((1.2 * self._share() + 0.2) * whole) + self.step)
-            self.rest(0.5)
-            self.hold(self.level(1, 0.5), self._until(1, self.level(1, 0.5), place))
+    def across(self, way: int, share: float, part: float) -> None:
+        """`part` of the way from end to end at `level(way, share)`, with a rest at the end from `LONG` on; where the
+        joint may meet no end, no farther than a place short of it."""
+        level = way * self.level(way, share)
+        if not self.met[way]:
+            self.hold(level, round(min(part, 1.0) * self._until(way, level, SHORT_OF, self._share())))
             return
-        u, target = self.inputs(), self.ends[0] + place * (self.ends[1] - self.ends[0])
-        way = 1 if self._place(self.theta, np.append(u, self.still))[-1] < target else -1
-        level = way * self.level(way, 0.5)
-        ahead = self._place(self.theta, np.append(u, np.full(self._samples(level), level)))[len(u) :]
-        there = np.flatnonzero(way * (ahead - target) >= 0.0)
-        self.hold(level, there[0] if len(there) else len(ahead))
+        rests = round(_RESTED * response(self.chain, self.theta)) if part >= LONG else 0
+        self.hold(level, max(2, round(part * self._until(way, level, ARRIVED))) + rests)
 
-    def stairs(self, way: int) -> np.ndarray:
-        """Levels from below the voltage that starts the joint to above it."""
-        levels = self.still + SHARES * (self.starts(way) - self.still)
-        return levels[way * levels <= self.tops[way]]
+    def go(self, place: float, way: int = 1) -> None:
+        """To `place`, a share of the way between the ends, in the direction `way` from the end where such runs begin,
+        so that a backlash is closed; straight where the joint may meet no end, and from the other end if only that."""
+        if not self.met[-way]:
+            way = -way
+        if not self.met[-way]:
+            share = self._share()
+            way = 1 if share < place else -1
+            level = way * self.level(way, 0.5)
+            self.hold(level, self._until(way, level, place if way > 0 else 1.0 - place, share))
+            return
+        # Surely at the end: a fifth of the whole way more than from where it should be now.
+        level, back = way * self.level(way, 0.5), -way * self.level(-way, 1.0)
+        left = (self._share() if way > 0 else 1.0 - self._share()) if self.pieces else 1.0
+        self.hold(back, round((1.2 * left + 0.2) * self._until(-way, back, ARRIVED)) + self.step)
+        self.rest()
+        self.hold(level, self._until(way, level, place if way > 0 else 1.0 - place))
+
+    def rising(self, way: int, top: float) -> np.ndarray:
+        """Levels of pulses from below the input that keeps the joint moving to `top` of the friction; where the joint
+        may meet no end, without those that are predicted to take it out of the range seen."""
+        middle, half = self.band
+        levels = middle + way * half * np.arange(FIRST, top + 0.5 * STEP, STEP)
+        levels = levels[(way * levels <= self.tops[way]) & (way * (levels - self.still) > 0.0)]
+        if self.met[way] or not len(levels):
+            return levels
+        one = np.concatenate([np.ones(self.pulse), np.zeros(self.step)])
+        ahead = self._place(self._at(self._share()), np.concatenate([np.where(one, v, self.still) for v in levels]))
+        out = np.flatnonzero(way * (ahead - self._target(way, SHORT_OF)) > 0.0)
+        return levels[: out[0] // len(one)] if len(out) else levels
+
+    @cached_property
+    def pulse(self) -> int:
+        """Samples of a pulse: a joint that three pulses above its friction is seen to move."""
+        n, (middle, half) = 4 * self.step + 20, self.band
+        moved = []
+        for way in (1, -1):
+            level = middle + way * half * (1.0 + 3.0 * STEP)
+            y = self._run(self._at(0.5), np.full(n, level))
+            moved.append(abs(float(y[-1] - y[n // 2])) / (n - 1 - n // 2))
+        return int(np.clip(np.ceil(_SEEN * self.noise / max(min(moved), 1e-300)), 1, 15 * self.step)) + self.step
 
     @property
     def step(self) -> int:
-        """Samples that a stair is held for: the joint shows whether it started."""
+        """Samples after which a joint shows whether it started."""
         return max(2, int(np.ceil(_SHOWN * response(self.chain, self.theta))))
 
-    def reversal(self, way: int, share: float) -> int:
-        """Samples for `MOVE` of the way between the ends at `level(way, share)`."""
-        level = way * self.level(way, share)
-        return max(3, self._until(way, level, 0.5 + MOVE / 2) - self._until(way, level, 0.5 - MOVE / 2))
+    def reverse(self, way: int, share: float) -> None:
+        """`level(way, share)` that moves the joint from rest to rest by `MOVE` of the way, and a short rest."""
+        level, rest, whole = way * self.level(way, share), np.full(self.step, self.still), self.ends[1] - self.ends[0]
+        start = self._at(self._share())
+        most = self._until(way, level, 0.5 + MOVE, 0.5)
+        held = most
+        for n in range(2, most):
+            place = self._place(start, np.concatenate([np.full(n, level), rest]))
+            if way * (place[-1] - place[0]) >= MOVE * whole:
+                held = n
+                break
+        self.hold(level, held)
+        self.hold(self.still, self.step)
 
     @cached_property
     def still(self) -> float:
         """Input under which the joint stands still: 0, or where its load moves it the middle of the friction's band."""
-        down, up = self.starts(-1), self.starts(1)
-        return 0.0 if down < 0.0 < up else 0.5 * (down + up)
+        return 0.0 if self.starts(-1) < 0.0 < self.starts(1) else self.band[0]
 
-    def starts(self, way: int, places: tuple[float, ...] = (0.5,)) -> float:
-        """Input that keeps the joint moving at all `places`, by bisection: friction in motion, without more at rest.
+    @property
+    def band(self) -> tuple[float, float]:
+        """Middle of the inputs that keep the joint moving up and down, which is the load, and half of what is between
+        them, which is the friction."""
+        up, down = self.starts(1), self.starts(-1)
+        return 0.5 * (up + down), 0.5 * (up - down)
 
-        What a fit says of friction at rest is a guess before the joint has started slowly. Places: shares of the way.
+    def starts(self, way: int, places: tuple[float, ...] = (0.5,), bare: bool = True) -> float:
+        """Input that moves the joint at all `places` (shares of the way), by bisection.
+
+        `bare`: without more friction at rest than in motion, which a fit only guesses before the joint has started
+        slowly.
         """
-        if (way, places) not in self._starts:
+        key = (way, places, bare)
+        if key not in self._starts:
             low, high = -self.largest, self.largest
             for _ in range(_HALVINGS):
                 middle = 0.5 * (low + high)
-                if all(self._moves(way, way * middle, place) for place in places):
+                if all(self._moves(way, way * middle, place, bare) for place in places):
                     high = middle
                 else:
                     low = middle
-            self._starts[way, places] = way * high
-        return self._starts[way, places]
+            self._starts[key] = way * high
+        return self._starts[key]
 
     @cached_property
-    def _starts(self) -> dict[tuple[int, tuple[float, ...]], float]:
+    def _starts(self) -> dict[tuple[int, tuple[float, ...], bool], float]:
         return {}
+
+    @cached_property
+    def _least(self) -> dict[int, float]:
+        """Input each way (positive) that starts the joint everywhere, as far as the fit is believed."""
+        least, believed = {}, _STICK * self.band[1]
+        for way in (-1, 1):
+            bare, stuck = (way * self.starts(way, ALONG, free) for free in (True, False))
+            least[way] = min(stuck, bare + believed, 0.5 * (bare + self.tops[way]))
+        return least
 
     @cached_property
     def largest(self) -> float:
         """Input that surely starts any joint of this kind."""
         motor = motor_of(self.chain)
         own = self.chain.part(self.theta, motor)
-        volts = sum(abs(motor.value(own, n)) for n in ("rise", "fall", "stick", "load0", "load1", "load2"))
+        volts = sum(
+            abs(motor.value(own, n)) for n in ("rise", "fall", "stick", "stick_down", "load0", "load1", "load2")
+        )
         return 10.0 * max(volts * (1.0 + motor.value(own, "loss")), 1e-9) + 1.0
 
-    def _moves(self, way: int, level: float, place: float) -> bool:
-        theta, stick = self._at(place), f"{motor_of(self.chain).role}.stick"
-        if stick in self.chain.names:
-            theta[self.chain.names.index(stick)] = 0.0
-        rest = self._place(theta, np.full(2 * self.step + 20, level))
+    def _moves(self, way: int, level: float, place: float, bare: bool) -> bool:
+        rest = self._place(self._at(place, bare), np.full(2 * self.step + 20, level))
         return bool(way * (rest[-1] - rest[0]) > _STARTS * (self.ends[1] - self.ends[0]))
 
     def _top(self, way: int, top: float, strike: float | None) -> float:
@@ -180,8 +254,10 @@ class Course:
         return low
 
     def _speed(self, way: int, level: float) -> float:
-        """The largest speed [y/s] on the way from the far end."""
-        y = self._run(self._at(0.0 if way > 0 else 1.0), np.full(self._samples(level), level))
+        """The largest speed [y/s] on the way from the far end, where the joint has come to rest."""
+        settled = 2 * self.step + 20
+        u = np.concatenate([np.full(settled, self.still), np.full(self._samples(level), level)])
+        y = self._run(self._at(0.0 if way > 0 else 1.0), u)[settled:]
         return float(np.abs(np.diff(y)).max()) / self.Ts
 
     def _samples(self, level: float) -> int:
@@ -191,12 +267,10 @@ class Course:
         speed = gain * max(abs(level), 1e-9)
         return int(np.clip(3.0 * (self.ends[1] - self.ends[0]) / max(speed, 1e-12) + 50, 50, LONGEST))
 
-    def _until(self, way: int, level: float, place: float) -> int:
-        """Samples from the far end to `place`, a share of the way in the direction of motion."""
-        low, high = self.ends
-        start = self._at(0.0 if way > 0 else 1.0)
-        target = (low if way > 0 else high) + way * place * (high - low)
-        n = self._samples(level)
+    def _until(self, way: int, level: float, place: float, share: float | None = None) -> int:
+        """Samples to `place`, a share of the way in the direction of motion; from the far end, or from `share`."""
+        start = self._at((0.0 if way > 0 else 1.0) if share is None else share)
+        n, target = self._samples(level), self._target(way, place)
         while n <= LONGEST:
             there = np.flatnonzero(way * (self._place(start, np.full(n, level)) - target) >= 0.0)
             if len(there):
@@ -207,17 +281,23 @@ class Course:
             "one way from end to end first"
         )
 
+    def _target(self, way: int, place: float) -> float:
+        """The motor's position at `place`, a share of the way in the direction of motion."""
+        low, high = self.ends
+        return (low if way > 0 else high) + way * place * (high - low)
+
     def _share(self) -> float:
         """Where the motor is now, as a share of the way."""
         at = self._place(self.theta, np.append(self.inputs(), self.still))[-1]
         return float(np.clip((at - self.ends[0]) / (self.ends[1] - self.ends[0]), 0.0, 1.0))
 
-    def _at(self, place: float) -> np.ndarray:
-        """theta with the motor at rest at a share of the way."""
-        theta = np.array(self.theta)
-        theta[self.chain.names.index(f"{motor_of(self.chain).role}.x0")] = self.ends[0] + place * (
-            self.ends[1] - self.ends[0]
-        )
+    def _at(self, place: float, bare: bool = True) -> np.ndarray:
+        """theta with the motor at rest at a share of the way, and no more friction there than in motion if `bare`."""
+        theta, role = np.array(self.theta), motor_of(self.chain).role
+        theta[self.chain.names.index(f"{role}.x0")] = self.ends[0] + place * (self.ends[1] - self.ends[0])
+        for name in (f"{role}.stick", f"{role}.stick_down"):
+            if bare and name in self.chain.names:
+                theta[self.chain.names.index(name)] = 0.0
         return theta
 
     def _place(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from sysid.base.units import shown
 from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.blocks.motor import LONGEST
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import is_joint, lifted, motor_of, sub
 from sysid.estimation.result import Fit
-from sysid.joint.course import Course
+from sysid.joint.course import LONG, TOPS, Course
+from sysid.joint.outlook import beyond, shortfalls, unmet, weak
 from sysid.joint.rate import MOST, times_faster
 from sysid.joint.values import JointValue, in_unit, joint_values
 
@@ -29,15 +31,14 @@ TARGETS = {
 # Every round has all parts, so that either half of the record shows what the other does; slow parts are at these shares
 # of the way between the ends.
 PLACES = (0.4, 0.65)
-STAIRS = 3  # each way at each place
 REVERSALS = 6  # of the drive at each place, to and fro
 SLOW = (0.2, 0.5)  # shares of the largest level, in turn: at one speed a backlash looks like a delay
 # Pairs of ways from end to end: the share of the largest level, and the time as a share of the way's own, from and to.
 # Some rest long at the end, some are turned on the way, and some just after they arrive, where a jam shows.
-LONG, TURNED, SHORT = (1.2, 1.6), (0.4, 0.9), (1.02, 1.12)
+RESTED, TURNED, SHORT = (LONG, 1.6), (0.4, 0.9), (1.02, 1.12)
 PAIRS = (
-    ((1.0, *LONG), (0.7, *TURNED), (0.85, *SHORT), (0.65, *LONG)),
-    ((0.8, *LONG), (0.95, *SHORT), (0.55, *TURNED), (0.9, *LONG)),
+    ((1.0, *RESTED), (0.85, *SHORT), (0.7, *TURNED), (0.65, *RESTED)),
+    ((0.8, *RESTED), (0.95, *SHORT), (0.55, *TURNED), (0.9, *RESTED)),
 )
 GUESSED_PLAY = 0.01  # of the way: width of a backlash that the first fit does not have
 
@@ -101,13 +102,15 @@ def design(
     seed: int = 0,
     Ts: float | None = None,
     complete: bool = False,
+    to_stops: bool = False,
 ) -> Design:
     """The next experiment on the joint of `fit`, an `actuated_joint` fitted to `data`, for values of `TARGETS`.
 
     volts: largest input [unit of u], that of `data` if not given. strike [y/s]: speed that the joint must not exceed
     anywhere, so that it meets no end harder. Ts [s]: sampling time of the next record; if not given, that of `data`, or
     a half, a quarter or a fifth of it, so that lag and delay together last three samples. `complete` leaves out of the
-    expected intervals what every model of a joint lacks. Raises InputError for a fit
+    expected intervals what every model of a joint lacks. `to_stops`: the joint has a stop each way and may run into it;
+    otherwise the input keeps it within the range of `data` where `data` shows no stop. Raises InputError for a fit
     without a motor, an unknown target, a sampling time that does not suit, a joint that does not move under these
     limits, and the errors of `sysid.joint_values`.
     """
@@ -125,26 +128,32 @@ def design(
         if value is not None and not 0.0 < value < np.inf:
             raise InputError(f"{name} is {value}; give a positive number, or leave it out")
     top = float(np.abs(data.u).max()) if volts is None else volts
-    work = _Work(Course.of(fit, data, top, strike, _sampling(fit, Ts)), np.random.default_rng([seed, 14]))
+    work = _Work(Course.of(fit, data, top, strike, _sampling(fit, Ts), to_stops), np.random.default_rng([seed, 14]))
     for k in range(len(PLACES)):
         for name in TARGETS:
             if name in targets:
                 _PARTS[name](work, k)
     course = work.course
     u, y = course.inputs(), course.outputs()
-    then, notes = _then(fit, data, course, targets, complete)
-    fastest = float(np.abs(np.diff(y)).max()) / course.Ts
+    wanted = [name for target in targets for name in TARGETS[target]]
+    now, (then, notes) = joint_values(fit, data=data), _then(fit, data, course, targets, complete)
     return Design(
         targets,
         u,
         y,
         course.Ts,
         tuple(work.phases),
-        fastest,
-        in_unit(joint_values(fit, data=data), data.y_unit),
+        float(np.abs(np.diff(y)).max()) / course.Ts,
+        in_unit(now, data.y_unit),
         in_unit(then, data.y_unit),
         (data.u_unit, data.y_unit),
-        (*course.notes, *notes),
+        (
+            *unmet(course, data),
+            *beyond(course, y, data),
+            *weak(course, data.u_unit),
+            *notes,
+            *shortfalls(wanted, now, then, course.Ts),
+        ),
     )
 
 
@@ -169,27 +178,27 @@ def _ends(work: _Work, k: int) -> None:
     def run() -> None:
         for most, shortest, longest in PAIRS[k]:
             for way in (-1, 1):
-                share = most * rng.uniform(0.9, 1.0)
-                part = rng.uniform(shortest, longest) if not course.free else 0.9
-                course.hold(way * course.level(way, share), max(2, round(part * course.crossing(way, share))))
-        course.rest(0.5)
+                course.across(way, most * rng.uniform(0.9, 1.0), rng.uniform(shortest, longest))
+        course.rest()
 
     work.phase("ends", "from end to end at different levels", run)
 
 
 def _breakaway(work: _Work, k: int) -> None:
-    """Stairs of voltage from rest, up and down in turn."""
+    """Rising pulses from rest, up and down in turn, each series in the direction in which the joint came."""
     course = work.course
 
     def run() -> None:
-        course.go(PLACES[k])
-        for way in (1, -1) * STAIRS:
-            course.rest(0.5)
-            for level in course.stairs(way):
-                course.hold(level, course.step)
-        course.rest(0.5)
+        for top in TOPS:
+            for way in (1, -1):
+                course.go(PLACES[k], way)
+                course.rest()
+                for level in course.rising(way, top):
+                    course.hold(level, course.pulse)
+                    course.hold(course.still, course.step)
+        course.rest()
 
-    work.phase("breakaway", "from rest, the voltage rises in small steps until the joint starts", run)
+    work.phase("breakaway", "pulses from rest, each a little larger, until the joint starts", run)
 
 
 def _backlash(work: _Work, k: int) -> None:
@@ -197,13 +206,11 @@ def _backlash(work: _Work, k: int) -> None:
     course = work.course
 
     def run() -> None:
-        if not (work.phases and work.phases[-1].name == "breakaway"):  # whose stairs end where they began
-            course.go(PLACES[k])
+        course.go(PLACES[k])
         for n in range(2 * REVERSALS):
             way, share = 1 if n % 2 == 0 else -1, SLOW[n // 2 % 2]
-            course.hold(way * course.level(way, share), course.reversal(way, share))
-            course.rest(0.1)
-        course.rest(0.5)
+            course.reverse(way, share)
+        course.rest()
 
     work.phase("backlash", "slow reversals: the drive crosses the backlash before the link follows", run)
 
@@ -228,7 +235,7 @@ def _then(
     fit: Fit, data: IOData, course: Course, targets: tuple[str, ...], complete: bool
 ) -> tuple[tuple[JointValue, ...], list[str]]:
     """The values from a simulated record of the experiment."""
-    chain, theta, notes, u, y = fit.model, course.theta, [], course.inputs(), course.outputs()
+    chain, theta, notes, u, y = course.chain, course.theta, [], course.inputs(), course.outputs()
     if "backlash" in targets and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks):
         width = GUESSED_PLAY * float(np.ptp(data.y))
         place = len(chain.blocks) - (chain.blocks[-1].role == "sensor")
@@ -237,9 +244,9 @@ def _then(
         theta, chain = lifted(chain, theta, richer, {"play.width": width}), richer
         own = np.asarray(chain.simulate(theta, u)).ravel()
         y = own + (y[0] - own[0])
-        notes.append(
-            f"the first fit has no backlash; the simulated record has one of {width:.3g} {data.y_unit}".rstrip()
-        )
+        size = shown("backlash", data.y_unit or "")
+        said = f"{width * size.factor:.3g} {size.unit}".rstrip()
+        notes.append(f"no backlash is known yet; the prediction has one of {said}, to test whether it would show")
     noise = np.sqrt(fit.criteria.mse) * np.random.default_rng(0).standard_normal(len(u))
     record = _named(IOData(u, y + noise, course.Ts), data)
     again = fit_chain(chain, record, start=np.array(theta), search="lm")

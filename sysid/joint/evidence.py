@@ -4,38 +4,33 @@ A fit has a number for every parameter, and a small interval where the model cou
 shows what the number stands for is a question to the record.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
-from scipy.stats import norm
 
 from sysid.base.units import number, shown
 from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.rate import response
-from sysid.joint.value_physics import breakaway_over_place, ends_of, travel_of, volts_to_move
+from sysid.joint.rate import response, times_faster
+from sysid.joint.value_physics import ends_of, travel_of
 from sysid.joint.value_record import Started, StopTest, noise_level, starts_from_rest, stop_test
-from sysid.joint.value_spread import FAR, LACKS, Spread, gradient_of, spread_of
+from sysid.joint.value_spread import FAR, Spread, spread_of
+from sysid.joint.value_starts import Breakaway, breakaway
 from sysid.model.chain import Chain
 from sysid.uncertainty.initial_sensitivity import with_initial_state
 
 STARTS = 2  # from rest in one direction, under a slowly rising voltage
 CROSSINGS = 6  # of the backlash, both ways together
-_PLACE = 0.03  # standard uncertainty of a break-away at mid stroke that is read elsewhere, as a share of it
-_TARDY = 0.2  # probability of a late start: a link crosses its backlash first, or creeps before it is seen
-_COUNTED = 2.0  # starts that differ: a joint's starts are late for the same reasons
-_FACTORS = (0.3, 2.5)  # on the model's break-away
-_UNKNOWN = 0.2  # of its value: largest standard uncertainty of the break-away of a fit
-_DOUBTFUL = 0.15  # of the model's break-away: starts that differ by more than such an uncertainty are not believed
-_APART = 2.0  # standard deviations by which model and starts contradict each other
+_BROAD = 0.125  # of the friction at rest: a wider standard uncertainty does not determine a break-away
 _CLEAR = 0.15  # of the backlash: a wider standard uncertainty of the fit does not determine it
 _SIDE = 0.4  # of the backlash from its middle: the link lies against this side
 _TOLD = 0.5  # of lag and delay together: a wider standard deviation of one does not tell it from the other
 _TOGETHER = -0.9  # a correlation of lag and delay below it leaves only their sum
-STAIRS = "qpal design --for breakaway FILE"
+PULSES = "qpal design --for breakaway FILE"
 
 
 @dataclass(frozen=True)
@@ -51,15 +46,14 @@ class Shown:
 class Evidence:
     """By name of a value, what the record shows of it; the tests of both ends and the starts from rest behind it.
 
-    A value without an entry needs nothing but information. `breakaway`: factor on the model's break-away by which it
-    agrees with the starts, and its standard uncertainty, by name.
+    A value without an entry needs nothing but information. `breakaway`: what the starts add to the model's, by name.
     """
 
     values: Mapping[str, Shown]
     stops: Mapping[str, StopTest]
     starts: tuple[Started, ...]
     noise: float
-    breakaway: Mapping[str, tuple[float, float]]
+    breakaway: Mapping[str, Breakaway]
 
     def determined(self, name: str) -> bool:
         """Whether the record determines the value `name`, as far as it takes more than information."""
@@ -74,27 +68,27 @@ def evidence(fit: Fit, data: IOData, spread: Spread | None = None) -> Evidence:
     """What the estimation record `data` shows of the values of an actuated joint `fit`.
 
     end_low, end_high: see `sysid.joint.value_record.stop_test`. breakaway_up, breakaway_down: at least `STARTS` starts
-    from rest that a slowly rising voltage brackets. backlash: at least `CROSSINGS` of the model's link from side to
-    side, and a standard uncertainty of 15 % at most in the fit. time_constant and delay: neither is told from their sum
-    if Ts is longer than it, or if their correlation in the information matrix, or their uncertainty, says so. `spread`
-    spares its computation.
+    from rest that a slowly rising voltage brackets (see `sysid.joint.value_starts`), and a standard uncertainty of 12 %
+    of the friction at most. backlash: at least `CROSSINGS` of the model's link from side to side, and a standard
+    uncertainty of 15 % at most in the fit. time_constant and delay: neither is told from their sum if Ts is longer than
+    it, or if their correlation in the information matrix, their uncertainty or a limit says so. `spread` spares its
+    computation.
     """
     chain, theta = fit.model, fit.theta
     spread = spread_of(fit, data, 0.95) if spread is None else spread
-    noise, links, stops = _noise(data), _links(chain, theta, data), stop_tests(fit, data)
+    noise, links, stops = noise_of(data), _links(chain, theta, data), stop_tests(fit, data)
     found = {name: _of_stop(test, data.y_unit or "y", name) for name, test in stops.items()}
     readable = chain.block("sensor") is None and not isinstance(motor_of(chain), ServoMotor)
     starts = tuple(starts_from_rest(data, noise, _every(fit))) if readable else ()
-    factors, volts = {}, breakaway_over_place(chain, theta)
+    added = {}
     for name, way in (("breakaway_up", 1), ("breakaway_down", -1)):
-        agreed = _agreed([start for start in starts if start.way == way and start.slow], volts)
-        factors[name] = _factor(agreed, _uncertain(fit, way, spread))
-        found[name] = _of_starts(len(agreed), factors[name][1], "up" if way > 0 else "down")
+        added[name] = breakaway(fit, data, starts, way, spread)
+        found[name] = _of_starts(added[name].count, added[name].share, "up" if way > 0 else "down")
     if links is not None:
-        found["backlash"] = _of_crossings(*links, _play_uncertainty(fit, spread))
+        found["backlash"] = _of_crossings(fit, *links, _play_uncertainty(fit, spread))
     if motor_of(chain).delayed:
         found["time_constant"] = found["delay"] = _of_times(fit, spread)
-    return Evidence(found, stops, starts, noise, factors)
+    return Evidence(found, stops, starts, noise, added)
 
 
 def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
@@ -134,7 +128,8 @@ def _drives(chain: Chain, theta: np.ndarray, data: IOData, places: list[np.ndarr
     return [chain.through(theta, u, 0, k) - place for u, place in zip(inputs, places, strict=True)]
 
 
-def _noise(data: IOData) -> float:
+def noise_of(data: IOData) -> float:
+    """Standard deviation of a reading [y]."""
     return float(np.median([noise_level(record.y[:, 0]) for record in data.experiments]))
 
 
@@ -178,107 +173,79 @@ def _links(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[int, int] | N
 def _of_stop(test: StopTest, unit: str, name: str) -> Shown:
     counts = {"rests": len(test.visits), "arrivals": test.arrivals, "farthest": test.farthest}
     if test.met:
-        return Shown(True, f"{len(test.visits)} rests against it", counts)
+        return Shown(True, f"the joint rests against it {len(test.visits)} times", counts)
     as_shown = shown(name, unit)
     place = f"{number(test.farthest * as_shown.factor, 4)} {as_shown.unit}".rstrip()
-    return Shown(False, f"not met: beyond {place} ({test.why})", counts)
+    return Shown(False, f"not reached: beyond {place} ({test.why})", counts)
 
 
-def _of_starts(count: int, std: float, way: str) -> Shown:
-    counts = {"slow_starts": count, "uncertainty": std}
-    said = f"{count or 'no'} start{'' if count == 1 else 's'} from rest {way} under a slowly rising voltage"
+def _of_starts(count: int, share: float, way: str) -> Shown:
+    counts = {"slow_starts": count, "uncertainty": share}
+    said = f"{count or 'no'} {way}ward start{'' if count == 1 else 's'} from rest under a slowly rising voltage"
     if count < STARTS:
-        return Shown(False, f"{said}, {STARTS} that agree are needed: record slow stairs ({STAIRS})", counts)
-    if not np.isfinite(std):
-        return Shown(False, f"{said} contradict the model: record slower stairs ({STAIRS})", counts)
+        return Shown(
+            False, f"{said}, but {STARTS} that agree are needed: record rising pulses from rest ({PULSES})", counts
+        )
+    if not np.isfinite(share):
+        return Shown(False, f"{said} contradict the model: record rising pulses from rest ({PULSES})", counts)
+    if share > _BROAD:
+        leave = f"{said} leave it uncertain by {100.0 * share:.0f} % of the friction"
+        return Shown(False, f"{leave}: record rising pulses from rest ({PULSES})", counts)
     return Shown(True, said, counts)
 
 
-def _agreed(slow: Sequence[Started], volts: Callable[[float, int], float]) -> np.ndarray:
-    """Brackets (n, 2) of slow starts as shares of the model's break-away `volts`, those that overlap the earliest one.
-
-    A link that crosses its backlash first, or creeps before it is seen, starts late and never early.
-    """
-    model = np.array([volts(start.place, start.way) for start in slow])
-    brackets = np.array([sorted((abs(start.held), abs(start.moved))) for start in slow]).reshape(-1, 2)
-    brackets /= np.maximum(np.abs(model), 1e-9)[:, None]
-    return brackets[brackets[:, 0] <= brackets[:, 1].min(initial=np.inf)]
-
-
-def _uncertain(fit: Fit, way: int, spread: Spread) -> float:
-    """Standard uncertainty of the model's break-away, as a share of it."""
-
-    def read(theta: np.ndarray) -> float:
-        return volts_to_move(fit.model, theta, way, True)
-
-    std = spread.std(gradient_of(read, fit.theta))
-    share = std / max(abs(read(fit.theta)), 1e-9)
-    return float(np.hypot(LACKS["breakaway"], share if share < _UNKNOWN else _UNKNOWN))
-
-
-def _factor(brackets: np.ndarray, lack: float) -> tuple[float, float]:
-    """Factor on the model's break-away from the brackets (n, 2) of starts, and its standard uncertainty.
-
-    Mean and deviation of the factor's distribution, on a grid. The model is a normal distribution around 1 with
-    standard deviation `lack`. A bracket is a uniform one, and with the probability `_TARDY` the start was late and the
-    factor is below the bracket. Its edges are uncertain by `_PLACE`. All starts together count as `_COUNTED`. The
-    uncertainty is infinite if starts and model contradict each other.
-    """
-    grid = np.linspace(*_FACTORS, 1001)
-    told = np.zeros(len(grid))
-    for low, high in brackets:
-        below, above = (norm.cdf((grid - edge) / _PLACE) for edge in (low, high))
-        inside = (below - above) / max(high - low, _PLACE)
-        told += np.log((1.0 - _TARDY) * inside + _TARDY * (1.0 - below) / low + 1e-12)
-    told *= min(1.0, _COUNTED / max(len(brackets), 1))
-    read, std = _moments(grid, told) if len(brackets) else (1.0, 0.0)
-    if abs(read - 1.0) > _APART * np.hypot(std, min(lack, _DOUBTFUL)):
-        return read, np.inf
-    return _moments(grid, told - 0.5 * ((grid - 1.0) / lack) ** 2)
-
-
-def _moments(grid: np.ndarray, log: np.ndarray) -> tuple[float, float]:
-    """Mean and standard deviation of a density that is given by its logarithm."""
-    weight = np.exp(log - log.max())
-    mean = float(weight @ grid / weight.sum())
-    return mean, float(np.sqrt(weight @ (grid - mean) ** 2 / weight.sum()))
-
-
-def _of_crossings(up: int, down: int, std: float) -> Shown:
+def _of_crossings(fit: Fit, up: int, down: int, std: float) -> Shown:
     counts = {"crossings_up": up, "crossings_down": down, "uncertainty": std}
     if up + down < CROSSINGS:
-        why = f"the link crosses it {up + down} times, {CROSSINGS} are needed: reverse slowly where its weight changes"
-        return Shown(False, f"{why} sides (qpal design --for backlash FILE)", counts)
+        why = f"crossings by the link: {up + down}, but {CROSSINGS} are needed: reverse slowly where its weight"
+        return Shown(False, f"{why} changes sides (qpal design --for backlash FILE)", counts)
     if not std <= _CLEAR:
         size = f"{100 * std:.0f} % of it" if std < 10.0 else "larger than itself"
         why = f"its standard uncertainty is {size}: what the link does on its way across looks like lag and friction"
-        return Shown(False, f"{why}; sample faster (qpal design --for backlash FILE)", counts)
+        return Shown(False, f"{why}; {_faster(fit, 'and reverse slowly')} (qpal design --for backlash FILE)", counts)
     return Shown(True, f"the link crosses it {up + down} times", counts)
 
 
 def _play_uncertainty(fit: Fit, spread: Spread) -> float:
     """Standard uncertainty of the backlash in the fit, as a share of it."""
-    std = spread.std(gradient_of(lambda theta: _width(fit.model, theta), fit.theta))
+    std = spread.std(lambda theta: _width(fit.model, theta))
     return std / max(_width(fit.model, fit.theta), 1e-300) if np.isfinite(std) else np.inf
 
 
 def _of_times(fit: Fit, spread: Spread) -> Shown:
-    """Whether lag and delay are told apart; the correlation of their estimates decides, and the sampling time."""
+    """Whether lag and delay are told apart: by the sampling time, their limits, correlation and uncertainty."""
     chain, motor, Ts = fit.model, motor_of(fit.model), fit.Ts
-    gradient = np.array([[float(name == f"{motor.role}.{part}") for name in chain.names] for part in ("lag", "delay")])
-    lag, delay = (motor.value(chain.part(fit.theta, motor), part) for part in ("lag", "delay"))
-    std = [spread.std(row) for row in gradient]
-    cov = spread.noise.covariance_of(gradient)
-    size = float(np.sqrt(cov[0, 0] * cov[1, 1]))
-    r = float(cov[0, 1]) / size if size > 0.0 else 0.0
-    counts = {"correlation": r, "samples": lag + delay}
-    limits = chain.limits
     at = [chain.names.index(f"{motor.role}.{part}") for part in ("lag", "delay")]
-    free = all(limits[0][i] < fit.theta[i] < limits[1][i] for i in at)
-    if lag + delay < 1.0:
+    std = [spread.std(partial(_entry, i)) for i in at]
+    cov = spread.noise.covariance_of(np.eye(len(chain.names))[at])
+    size = float(np.sqrt(cov[0, 0] * cov[1, 1]))
+    r, both = float(cov[0, 1]) / size if size > 0.0 else 0.0, float(fit.theta[at].sum())
+    counts = {"correlation": r, "samples": both, "uncertainty": max(std) / both if both > 0.0 else np.inf}
+    names = ("time constant", "delay")
+    held = [
+        name for i, name in zip(at, names, strict=True) if not chain.limits[0][i] < fit.theta[i] < chain.limits[1][i]
+    ]
+    if both < 1.0:
         why = f"the sampling time of {Ts:g} s is longer than time constant and delay together"
-    elif not free or not np.all(np.isfinite(std)) or r < _TOGETHER or max(std) > _TOLD * (lag + delay) / 2:
-        why = f"this record does not tell time constant and delay apart (correlation {r:.2f})"
+    elif held:
+        why = f"the {held[0]} of the fit is at the limit of its range, so only its sum with the other is known"
+    elif not np.all(np.isfinite(std)):
+        why = "the record has no information on the share of time constant and delay in their sum"
+    elif r < _TOGETHER:
+        why = f"an error of the time constant looks like one of the delay (correlation {r:.2f})"
+    elif max(std) > _TOLD * both / 2:
+        k = int(np.argmax(std))
+        why = f"the standard uncertainty of the {names[k]} alone is {std[k] * Ts:.2g} s, of {both * Ts:.2g} s together"
     else:
         return Shown(True, f"correlation {r:.2f}", counts)
-    return Shown(False, f"{why}; sample faster to tell them apart", counts)
+    return Shown(False, f"{why}; {_faster(fit, 'to tell them apart')}", counts)
+
+
+def _entry(i: int, theta: np.ndarray) -> float:
+    return float(theta[i])
+
+
+def _faster(fit: Fit, purpose: str) -> str:
+    """What to do for a quicker motion than the record resolves."""
+    times = times_faster(fit)
+    return f"sample {times} times faster {purpose}" if times > 1 else f"record longer {purpose}"

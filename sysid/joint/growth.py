@@ -19,7 +19,7 @@ from sysid.joint.ends import Ends, chosen_ends
 from sysid.joint.nearby import SHAKES, beside, better
 from sysid.joint.parts import PARTS, is_plain
 from sysid.joint.pruning import pruned, remaining
-from sysid.joint.rate import at_rate
+from sysid.joint.rate import at_rate, rated
 from sysid.joint.rounds import MARGIN, Step, rounds
 from sysid.joint.stretches import in_stretches
 from sysid.joint.unseen import free_runs, unseen_folds
@@ -70,14 +70,13 @@ class Growth:
                 + stops
             )
         steps = [(name, step.bic) for step in self.steps if step.kept for name in remaining((step.part,), self.dropped)]
-        kept = [f"{WORDS[name]} ({bic:.0f})" for name, bic in steps]
+        kept = [f"{WORDS[name]} (BIC {bic:.0f})" for name, bic in steps]
         doubt = "".join(
             f" The record does not tell {WORDS[kept]} from {WORDS[other]}." for kept, other in self.undecided
         )
         return (
-            f"Kept beside dry friction and a position-dependent load (BIC {self.plain_bic:.0f}): {', '.join(kept)}."
-            + doubt
-            + stops
+            f"Besides dry friction and a position-dependent load (BIC {self.plain_bic:.0f}), the joint has "
+            f"{' and '.join(kept)}." + doubt + stops
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -115,13 +114,14 @@ def grow_joint(
 ) -> Growth:
     """Fit an actuated joint to `data` and repeatedly add the part that lowers BIC most, as long as one does.
 
-    Parts: "stribeck" (friction that falls with speed), "loss" (screw friction proportional to the load), "jams" (the
-    motor jams at an end stop), "screw" (both), "plays" (backlash), "coasts" (backlash whose link has inertia and
-    weight), "turns" (a load that repeats every turn of a joint without travel map, as a pendulum's). Each part starts
-    from the current fit, must lower BIC by `MARGIN`, and must not do harm in free run over parts of the record that it
-    was not fitted to. The end stops are chosen first, by the same rules. `plain` is the initial joint, an
-    `actuated_joint` with a motor and without those parts or backlash; search, starts, seed and progress are those of
-    `sysid.fit`. Raises InputError for an unsuitable part or plain joint, and the errors of `sysid.fit`.
+    Parts: "stribeck" (friction that falls with speed), "sided" (friction at rest that differs by direction), "sticks"
+    (both), "loss" (screw friction proportional to the load), "jams" (the motor jams at an end stop), "screw" (both),
+    "plays" (backlash), "coasts" (backlash whose link has inertia and weight), "turns" (a load that repeats every turn
+    of a joint without travel map, as a pendulum's). Each part starts from the current fit, must lower BIC by `MARGIN`,
+    and must not do harm in free run over parts of the record that it was not fitted to. The end stops are chosen first,
+    by the same rules. `plain` is the initial joint, an `actuated_joint` with a motor and without those parts or
+    backlash; search, starts, seed and progress are those of `sysid.fit`. Raises InputError for an unsuitable part or
+    plain joint, and the errors of `sysid.fit`.
     """
     names = tuple(parts)
     for part in names:
@@ -148,7 +148,11 @@ def _grown(chain: Chain, data: IOData, starts: int, names: tuple[str, ...], opti
     fit, steps, undecided = rounds(plain, cut, short, names, options)
     kept = tuple(step.part for step in steps if step.kept)
     first = float(ends.fit.criteria.bic)
-    fit, dropped = pruned(beside(_over(fit, data, k, options), data, options, kept), data, kept, MARGIN, options)
+    try:
+        whole = _over(fit, data, k, options)
+    except InputError:  # it runs away over the whole record, which stretches do not show
+        whole, steps, kept = fit_chain(rated(ends.fit.model, k), data, starts=starts, **options), (), ()
+    fit, dropped = pruned(beside(whole, data, options, kept), data, kept, MARGIN, options)
     left = remaining(kept, dropped)
     for turn in range(_ROUNDS):
         bic, fit = fit.criteria.bic, beside(fit, data, options, left if turn else ())
@@ -169,7 +173,7 @@ def _plain(chain: Chain, data: IOData, cut: IOData, starts: int, options: dict[s
 
 def _over(fit: Fit, data: IOData, k: int, options: dict[str, Any]) -> Fit:
     """The fit, with k samples as one, over the whole record."""
-    return fit_chain(fit.model, data, start=at_rate(fit.model, fit.theta, k)[None], **options)
+    return fit_chain(rated(fit.model, k), data, start=at_rate(fit.model, fit.theta, k)[None], **options)
 
 
 def _checked(
@@ -207,8 +211,8 @@ def _another(fit: Fit, ends: Ends, data: IOData, rough: _Rough, starts: int, opt
     """The same chain from a plain joint that was found from other starts."""
     bare, cut = ends.fit.model, rough.cut
     found = _plain(bare, rough.whole, cut, starts, options)
-    chain = fit.model
-    own, theta = set(chain.names) - set(bare.names), at_rate(chain, fit.theta, 1.0 / rough.k)
+    chain, theta = rated(fit.model, 1.0 / rough.k), at_rate(fit.model, fit.theta, 1.0 / rough.k)
+    own = set(chain.names) - set(bare.names)
     grown = {name: float(v) for name, v in zip(chain.names, theta, strict=True) if name in own}
     rng = np.random.default_rng(options["seed"])
     base = lifted(bare, found.theta, chain, grown)
@@ -221,7 +225,7 @@ def _warnings(growth: Growth, data: IOData, ways: int) -> list[str]:
     fit, said = growth.fit, []
     if growth.agreed < 2:
         said.append(
-            f"only one of {1 + ways} independent starts came to this joint: a better one may exist; try --starts 20"
+            f"only one of {1 + ways} independent starts led to this joint, so a better one may exist; try --starts 20"
         )
     y = data.y[data.observed[:, 0], 0]
     seen = 100.0 * (1.0 - float(np.sqrt(fit.criteria.mse)) / max(float(np.std(y)), 1e-300))
@@ -235,6 +239,9 @@ def _warnings(growth: Growth, data: IOData, ways: int) -> list[str]:
     free = fit.model.free & ~fit.model.initial
     for name in (n for n, at in zip(fit.model.names, high & free, strict=True) if at and n.startswith("motor")):
         limit = dict(zip(fit.model.names, fit.theta, strict=True))[name]
+        if name.endswith(".loss"):
+            said.append("the record does not tell the friction of the screw from its load; their sum is what counts")
+            continue
         said.append(
             f"{name} is at its limit of {limit:g}: the structure does not suit the record; try --structure auto"
         )

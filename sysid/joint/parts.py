@@ -18,6 +18,9 @@ _TRIED = 3  # of the plays that promise most, how many are tried
 DEGREES = ("deg", "°", "degree", "degrees")
 SHOWN = (0.25, 20.0)  # turns of a record that may show such a load
 _SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
+# Of the speed that friction in motion takes, which friction at rest keeps at the least. What falls within a part of a
+# sample makes derivatives that grow without limit, and no record shows it.
+_CREEP = 0.02
 Candidate = tuple[Chain, np.ndarray]
 
 
@@ -48,6 +51,8 @@ class Part:
 # A self-locking screw has load-dependent friction and jams; one of the two alone may not lower BIC.
 PARTS: dict[str, Part] = {
     "stribeck": Part("friction that falls with speed", ("stribeck",)),
+    "sticks": Part("friction that falls with speed, by direction", ("stribeck", "sided")),
+    "sided": Part("friction at rest that differs by direction", ("sided",)),
     "loss": Part("screw friction proportional to its load", ("loss",)),
     "jams": Part("jamming at struck stops", ("jams",)),
     "screw": Part("screw friction proportional to its load, and jamming at the end stops", ("loss", "jams")),
@@ -83,7 +88,7 @@ def again(name: str, fit: Fit, data: IOData) -> list[np.ndarray]:
 
 def _with_friction(fit: Fit, data: IOData, options: tuple[str, ...]) -> Candidate | None:
     chain, motor = fit.model, motor_of(fit.model)
-    if any(getattr(motor, option, True) or not _possible(motor, option) for option in options):
+    if any(getattr(motor, option, True) or not _possible(motor, option, options) for option in options):
         return None
     switched: dict[str, Any] = dict.fromkeys(options, True)
     if "stribeck" in options:
@@ -94,13 +99,19 @@ def _with_friction(fit: Fit, data: IOData, options: tuple[str, ...]) -> Candidat
         del held[f"{motor.role}.load0"]  # a loss tells a load from a difference between the frictions
     grown = sub(replace(chain, fixed=held), tuple(richer if b is motor else b for b in chain.blocks))
     points = friction_starts(options, chain, fit.theta, data)
+    if "stribeck" in options:
+        part = chain.part(fit.theta, motor)
+        gain, rise, fall = (motor.value(part, name) for name in ("gain", "rise", "fall"))
+        least = max(_CREEP * gain * 0.5 * (rise + fall), 1e-9)
+        grown = replace(grown, bounds={**grown.bounds, f"{motor.role}.stick_speed": (least, np.inf)})
     return grown, np.array([lifted(chain, fit.theta, grown, point) for point in points])
 
 
-def _possible(motor: Motor, option: str) -> bool:
+def _possible(motor: Motor, option: str, options: tuple[str, ...]) -> bool:
     needs: dict[str, Callable[[Motor], bool]] = {
         "loss": lambda m: bool(m.load or m.periodic),
         "jams": lambda m: bool(m.stops),
+        "sided": lambda m: m.stribeck or "stribeck" in options,
     }
     return needs[option](motor) if option in needs else True
 

@@ -62,6 +62,8 @@ def without(name: str, fit: Fit) -> Iterator[tuple[str, Candidate]]:
     if part.play is not None:
         yield name, _from(fit, tuple(b for b in chain.blocks if not isinstance(b, Play | CoastingPlay)), [{}])
     for option in part.options:
+        if option == "stribeck" and motor.sided:  # which goes first
+            continue
         switched: dict[str, Any] = {option: False} | ({"substeps": 1} if option == "stribeck" else {})
         plainer = replace(motor, **switched)
         blocks = tuple(plainer if b is motor else b for b in chain.blocks)
@@ -81,6 +83,10 @@ def _instead(option: str, fit: Fit) -> list[dict[str, float]]:
         lost, load = p["loss"] * abs(p["load0"]), p["load0"]
         dry = {"rise": p["rise"] + lost + load, "fall": p["fall"] + lost - load, "load0": 0.0}
         return [{f"{motor.role}.{name}": value for name, value in dry.items()}]
+    if option == "sided":
+        return [
+            {f"{motor.role}.stick": p["stick"] + share * (p["stick_down"] - p["stick"])} for share in (0.2, 0.5, 0.8)
+        ]
     if option == "stribeck":
         shares = (0.0, 0.3)
         return [{f"{motor.role}.{way}": p[way] + share * p["stick"] for way in ("rise", "fall")} for share in shares]

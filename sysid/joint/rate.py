@@ -1,6 +1,7 @@
 """A fitted chain at another sampling time, and the sampling time that a joint needs."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,12 +24,21 @@ def powers(chain: Chain) -> np.ndarray:
     return np.array(found)
 
 
+def rated(chain: Chain, times: float) -> Chain:
+    """The chain with its bounds for samples that are `times` times shorter."""
+    if not chain.bounds:
+        return chain
+    factors = dict(zip(chain.names, times ** powers(chain).astype(float), strict=True))
+    bounds = {name: (low * factors[name], high * factors[name]) for name, (low, high) in chain.bounds.items()}
+    return replace(chain, bounds=bounds)
+
+
 def at_rate(chain: Chain, theta: np.ndarray, times: float) -> np.ndarray:
-    """theta (P,) of the same chain for samples that are `times` times shorter.
+    """theta (P,) of `rated(chain, times)`, the same joint.
 
     Holds for chains whose dynamics are solved in continuous time, as a motor's, a backlash's and a spring's.
     """
-    return np.clip(theta * times ** powers(chain).astype(float), *chain.limits)
+    return np.clip(theta * times ** powers(chain).astype(float), *rated(chain, times).limits)
 
 
 def response(chain: Chain, theta: np.ndarray) -> float:

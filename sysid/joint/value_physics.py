@@ -35,12 +35,22 @@ def ends_of(chain: Chain, theta: np.ndarray) -> tuple[float, float]:
     return (-np.inf if np.isnan(angles[0]) else angles[0]), (np.inf if np.isnan(angles[1]) else angles[1])
 
 
+def slope_of(chain: Chain, theta: np.ndarray) -> float:
+    """Way of y per stroke of the motor, over the middle fifth of the travel; 1 without a travel map."""
+    travel = travel_of(chain)
+    if travel is None:
+        return 1.0
+    ends = travel.output(chain.part(theta, travel), np.array([0.4, 0.6]))
+    return float(ends[1] - ends[0]) / 0.2
+
+
 def volts_to_move(chain: Chain, theta: np.ndarray, direction: int, static: bool, place: float | None = None) -> float:
     """Input [V] for friction and load in a direction of the motor, at its position `place` (None: mid stroke)."""
     motor = motor_of(chain)
     p = SimpleNamespace(**{**motor.absent, **motor.by_name(chain.part(theta, motor))})
     load = float(load_at(motor.at if place is None else place, p, motor))
-    dry = (p.rise if direction > 0 else p.fall) + (p.stick if static else 0.0)
+    stick = p.stick_down if motor.sided and direction < 0 else p.stick
+    dry = (p.rise if direction > 0 else p.fall) + (stick if static else 0.0)
     return through_driver(chain, theta, load + direction * (dry + p.loss * abs(load)))
 
 

@@ -57,11 +57,14 @@ class StopTest:
 
 def noise_level(y: np.ndarray) -> float:
     """Standard deviation of white noise and rounding in y (N,): second differences take a steady motion out."""
-    y = np.ravel(y)
+    second = np.diff(np.ravel(y), 2)
+    return max(float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)), rounding(y))
+
+
+def rounding(y: np.ndarray) -> float:
+    """Standard deviation of the rounding of y (N,) to the steps of a converter; 0 where no step is seen."""
     seen = np.unique(y)
-    finest = float(np.diff(seen).min()) if len(seen) >= _CODES else 0.0
-    second = np.diff(y, 2)
-    return float(max(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0), finest / np.sqrt(12.0)))
+    return float(np.diff(seen).min()) / np.sqrt(12.0) if len(seen) >= _CODES else 0.0
 
 
 def rising(u: np.ndarray, y: np.ndarray) -> float:
@@ -231,9 +234,10 @@ def _arrival(push: np.ndarray, place: np.ndarray, first: int, near: float, free:
 @dataclass(frozen=True)
 class Started:
     """A start from rest in the direction `way` at the place `place` [y]: the voltages `held` and `moved` [V] between
-    which it began, in the sense of u."""
+    which it began, in the sense of u. It rested from the sample `since` on and is seen to move at `sample`."""
 
     experiment: int
+    since: int
     sample: int
     way: int
     place: float
@@ -253,12 +257,14 @@ def starts_from_rest(data: IOData, noise: float, every: int = 1) -> list[Started
     grows with the square of time or faster, so it began at most twice as long before as a quarter of this way was
     passed, which is no later than it was last seen behind its rest.
     """
-    noise /= np.sqrt(every)
+    # At rest one and the same rounding error is in every reading.
+    noise = max(noise / np.sqrt(every), *(rounding(record.y) for record in data.experiments))
     found = []
     sign = rising(*(np.concatenate([getattr(r, k)[:, 0] for r in data.experiments]) for k in ("u", "y")))
     for k, record in enumerate(data.experiments):
         n = record.N // every
-        u, y = sign * record.u[: n * every : every, 0], record.y[: n * every, 0].reshape(n, every).mean(axis=1)
+        u, y = (part[: n * every, 0].reshape(n, every) for part in (sign * record.u, record.y))
+        y = y.mean(axis=1)
         m = max(_window(noise, np.abs(np.diff(y))), 2)
         speed = np.concatenate([np.zeros(m), _speed(y, m), np.zeros(m - 1)])
         still = np.abs(speed) < _SURE * noise * np.sqrt(2.0 / m) / m
@@ -270,15 +276,21 @@ def starts_from_rest(data: IOData, noise: float, every: int = 1) -> list[Started
                 if start is not None:
                     sample, place, held, moved = start
                     way = int(np.sign(speed[last]))
-                    found.append(Started(k, every * sample, way, place, way * sign * held, way * sign * moved))
+                    found.append(
+                        Started(
+                            k, every * int(first), every * sample, way, place, way * sign * held, way * sign * moved
+                        )
+                    )
     return found
 
 
 def _start(
-    u: np.ndarray, y: np.ndarray, noise: float, around: tuple[int, int, int], way: int
+    inputs: np.ndarray, y: np.ndarray, noise: float, around: tuple[int, int, int], way: int
 ) -> tuple[int, float, float, float] | None:
     """Sample at which a start is seen, place of the rest, and voltages before and at it, positive towards `way`; None
-    if the joint drifts instead of resting. `around`: first sample of the rest, of the motion, and of the next rest."""
+    if the joint drifts instead of resting. `inputs` (n, every) and the means y (n,) of as many readings; `around`:
+    first sample of the rest, of the motion, and of the next rest."""
+    u = inputs[:, 0]
     first, last, following = around
     half = max((last - first) // 2, _REST)
     quarter = max(half // 2, 1)
@@ -294,5 +306,9 @@ def _start(
     close = np.flatnonzero(gone[: far[0]] <= 0.0)
     seen, passed = first + int(far[0]), first + (int(close[-1]) if len(close) else 0)
     before = max(passed - (seen - passed) - _LATE, first)
-    held, moved = float((way * u)[first : before + 1].max()), float((way * u)[before : seen + 1].max())
+    still = before + 1
+    if u[before] in (u[before - 1], u[before + 1]):  # under a steady voltage it starts at once or never
+        while still > first + 1 and u[still - 1] == u[before]:
+            still -= 1
+    held, moved = float((way * u)[first:still].max()), float((way * inputs)[before : seen + 1].max())
     return seen, rest, min(held, moved), moved

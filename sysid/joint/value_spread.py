@@ -1,4 +1,10 @@
-"""How far a joint's value may be off: by noise, by what the model lacks, by the sensor and by an unseen backlash."""
+"""How far a joint's value may be off: by noise, by what the model lacks, by the sensor and by an unseen backlash.
+
+A model that lacks something of the joint comes to other values on other parts of the record, also where the curvature
+at its optimum says that the record determines them closely. Fits to each half of the record show it: their deviation
+from the fit to the whole estimates its standard deviation without that curvature (subsampling: Politis, Romano and
+Wolf, Subsampling, Springer 1999, chapter 2).
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
+from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
+from sysid.joint.unseen import refitted, unseen_folds
 from sysid.uncertainty.information import Information, information
 from sysid.uncertainty.initial_sensitivity import with_initial_state
 from sysid.uncertainty.noise_model import noise_model
@@ -16,44 +24,62 @@ from sysid.uncertainty.noise_model import noise_model
 # movement, so their number does not grow with the record.
 _DIRECTIONS = 10.0
 # Standard uncertainty, as a share of the value, that every joint model leaves even where its residuals are white,
-# because other parameters make up for what it lacks: found on drawn legs of the twin (scripts/drawn_joints.py).
-LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.09, "backlash": 0.15}
+# because other parameters make up for what it lacks: found on drawn legs of the twin (scripts/drawn_joints.py). Those
+# of voltages are shares of the friction, at rest for a break-away.
+LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.12, "backlash": 0.15}
 LACKS |= {"speed_per_volt": 0.008}
 FAR = 0.01  # of the travel: how far an end may lie from the rests against it, which the backlash keeps apart
 TIMES = 0.1  # of a sample: the same of a time
 LATE = 0.1  # of a time: what else delays a joint, as a backlash that a model has not, looks like lag
 _STEP = 1e-6
+_ITERATIONS = 8  # of the fit to a part of the record: it begins at the optimum of the whole
 UNSEEN = 0.005  # of the travel: standard uncertainty of an end, by the side of the backlash on which the link rests
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Half widths of intervals at one level from gradients (P,); nan if undetermined.
+    """Half widths of intervals at one level of values that are read from theta (P,); nan if undetermined.
 
     `noise`: information of coloured residuals. `lack`: standard deviation that the structure in the residuals leaves in
-    a direction of theta, relative to that of the plain information `plain`.
+    a direction of theta, relative to that of the plain information `plain`. `refits`: theta (P,) of the fits to each
+    half of the record.
     """
 
     noise: Information
     plain: Information
     lack: float
     level: float
+    refits: tuple[np.ndarray, ...] = ()
 
-    def __call__(self, gradient: np.ndarray) -> float:
-        return self.noise.quantile(self.level) * self.std(gradient)
+    def __call__(self, read: Callable[[np.ndarray], float]) -> float:
+        return self.noise.quantile(self.level) * self.std(read)
 
-    def std(self, gradient: np.ndarray) -> float:
-        """Standard uncertainty of a value with a gradient (P,); nan if it is undetermined."""
-        off = self.lack * float(np.linalg.norm(np.atleast_2d(gradient) @ self.plain.factor))
-        return float(np.hypot(float(self.noise.std_of(gradient)[0]), off))
+    def std(self, read: Callable[[np.ndarray], float]) -> float:
+        """Standard uncertainty of a value; nan if it is undetermined.
+
+        It is no smaller than the deviation of the value on each half of the record from that on the whole: with half of
+        the information, their variances are the same.
+        """
+        gradient = gradient_of(read, self.noise.theta)
+        off = self.lack * float(np.linalg.norm(gradient @ self.plain.factor))
+        at_optimum = float(np.hypot(float(self.noise.std_of(gradient)[0]), off))
+        return at_optimum if np.isnan(at_optimum) else max(at_optimum, self.apart(read))
+
+    def apart(self, read: Callable[[np.ndarray], float]) -> float:
+        """Root mean square deviation of a value on halves of the record from that on the whole; 0 without halves."""
+        value = read(self.noise.theta)
+        off = np.array([read(theta) - value for theta in self.refits])
+        off = off[np.isfinite(off)]
+        return float(np.sqrt(np.mean(off**2))) if len(off) else 0.0
 
 
-def white(fit: Fit, level: float) -> Callable[[np.ndarray], float]:
-    """Half width of an interval from a gradient (P,), for white residuals; nan if it is undetermined."""
+def white(fit: Fit, level: float) -> Callable[[Callable[[np.ndarray], float]], float]:
+    """Half width of an interval of a value that is read from theta, for white residuals; nan if it is undetermined."""
     factor = float(norm.ppf(0.5 + level / 2))
     covariance, known = fit.covariance.cov, np.isfinite(fit.covariance.std()) | ~fit.model.free
 
-    def spread(gradient: np.ndarray) -> float:
+    def spread(read: Callable[[np.ndarray], float]) -> float:
+        gradient = gradient_of(read, fit.theta)
         if np.any(np.abs(gradient[~known]) > 0.0):
             return np.nan
         return factor * float(np.sqrt(max(gradient[known] @ covariance[np.ix_(known, known)] @ gradient[known], 0.0)))
@@ -61,29 +87,41 @@ def white(fit: Fit, level: float) -> Callable[[np.ndarray], float]:
     return spread
 
 
-def spread_of(fit: Fit, data: IOData, level: float) -> Spread:
+def spread_of(fit: Fit, data: IOData, level: float, halves: bool = True) -> Spread:
     """The spread of a fit to the record `data`.
 
     Structure that is left in the residuals is orthogonal to what the parameters can follow. What the model lacks has as
     much along the parameters as along any other of its `_DIRECTIONS`: with m the structure, |m|^2 = N (mean square of
     the residuals - variance of the noise), a value with gradient g is off by (g' (J'J)^-1 g |m|^2 / directions)^(1/2).
-    The variance of the noise is that of the innovations of an autoregression.
+    The variance of the noise is that of the innovations of an autoregression. The halves are those of
+    `sysid.joint.unseen.unseen_folds`; a record that is too short has none, and without `halves`
+    they are not asked.
     """
     e, plain = residuals(fit, data), information(fit, data, lags=None)
     all_e = np.concatenate(e)
     mse, lengths = float(np.mean(all_e**2)), [len(part) for part in e]
     noise = noise_model(all_e, np.zeros((len(all_e), 0)), lengths).variance if mse > 0.0 else 0.0
     lack = np.sqrt(len(all_e) * max(1.0 - noise / mse, 0.0) / _DIRECTIONS) if mse > 0.0 else 0.0
-    return Spread(information(fit, data, lags="auto"), plain, float(lack), level)
+    refits = tuple(_refitted(fit, fold.estimation) for fold in unseen_folds(data)) if halves else ()
+    return Spread(information(fit, data, lags="auto"), plain, float(lack), level, refits)
 
 
-def lacking(name: str, value: float, travel: float, Ts: float) -> float:
-    """Standard uncertainty of a value by what every model of a joint lacks; `travel` is the way between the ends."""
+def _refitted(fit: Fit, part: IOData) -> np.ndarray:
+    with one_blas_thread(), np.errstate(all="ignore"):
+        return refitted(fit.model, fit.theta, part, _ITERATIONS)
+
+
+def lacking(name: str, value: float, travel: float, Ts: float, dry: float) -> float:
+    """Standard uncertainty of a value by what every model of a joint lacks; `travel` is the way between the ends.
+
+    dry [V]: dry friction. The voltage that moves a joint is as uncertain as that, also where a load makes it small.
+    """
     if name.startswith("end_"):
         return UNSEEN * travel
     if name in ("lag_and_delay", "time_constant", "delay"):
         return float(np.hypot(TIMES * Ts, LATE * value))
-    return next((share for start, share in LACKS.items() if name.startswith(start)), 0.0) * abs(value)
+    of = dry if name.startswith(("coulomb", "moving_friction")) else abs(value)
+    return next((share for start, share in LACKS.items() if name.startswith(start)), 0.0) * of
 
 
 def gradient_of(read: Callable[[np.ndarray], float], theta: np.ndarray) -> np.ndarray:

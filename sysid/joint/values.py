@@ -6,15 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import norm
 
+from sysid.base import units
 from sysid.base.errors import InputError
-from sysid.blocks import CoastingPlay, Play, ServoMotor, TravelMap
+from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.joint.evidence import Evidence, Shown, evidence
-from sysid.joint.value_physics import ends_of, travel_of, volts_to_move
-from sysid.joint.value_spread import FAR, gradient_of, lacking, spread_of, white
+from sysid.joint.value_physics import ends_of, slope_of, travel_of, volts_to_move
+from sysid.joint.value_spread import FAR, Spread, lacking, spread_of, white
 from sysid.model.chain import Chain
+
+_VAGUE = 0.1  # of a speed, or of the dry friction: a wider standard uncertainty does not determine it
 
 
 @dataclass(frozen=True)
@@ -75,29 +78,33 @@ def joint_values(
             f"linearity is {linearity}; give the largest deviation of the sensor from a straight line, 0 or more"
         )
     readings = _readings(chain, fit.Ts)
-    shown = None
+    shown, dry = None, 0.0
     if data is None:
         plain = white(fit, level)
         rows = {name: Shown(True) for name in readings}
     else:
-        plain = spread_of(fit, data, level)
+        plain = spread_of(fit, data, level, halves=not complete)
+        if complete:
+            plain = replace(plain, lack=0.0)
         shown = evidence(fit, data, plain)
         readings = _told(readings, shown)
-        rows = {name: _row(name, shown) for name in readings}
+        dry = 0.5 * abs(readings["coulomb_up"][1](fit.theta) - readings["coulomb_down"][1](fit.theta))
+        rows = {name: _close(name, _row(name, shown), readings, plain, dry) for name in readings}
     way, factor = _way(chain, fit.theta, data), float(norm.ppf(0.5 + level / 2))
     found = []
     for name, (unit, read, least) in readings.items():
         value, row = read(fit.theta), rows[name]
         if not np.isfinite(value):
             continue
-        half = plain(gradient_of(read, fit.theta))
+        half = plain(read)
         if row.determined and not (np.isfinite(half) and half > 0.0):
             row = Shown(False, "the record has no information on it")
         limits: tuple[float | None, float | None] = (None, None)
         if row.determined:
             off_line, lacks = linearity * _nonlinearity_share(name, value, chain, fit.theta), 0.0
             if shown is not None and not complete:
-                value, lacks = _with_record(name, value, shown, way, fit.Ts)
+                value, lacks = _with_record(name, value, shown, way, fit.Ts, dry)
+                lacks = float(np.hypot(lacks, _side(chain, fit.theta) if name in shown.stops else 0.0))
                 half = 0.0 if name in shown.breakaway else half  # which the agreement with the starts includes
             half = float(np.sqrt(half**2 + (factor * off_line) ** 2 + (factor * lacks) ** 2))
             limits = max(value - half, least), value + half
@@ -116,15 +123,27 @@ def in_unit(values: tuple[JointValue, ...], unit: str) -> tuple[JointValue, ...]
     return tuple(replace(v, unit=named(v.unit)) for v in values)
 
 
-def _with_record(name: str, value: float, shown: Evidence, way: float, Ts: float) -> tuple[float, float]:
+def as_read(value: JointValue) -> JointValue:
+    """The value in the unit of tables, pictures and its own sentence `why`: degrees where the output is in radians."""
+    quantity = units.shown(value.name, value.unit)
+    low, high = (None if limit is None else limit * quantity.factor for limit in (value.low, value.high))
+    return replace(value, value=value.value * quantity.factor, low=low, high=high, unit=quantity.unit or value.unit)
+
+
+def _with_record(name: str, value: float, shown: Evidence, way: float, Ts: float, dry: float) -> tuple[float, float]:
     """A value with what the record shows of it directly, and its standard uncertainty beyond that of the fit."""
     if name in shown.breakaway:
-        factor, std = shown.breakaway[name]
-        return factor * value, abs(std * factor * value)
+        return value + shown.breakaway[name].shift, shown.breakaway[name].std
     if name in shown.stops:
         rests = float(np.mean([visit.reading for visit in shown.stops[name].visits]))
         value = float(np.clip(value, rests - FAR * way, rests + FAR * way))
-    return value, lacking(name, value, way, Ts)
+    return value, lacking(name, value, way, Ts, dry)
+
+
+def _side(chain: Chain, theta: np.ndarray) -> float:
+    """By how much an end is uncertain since a link that coasts may rest on either side of its backlash [y]."""
+    play = next((b for b in chain.blocks if isinstance(b, CoastingPlay)), None)
+    return 0.0 if play is None else 0.5 * float(chain.part(theta, play)[0])
 
 
 def _way(chain: Chain, theta: np.ndarray, data: IOData | None) -> float:
@@ -139,17 +158,11 @@ def _nonlinearity_share(name: str, value: float, chain: Chain, theta: np.ndarray
     """Standard uncertainty of a value for a sensor with a largest deviation of 1 from a straight line."""
     if name.startswith("end_"):
         return float(np.sqrt(0.5))
-    travel = travel_of(chain)
-    if name != "speed_per_volt" or travel is None:
+    if name != "speed_per_volt" or travel_of(chain) is None:
         return 0.0  # a play is a difference between readings at one place
-    ends = _across_middle(travel, chain.part(theta, travel))
-    return abs(value / ends)  # sqrt(2) times 1 / sqrt(2), over the way that the speed is read from
-
-
-def _across_middle(travel: TravelMap, part: np.ndarray) -> float:
-    """Range of y over the middle fifth of the stroke."""
-    ends = travel.output(part, np.array([0.4, 0.6]))
-    return float(ends[1] - ends[0])
+    return abs(
+        value / (0.2 * slope_of(chain, theta))
+    )  # sqrt(2) times 1 / sqrt(2), over the way that the speed is read from
 
 
 Reading = tuple[str, Callable[[np.ndarray], float], float]
@@ -165,10 +178,7 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
         return lambda theta: motor.value(chain.part(theta, motor), name)
 
     def speed(theta: np.ndarray) -> float:
-        slope = 1.0
-        if travel is not None:
-            slope = _across_middle(travel, chain.part(theta, travel)) / 0.2
-        return of("gain")(theta) * slope / Ts
+        return of("gain")(theta) * slope_of(chain, theta) / Ts
 
     def held(theta: np.ndarray, direction: int, static: bool) -> float:
         return volts_to_move(chain, theta, direction, static)
@@ -224,6 +234,24 @@ def _row(name: str, shown: Evidence) -> Shown:
     if name == "lag_and_delay":
         return Shown(True, shown.why("delay"))
     return Shown(shown.determined(name), shown.why(name))
+
+
+def _close(name: str, row: Shown, readings: dict[str, Reading], spread: Spread, dry: float) -> Shown:
+    """The row of a speed or of a friction in motion, not determined where its standard uncertainty is too large.
+
+    A load may make the voltage that moves a joint as small as one likes, so it is compared with the dry friction.
+    """
+    volts = name.startswith(("coulomb", "moving_friction"))
+    if not row.determined or not (volts or name.startswith("speed")):
+        return row
+    read = readings[name][1]
+    std, least = spread.std(read), dry if volts else abs(read(spread.noise.theta))
+    if not std > _VAGUE * least:
+        return row
+    why = f"its standard uncertainty is {100.0 * std / max(least, 1e-300):.0f} % of {'the friction' if volts else 'it'}"
+    apart = ", since halves of the record give other values" if spread.apart(read) >= std else ""
+    why = f"{why}{apart}: the model misses part of what the joint does (qpal design FILE)"
+    return Shown(False, f"{why}; {row.why}" if row.why else why, row.counts)
 
 
 def _sum(a: Reading, b: Reading) -> Reading:

@@ -178,6 +178,8 @@ def _friction(fit: Fit, data: IOData) -> float:
         return float("inf")
     part = chain.part(fit.theta, motor)
     rise, fall, stick, loss = (motor.value(part, name) for name in ("rise", "fall", "stick", "loss"))
+    if motor.sided:
+        stick = 0.5 * (stick + motor.value(part, "stick_down"))
     lost = loss * float(np.mean(np.abs(_loads(fit, data))))
     # A servo's input is a goal, and its drive goes up to a limit of which it uses, on the mean, a good part.
     drive = 0.5 * motor.value(part, "limit") if isinstance(motor, ServoMotor) else float(np.std(data.u))

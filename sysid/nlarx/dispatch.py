@@ -1,6 +1,7 @@
 """fit(model, data): one function for every kind of model."""
 
 from collections.abc import Callable
+from os import PathLike
 from typing import Any, overload
 
 import numpy as np
@@ -15,6 +16,15 @@ from sysid.nlarx.fit import fit_nlarx
 from sysid.nlarx.model import Nlarx
 from sysid.nlarx.result import NlarxFit
 from sysid.solver.iterate import Options
+
+
+def load(path: str | PathLike) -> Fit | NlarxFit:
+    """Read a fit that its `save` wrote, a chain's or a nonlinear ARX model's; raises InputError for anything else."""
+    from sysid.estimation.storage import FORMAT, built, read
+    from sysid.nlarx import saving, storage
+
+    formats: dict[str, Callable[[dict[str, Any]], Fit | NlarxFit]] = {FORMAT: built, saving.FORMAT: storage.built}
+    return read(path, formats)
 
 
 @overload
@@ -32,7 +42,7 @@ def fit(
     starts: int | str = "auto",
     seed: int = 0,
     options: Options | None = None,
-    start: np.ndarray | None = None,
+    start: "np.ndarray | Fit | None" = None,
     objective: Objective | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Fit | NlarxFit:
@@ -40,10 +50,10 @@ def fit(
 
     search: a name of `sysid.solver.searches.TABLE`; starts: "auto", which goes on until two independent starts agree
     (`Fit.agreed`) or three rounds are over, or how many starting points; `seed` draws them; start (P,) or (K, P): one
-    or several starting points to use instead; objective: Huber's threshold, ridge, output weights, and the curvature
-    weight that prevents kinks of free maps without data (on by default: `Objective`). Equal seeds give equal numbers
-    for any number of threads. Raises InputError for a record that is too short, has other channels than the model, or
-    has a constant input or output. For an Nlarx, `sysid.fit_nlarx` does the fit.
+    or several starting points to use instead, or a fit of the same model; objective: Huber's threshold, ridge, output
+    weights, and the curvature weight that prevents kinks of free maps without data (on by default: `Objective`). Equal
+    seeds give equal numbers for any number of threads. Raises InputError for a record that is too short, has other
+    channels than the model, or has a constant input or output. For an Nlarx, `sysid.fit_nlarx` does the fit.
     """
     if isinstance(model, Nlarx):
         if start is not None or objective is not None:

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -142,6 +144,12 @@ class NlarxFit:
             Parameter(name, float(v), float(s) if np.isfinite(s) else None, "", True, -np.inf, np.inf)
             for name, v, s in zip(self.network.names, self.theta, std, strict=True)
         )
+
+    def save(self, path: str | PathLike) -> Path:
+        """Write the fit as readable JSON; `sysid.load` reads it again."""
+        from sysid.nlarx.saving import save
+
+        return save(self, path)
 
     def summary(self) -> dict[str, Any]:
         """A summary ready for JSON: values that are not finite become None."""

@@ -1,6 +1,7 @@
 """The page of `qpal design`: the next experiment, and what it would tell."""
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,13 +11,15 @@ from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.base.versions import versions
 from sysid.joint.design import Design
+from sysid.joint.values import JointValue
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.report.sections import WORDS, told_once, value_cells
+from sysid.report.sections import WORDS, decimals, told_once, value_cells
 from sysid.workflow.design import Proposal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+LINE = 24  # letters beside one of two axes
 COLOURS = (style.MODEL, style.SECOND, style.INPUT)
 
 
@@ -24,8 +27,8 @@ def page(result: Proposal, file: str) -> Page:
     """The whole report; `file` has the input."""
     d = result.design
     caption = (
-        "Input, and the output that the first fit predicts. The bands are the parts of the experiment. The real joint "
-        "may be elsewhere: before every slow part it runs to its lower end, or stays near the middle."
+        "Input, and the output that the first fit predicts. The bands are the parts of the experiment. The position of "
+        "the real joint may differ, so before every slow part the input drives it to an end, if one is known."
     )
     return Page(
         "The next experiment",
@@ -42,12 +45,12 @@ def page(result: Proposal, file: str) -> Page:
 def sentences(result: Proposal, file: str) -> list[str]:
     """What to do, and what was assumed."""
     d = result.design
-    speed = shown("", f"{d.units[1]}/s" if d.units[1] else "1/s")
+    largest = f"{np.abs(d.u).max():.3g} {d.units[0]}".rstrip()
     return [
-        f"Run the input of {file} ({d.duration:.0f} s, up to {np.abs(d.u).max():.3g} {d.units[0]}) on the joint, "
-        f"record input and output every {d.Ts:g} s, and identify the new record: {result.command}.",
-        f"The joint moves at {d.fastest * speed.factor:.3g} {speed.unit} at most, and meets its ends no faster; "
-        "--strike lowers this.",
+        f"Apply the input in {file} ({d.duration:.0f} s, up to {largest}) to the joint, and record input and output "
+        f"every {d.Ts:g} s. Then identify the new record: {result.command}.",
+        f"The joint moves at {d.fastest * result.speed.factor:.3g} {result.speed.unit} at most, also when it meets an "
+        f"end. To limit the speed, give --strike in the unit of the log, {result.strike_unit}.",
         *(f"{note[0].upper()}{note[1:]}." for note in d.notes),
     ]
 
@@ -70,11 +73,22 @@ def values(d: Design) -> Grid:
     for name in (name for name in WORDS if name in now or name in then):
         cells = [value_cells(each[name])[:2] if name in each else ("–", "–") for each in (now, then)]
         unit = value_cells(then.get(name) or now[name])[2]
-        rows.append((WORDS.get(name, name.replace("_", " ")), *cells[0], cells[1][1], unit))
+        # Where the first record does not determine a value, the fit does not say where it will be.
+        expected = cells[1][1] if name in now and now[name].determined else _half(then.get(name), cells[1][1])
+        rows.append((WORDS.get(name, name.replace("_", " ")), *cells[0], expected, unit))
     caption = (
-        "Values from the first record, and the 95 % intervals expected from the new one if the joint is like the fit"
+        "Values from the first record, and the 95 % intervals expected from the new record if the joint behaves like "
+        "the fitted model (± is half an interval, about a value that the first record does not show)"
     )
     return Grid(("", "now", "95 % interval now", "expected", "unit"), rows, caption, last_text=True)
+
+
+def _half(value: JointValue | None, otherwise: str) -> str:
+    """The half width of an interval."""
+    if value is None or value.low is None or value.high is None:
+        return otherwise
+    half = 0.5 * (value.high - value.low) * shown(value.name, value.unit).factor
+    return f"± {half:.{decimals(half)}f}"
 
 
 @styled
@@ -91,6 +105,12 @@ def draw(d: Design) -> Sequence["Axes"]:
             label = p.name if axes is upper and p is d.phases[names.index(p.name)] else None
             axes.axvspan(p.start * d.Ts, p.stop * d.Ts, color=colour, alpha=0.15, linewidth=0, label=label)
     upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(names), frameon=False)
-    upper.set(ylabel=f"input u [{d.units[0]}]" if d.units[0] else "input u")
-    lower.set(xlabel="time [s]", ylabel=f"predicted y [{out.unit}]" if out.unit else "predicted y")
+    upper.set(ylabel=_label("input u", d.units[0]))
+    lower.set(xlabel="time [s]", ylabel=_label("predicted y", out.unit))
     return upper, lower
+
+
+def _label(name: str, unit: str) -> str:
+    """Name and unit of an axis; a long unit stands below the name, so that the label is no longer than the axis."""
+    label = f"{name} [{unit}]" if unit else name
+    return label if len(label) <= LINE else "\n".join([name, *wrap(f"[{unit}]", LINE)])

@@ -156,10 +156,18 @@ def _verdict(result: Identification) -> list[str]:
     return [*_no_joint(e), first, *chosen, sections.search_sentence(e), *notes, *_next(result)]
 
 
+_CLOSE = 90.0  # [%] fit of a free run that is close to the data
+
+
 def _stability(e: Evaluation) -> str:
     if e.linear:
         return f"It is {'stable' if e.stable else 'not stable'}: poles {poles(e.poles)}."
-    runs = "Its free run stays close to the data." if e.stable else "Its free run DIVERGES from the data."
+    runs = "Its free run DIVERGES from the data."
+    if e.stable:
+        near = min(e.validation_fit, e.estimation_fit) >= _CLOSE
+        runs = (
+            f"Its free run stays {'close to the data' if near else 'in the range of the data, but not close to them'}."
+        )
     if e.one_step is None:
         return runs
     one = percent(e.one_step.validation_fit)

@@ -66,7 +66,7 @@ def value_cells(v: JointValue) -> tuple[str, str, str]:
     shown_as = shown(v.name, v.unit)
     factor, unit = shown_as.factor, shown_as.unit
     if not v.determined:
-        return number(None), v.why.split(" (")[0] if v.why.startswith("not met") else NOT_KNOWN, unit
+        return number(None), v.why.split(" (")[0] if v.why.startswith("not reached") else NOT_KNOWN, unit
     if v.low is None or v.high is None:
         return number(v.value * factor, 4), NOT_KNOWN, unit
     digits = max(decimals(v.high * factor - v.low * factor), decimals(v.value * factor) if v.value else 0)

@@ -10,7 +10,7 @@ def one_step(evaluation: Evaluation) -> bool:
 
 
 def tests_in_words(evaluation: Evaluation) -> str:
-    """Both test results with their counts."""
+    """Both test results, the joint test with how likely chance is."""
     t = evaluation.tests
     if t is None:
         return "The validation data are too short for residual tests."
@@ -19,5 +19,12 @@ def tests_in_words(evaluation: Evaluation) -> str:
     subject = "The one-step-ahead residuals" if one_step(evaluation) else "The residuals"
     return (
         f"{subject} are {white} ({t.whiteness_outside} of {len(t.lags) - 1} lags outside) and {independent} "
-        f"({t.independence_outside} of {len(t.cross_lags)} lags outside)."
+        f"(all lags together: {_likely(t.independence_p)})."
+    )
+
+
+def _likely(p: float) -> str:
+    """How often chance alone gives such correlations."""
+    return (
+        f"chance gives such correlations in {100.0 * p:.2g} % of records" if p >= 1e-4 else "chance does not explain it"
     )

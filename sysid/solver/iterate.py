@@ -355,8 +355,10 @@ def iterate(
             progress(iteration + 1, cost / lin.N)
         if stalled(history):
             # Kinks of a map can prevent the expected improvement; a loss that no longer falls ends the search too.
-            reason = f"the loss fell by less than {100 * _STILL:g} % over the last {_STALL} iterations"
             converged = expected <= SMALL
+            reason = f"the loss fell by less than {100 * _STILL:g} % over the last {_STALL} iterations"
+            if not converged:
+                reason += f", although {expected:.2g} % was still expected: a kink of a map or a bound is in the way"
             break
     return Outcome(p, cost, Stop(reason, converged, iteration, evaluations), tuple(history))
 

@@ -8,11 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.errors import InputError
+from sysid.base.units import Quantity, shown
 from sysid.base.versions import versions
+from sysid.channels.units import convert
 from sysid.estimation.result import Fit
 from sysid.formats import check_written, write_table
 from sysid.joint.design import Design, design
 from sysid.joint.growth import grow_joint
+from sysid.joint.values import as_read
+from sysid.joint.verdict import verdict
 from sysid.structures import ActuatedJoint
 from sysid.workflow.record import Record, read_record
 
@@ -30,12 +35,27 @@ class Proposal:
         """The command that identifies the joint from both records, once the second exists."""
         return shlex.join(["qpal", "identify", "RECORDED.csv", "--structure", ActuatedJoint.name])
 
+    @property
+    def speed(self) -> Quantity:
+        """How speeds of the output are told: in degrees per second where it is an angle."""
+        return shown("speed", f"{self.design.units[1] or '1'}/s")
+
+    @property
+    def strike_unit(self) -> str:
+        """The unit in which `strike` is given: that of the output's column per second."""
+        return f"{_column_unit(self.record) or '1'}/s"
+
     def as_dict(self) -> dict[str, Any]:
         """The summary of `qpal design`, ready for JSON."""
         return {
             "record": self.record.as_dict(),
             "fit_percent": self.fit.fit_percent(self.record.data),
             **self.design.as_dict(),
+            "largest_input_unit": self.design.units[0],
+            "fastest": self.design.fastest * self.speed.factor,
+            "fastest_unit": self.speed.unit,
+            "now": [vars(as_read(v)) for v in self.design.now],
+            "then": [vars(as_read(v)) for v in self.design.then],
             "next": self.command,
             "versions": versions(),
         }
@@ -48,18 +68,42 @@ def propose(
     strike: float | None = None,
     seed: int = 0,
     sample: float | None = None,
+    to_stops: bool = False,
     progress: Callable[[], None] = lambda: None,
     **columns: Any,
 ) -> Proposal:
     """The next experiment on the joint in the log at `path`, in samples of `sample` [s]; `columns` as in `read_record`.
 
-    Raises InputError for a file that is no log, and as `sysid.joint.design.design`.
+    volts: largest input [unit of u]. strike: largest speed, in the unit of the output's column per second. `to_stops`:
+    it may run into stops that the log does not show. Raises InputError for limits that are not positive or longer
+    samples than the log's, before any fit; for a file that is no log, a log that is not a joint's, and as
+    `sysid.joint.design.design`.
     """
+    for name, value in (("volts", volts), ("strike", strike), ("sample", sample)):
+        if value is not None and not 0.0 < value < np.inf:
+            raise InputError(f"--{name} is {value:g}; give a positive number, or leave it out")
     record = read_record(path, **columns)
+    if sample is not None and sample > record.data.Ts:
+        raise InputError(
+            f"--sample is {sample:g} s and the log has a sample every {record.data.Ts:g} s; give at most this"
+        )
+    strike = None if strike is None else strike * convert(_column_unit(record)).factor
     progress()
     data = ActuatedJoint().scale(record.data)
-    fit = grow_joint(data, seed=seed).fit
-    return Proposal(record, fit, design(fit, data, targets, volts, strike, seed, sample))
+    growth = grow_joint(data, seed=seed)
+    said = verdict(growth, data)
+    if not said.joint:
+        raise InputError(
+            f"{said.sentence().rstrip('.')}, and no experiment is designed; to see the fit: qpal identify "
+            f"{shlex.quote(str(path))} --structure {ActuatedJoint.name}"
+        )
+    fit = growth.fit
+    return Proposal(record, fit, design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops))
+
+
+def _column_unit(record: Record) -> str:
+    """Unit of the output's column as the file writes it."""
+    return record.signals.mapping.output[0].unit
 
 
 def write_input(proposal: Proposal, path: Path) -> Path:

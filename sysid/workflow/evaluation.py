@@ -14,7 +14,7 @@ from sysid.diagnosis.higher_order import HigherOrderTests, higher_order_tests
 from sysid.diagnosis.residuals import ResidualTests
 from sysid.estimation.result import Fit
 from sysid.joint.growth import Growth, grow_joint
-from sysid.joint.values import JointValue, in_unit, joint_values
+from sysid.joint.values import JointValue, as_read, in_unit, joint_values
 from sysid.joint.verdict import Verdict, verdict
 from sysid.linear import linearize
 from sysid.nlarx.dispatch import fit as fit_model
@@ -168,7 +168,7 @@ class Evaluation:
         if self.one_step is not None:
             summary["one_step_fit_percent"] = self.one_step.as_dict()
         if self.values:
-            summary["values"] = [vars(value) for value in self.values]
+            summary["values"] = [vars(as_read(value)) for value in self.values]
         if self.growth is not None:
             summary["growth"] = self.growth.as_dict()
         if self.joint is not None:

@@ -51,13 +51,12 @@ def extrapolated_joint(fit: Fit, estimation: IOData, validation: IOData) -> list
         for gap, end, there in ((a - low, low, met[0]), (high - b, high, met[1]))
         if not there
     ]
-    which = "neither end" if not any(met) else f"not its {'lower' if met[1] else 'upper'} end"
+    which = "reached neither end" if not any(met) else f"did not reach its {'lower' if met[1] else 'upper'} end"
     outside = 100 * float(np.mean((new < a) | (new > b)))
     return [
         f"{estimation.y_name} was seen from {a + offset:.4g} to {b + offset:.4g} {estimation.y_unit}".rstrip()
-        + f" and met {which}; beyond, the model is carried by its physics, a map that goes on as a straight line "
-        f"({' and '.join(left)}) to a stop whose place no data show; the validation part is beyond in {outside:.1f} % "
-        "of its samples"
+        + f" and {which}; outside this range the model continues its map as a straight line ({' and '.join(left)}) to "
+        f"a stop that the data do not show; {outside:.1f} % of the validation samples are outside this range"
     ]
 
 

@@ -44,16 +44,16 @@ def test_identify_finds_the_physical_values_of_a_joint(plain_log, tmp_path, caps
     values = {v["name"]: v["value"] for v in summary["values"]}
     p = twin.Parameters().replace({"shoulder.stribeck": 0.0, "shoulder.load_friction": 0.0, "dead_band": 0.0})
     true = beyond.twin_truth("shoulder", 0.1, p)
-    assert values["speed_per_volt"] == pytest.approx(true["speed_per_volt"], rel=0.02)
-    assert values["end_low"] == pytest.approx(true["end_low"], abs=np.radians(0.5))
-    assert values["end_high"] == pytest.approx(true["end_high"], abs=np.radians(0.5))
+    assert values["speed_per_volt"] == pytest.approx(np.degrees(true["speed_per_volt"]), rel=0.02)
+    assert values["end_low"] == pytest.approx(np.degrees(true["end_low"]), abs=0.5)
+    assert values["end_high"] == pytest.approx(np.degrees(true["end_high"]), abs=0.5)
     # A sweep has no slow starts from rest; without Stribeck friction its moving friction is the break-away.
     assert "breakaway_up" not in values
     assert values["moving_friction_up"] == pytest.approx(true["breakaway_up"], rel=0.1)
     assert values["moving_friction_down"] == pytest.approx(true["breakaway_down"], rel=0.1)
     # And a sample of 0.1 s does not tell the time constant from the delay.
     assert values["lag_and_delay"] == pytest.approx(true["time_constant"] + true["delay"], abs=0.02)
-    assert {v["unit"] for v in summary["values"]} == {"rad/s/V", "s", "V", "rad"}
+    assert {v["unit"] for v in summary["values"]} == {"deg/s/V", "s", "V", "deg"}
 
 
 def test_a_joint_is_written_as_json_c_python_and_text(plain_log, tmp_path):
@@ -97,7 +97,7 @@ def test_data_sheets_come_in_by_options_and_bad_ones_end_in_a_sentence(plain_log
         ends.append(next(v for v in summary["values"] if v["name"] == "end_high"))
     assert ends[0]["value"] == ends[1]["value"]
     half = [0.5 * (end["high"] - end["low"]) for end in ends]
-    assert half[0] == pytest.approx(np.hypot(half[1], 1.959964 * 0.01 / np.sqrt(2)), rel=1e-6)
+    assert half[0] == pytest.approx(np.hypot(half[1], 1.959964 * np.degrees(0.01) / np.sqrt(2)), rel=1e-6)
     capsys.readouterr()
     for bad, word in (("--driver-step", "step is -1"), ("--sensor-linearity", "linearity is -1")):
         assert main([*joint, bad, "-1", "--out", str(tmp_path / "bad")]) == 2

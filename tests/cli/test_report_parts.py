@@ -2,9 +2,11 @@
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import sysid
 from sysid.base import style
@@ -13,8 +15,10 @@ from sysid.base.units import number, percent, poles, shown
 from sysid.data.preprocess import detrend
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
+from sysid.joint.design import Design, Phase
 from sysid.joint.values import JointValue
-from sysid.report import sections
+from sysid.report import design, identify, sections
+from sysid.report.figures import values
 from sysid.report.page import Grid, to_json
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
@@ -134,13 +138,13 @@ def test_an_end_that_was_never_met_is_named_with_how_far_physics_carries(low, hi
     assert ends_met(fit, up) == ((False, True) if high > low else (True, False))
     assert ends_met(fit, both) == (True, True)
     (note,) = extrapolated_joint(fit, still, both)
-    assert "met neither end" in note
+    assert "reached neither end" in note
     assert "50.0 % of the travel to -1 rad and 50.0 % of the travel to 3 rad" in note
     (note,) = extrapolated_joint(fit, up, both)
-    assert f"met not its {'lower' if high > low else 'upper'} end" in note
+    assert f"did not reach its {'lower' if high > low else 'upper'} end" in note
     assert f"(50.0 % of the travel to {low:g} rad)" in note
     beyond = np.mean((both.y > up.y.max()) | (both.y < up.y.min()))
-    assert f"beyond in {100 * beyond:.1f} % of its samples" in note
+    assert f"{100 * beyond:.1f} % of the validation samples are outside this range" in note
     assert extrapolated_joint(fit, both, up) == []
 
 
@@ -148,9 +152,47 @@ def test_a_physical_value_is_shown_in_degrees_with_the_digits_that_its_interval_
     value = JointValue("end_low", np.radians(-10.1234), np.radians(-10.17), np.radians(-10.08), "rad")
     assert sections.value_cells(value) == ("−10.123", "−10.170 to −10.080", "deg")
     assert sections.value_cells(JointValue("delay", 0.02, None, None, "s")) == ("0.02000", sections.NOT_KNOWN, "s")
-    unmet = JointValue("end_low", 1.0, None, None, "rad", False, "not met: beyond 3 deg (it never rests there)")
-    assert sections.value_cells(unmet) == ("–", "not met: beyond 3 deg", "deg")
+    unmet = JointValue("end_low", 1.0, None, None, "rad", False, "not reached: beyond 3 deg (it never rests there)")
+    assert sections.value_cells(unmet) == ("–", "not reached: beyond 3 deg", "deg")
     hidden = JointValue("backlash", 1.0, None, None, "rad", False, "the link never crosses it")
     assert sections.value_cells(hidden) == ("–", sections.NOT_KNOWN, "deg")
     speed = JointValue("speed_per_volt", np.radians(5.0), np.radians(4.0), np.radians(6.0), "rad/s/V")
     assert sections.value_cells(speed) == ("5.0", "4.0 to 6.0", "deg/s/V")
+
+
+def test_a_backlash_has_an_axis_of_its_own_and_open_points_are_explained():
+    ends = [JointValue(name, y, y - 0.01, y + 0.01, "rad") for name, y in (("end_low", -0.5), ("end_high", 0.9))]
+    for width in (None, 0.001):
+        low, high = (None, None) if width is None else (0.006 - width, 0.006 + width)
+        play = JointValue("backlash", 0.006, low, high, "rad", width is not None)
+        drawn = values.draw(SimpleNamespace(values=(*ends, play)))
+        names = [[tick.get_text() for tick in ax.get_yticklabels()] for ax in drawn]
+        assert names == [["lower end", "upper end"], ["backlash"]]
+        left, right = drawn[1].get_xlim()
+        assert np.degrees(0.004) < left < np.degrees(0.006) < right < np.degrees(0.008)
+        (legend,) = drawn[0].figure.legends
+        assert [text.get_text() for text in legend.get_texts()] == ["value, 95 % interval", "not determined"][
+            : 2 if width is None else 1
+        ]
+
+
+@pytest.mark.parametrize(
+    "units", [("V", "rad"), ("increments of the pulse generator per millisecond", "revolutions of the gearbox shaft")]
+)
+def test_labels_of_a_designed_experiment_stand_inside_the_picture(units):
+    u = np.repeat([1.0, -1.0], 50)
+    drawn = design.draw(Design(("ends",), u, np.cumsum(u), 0.1, (Phase("ends", 0, 100, ""),), 1.0, (), (), units))
+    figure = drawn[0].figure
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    for ax in drawn:
+        label = ax.yaxis.label.get_window_extent(canvas.get_renderer())
+        assert figure.bbox.x0 <= label.x0 < label.x1 <= ax.bbox.x0
+        assert figure.bbox.y0 <= label.y0 < label.y1 <= figure.bbox.y1
+        assert ax.bbox.y0 - 10 <= label.y0 < label.y1 <= ax.bbox.y1 + 10  # beside its own axis
+
+
+@pytest.mark.parametrize(("fits", "words"), [((98.7, 97.0), "stays close to"), ((98.7, 71.8), "not close to them")])
+def test_a_free_run_that_misses_a_quarter_of_the_validation_data_is_not_called_close(fits, words):
+    e = SimpleNamespace(linear=False, stable=True, one_step=None, estimation_fit=fits[0], validation_fit=fits[1])
+    assert words in identify._stability(e)

@@ -1,5 +1,8 @@
 """The one executor: the same results here, on processes and on a cluster."""
 
+import subprocess
+import sys
+
 import numpy as np
 import polars as pl
 import pytest
@@ -19,6 +22,18 @@ def test_results_carry_the_number_of_their_job():
         assert in_order(abs, jobs, workers) == [abs(job) for job in jobs]
     assert sorted(results(abs, [-3, 5], 2)) == [(0, 3), (1, 5)]
     assert list(results(abs, [], 2)) == []
+
+
+def test_a_function_of_a_script_that_knows_the_facades_runs_in_worker_processes(tmp_path):
+    """Its globals hold sysid and twin, which lazy_loader may have given a class of their own."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import sysid, twin\nfrom sysid.base.executor import in_order\n"
+        "def named(k): return sysid.__name__ + twin.__name__ + str(k)\n"
+        "if __name__ == '__main__': print(in_order(named, [1, 2], 2))\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False, timeout=300)
+    assert done.stdout.strip() == "['sysidtwin1', 'sysidtwin2']", done.stderr
 
 
 def test_no_scheduler_is_a_sentence():

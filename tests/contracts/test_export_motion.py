@@ -30,7 +30,7 @@ from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
 FULL = {
-    **{"gain": 0.08, "lag": 0.6, "rise": 0.3, "fall": 0.4, "stick": 0.3, "stick_speed": 0.1},
+    **{"gain": 0.08, "lag": 0.6, "rise": 0.3, "fall": 0.4, "stick": 0.3, "stick_speed": 0.1, "stick_down": 0.15},
     **{"load0": -0.1, "load1": 0.2, "load2": 0.15, "loss": 0.5, "jam": 60.0, "delay": 1.37},
     **{"lower": 0.05, "upper": 1.1, "x0": 0.4, "v0": 0.1},
 }
@@ -67,6 +67,7 @@ OPTIONS = {
     "motor_no_delay": motor(delayed=False, load=2),
     "motor_no_stops": motor(stops=False, load=2, loss=True, at=0.3),
     "motor_part": motor(delay=0.5, load=0, substeps=2),
+    "motor_sided": motor(load=0, stribeck=True, sided=True, substeps=4),
     "motor_sticky": motor(load=0, stribeck=True, substeps=4),
     "motor_swings": (
         Motor(load=1, stops="upper", periodic=2, period=3.0, role="part"),

@@ -50,7 +50,9 @@ def test_start_k_is_the_same_however_many_are_asked_for(name):
     np.testing.assert_array_equal(few, many[:3])
 
 
-@pytest.mark.parametrize("motor", [{"stribeck": True}, {"loss": True, "load": 3}, {"jams": True}])
+@pytest.mark.parametrize(
+    "motor", [{"stribeck": True}, {"stribeck": True, "sided": True}, {"loss": True, "load": 3}, {"jams": True}]
+)
 def test_frictions_of_a_motor_that_cannot_sag_start_within_their_bounds(motor):
     """A motor in a voltage's terms has no supply that sags; a servo's has."""
     chain = actuated_joint(motor=Motor(**motor), play=CoastingPlay())

@@ -198,3 +198,14 @@ def test_the_width_of_a_coasting_play_is_its_backlash() -> None:
     assert found["backlash"].value == fit.theta[chain.names.index("play.width")]
     assert found["backlash"].low < found["backlash"].value < found["backlash"].high
     assert "backlash" not in {v.name for v in joint_values(sysid.fit(actuated_joint(play=False), data, starts=1))}
+
+
+@pytest.mark.parametrize(("way", "starts"), [(1.0, 1.0 + 0.6), (-1.0, 1.5 + 0.2)])
+def test_friction_at_rest_by_direction_holds_the_motor_until_its_own_voltage(way: float, starts: float) -> None:
+    """rise + stick upward, fall + stick_down downward; voltages by hand, a little below and above."""
+    motor = Motor(load=0, stribeck=True, sided=True, stops=False, delayed=False, role="motor")
+    values = {"gain": 0.1, "lag": 1.0, "rise": 1.0, "fall": 1.5, "stick": 0.6, "stick_down": 0.2, "stick_speed": 0.01}
+    theta = np.array([values.get(slot.name, 0.0) for slot in motor.slots()])
+    for volts, moves in ((starts - 0.01, False), (starts + 0.01, True)):
+        gone = way * Chain((motor,)).simulate(theta, np.full(50, way * volts)).ravel()[-1]
+        assert (gone > 0.0) == moves

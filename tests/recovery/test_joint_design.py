@@ -1,5 +1,6 @@
 """The next experiment shows what it is designed for, on joints that are not quite the fit it was designed on."""
 
+import itertools
 from functools import cache
 
 import numpy as np
@@ -69,33 +70,44 @@ def changed(**factors: float) -> dict[str, float]:
     return {name: value * factors.get(name.split(".")[1], 1.0) for name, value in TRUE.items()}
 
 
-def starts(values: dict[str, float], d: Design) -> list[tuple[int, float, float]]:
-    """Way, level and position at every start from rest in the stairs, by the motion of the true joint."""
-    place = positions(values, d)
-    speed = np.abs(np.diff(place, prepend=place[0]))
-    found = []
+def starts(values: dict[str, float], d: Design) -> list[tuple[int, float, float, float]]:
+    """Way, the last level that left the true joint at rest, the first that moved it, and its position, by series of
+    rising pulses from rest."""
+    place, found = positions(values, d), []
     for phase in d.phases:
         if phase.name != "breakaway":
             continue
-        for t in range(phase.start + 10, phase.stop - 5):
-            still, moves = np.all(speed[t - 4 : t + 1] == 0.0), np.all(speed[t + 1 : t + 4] > 0.0)
-            if still and moves and 0.05 < place[t] < 0.95 and np.abs(d.u[t]) < 4.0:
-                found.append((int(np.sign(d.u[t])), float(d.u[t]), float(place[t])))
+        edges = [phase.start, *(np.flatnonzero(np.diff(d.u[phase.start : phase.stop])) + phase.start + 1), phase.stop]
+        before = 0.0  # the level of the last pulse that moved nothing; nan after one that moved
+        for a, b in itertools.pairwise(edges):
+            level, after = d.u[a], min(b + 4, phase.stop)  # the motor follows two samples late
+            if level == 0.0:
+                continue
+            moved = np.ptp(place[a:after]) > 0.0
+            if abs(level) > 5.0:  # a run to an end
+                before = 0.0
+            elif moved and not np.isnan(before):
+                found.append((int(np.sign(level)), before, float(level), float(place[a])))
+                before = np.nan
+            elif not moved:
+                before = float(level)
     return found
 
 
 @pytest.mark.parametrize("factors", [{}, {"gain": 1.1, "rise": 0.9}, {"gain": 0.9, "fall": 1.15, "stick": 1.3}])
-def test_stairs_bracket_the_voltage_that_starts_the_joint(factors: dict[str, float]) -> None:
+def test_pulses_bracket_the_voltage_that_starts_the_joint(factors: dict[str, float]) -> None:
     """The fit of the fast sweep knows neither stick nor, here, the right speed and friction."""
     d, values = proposed("ends", "breakaway"), changed(**factors)
     found = starts(values, d)
     for way in (-1, 1):
-        own = [(level, place) for w, level, place in found if w == way]
-        assert len(own) >= 5
+        own = [(held, moved, place) for w, held, moved, place in found if w == way]
+        assert len(own) >= 4  # of three series in each of two rounds; the lowest may end too early
         dry = values["motor.rise" if way > 0 else "motor.fall"] + values["motor.stick"]
-        needed = np.array([way * dry + values["motor.load1"] * (place - 0.5) for _, place in own])
-        # A stair is 4 % of the fitted voltage, and the joint starts on the first one above what it needs.
-        assert np.all(np.abs(np.array([level for level, _ in own]) - needed) < 0.08 * np.abs(needed))
+        for held, moved, place in own:
+            needed = dry + way * values["motor.load1"] * (place - 0.5)
+            assert abs(held) < needed <= abs(moved)
+            assert abs(moved) - abs(held) < 0.08 * needed
+            assert 0.2 < place < 0.8
 
 
 @pytest.mark.parametrize(
@@ -127,7 +139,7 @@ def test_expected_intervals_are_as_wide_as_estimates_from_such_records_scatter()
     begin = at_rate(fit.model, fit.theta, TS / d.Ts)
     own = fit.model.simulate(begin, d.u).ravel()
     estimates: dict[str, list[float]] = {}
-    for seed in range(30):
+    for seed in range(90):
         noise = np.sqrt(fit.criteria.mse) * np.random.default_rng([seed, 1]).standard_normal(len(own))
         again = fit_chain(fit.model, IOData(d.u, own + noise, d.Ts), start=begin, search="lm")
         for value in joint_values(again):
@@ -137,8 +149,8 @@ def test_expected_intervals_are_as_wide_as_estimates_from_such_records_scatter()
         v = expected[name]
         assert v.low is not None
         assert v.high is not None
-        # Of 30 estimates the standard deviation is known to 13 %.
-        assert (v.high - v.low) / 3.92 == pytest.approx(np.std(estimates[name], ddof=1), rel=0.45), name
+        # Of 90 estimates the standard deviation is known to 7.5 %.
+        assert (v.high - v.low) / 3.92 == pytest.approx(np.std(estimates[name], ddof=1), rel=0.3), name
 
 
 @pytest.mark.parametrize("play", [False, CoastingPlay()])

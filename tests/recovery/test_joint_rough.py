@@ -1,5 +1,7 @@
 """What growth searches on: a record in stretches or with fewer samples, and a joint without parts that say nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from sysid.excitations import Staircase, Sweep
 from sysid.joint.coarse import ENOUGH, coarse, factor
 from sysid.joint.parts import PARTS
 from sysid.joint.pruning import pruned, remaining
-from sysid.joint.rate import at_rate
+from sysid.joint.rate import at_rate, rated
 from sysid.joint.stretches import in_stretches
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
@@ -105,3 +107,15 @@ def test_a_part_that_says_nothing_of_the_record_is_dropped_and_one_that_does_is_
     assert left.model.names == plant.names
     assert left.criteria.bic <= fit.criteria.bic + 30.0
     assert np.sqrt(left.criteria.mse) == pytest.approx(0.002, rel=0.05)
+
+
+def test_bounds_of_speeds_go_with_the_sampling_time_and_those_of_voltages_stay() -> None:
+    """A stick speed of 0.003 strokes a sample is 0.0006 in samples five times shorter, and still above its bound."""
+    plain = actuated_joint(motor=Motor(load=1, stribeck=True), knots=3, play=False)
+    chain = replace(plain, bounds={"motor.stick_speed": (0.002, np.inf), "motor.rise": (0.5, 3.0)})
+    theta = np.array([{"motor.stick_speed": 0.003, "motor.rise": 1.0}.get(name, 0.0) for name in chain.names])
+    fast = dict(zip(chain.names, at_rate(chain, theta, 5.0), strict=True))
+    assert fast["motor.stick_speed"] == pytest.approx(0.0006)
+    assert fast["motor.rise"] == 1.0
+    assert rated(chain, 5.0).bounds["motor.stick_speed"] == (pytest.approx(0.0004), np.inf)
+    assert rated(chain, 5.0).bounds["motor.rise"] == (0.5, 3.0)

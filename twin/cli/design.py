@@ -18,12 +18,16 @@ def design(
     ] = ",".join(TARGETS),
     volts: Annotated[float | None, options.number("V", "largest input; that of the log if not given")] = None,
     strike: Annotated[
-        float | None, options.number("SPEED", "largest speed, in units of the output per second, also at an end")
+        float | None,
+        options.number("SPEED", "largest speed, also at an end, in the unit of the output's column per second"),
     ] = None,
     sample: Annotated[
         float | None,
         options.number("S", "sampling time of the next record [s]; by the lag and delay of the joint if not given"),
     ] = None,
+    to_stops: Annotated[
+        bool, typer.Option("--to-stops", help="the joint has a stop each way and may run into it, seen before or not")
+    ] = False,
     input: options.Input = None,
     output: options.Output = None,
     ts: options.Ts = None,
@@ -53,6 +57,7 @@ def design(
             strike,
             options.seed(seed),
             sample,
+            to_stops,
             lambda: step("fitting the joint and designing"),
             input=input,
             output=output,

@@ -138,6 +138,7 @@ def _physics(
         "rise": dry * (1.0 + tilt),
         "fall": dry * (1.0 - tilt),
         "stick": dry * stick,
+        "stick_down": dry * stick,
         "stick_speed": gain * seen.volts * creep,
         "load0": load * seen.volts,
         "loss": 0.1,

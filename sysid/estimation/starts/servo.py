@@ -118,6 +118,7 @@ def _physics(
         "rise": dry * (1.0 + tilt),
         "fall": dry * (1.0 - tilt),
         "stick": dry * stick,
+        "stick_down": dry * stick,
         "stick_speed": 0.03 * fastest,
         "load1": load * limit / span,
         "loss": 0.1,

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 NAMES = {
     "stribeck": "Stribeck",
+    "sticks": "Stribeck by direction",
+    "sided": "stick by direction",
     "loss": "screw's loss",
     "jams": "jam at stops",
     "screw": "loss and jam",

@@ -1,4 +1,4 @@
-"""Physical values of an actuated joint with their intervals, one panel a unit."""
+"""Physical values of an actuated joint with their intervals, one panel for values of one unit and size."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from sysid.workflow.evaluation import Evaluation
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+COLUMNS = 3  # more beside each other leave no room for the names
 SHORT = {
     "speed_per_volt": "speed",
     "speed_full_drive": "speed",
@@ -37,26 +38,47 @@ SHORT = {
 @styled
 def draw(e: Evaluation) -> Sequence[Axes]:
     """A point and a bar each; an open point is not determined."""
-    groups: dict[str, list[JointValue]] = {}
-    for v in told_once(e.values):
-        groups.setdefault(shown(v.name, v.unit).unit, []).append(v)
-    rows = max(len(values) for values in groups.values())
-    found = style.panels(None, 1, len(groups), height=1.3 + 0.28 * rows)
-    for ax, (unit, values) in zip(found, groups.items(), strict=True):
+    from matplotlib.ticker import MaxNLocator
+
+    groups: dict[tuple[str, bool], list[JointValue]] = {}
+    for v in told_once(e.values):  # a backlash is a hundredth of the way between the ends: it needs its own axis
+        groups.setdefault((shown(v.name, v.unit).unit, v.name == "backlash"), []).append(v)
+    most = max(len(values) for values in groups.values())
+    rows = -(-len(groups) // COLUMNS)
+    columns = -(-len(groups) // rows)
+    grid = style.panels(None, rows, columns, height=0.4 + rows * (0.9 + 0.28 * most))
+    for spare in grid[len(groups) :]:
+        spare.remove()
+    found = grid[: len(groups)]
+    for ax, ((unit, _), values) in zip(found, groups.items(), strict=True):
         for place, v in enumerate(values):
             _point(ax, place, v)
         ax.set_yticks(range(len(values)), [SHORT.get(v.name, v.name.replace("_", " ")) for v in values])
         ax.set(ylim=(len(values) - 0.5, -0.5), xlabel=f"value [{unit}]" if unit else "value")
         ax.margins(x=0.15)
+        ax.xaxis.set_major_locator(MaxNLocator(5))
+    _legend(found[0], any(not _sure(v) for v in told_once(e.values)))
     return found
+
+
+def _sure(v: JointValue) -> bool:
+    return v.low is not None and v.high is not None
+
+
+def _legend(ax: Axes, some_open: bool) -> None:
+    """Below all panels: what a filled and an open point are."""
+    (known,) = ax.plot([], [], "o-", color=style.MODEL, linewidth=2.0, markersize=4, label="value, 95 % interval")
+    handles = [known]
+    if some_open:
+        handles += ax.plot([], [], "o", color=style.MODEL, markerfacecolor="none", markersize=4, label="not determined")
+    ax.figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
 
 
 def _point(ax: Axes, place: int, v: JointValue) -> None:
     factor = shown(v.name, v.unit).factor
-    sure = v.low is not None and v.high is not None
     if v.low is not None and v.high is not None:
         ax.plot(np.array([v.low, v.high]) * factor, [place, place], color=style.MODEL, linewidth=2.0)
-    face = style.MODEL if sure else "none"
+    face = style.MODEL if _sure(v) else "none"
     ax.plot(v.value * factor, place, "o", color=style.MODEL, markerfacecolor=face, markersize=4)
 
 

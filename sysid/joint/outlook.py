@@ -1,0 +1,102 @@
+"""What a designed experiment is not expected to show, in sentences that name the next step."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from sysid.base.units import number, shown
+from sysid.data.record import IOData
+from sysid.joint.course import Course
+from sysid.joint.values import JointValue
+
+_ADVICE = re.compile(r"[:;] (?:record|reverse|sample) ")
+_WORSE = 1.3  # times the interval of the first record
+_STRONG = 1.7  # of the friction in motion: inputs that start most joints
+_WORDS = {
+    **{"end_low": "the lower end", "end_high": "the upper end", "speed_per_volt": "the speed per volt"},
+    **{"breakaway_up": "the break-away voltage up", "breakaway_down": "the break-away voltage down"},
+    **{"backlash": "the backlash"},
+}
+
+
+def unmet(course: Course, data: IOData) -> list[str]:
+    """One sentence for each end that the first record does not show, and that the input therefore keeps away from."""
+    found = []
+    y, unit = data.y, shown("", data.y_unit or "")
+    falls = course.falls
+    for name, way, most in (("lower", -1, float(y.min())), ("upper", 1, float(y.max()))):
+        if course.met[-way if falls else way]:
+            continue
+        place = f"{number(most * unit.factor, 4)} {unit.unit}".rstrip()
+        found.append(
+            f"the first record shows no {name} end, and the input keeps the joint away from {place}, where it was "
+            "farthest; if the joint has a stop there and may run into it, add --to-stops"
+        )
+    if not course.met[-1]:  # else the experiment begins with a run to that end
+        start = f"{number(float(y[0, 0]) * unit.factor, 4)} {unit.unit}".rstrip()
+        found.append(f"begin the experiment at {start}, where the first record began")
+    return found
+
+
+def shortfalls(names: Iterable[str], now: Sequence[JointValue], then: Sequence[JointValue], Ts: float) -> list[str]:
+    """Sentences for the values `names` that an experiment in samples of `Ts` is not expected to determine, and for
+    those that it tells less well than the first record does."""
+    missing, worse = [], []
+    before, after = ({v.name: v for v in values} for values in (now, then))
+    for name in names:
+        old, new = before.get(name), after.get(name)
+        if name.startswith("end_") and not (old and old.determined):
+            continue  # see `unmet`
+        if new is None or not new.determined:
+            missing.append(_WORDS[name] + _reason(name, after))
+        elif _width(new) > _WORSE * (_width(old) if old else np.inf):
+            worse.append(_WORDS[name])
+    found = []
+    if missing:
+        found.append(
+            f"this experiment is not expected to determine: {'; '.join(missing)}. Try a shorter sampling time, "
+            f"--sample {Ts / 2:.3g}, or larger inputs, --volts"
+        )
+    if worse:
+        found.append(f"the first record tells more than this experiment is expected to tell of: {', '.join(worse)}")
+    return found
+
+
+def weak(course: Course, unit: str) -> list[str]:
+    """A sentence if the largest inputs may not start a joint with much friction at rest."""
+    middle, friction = course.band
+    largest = f"{number(-course.tops[-1], 3)} and {number(course.tops[1], 3)} {unit}".rstrip()
+    share = min((course.tops[way] - way * middle) / friction for way in (1, -1))
+    if share >= _STRONG:
+        return []
+    return [
+        f"the largest inputs, {largest}, are only {share:.2f} times the friction in motion (beside the load): a joint "
+        "with more friction at rest does not start; allow larger inputs (--volts) or speeds (--strike)"
+    ]
+
+
+def beyond(course: Course, y: np.ndarray, data: IOData) -> list[str]:
+    """A sentence if the predicted y (N,) leaves the range of `data` by more than the range itself."""
+    low, high, unit = float(data.y.min()), float(data.y.max()), shown("", data.y_unit or "")
+    far = float(y[np.argmax(np.abs(y - 0.5 * (low + high)))])
+    if low - (high - low) <= far <= high + (high - low):
+        return []
+    place = f"{number(far * unit.factor, 4)} {unit.unit}".rstrip()
+    return [
+        f"the prediction goes to {place}: the first fit has no stop there; leave --to-stops out if the joint has none"
+    ]
+
+
+def _reason(name: str, values: Mapping[str, JointValue]) -> str:
+    """Why a value is not determined, in brackets, without what to record next; '' if nothing is told."""
+    found = values.get(name) or values.get(name.replace("breakaway", "moving_friction"))
+    why = found.why.removeprefix("break-away is not determined: ") if found else ""
+    return f" ({_ADVICE.split(why)[0]})" if why else ""
+
+
+def _width(value: JointValue) -> float:
+    """Width of the interval; infinite without one."""
+    if value.low is None or value.high is None:
+        return np.inf
+    return value.high - value.low
