@@ -1,16 +1,21 @@
 """The one executor: independent jobs on local cores by joblib, or on a Dask cluster by its scheduler's address."""
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, TypeVar
+from time import monotonic, sleep
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from sysid.base.errors import InputError
 from sysid.base.modules import facades_by_name
 from sysid.base.threads import available
 
+if TYPE_CHECKING:
+    from distributed import Client
+
 J = TypeVar("J")
 R = TypeVar("R")
 
 RETRIES = 3  # of a job whose Dask worker was lost
+PATIENCE = 60.0  # [s] for a Dask cluster without workers
 
 
 def results(
@@ -21,7 +26,7 @@ def results(
     `workers` are local processes, as many as there are cores if None; one runs the jobs here. `scheduler` is the
     address of a Dask scheduler, for example tcp://10.0.0.1:8786, whose workers have qpal installed; a job whose worker
     is lost runs again on another. An exception of a job ends the iteration. Raises InputError if there is no Dask, no
-    scheduler at the address, or no positive number of workers.
+    scheduler at the address, no worker of it for a minute, or no positive number of workers.
     """
     if workers is not None and workers < 1:
         raise InputError(f"workers is {workers}; give a number of 1 or more")
@@ -66,10 +71,29 @@ def _on_cluster(function: Callable[[J], R], jobs: Sequence[J], address: str) -> 
     except (OSError, ValueError) as error:
         raise InputError(f"there is no Dask scheduler at {address} ({error}); start one with: dask scheduler") from None
     with client:
+        _await_worker(client, address)
         futures = {client.submit(function, job, pure=False, retries=RETRIES): k for k, job in enumerate(jobs)}
-        for future in as_completed(futures):
-            yield futures[future], _result(future, address)
-            future.release()
+        done = as_completed(futures)
+        checked = monotonic()
+        while done.count():
+            for future in done.next_batch(block=False):
+                yield futures[future], _result(future, address)
+                future.release()
+            if monotonic() - checked > PATIENCE:  # a job without workers waits forever
+                _await_worker(client, address)
+                checked = monotonic()
+            sleep(0.0 if done.has_ready() else 0.02)
+
+
+def _await_worker(client: "Client", address: str) -> None:
+    """Returns as soon as the cluster has a worker; raises InputError if none comes within PATIENCE seconds."""
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        raise InputError(
+            f"the Dask scheduler at {address} has had no worker for {PATIENCE:g} s; start one with: "
+            f"dask worker {address}, and run again"
+        ) from None
 
 
 def _result(future: Any, address: str) -> Any:

@@ -262,6 +262,14 @@ def test_a_second_run_replaces_the_files_of_the_first_and_keeps_others(tmp_path)
     assert not list(tmp_path.glob(".*"))
 
 
+def ended(process):
+    """What a process printed; one that goes on for minutes after it was told to stop is a failure."""
+    try:
+        return process.communicate(timeout=120)
+    finally:
+        process.kill()
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_stopped_run_cleans_up_and_says_so(number, tmp_path):
     command = [sys.executable, "-m", "twin.cli", "reproduce", "--duration", "20000", "--out", "runs/long"]
@@ -270,7 +278,7 @@ def test_a_stopped_run_cleans_up_and_says_so(number, tmp_path):
         assert process.poll() is None
         time.sleep(0.02)
     process.send_signal(number)
-    out, err = process.communicate()
+    out, err = ended(process)
     assert process.returncode == 130
     assert (out, err) == ("", "qpal: stopped; nothing was written\n")
     assert not list(tmp_path.iterdir())
@@ -286,7 +294,7 @@ def test_a_stopped_search_keeps_its_journal_and_says_how_to_go_on(tmp_path):
         assert process.poll() is None
         time.sleep(0.02)
     process.send_signal(signal.SIGTERM)
-    out, err = process.communicate()
+    out, err = ended(process)
     assert process.returncode == 130
     assert out == ""
     assert err.splitlines()[-1] == "qpal: stopped; run it again with --resume kept.jsonl to continue from there"

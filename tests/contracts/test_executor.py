@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import time
 
 import numpy as np
 import polars as pl
@@ -9,6 +10,7 @@ import pytest
 from cluster import cluster
 
 import twin
+from sysid.base import executor
 from sysid.base.errors import InputError
 from sysid.base.executor import in_order, results
 from sysid.selection.select import select
@@ -42,6 +44,25 @@ def test_no_scheduler_is_a_sentence():
         list(results(abs, [1, 2], scheduler="tcp://127.0.0.1:1"))
     with pytest.raises(InputError, match="1 or more"):
         list(results(abs, [1, 2], workers=0))
+
+
+def test_a_cluster_without_workers_is_a_sentence(tmp_path, monkeypatch):
+    """Before the run and in the middle of it, where its jobs would wait without end."""
+    pytest.importorskip("distributed")
+    empty, one = tmp_path / "empty", tmp_path / "one"
+    empty.mkdir()
+    one.mkdir()
+    monkeypatch.setattr(executor, "PATIENCE", 1.0)
+    with cluster(empty, count=0) as (address, _), pytest.raises(InputError, match=r"no worker for 1 s.*dask worker"):
+        list(results(abs, [1], scheduler=address))
+    monkeypatch.setattr(executor, "PATIENCE", 20.0)
+    with cluster(one, count=1) as (address, (worker,)):
+        found = results(time.sleep, [0.0, 600.0], scheduler=address)
+        assert next(found) == (0, None)
+        worker.kill()
+        monkeypatch.setattr(executor, "PATIENCE", 1.0)
+        with pytest.raises(InputError, match="no worker for 1 s"):
+            next(found)
 
 
 def test_search_and_ensemble_are_the_same_on_a_cluster(tmp_path):
