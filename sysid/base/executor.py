@@ -1,5 +1,6 @@
 """The one executor: independent jobs on local cores by joblib, or on a Dask cluster by its scheduler's address."""
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -53,6 +54,9 @@ def _here(function: Callable[[J], R], jobs: Sequence[J]) -> Iterator[tuple[int, 
 def _on_cores(function: Callable[[J], R], jobs: Sequence[J], count: int) -> Iterator[tuple[int, R]]:
     from joblib import Parallel, delayed
 
+    # joblib replaces a worker that has grown, and warns of it in its own thread. Where warnings are errors, this thread
+    # would end there and the results would never come.
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
     tasks = (delayed(_numbered)(function, k, job) for k, job in enumerate(jobs))
     yield from Parallel(n_jobs=count, return_as="generator_unordered")(tasks)
 

@@ -38,6 +38,30 @@ def test_a_function_of_a_script_that_knows_the_facades_runs_in_worker_processes(
     assert done.stdout.strip() == "['sysidtwin1', 'sysidtwin2']", done.stderr
 
 
+GROWS = """
+import time, warnings
+from sysid.base.executor import in_order
+
+def grow(k):
+    time.kept = [*getattr(time, "kept", ()), bytearray(b"x") * 200_000_000]  # in a module: the function is sent anew
+    time.sleep(1.1)
+    return k
+
+if __name__ == "__main__":
+    warnings.simplefilter("error")
+    print(in_order(grow, range(10), 2))
+"""
+
+
+def test_a_worker_that_has_grown_is_replaced_also_where_warnings_are_errors(tmp_path):
+    """joblib ends it after 300 MB and warns in a thread, which the error would end: the run would wait for ever."""
+    pytest.importorskip("psutil")  # joblib looks at the memory of workers only with it
+    script = tmp_path / "script.py"
+    script.write_text(GROWS)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False, timeout=100)
+    assert done.stdout.strip() == str(list(range(10))), done.stderr
+
+
 def test_no_scheduler_is_a_sentence():
     pytest.importorskip("distributed")
     with pytest.raises(InputError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:1 "):
