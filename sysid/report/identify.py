@@ -204,8 +204,8 @@ def _deviations(e: Evaluation) -> str:
     """What is known of the deviations of parameters."""
     coloured = e.tests is not None and not e.tests.white
     words = (
-        "Too small: these standard deviations take the residuals as white, and the residuals are coloured; those of poles "
-        "and physical values allow for it."
+        "Too small: these standard deviations take the residuals as white, and the residuals are coloured; those of "
+        "poles and physical values allow for it."
         if coloured and isinstance(e.fit, Fit)
         else ""
     )

@@ -37,6 +37,8 @@ def bad(e: Evaluation) -> bool:
 
 def too_narrow(e: Evaluation) -> str:
     """Why every interval of this fit is known to be too narrow; empty if nothing says so."""
+    if not any(v.low is not None for v in e.values) and not any(np.isfinite(r.modulus.upper) for r in e.roots or ()):
+        return ""
     why = ""
     gap = e.estimation_fit - e.validation_fit
     if not np.isfinite(gap) or gap > (APART if e.values else OVERFITTED):
@@ -81,7 +83,11 @@ def _not_a_joint(result: Identification) -> str:
 def _bad(result: Identification) -> str:
     """What is wrong, why, and what to do."""
     e = result.evaluation
-    worth = "a constant at its mean would be better" if e.validation_fit < 0 else "100 % is exact, 0 % is its mean"
+    worth = (
+        "a constant at its mean would be better"
+        if e.validation_fit < 0
+        else "100 % is exact, a constant at its mean has 0 %"
+    )
     return (
         f"This model is not good enough to use: its free run has a fit of {percent(e.validation_fit)} to the output of "
         f"the validation data ({worth}). {left(e)}{_what_to_do(result)}"
@@ -109,6 +115,6 @@ def _what_to_do(result: Identification, why: bool = True) -> str:
     if actions:
         return f"{reason}What to do: {actions[0].action}. {capital(actions[0].sentence)}."
     return (
-        f"{reason}What to do: record again with an input that shows more of the system; see the section Advice, and try: "
-        f"qpal info {result.record.path}"
+        f"{reason}What to do: record again with an input that shows more of the system (see the section Advice), and "
+        f"try: qpal info {result.record.path}"
     )

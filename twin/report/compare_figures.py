@@ -8,6 +8,8 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.style import styled
+from sysid.data.record import IOData
+from sysid.report import zoom
 from twin.compare.comparison import LOG, Comparison
 from twin.compare.effects import TABLE
 from twin.compare.explain import Verdict
@@ -45,6 +47,12 @@ def overlay(result: Comparison) -> list[Axes]:
     bottom.set(xlabel="time [s]", ylabel="input [V]", title="(c) input")
     bottom.margins(x=0.005)
     return [top, middle, bottom]
+
+
+def zoomed(result: Comparison) -> zoom.Figure:
+    """The same to zoom: angles, error and input over one time axis."""
+    data = IOData(result.u, result.y, result.Ts, "voltage", "angle", "V", "rad")
+    return zoom.runs(data, {names(result)[1]: result.other}, measured=names(result)[0])
 
 
 @styled

@@ -4,6 +4,7 @@
 | :-- | :-- |
 | `record(data)` | inputs over outputs of an IOData, as recorded |
 | `parts(estimation, validation)` | both parts of a record as a fit uses them |
+| `lines(t, {name: y}, label, unit)` | signals of one kind over time in one panel |
 | `free_run(evaluation)` | measured outputs, free run, errors and inputs over both parts |
 | `one_step(evaluation)` | the same for the one-step-ahead prediction of a nonlinear ARX model |
 | `runs(data, {name: y})` | measured outputs and the outputs (N,) or (N, ny) of several models, errors and inputs |
@@ -24,7 +25,7 @@ from sysid.report.embed import DRAW, element, script
 from sysid.report.zoom._parts import Figure
 from sysid.report.zoom.joint import growth, values
 from sysid.report.zoom.maps import static_maps
-from sysid.report.zoom.records import parts, record
+from sysid.report.zoom.records import lines, parts, record
 from sysid.report.zoom.residuals import residual_tests
 from sysid.report.zoom.responses import bode, step
 from sysid.report.zoom.roots import poles_zeros
@@ -37,6 +38,7 @@ __all__ = [
     "element",
     "free_run",
     "growth",
+    "lines",
     "one_step",
     "parts",
     "poles_zeros",

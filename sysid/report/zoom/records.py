@@ -1,7 +1,12 @@
 """A record over time: inputs over outputs with one time axis; as recorded, or split into the two parts of a fit."""
 
+from collections.abc import Mapping
+
+import numpy as np
+
 from sysid.base import style
 from sysid.base.units import Quantity
+from sysid.base.units import shown as quantity_of
 from sysid.data.record import IOData
 from sysid.report.zoom import _parts as parts_of
 from sysid.report.zoom._parts import Figure, Row, Trace
@@ -20,6 +25,17 @@ def record(data: IOData) -> Figure:
 def parts(estimation: IOData, validation: IOData) -> Figure:
     """The two parts of a record as a fit uses them, one after the other."""
     return _figure([(estimation, "estimation", True), (validation, "validation", False)])
+
+
+def lines(t: np.ndarray, signals: Mapping[str, np.ndarray], name: str, unit: str = "", title: str = "") -> Figure:
+    """Signals (N,) of one kind over time t (N,) [s] in one panel, by name; `name` and `unit` label the axis."""
+    quantity = quantity_of(name, unit)
+    colours = (style.INK, *parts_of.COLOURS)
+    traces = [
+        parts_of.line(t, parts_of.times(y, quantity.factor), each, colour, quantity.unit, legend=len(signals) > 1)
+        for (each, y), colour in zip(signals.items(), colours * len(signals), strict=False)
+    ]
+    return parts_of.stacked(traces, [Row(quantity.label, title, 1.3)], TIME)
 
 
 def _figure(shown: list[tuple[IOData, str, bool]], whole: bool = False) -> Figure:

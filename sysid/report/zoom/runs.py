@@ -38,10 +38,13 @@ def one_step(evaluation: Evaluation) -> Figure:
     return _over_both(e, one.estimation_output, one.validation_output, words, style.INPUT, one.validation_fit)
 
 
-def runs(data: IOData, models: Mapping[str, np.ndarray]) -> Figure:
-    """The outputs (N,) or (N, ny) of several models over one record, by name; each can be hidden in the legend."""
+def runs(data: IOData, models: Mapping[str, np.ndarray], measured: str = MEASURED) -> Figure:
+    """The outputs (N,) or (N, ny) of several models over one record, by name; each can be hidden in the legend.
+
+    `measured` is the name of the record in the legend.
+    """
     shown = {name: parts.columns(run, data.N) for name, run in models.items()}
-    return _figure(data, shown, dict(zip(shown, COLOURS * len(shown), strict=False)))
+    return _figure(data, shown, dict(zip(shown, COLOURS * len(shown), strict=False)), measured)
 
 
 def _over_both(
@@ -68,12 +71,14 @@ def joined(estimation: IOData, validation: IOData) -> IOData:
     )
 
 
-def _figure(data: IOData, models: Mapping[str, np.ndarray], colours: Mapping[str, str]) -> Figure:
+def _figure(
+    data: IOData, models: Mapping[str, np.ndarray], colours: Mapping[str, str], named: str = MEASURED
+) -> Figure:
     y, u = parts.outputs(data), parts.inputs(data)
     rows, traces = list[Row](), list[Trace]()
     for k, quantity in enumerate(y):
         measured = np.where(data.observed[:, k], data.y[:, k], np.nan)
-        traces.append(_line(data, measured, quantity, MEASURED, style.INK, len(rows), k == 0))
+        traces.append(_line(data, measured, quantity, named, style.INK, len(rows), k == 0))
         for name, run in models.items():
             traces.append(_line(data, run[:, k], quantity, name, colours[name], len(rows), k == 0))
         rows.append(Row(quantity.label, "output", 1.5))
@@ -81,7 +86,7 @@ def _figure(data: IOData, models: Mapping[str, np.ndarray], colours: Mapping[str
         for name, run in models.items():
             error = data.y[:, k] - run[:, k]
             traces.append(_line(data, error, quantity, name, colours[name], len(rows), legend=False, width=1.0))
-        rows.append(Row(quantity.label, "error, measured minus model", 0.8))
+        rows.append(Row(quantity.label, f"error, {named} minus model", 0.8))
     for k, quantity in enumerate(u):
         traces.append(_line(data, data.u[:, k], quantity, "input", style.INPUT, len(rows), legend=False, steps=True))
         rows.append(Row(quantity.label, "input", 0.6))
