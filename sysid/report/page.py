@@ -104,7 +104,7 @@ class Listing:
 class Section:
     """A heading with its content in the order: paragraphs, plots, tables, pictures, hidden tables and listings.
 
-    `plots` are elements of HTML that a script of the page fills.
+    `plots` are elements of `sysid.report.embed` beside the pictures; for them a page names plotly in its `scripts`.
     """
 
     title: str
@@ -137,7 +137,8 @@ class Page:
     def html(self) -> str:
         """The page as one document, self-contained but for its scripts; plotly's is part of it if a figure needs it."""
         zooms = any(picture.zoom is not None for picture in self.pictures())
-        return _template().render(page=self, plotly=embed.script() if zooms else "", draw=embed.DRAW if zooms else "")
+        draws = zooms or any(section.plots for section in self.sections)
+        return _template().render(page=self, plotly=embed.script() if zooms else "", draw=embed.DRAW if draws else "")
 
     @property
     def words(self) -> dict[str, str]:

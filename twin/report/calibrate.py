@@ -125,7 +125,7 @@ def _told(result: Calibration) -> Grid:
 def _overlay(run: Run, k: int) -> Picture:
     kind = "held out" if run.held_out else "used"
     caption = f"{run.name} ({kind}): log, uncalibrated and calibrated twin in free run, and the two errors."
-    data = IOData(run.u, run.y, run.Ts, "input", "angle", "", "rad", missing=~np.isfinite(run.y))
+    data = IOData(run.u, run.y, run.Ts, "input", "angle", "V", "rad", missing=~np.isfinite(run.y))
     zoomed = zoom.runs(data, {"twin calibrated": run.after, "twin before": run.before}, measured="log")
     return Picture(f"overlay-{k + 1}", style.png(overlay(run)), caption, zoomed)
 

@@ -50,9 +50,13 @@ def overlay(result: Comparison) -> list[Axes]:
 
 
 def zoomed(result: Comparison) -> zoom.Figure:
-    """The same to zoom: angles, error and input over one time axis."""
+    """The same to zoom: angles, error with the noise band, and input over one time axis."""
     data = IOData(result.u, result.y, result.Ts, "voltage", "angle", "V", "rad")
-    return zoom.runs(data, {names(result)[1]: result.other}, measured=names(result)[0])
+    figure = zoom.runs(data, {names(result)[1]: result.other}, measured=names(result)[0])
+    band = {"type": "rect", "xref": "paper", "x0": 0, "x1": 1, "yref": "y2", "layer": "below", "line": {"width": 0}}
+    edge = 2.0 * DEG * result.noise
+    figure["layout"]["shapes"].append(band | {"y0": -edge, "y1": edge, "fillcolor": zoom.BOUND})
+    return figure
 
 
 @styled

@@ -25,6 +25,7 @@ LINKS = ("shoulder_hub", "thigh_lever", "shank_lever")  # whose origins are shou
 RODS = JOINTS[1:]
 AXES = ("forward", "outward", "up")
 COLOURS = (style.INK, style.MODEL)
+WIDTHS = (14, 6)  # of the links [px]: where two legs agree, both are seen
 Course = Mapping[str, np.ndarray]  # angle (N,) [rad] by joint
 
 
@@ -100,7 +101,7 @@ def _traces(found: Mapping[str, Poses], k: int) -> list[dict[str, Any]]:
             | _points(links)
             | {
                 "name": side,
-                "line": {"color": COLOURS[n], "width": 12},
+                "line": {"color": COLOURS[n], "width": WIDTHS[n]},
                 "marker": {"size": [6, 6, 6, 9], "color": COLOURS[n]},
                 "text": ["shoulder", "hip", "knee", "foot"],
                 "hovertemplate": f"{side}, %{{text}}<br>forward %{{x:.3f}} m, outward %{{y:.3f}} m, up %{{z:.3f}} m"

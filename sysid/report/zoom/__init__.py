@@ -22,7 +22,7 @@ draws every such element in the page's colours. Radians are shown as degrees; a 
 """
 
 from sysid.report.embed import DRAW, element, script
-from sysid.report.zoom._parts import Figure
+from sysid.report.zoom._parts import BOUND, Figure
 from sysid.report.zoom.joint import growth, values
 from sysid.report.zoom.maps import static_maps
 from sysid.report.zoom.records import lines, parts, record
@@ -32,6 +32,7 @@ from sysid.report.zoom.roots import poles_zeros
 from sysid.report.zoom.runs import free_run, one_step, runs
 
 __all__ = [
+    "BOUND",
     "DRAW",
     "Figure",
     "bode",

@@ -19,6 +19,7 @@ Trace = dict[str, Any]
 GRID, FRAME = "#e4e7eb", "#9aa5b1"
 PAPER = "rgba(0,0,0,0)"  # the page's own colour, light or dark
 BAND = "rgba(194,65,12,0.22)"  # style.MODEL, transparent
+BOUND = "rgba(47,111,143,0.16)"  # the area within which nothing is to be seen
 COLOURS = (style.MODEL, style.INPUT, "#2f855a", "#805ad5", "#b7791f", "#d53f8c")  # of several models or channels
 ROW = 165  # height of a panel [px]
 DASHED = {"color": style.SECOND, "width": 1, "dash": "dash"}

@@ -8,7 +8,6 @@ from sysid.report.zoom import _parts as parts
 from sysid.report.zoom._parts import Figure, Row, Trace
 
 LABEL = "correlation [1]"
-_BOUND = "rgba(47,111,143,0.16)"
 
 
 def residual_tests(tests: ResidualTests) -> Figure:
@@ -31,7 +30,7 @@ def residual_tests(tests: ResidualTests) -> Figure:
         if np.isfinite(bound):
             area = {"type": "rect", "xref": "paper", "x0": 0, "x1": 1, "yref": parts.axis(row), "layer": "below"}
             figure["layout"]["shapes"].append(
-                area | {"y0": -bound, "y1": bound, "fillcolor": _BOUND, "line": {"width": 0}}
+                area | {"y0": -bound, "y1": bound, "fillcolor": parts.BOUND, "line": {"width": 0}}
             )
     figure["layout"] |= {"bargap": 0.55, "barmode": "overlay", "hovermode": "closest"}
     figure["layout"].pop("hoversubplots")

@@ -76,6 +76,7 @@ def _figure(
 ) -> Figure:
     y, u = parts.outputs(data), parts.inputs(data)
     rows, traces = list[Row](), list[Trace]()
+    other = next(iter(models)).partition(", fit")[0] if len(models) == 1 else "model"
     for k, quantity in enumerate(y):
         measured = np.where(data.observed[:, k], data.y[:, k], np.nan)
         traces.append(_line(data, measured, quantity, named, style.INK, len(rows), k == 0))
@@ -86,7 +87,7 @@ def _figure(
         for name, run in models.items():
             error = data.y[:, k] - run[:, k]
             traces.append(_line(data, error, quantity, name, colours[name], len(rows), legend=False, width=1.0))
-        rows.append(Row(quantity.label, f"error, {named} minus model", 0.8))
+        rows.append(Row(quantity.label, f"error, {named} minus {other}", 0.8))
     for k, quantity in enumerate(u):
         traces.append(_line(data, data.u[:, k], quantity, "input", style.INPUT, len(rows), legend=False, steps=True))
         rows.append(Row(quantity.label, "input", 0.6))
