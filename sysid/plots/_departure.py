@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.base import style
 from sysid.base.units import Quantity, number
 
 if TYPE_CHECKING:
@@ -52,10 +53,16 @@ def departure(measured: np.ndarray, model: np.ndarray) -> Departure | None:
     return Departure(int(np.argmax(beyond)), float(model[int(np.argmax(known))]), lost)
 
 
-def frame(*lines: np.ndarray) -> tuple[float, float]:
-    """Limits of a linear axis that holds every finite value of the lines, with air."""
+def _ends(*lines: np.ndarray) -> tuple[float, float]:
+    """The smallest and largest finite value of the lines; infinite where there is none."""
     low = min(float(np.min(each, where=np.isfinite(each), initial=np.inf)) for each in lines)
     high = max(float(np.max(each, where=np.isfinite(each), initial=-np.inf)) for each in lines)
+    return low, high
+
+
+def frame(*lines: np.ndarray) -> tuple[float, float]:
+    """Limits of a linear axis that holds every finite value of the lines, with air."""
+    low, high = _ends(*lines)
     if not low <= high:
         return -1.0, 1.0
     width = (high - low) or 1.0
@@ -68,12 +75,14 @@ def frame_all(ax: Axes, measured: np.ndarray, model: np.ndarray) -> None:
     if departure(measured, model) is None:
         ax.set_ylim(frame(measured, model))
         return
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    ax.set_yscale("function", functions=(lambda y: _squeeze(y, middle, half), lambda s: _stretch(s, middle, half)))
-    bottom, top = frame(measured, _clipped(model))
-    ends = _squeeze(np.array([min(bottom, low), max(top, high)]), middle, half)
-    ax.set_ylim(*_stretch(ends + np.array([-0.2, 0.2]), middle, half))
-    ax.set_yticks(*_ticks(low, high, *ax.get_ylim()))
+    bottom, top = _ends(measured, _clipped(model))
+    scale = _Scale.over(low, high, bottom, top)
+    ax.set_yscale("function", functions=(scale.squeeze, scale.stretch))
+    ends = scale.squeeze(np.array([min(bottom, low), max(top, high)]))
+    ax.set_ylim(*scale.stretch(ends + np.array([-1.0, 1.0]) * 0.03 * np.ptp(ends)))
+    ax.set_yticks(*_ticks(low, high, bottom, top))
+    note = "the axis is linear over the data and logarithmic beyond"
+    ax.text(0.01, 0.96, note, transform=ax.transAxes, va="top", fontsize=7.5, color=style.SECOND)
 
 
 def _clipped(model: np.ndarray) -> np.ndarray:
@@ -81,22 +90,33 @@ def _clipped(model: np.ndarray) -> np.ndarray:
     return np.clip(model, -1e290, 1e290)
 
 
-_LINEAR = 4.0  # height of half the data's range, in decades of what lies beyond it
+@dataclass(frozen=True)
+class _Scale:
+    """Linear within `half` of `middle`, logarithmic beyond, where a decade is one `share` of the linear half."""
 
+    middle: float
+    half: float
+    share: float
 
-def _squeeze(y: np.ndarray, middle: float, half: float) -> np.ndarray:
-    """Linear over the data's range, logarithmic beyond."""
-    s = (np.asarray(y, dtype=float) - middle) / half
-    size = np.abs(s)
-    return _LINEAR * np.where(size <= 1.0, s, np.sign(s) * (1.0 + np.log10(np.maximum(size, 1.0)) / _LINEAR))
+    @classmethod
+    def over(cls, low: float, high: float, bottom: float, top: float) -> _Scale:
+        """The data from low to high get half of the height if the run leaves them on one side, a third on two."""
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        decades = float(np.log10(max(abs(top - middle), abs(bottom - middle)) / half))
+        return cls(middle, half, 2.0 / max(decades, 2.0))
 
+    def squeeze(self, y: np.ndarray) -> np.ndarray:
+        """From values to places on the axis."""
+        s = (np.asarray(y, dtype=float) - self.middle) / self.half
+        size = np.abs(s)
+        return np.where(size <= 1.0, s, np.sign(s) * (1.0 + self.share * np.log10(np.maximum(size, 1.0))))
 
-def _stretch(s: np.ndarray, middle: float, half: float) -> np.ndarray:
-    """The inverse of `_squeeze`."""
-    s = np.asarray(s, dtype=float) / _LINEAR
-    size = np.abs(s)
-    beyond = np.power(10.0, np.minimum(_LINEAR * np.maximum(size - 1.0, 0.0), 300.0))
-    return middle + half * np.where(size <= 1.0, s, np.sign(s) * beyond)
+    def stretch(self, s: np.ndarray) -> np.ndarray:
+        """The inverse."""
+        s = np.asarray(s, dtype=float)
+        size = np.abs(s)
+        decades = np.minimum(np.maximum(size - 1.0, 0.0) / self.share, 300.0)
+        return self.middle + self.half * np.where(size <= 1.0, s, np.sign(s) * np.power(10.0, decades))
 
 
 def _ticks(low: float, high: float, bottom: float, top: float) -> tuple[list[float], list[str]]:
@@ -109,7 +129,9 @@ def _ticks(low: float, high: float, bottom: float, top: float) -> tuple[list[flo
         first = np.ceil(np.log10(max(abs(low), abs(high)))) + 1.0
         last = np.floor(np.log10(end)) if end > 0 else -np.inf
         if last >= first:
-            step = max(1.0, np.ceil((last - first + 1.0) / 4.0))
+            step = max(1.0, np.ceil((last - first + 1.0) / 3.0))
             outer += [sign * 10.0**k for k in np.arange(last, first - 0.5, -step)]
     ticks = sorted([*inner, *outer])
-    return ticks, [f"{t:.0e}".replace("e+", "e").replace("-", "−") if t in outer else f"{t:g}" for t in ticks]
+    return ticks, [
+        f"{t:.0e}".replace("e+0", "e").replace("e+", "e").replace("-", "−") if t in outer else f"{t:g}" for t in ticks
+    ]

@@ -83,11 +83,9 @@ def _not_a_joint(result: Identification) -> str:
 def _bad(result: Identification) -> str:
     """What is wrong, why, and what to do."""
     e = result.evaluation
-    worth = (
-        "a constant at its mean would be better"
-        if e.validation_fit < 0
-        else "100 % is exact, a constant at its mean has 0 %"
-    )
+    worth = "100 % is exact, the constant mean of the output has 0 %"
+    if not e.validation_fit >= 0:
+        worth = "the constant mean of the output would be better, with 0 %"
     return (
         f"This model is not good enough to use: its free run has a fit of {percent(e.validation_fit)} to the output of "
         f"the validation data ({worth}). {left(e)}{_what_to_do(result)}"

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sysid import plots
+import numpy as np
+
+from sysid.plots import bode
 from sysid.report import zoom
 from sysid.report.bands import bands
 from sysid.report.figures._figure import ReportFigure
@@ -19,7 +21,7 @@ def draw(e: Evaluation) -> Sequence[Axes]:
     """Magnitude over phase."""
     response = bands(e).frequency
     assert response is not None
-    return plots.bode(response, y_unit=e.estimation.y_unit, u_unit=e.estimation.u_unit)
+    return bode(response, y_unit=e.estimation.y_unit, u_unit=e.estimation.u_unit)
 
 
 def zoomed(e: Evaluation) -> zoom.Figure:
@@ -31,9 +33,16 @@ def zoomed(e: Evaluation) -> zoom.Figure:
 
 def caption(e: Evaluation) -> str:
     """What the band says."""
+    response = bands(e).frequency
+    assert response is not None
+    low, high = response.magnitude.lower, response.magnitude.upper
+    unknown = np.mean(~(np.isfinite(low) & np.isfinite(high) & (high < 10.0 * low)))
+    doubt = f" At {100 * unknown:.0f} % of the frequencies shown it is wider than a factor of 10: the record does not "
+    doubt += "determine the response there."
     return (
         "Frequency response of the linear model that is tangent to the fit at the mean input, with its 95 % band, up "
         "to half the sampling frequency. The band is wide where the input of the record has little power."
+        + (doubt if unknown > 0.005 else "")
     )
 
 

@@ -109,18 +109,18 @@ def _meaning(root: Root | complex, name: str, Ts: float) -> str:
     z = _value(root)
     sign = "" if abs(z.imag) < 5e-5 else f" {'−' if z.imag < 0 else '+'} {abs(z.imag):.4f}i"
     lines = [f"<b>{name}</b> z = {pole(complex(z.real))}{sign}", f"|z| = {number(abs(z), 5)}"]
-    known = isinstance(root, Root)
+    known = root if isinstance(root, Root) else None
     if z != 0 and abs(z) != 1.0:
         s = np.log(complex(z)) / Ts
         frequency, damping, lag = abs(s), -s.real / abs(s), -Ts / np.log(abs(z))
         lines += [
-            f"natural frequency {number(frequency, 4)} rad/s{_spread(root.frequency) if known else ''}",
-            f"damping ratio {number(damping, 3)}{_spread(root.damping) if known else ''}",
-            f"time constant {number(lag, 4)} s{_spread(root.time_constant) if known else ''}" if lag > 0 else "grows",
+            f"natural frequency {number(frequency, 4)} rad/s{_spread(known.frequency) if known else ''}",
+            f"damping ratio {number(damping, 3)}{_spread(known.damping) if known else ''}",
+            f"time constant {number(lag, 4)} s{_spread(known.time_constant) if known else ''}" if lag > 0 else "grows",
         ]
-    if isinstance(root, Root):
-        lines.append(f"standard deviation of z {number(root.std, 2)}" if np.isfinite(root.std) else "no interval")
-        lines += [root.note] if root.note else []
+    if known is not None:
+        lines.append(f"standard deviation of z {number(known.std, 2)}" if np.isfinite(known.std) else "no interval")
+        lines += [known.note] if known.note else []
     return "<br>".join(lines)
 
 

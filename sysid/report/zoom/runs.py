@@ -6,6 +6,7 @@ goes, and a button (or a double click) shows it whole.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -114,7 +115,7 @@ def _line(
 
 def _open_on_the_data(figure: Figure, data: IOData, models: Mapping[str, np.ndarray], y: list[Quantity]) -> None:
     """Ranges of the panels at first, and buttons, where a run leaves the data far; else plotly's own ranges."""
-    near, whole, said = {}, {}, list[str]()
+    near, whole, said = dict[str, Any](), dict[str, Any](), list[str]()
     for k, quantity in enumerate(y):
         for name, run in models.items():
             left = departure(data.y[:, k], run[:, k])
