@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sysid.base import style
 from sysid.base.style import styled
+from sysid.plots._departure import frame_all
 from sysid.plots._runs import Run, draw, first, output
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ def free_run(
     error = (validation.data.y[:, 0] - validation.y) * y.factor
     style.line(rows[2], validation.data.t, error, color=style.SECOND, linewidth=0.9)
     rows[2].set(title="(c) validation error, measured minus free run", ylabel=y.label)
+    measured = validation.data.y[:, 0] * y.factor
+    frame_all(rows[2], measured - measured.mean(), error)
     rows[2].margins(x=0.005)
     if one_step is not None:
         title = "(d) one step ahead, NOT a free run"

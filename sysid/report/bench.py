@@ -17,7 +17,6 @@ from sysid.report import bench_plots as plots
 from sysid.report.page import Grid, Page, Picture, Section, to_json
 
 REPORT, FOLDER, TABLES = "report.html", "scenarios", "tables.md"
-NO_PLOTS = 'The plots need plotly: pip install "qpal[bench]". The tables hold the same numbers.'
 WORST, EACH = 20, 3  # rows of a scenario's page, and of one method among them
 DRAWN = 6  # worst cells that are solved again and drawn
 Redraw = Callable[[str, str, int], Redrawn]
@@ -76,8 +75,7 @@ def write(
     page = front(board, verdict, pictures)
     (folder / FOLDER).mkdir()
     (folder / REPORT).write_text(page.html(), encoding="utf-8")
-    if page.scripts:
-        (folder / plots.SCRIPT).write_text(plots.script(), encoding="utf-8")
+    (folder / plots.SCRIPT).write_text(plots.script(), encoding="utf-8")
     for scenario, each in scenario_pages(board, pictures):
         (folder / FOLDER / file_name(scenario)).write_text(each.html(), encoding="utf-8")
     (folder / TABLES).write_text(tables(board), encoding="utf-8")
@@ -88,7 +86,7 @@ def write(
 
 def front(board: Board, verdict: Verdict | None, pictures: dict[str, Picture]) -> Page:
     """The leaderboard."""
-    figures, note = _figures(board)
+    figures = _figures(board)
     sections = [
         *([_changed(verdict)] if verdict is not None else []),
         _families(board),
@@ -98,7 +96,6 @@ def front(board: Board, verdict: Verdict | None, pictures: dict[str, Picture]) -
                 "A curve shows on which share of the tasks a method comes within a factor of the best method: of its "
                 "error in the first plot, of its time for a fit near the bar in the second. Higher is better. Methods "
                 "of others are dashed. Drag to zoom, double-click to go back.",
-                *note,
             ],
             plots=figures[:2],
         ),
@@ -125,7 +122,7 @@ def front(board: Board, verdict: Verdict | None, pictures: dict[str, Picture]) -
         [*([verdict.sentences[0]] if verdict else []), *_first(board)],
         sections,
         made,
-        scripts=(plots.SCRIPT,) if any(figures) else (),
+        scripts=(plots.SCRIPT,),
         wide=True,
     )
 
@@ -208,17 +205,14 @@ def _first(board: Board) -> list[str]:
     return [s for s in board.sentences if " is first" in s or " is ranked" in s]
 
 
-def _figures(board: Board) -> tuple[list[str], list[str]]:
-    """The plots, and the sentence that stands in their place without plotly."""
-    try:
-        return [
-            plots.html(plots.error_profile(board.rows, board.ours), "errors"),
-            plots.html(plots.time_profile(board.rows, board.ours, boards.NEAR[1]), "times"),
-            plots.html(plots.cost(board.board, board.ours), "cost"),
-            plots.html(plots.calibration(board.calibration, board.board, board.ours), "intervals"),
-        ], []
-    except ImportError:
-        return [], [NO_PLOTS]
+def _figures(board: Board) -> list[str]:
+    """The plots."""
+    return [
+        plots.html(plots.error_profile(board.rows, board.ours), "errors"),
+        plots.html(plots.time_profile(board.rows, board.ours, boards.NEAR[1]), "times"),
+        plots.html(plots.cost(board.board, board.ours), "cost"),
+        plots.html(plots.calibration(board.calibration, board.board, board.ours), "intervals"),
+    ]
 
 
 def _families(board: Board) -> Section:

@@ -9,6 +9,7 @@ import polars as pl
 from sysid.base import style
 from sysid.bench.columns import BAR
 from sysid.bench.leaderboard import CLAIMED, profile
+from sysid.report import embed
 
 ALL = "all families"
 # Okabe and Ito's colours, which colour-blind readers can tell apart; methods of others are dashed too.
@@ -89,19 +90,13 @@ def calibration(frame: pl.DataFrame, board: pl.DataFrame, ours: Collection[str])
 
 
 def html(figure: Figure, name: str) -> str:
-    """The element of a page that shows the figure; the page loads `SCRIPT`. Raises ImportError without plotly."""
-    from plotly import graph_objects
-
-    checked = graph_objects.Figure(figure)
-    config = {"responsive": True, "displaylogo": False, "scrollZoom": True}
-    return str(checked.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=config))
+    """The element of a page that shows the figure; the page loads `SCRIPT`."""
+    return embed.element(figure, name)
 
 
 def script() -> str:
-    """The text of `SCRIPT`. Raises ImportError without plotly."""
-    from plotly import offline
-
-    return str(offline.get_plotlyjs())
+    """The text of `SCRIPT`."""
+    return embed.script()
 
 
 def _profiles(
@@ -160,7 +155,8 @@ def _layout(x: str, y: str, log: bool = False) -> Figure:
     return {
         "xaxis": axis | {"title": {"text": x}, "type": "log" if log else "-", "dtick": "D2" if log else None},
         "yaxis": axis | {"title": {"text": y}},
-        "plot_bgcolor": "white",
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
         "height": 470,
         "margin": {"l": 70, "r": 20, "t": 60, "b": 60},
         "font": {"color": style.INK, "size": 13},

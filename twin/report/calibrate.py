@@ -8,10 +8,13 @@ from sysid.base import style
 from sysid.base.style import styled
 from sysid.base.units import number, shown
 from sysid.base.versions import versions
+from sysid.data.record import IOData
+from sysid.report import zoom
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.calibrate.advice import what_to_record
 from twin.calibrate.calibration import Calibration, Run
 from twin.calibrate.discrepancy import directions
+from twin.report import leg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +31,7 @@ def page(result: Calibration) -> Page:
             Section(
                 "Twin and logs",
                 tables=[scores(result)],
-                pictures=overlays,
+                pictures=[*overlays, _leg(result)],
             ),
             Section("Parameters", [_INTERVALS], tables=[values(result)], pictures=[_correlation(result)]),
             Section("What the logs tell", sentences(result), details=[_told(result)]),
@@ -122,7 +125,16 @@ def _told(result: Calibration) -> Grid:
 def _overlay(run: Run, k: int) -> Picture:
     kind = "held out" if run.held_out else "used"
     caption = f"{run.name} ({kind}): log, uncalibrated and calibrated twin in free run, and the two errors."
-    return Picture(f"overlay-{k + 1}", style.png(overlay(run)), caption)
+    data = IOData(run.u, run.y, run.Ts, "input", "angle", "V", "rad", missing=~np.isfinite(run.y))
+    zoomed = zoom.runs(data, {"twin calibrated": run.after, "twin before": run.before}, measured="log")
+    return Picture(f"overlay-{k + 1}", style.png(overlay(run)), caption, zoomed)
+
+
+def _leg(result: Calibration) -> Picture:
+    """The log and the calibrated twin, as legs with the calibrated lengths."""
+    run = next((each for each in result.runs if each.held_out), result.runs[0])
+    sides = {"log": {result.joint: run.y}, "calibrated twin": {result.joint: run.after}}
+    return leg.picture("leg", np.arange(len(run.y)) * run.Ts, sides, result.parameters)
 
 
 @styled

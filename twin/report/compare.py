@@ -4,6 +4,7 @@ from sysid.base import style
 from sysid.base.units import number, percent, shown
 from sysid.base.versions import versions
 from sysid.plots import residual_tests
+from sysid.report import zoom
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.compare.comparison import LOG, MODEL, TWIN, Comparison
 from twin.compare.effects import TABLE
@@ -12,6 +13,7 @@ from twin.compare.intervals import Value
 from twin.compare.joints import EFFECTS, Pair
 from twin.compare.regimes import DEFINITIONS
 from twin.report import compare_figures as figures
+from twin.report import leg
 
 WORDS = {"end_low": "lower end of travel", "end_high": "upper end of travel", "slope": "sensor slope", "zero": "zero"}
 
@@ -22,14 +24,16 @@ def page(result: Comparison, file: str) -> Page:
         Section(
             "Record",
             pictures=[
-                Picture("overlay", style.png(figures.overlay(result)), _overlay_caption(result)),
+                Picture(
+                    "overlay", style.png(figures.overlay(result)), _overlay_caption(result), figures.zoomed(result)
+                ),
                 Picture("regimes", style.png(figures.regimes(result)), _regime_caption(result)),
+                _leg(result),
             ],
             tables=[regime_table(result)],
         )
     ]
     if result.verdict is not None:
-        picture = Picture("effects", style.png(figures.effects(result.verdict)), _effect_caption(result.verdict))
         sections.append(
             Section(
                 "Physical effects",
@@ -51,7 +55,8 @@ def page(result: Comparison, file: str) -> Page:
         )
     )
     if result.tests is not None:
-        picture = Picture("residuals", style.png(residual_tests(result.tests)), _tests_caption(result))
+        drawn = style.png(residual_tests(result.tests))
+        picture = Picture("residuals", drawn, _tests_caption(result), zoom.residual_tests(result.tests))
         sections.append(Section("Residual tests", pictures=[picture]))
     return Page(
         title=f"The {result.joint} beside {result.label}",
@@ -71,6 +76,12 @@ _PAIRS = (
     "The joint grew on the log and was fitted to the twin's own log of the same input, noise included. What this model "
     "lacks is missing on both sides, so differences mean more than the values. Intervals of 95 %."
 )
+
+
+def _leg(result: Comparison) -> Picture:
+    """Both legs, with nominal lengths."""
+    mine, theirs = figures.names(result)
+    return leg.picture("leg", result.t, {mine: {result.joint: result.y}, theirs: {result.joint: result.other}})
 
 
 def sentences(result: Comparison, file: str) -> list[str]:
@@ -212,7 +223,8 @@ def alignment_table(result: Comparison) -> Grid:
         known = value.low is not None and value.high is not None
         low, high = (number(factor * v, 4) if v is not None else "–" for v in (value.low, value.high))
         rows.append((name, number(factor * value.value, 4), f"{low} to {high}" if known else "not determined", unit))
-    return Grid(("log over twin", "value", "95 % interval", "unit"), rows, last_text=True)
+    note = "How often these intervals hold the true value is not counted yet; take them as a lower limit of the doubt."
+    return Grid(("log over twin", "value", "95 % interval", "unit"), rows, last_text=True, note=note)
 
 
 def effect_table(verdict: Verdict) -> Grid:

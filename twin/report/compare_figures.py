@@ -8,6 +8,8 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.style import styled
+from sysid.data.record import IOData
+from sysid.report import zoom
 from twin.compare.comparison import LOG, Comparison
 from twin.compare.effects import TABLE
 from twin.compare.explain import Verdict
@@ -45,6 +47,16 @@ def overlay(result: Comparison) -> list[Axes]:
     bottom.set(xlabel="time [s]", ylabel="input [V]", title="(c) input")
     bottom.margins(x=0.005)
     return [top, middle, bottom]
+
+
+def zoomed(result: Comparison) -> zoom.Figure:
+    """The same to zoom: angles, error with the noise band, and input over one time axis."""
+    data = IOData(result.u, result.y, result.Ts, "voltage", "angle", "V", "rad")
+    figure = zoom.runs(data, {names(result)[1]: result.other}, measured=names(result)[0])
+    band = {"type": "rect", "xref": "paper", "x0": 0, "x1": 1, "yref": "y2", "layer": "below", "line": {"width": 0}}
+    edge = 2.0 * DEG * result.noise
+    figure["layout"]["shapes"].append(band | {"y0": -edge, "y1": edge, "fillcolor": zoom.BOUND})
+    return figure
 
 
 @styled

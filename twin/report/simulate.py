@@ -9,7 +9,10 @@ from sysid.base import style
 from sysid.base.style import styled
 from sysid.base.units import number
 from sysid.base.versions import versions
+from sysid.report import zoom
 from sysid.report.page import Grid, Page, Picture, Section
+from twin.parameters import Parameters
+from twin.report import leg
 from twin.studies.simulation import Part, Simulation
 
 if TYPE_CHECKING:
@@ -28,6 +31,7 @@ def page(result: Simulation) -> Page:
         verdict=[_verdict(part) for part in result.parts],
         sections=[
             Section("Record", pictures=records),
+            Section("The leg", pictures=[_leg(result)]),
             Section("Truth", [_TRUTH[log.mode]], tables=tables(result)),
         ],
         made_with=versions(),
@@ -49,6 +53,13 @@ def _verdict(part: Part) -> str:
     )
 
 
+def _leg(result: Simulation) -> Picture:
+    """The leg as the experiment moved it, with the lengths of its own parameters."""
+    parameters = Parameters().replace(dict(result.log.meta.get("parameters_changed", {})))
+    angles = {part.joint: part.y_true for part in result.parts}
+    return leg.picture("leg", result.parts[0].data.t, {"twin": angles}, parameters)
+
+
 def _pictures(part: Part, mode: str, without: list[str]) -> list[Picture]:
     data, missing = part.data, ", ".join(without) or "nothing"
     return [
@@ -56,12 +67,14 @@ def _pictures(part: Part, mode: str, without: list[str]) -> list[Picture]:
             f"data-{part.joint}",
             style.png(plots.record(data)),
             f"{_INPUT[mode]} and angle that the potentiometer read, {part.joint}; switched off: {missing}.",
+            zoom.record(data),
         ),
         Picture(
             f"measurement-error-{part.joint}",
             style.png(measurement_error(data.t, data.y[:, 0], part.y_true)),
             f"Error of the {part.joint}'s reading from noise, ADC steps and missed samples. A missed sample repeats "
             "the previous one, so it appears as a spike while the joint moves.",
+            zoom.lines(data.t, {"error": data.y[:, 0] - part.y_true}, "error", "rad", "measured less true angle"),
         ),
     ]
 

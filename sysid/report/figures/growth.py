@@ -11,24 +11,13 @@ from sysid.base import style
 from sysid.base.style import styled
 from sysid.joint.growth import MARGIN
 from sysid.joint.pruning import remaining
+from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
+from sysid.report.joint_words import PARTS
 from sysid.workflow.evaluation import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-NAMES = {
-    "stribeck": "Stribeck",
-    "sticks": "Stribeck by direction",
-    "sided": "stick by direction",
-    "loss": "screw's loss",
-    "jams": "jam at stops",
-    "screw": "loss and jam",
-    "plays": "play",
-    "coasts": "coasting play",
-    "turns": "load by turns",
-    "sags": "sagging supply",
-}
 
 
 @styled
@@ -47,7 +36,7 @@ def draw(e: Evaluation) -> Sequence[Axes]:
         ax.axvline(0, color=style.SECOND, linewidth=0.8)
         ax.axvline(MARGIN, color=style.INK, linewidth=0.8, linestyle="--")
         ax.set_xscale("symlog", linthresh=10.0)
-        ax.set_yticks(places, [NAMES[step.part] for step in shown])
+        ax.set_yticks(places, [PARTS[step.part] for step in shown])
         ax.set(title=f"round {k + 1}", xlabel="fall of BIC")
         ax.invert_yaxis()
     return row
@@ -70,4 +59,10 @@ def applies(e: Evaluation) -> bool:
     return e.growth is not None and bool(e.growth.steps)
 
 
-FIGURE = ReportFigure("Model", draw, caption, applies, pure=True)
+def zoomed(e: Evaluation) -> zoom.Figure:
+    """The same to zoom."""
+    assert e.growth is not None
+    return zoom.growth(e.growth)
+
+
+FIGURE = ReportFigure("Model", draw, caption, applies, pure=True, zoom=zoomed)

@@ -1,0 +1,216 @@
+"""The leg in three dimensions, as recorded: a figure to turn, with a slider over time, and two views for paper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+
+from sysid.base import style
+from sysid.base.style import styled
+from sysid.report.page import Picture
+from sysid.report.zoom import Figure
+from twin.parameters import JOINTS, Parameters
+from twin.plant.leg import BENCH_LEG, robot
+from twin.view.stills import on_stand
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FRAMES = 101  # poses over the record
+LINKS = ("shoulder_hub", "thigh_lever", "shank_lever")  # whose origins are shoulder, hip pin and knee
+RODS = JOINTS[1:]
+AXES = ("forward", "outward", "up")
+COLOURS = (style.INK, style.MODEL)
+WIDTHS = (14, 6)  # of the links [px]: where two legs agree, both are seen
+Course = Mapping[str, np.ndarray]  # angle (N,) [rad] by joint
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Positions [m] from the shoulder's axis, (frames, points, 3): forward, outward, up.
+
+    `links`: shoulder, hip, knee, foot. `rods`: both ends of the thigh's and of the shank's actuator.
+    """
+
+    links: np.ndarray
+    rods: np.ndarray
+
+
+def poses(angles: Course, parameters: Parameters | None = None) -> Poses:
+    """The leg at these joint angles (frames,) [rad] by MuJoCo's kinematics; joints without angles are at mid stroke."""
+    p = parameters or Parameters()
+    model = robot(p)
+    data = mujoco.MjData(model)
+    links, rods = list[np.ndarray](), list[np.ndarray]()
+    for k in range(len(next(iter(angles.values())))):
+        data.qpos[:] = on_stand(model, p, {joint: float(course[k]) for joint, course in angles.items()})
+        mujoco.mj_kinematics(model, data)
+        origin = data.body(f"{LINKS[0]}{BENCH_LEG}").xpos.copy()
+        own = [*(data.body(f"{name}{BENCH_LEG}").xpos for name in LINKS), data.site(f"foot{BENCH_LEG}").xpos]
+        ends = [data.site(f"{joint}_{end}{BENCH_LEG}").xpos for joint in RODS for end in ("base", "rod")]
+        links.append(np.array(own) - origin)
+        rods.append(np.array(ends) - origin)
+    return Poses(np.array(links), np.array(rods))
+
+
+def picture(name: str, t: np.ndarray, sides: Mapping[str, Course], parameters: Parameters | None = None) -> Picture:
+    """The figure of one or two legs over times t (N,) [s]: `sides` are the joint angles (N,) [rad] by name."""
+    at = np.unique(np.linspace(0, len(t) - 1, min(FRAMES, len(t))).round().astype(int))
+    courses = {side: {joint: _whole(y)[at] for joint, y in course.items()} for side, course in sides.items()}
+    found = {side: poses(course, parameters) for side, course in courses.items()}
+    names = " and ".join(sides)
+    caption = (
+        f"The leg as {names} {'move' if len(sides) > 1 else 'moves'} it, at {len(at)} moments of the record; joints "
+        "without a record are at mid stroke. Positions in metres from the shoulder's axis; the thin line is the way of "
+        "the foot. Drag to turn it, move the slider for another moment."
+    )
+    return Picture(name, style.png(draw(found)), caption, figure(t[at], found, courses))
+
+
+def _whole(y: np.ndarray) -> np.ndarray:
+    """The course without gaps."""
+    known = np.isfinite(y)
+    return y if known.all() else np.interp(np.arange(len(y)), np.flatnonzero(known), y[known])
+
+
+def figure(t: np.ndarray, found: Mapping[str, Poses], courses: Mapping[str, Course]) -> Figure:
+    """The legs at times t (frames,) [s] as a figure of plotly, with a slider whose text gives time and angles."""
+    still = [_path(side, each, COLOURS[k]) for k, (side, each) in enumerate(found.items())]
+    moving = [_traces(found, 0), *(_traces(found, k) for k in range(len(t)))]
+    numbers = list(range(len(still), len(still) + len(moving[0])))
+    frames = [{"name": str(k), "data": traces, "traces": numbers} for k, traces in enumerate(moving[1:])]
+    every = np.concatenate([np.concatenate([p.links, p.rods], axis=1).reshape(-1, 3) for p in found.values()])
+    labels = [_label(float(t[k]), courses, k) for k in range(len(t))]
+    return {"data": [*still, *moving[0]], "layout": _layout(every, labels), "frames": frames}
+
+
+def _traces(found: Mapping[str, Poses], k: int) -> list[dict[str, Any]]:
+    """Links and actuators of each leg in frame k."""
+    traces = list[dict[str, Any]]()
+    for n, (side, each) in enumerate(found.items()):
+        links, rods = each.links[k], each.rods[k]
+        gap = np.full((1, 3), np.nan)
+        apart = np.concatenate([rods[:2], gap, rods[2:]])
+        look = {"type": "scatter3d", "mode": "lines+markers", "legendgroup": side}
+        traces += [
+            look
+            | _points(links)
+            | {
+                "name": side,
+                "line": {"color": COLOURS[n], "width": WIDTHS[n]},
+                "marker": {"size": [6, 6, 6, 9], "color": COLOURS[n]},
+                "text": ["shoulder", "hip", "knee", "foot"],
+                "hovertemplate": f"{side}, %{{text}}<br>forward %{{x:.3f}} m, outward %{{y:.3f}} m, up %{{z:.3f}} m"
+                "<extra></extra>",
+            },
+            look
+            | _points(apart)
+            | {
+                "name": f"{side}: actuators",
+                "showlegend": False,
+                "line": {"color": style.INPUT if n == 0 else COLOURS[n], "width": 6},
+                "marker": {"size": 3, "color": style.SECOND},
+                "hoverinfo": "skip",
+            },
+        ]
+    return traces
+
+
+def _path(side: str, each: Poses, colour: str) -> dict[str, Any]:
+    """The way of the foot."""
+    line = {"color": colour, "width": 2}
+    return {"type": "scatter3d", "mode": "lines", **_points(each.links[:, 3]), "name": f"{side}: foot"} | {
+        "line": line,
+        "legendgroup": side,
+        "showlegend": False,
+        "hoverinfo": "skip",
+    }
+
+
+def _points(places: np.ndarray) -> dict[str, list[float | None]]:
+    """Coordinates to a tenth of a millimetre."""
+    return {axis: [None if np.isnan(v) else round(float(v), 4) for v in places[:, k]] for k, axis in enumerate("xyz")}
+
+
+def _label(t: float, courses: Mapping[str, Course], k: int) -> str:
+    """Time and angles of a frame."""
+    said = [
+        f"{side}: " + ", ".join(f"{joint} {np.degrees(course[joint][k]):.1f}°" for joint in course)
+        for side, course in courses.items()
+    ]
+    return f"{t:.4g} s; {'; '.join(said)}"
+
+
+def _layout(every: np.ndarray, labels: list[str]) -> Figure:
+    low, high = every.min(axis=0) - 0.04, every.max(axis=0) + 0.04
+    axes = {
+        f"{axis}axis": {
+            "title": {"text": f"{name} [m]"},
+            "range": [float(a), float(b)],
+            "gridcolor": "#e4e7eb",
+            "backgroundcolor": "rgba(0,0,0,0)",
+            "zeroline": False,
+            "nticks": 5,
+        }
+        for axis, name, a, b in zip("xyz", AXES, low, high, strict=True)
+    }
+    now = {"mode": "immediate", "transition": {"duration": 0}}
+    steps = [
+        {"label": label, "method": "animate", "args": [[str(k)], now | {"frame": {"duration": 0, "redraw": True}}]}
+        for k, label in enumerate(labels)
+    ]
+    run = {"frame": {"duration": 60, "redraw": True}, "fromcurrent": True, "transition": {"duration": 0}}
+    buttons = [
+        {"label": "play", "method": "animate", "args": [None, run]},
+        {"label": "stop", "method": "animate", "args": [[None], now]},
+    ]
+    side = {"x": 0, "xanchor": "left"}
+    return {
+        "scene": axes | {"aspectmode": "data", "camera": {"eye": {"x": 1.9, "y": 1.5, "z": 0.5}}},
+        "height": 520,
+        "margin": {"l": 8, "r": 8, "t": 30, "b": 8},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "font": {"color": style.INK, "size": 12, "family": "system-ui, Segoe UI, DejaVu Sans, sans-serif"},
+        "legend": {"orientation": "h", "x": 1, "xanchor": "right", "y": 1.0, "bgcolor": "rgba(0,0,0,0)"},
+        "hoverlabel": {"align": "left"},
+        "uirevision": "kept",
+        "updatemenus": [
+            {"type": "buttons", "direction": "right", "buttons": buttons, **side, "y": 1.0, "yanchor": "bottom"}
+        ],
+        "sliders": [
+            {
+                "steps": steps,
+                **side,
+                "len": 1.0,
+                "pad": {"t": 6, "b": 6},
+                "ticklen": 0,
+                "minorticklen": 0,
+                "tickcolor": "rgba(0,0,0,0)",
+                "font": {"size": 1, "color": "rgba(0,0,0,0)"},
+                "currentvalue": {"xanchor": "left", "font": {"size": 12, "color": style.INK}},
+            }
+        ],
+    }
+
+
+@styled
+def draw(found: Mapping[str, Poses]) -> list[Axes]:
+    """Side view and top view: the first leg's two poses that lie farthest apart, and the way of each foot."""
+    axes = style.panels(None, 1, 2, height=3.4)
+    for ax, (across, along), title in zip(axes, ((1, 2), (1, 0)), ("(a) from the side", "(b) from above"), strict=True):
+        for n, (side, each) in enumerate(found.items()):
+            foot = each.links[:, 3]
+            first = int(np.argmax(np.linalg.norm(foot - foot[0], axis=1)))
+            last = int(np.argmax(np.linalg.norm(foot - foot[first], axis=1)))
+            for k, alpha, label in ((first, 1.0, side), (last, 0.4, None)):
+                x, y = each.links[k][:, across], each.links[k][:, along]
+                ax.plot(x, y, "o-", color=COLOURS[n], linewidth=3, markersize=4, alpha=alpha, label=label)
+            ax.plot(foot[:, across], foot[:, along], color=COLOURS[n], linewidth=0.8)
+        ax.set(title=title, xlabel=f"{AXES[across]} [m]", ylabel=f"{AXES[along]} [m]")
+        ax.set_aspect("equal", adjustable="datalim")
+    style.legend(axes[0])
+    return axes
