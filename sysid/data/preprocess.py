@@ -17,6 +17,7 @@ from sysid.data.trends import Trend
 from sysid.data.wraps import unwrapped
 
 DETREND = ("mean", "linear", "steady", "none")
+ZERO = ("mean", "steady")  # of which both are levels
 
 
 def detrend(data: IOData, kind: str = "mean") -> IOData:
