@@ -41,13 +41,17 @@ class Guess:
 
 @dataclass(frozen=True)
 class Given:
-    """What a person has said already: columns, the unit of the clock, the sampling time [s]."""
+    """What a person has said already: columns, the unit of the clock, the sampling time [s].
+
+    `more` are the further columns of a role that has several.
+    """
 
     input: str | None = None
     output: str | None = None
     time: str | None = None
     time_unit: str | None = None
     Ts: float | None = None
+    more: Mapping[str, tuple[str, ...]] | None = None
 
 
 def guess(table: Table, given: Given = Given()) -> Guess:
@@ -59,7 +63,8 @@ def guess(table: Table, given: Given = Given()) -> Guess:
     columns = looks(table)
     if not columns:
         raise InputError(f"{table.path}: no column holds numbers; found {', '.join(table.names) or 'none'}")
-    for name in (given.input, given.output, given.time):
+    more = given.more or {}
+    for name in (given.input, given.output, given.time, *(name for names in more.values() for name in names)):
         if name is not None and name not in columns:
             numbers(table, name)  # which says what it lacks
     timed = _clock(table, columns, given)
@@ -71,16 +76,18 @@ def guess(table: Table, given: Given = Given()) -> Guess:
     else:
         picked = {role: columns.get(getattr(given, role) or "") for role in ("input", "output")}
         _say_missing(table, picked, columns, unclear)
-    channels = {}
-    for role, look in picked.items():
-        if look is None:
+    channels: dict[str, list[Channel]] = {}
+    for role, first in picked.items():
+        channels[role] = [] if first is not None else [Channel(column="")]
+        if first is None:
             remarks[f"{role}.column"] = f"CHOOSE one of {', '.join(rest)}"
-            channels[role] = Channel(column="")
-            continue
-        unit = unit_text(look.header)
-        channels[role] = Channel(column=look.name, unit=unit, name=label(Channel(column=look.name), role, unit))
-        _say_unit(role, look, unit, why, remarks)
-    mapping = ChannelMap(clock=clock, input=(channels["input"],), output=(channels["output"],))
+        for look in (first, *(columns[name] for name in more.get(role, ()))):
+            if look is not None:
+                unit = unit_text(look.header)
+                name = label(Channel(column=look.name), role, unit)
+                channels[role].append(Channel(column=look.name, unit=unit, name=name))
+                _say_unit(role, look, unit, why, remarks)
+    mapping = ChannelMap(clock=clock, input=tuple(channels["input"]), output=tuple(channels["output"]))
     return Guess(mapping, tuple(why), tuple(unclear), remarks)
 
 

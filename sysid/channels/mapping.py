@@ -121,8 +121,10 @@ class Repair(_Part):
         default=0.01,
         description="part of a step by which stamps may be off and still count as uniform; more is interpolated",
     )
-    empty: Literal["refuse", "fill"] = Field(
-        default="refuse", description='cells without a value: "refuse", or "fill" them like lost samples'
+    empty: Literal["refuse", "fill", "outputs"] = Field(
+        default="refuse",
+        description='cells without a value: "refuse", "fill" them like lost samples, or take those of "outputs" as '
+        "missing, however many in a row",
     )
     longest_gap: Annotated[Whole, Field(ge=0)] = Field(
         default=3, description="lost samples in a row that are filled; a longer gap is refused"

@@ -1,6 +1,7 @@
 """From a file to a uniform record: read, mapped or guessed, sampled."""
 
 import os
+from typing import Literal
 
 from sysid.base.errors import InputError
 from sysid.channels.guess import Given, guess
@@ -30,15 +31,19 @@ def read_map_of(mapping: Mapping) -> ChannelMap:
     return mapping if isinstance(mapping, ChannelMap) else read_map(mapping)
 
 
-def from_table(table: Table, given: Given = Given(), range: Range = Range()) -> Signals:  # noqa: B008 - both are frozen
-    """The record of a table by guess, as far as columns are not `given`.
+def from_table(
+    table: Table,
+    given: Given = Given(),  # noqa: B008 - it is frozen
+    range: Range = Range(),  # noqa: B008
+    empty: Literal["refuse", "fill", "outputs"] = "refuse",
+) -> Signals:
+    """The record of a table by guess, as far as columns are not `given`; `empty` as in `Repair`.
 
     Of a clock that is given no sample may be lost: to fill some, say so in a mapping.
     """
     found = guess(table, given)
-    mapping = found.sure(table).model_copy(update={"range": range})
-    if given.time is not None:
-        mapping = mapping.model_copy(update={"repair": Repair(longest_gap=0)})
+    repair = Repair(empty=empty) if given.time is None else Repair(longest_gap=0, empty=empty)
+    mapping = found.sure(table).model_copy(update={"range": range, "repair": repair})
     if given.Ts is not None and given.time is not None:
         record = sample(table, mapping, found.why)
         if abs(given.Ts - record.Ts) > mapping.repair.jitter * record.Ts:

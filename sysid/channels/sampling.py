@@ -41,7 +41,11 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     channels = [
         (role, channel, _entry(mapping, role, k)) for role in ROLES for k, channel in enumerate(getattr(mapping, role))
     ]
-    found = [channel_values(table, channel, entry, fill) for _, channel, entry in channels]
+    missing = mapping.repair.empty == "outputs"
+    found = [
+        channel_values(table, channel, entry, fill or (missing and role == "output"))
+        for role, channel, entry in channels
+    ]
     _check_lengths(table, [channel.column for _, channel, _ in channels], [values for values, _ in found])
     table, whole, ends = _without_empty_ends(table, [values for values, _ in found])
     found = [(x, unit) for x, (_, unit) in zip(whole, found, strict=True)]
@@ -52,8 +56,9 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
         held = channel.between == "held" or (channel.between == "" and role == "input")
         gathered = _gathered(values, rows, mapping)
         counts["empty cells"] += int(np.isnan(gathered).sum())
-        placed, missing = _placed(table, mapping, rows, channel, gathered, held)
-        signals[role].append(Signal(label(channel, role), channel.column, unit.unit, placed, missing))
+        longest = rows.grid.N if missing and role == "output" else mapping.repair.longest_gap
+        placed, marks = _placed(table, rows, channel, gathered, held, longest)
+        signals[role].append(Signal(label(channel, role), channel.column, unit.unit, placed, marks))
     record = Signals(
         table.path,
         mapping,
@@ -158,10 +163,10 @@ def _gathered(values: np.ndarray, rows: _Rows, mapping: ChannelMap) -> np.ndarra
 
 
 def _placed(
-    table: Table, mapping: ChannelMap, rows: _Rows, channel: Channel, values: np.ndarray, held: bool
+    table: Table, rows: _Rows, channel: Channel, values: np.ndarray, held: bool, longest: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values (N,) on the grid and the marks (N,) of samples that were filled."""
-    grid, longest = rows.grid, mapping.repair.longest_gap
+    """Values (N,) on the grid and the marks (N,) of samples that were filled, at most `longest` in a row."""
+    grid = rows.grid
     if grid.index is not None:
         if len(values) == grid.N and np.isfinite(values).all():
             return values, np.zeros(grid.N, dtype=bool)

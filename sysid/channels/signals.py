@@ -92,7 +92,7 @@ class Signals:
             np.column_stack([signal.values for signal in u]),
             np.column_stack([signal.values for signal in y]),
             self.Ts,
-            *(together([s.name for s in u]), together([s.name for s in y])),
+            *(together([s.name for s in u]) or "u", together([s.name for s in y]) or "y"),
             *(together([s.unit for s in u]), together([s.unit for s in y])),
             missing=missing if missing.any() else None,
         )

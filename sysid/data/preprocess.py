@@ -16,21 +16,24 @@ from sysid.data.resampling import resample
 from sysid.data.trends import Trend
 from sysid.data.wraps import unwrapped
 
-DETREND = ("mean", "none")
+DETREND = ("mean", "linear", "steady", "none")
+ZERO = ("mean", "steady")  # of which both are levels
 
 
 def detrend(data: IOData, kind: str = "mean") -> IOData:
-    """The record without its means ('mean') or unchanged ('none'); removed means are added to `u_offset`, `y_offset`.
+    """The record without its means ('mean'), its levels before the first movement ('steady'), straight lines
+    ('linear', one for each channel and experiment), or unchanged ('none').
 
-    For linear trends see `Trend`: a record stores only constant offsets.
+    Removed constants are added to `u_offset` and `y_offset`. Lines are not: a record stores only constant offsets, and
+    `Trend` restores lines.
     """
     if kind not in DETREND:
         raise unknown("detrend", kind, DETREND)
-    return Trend.of(data, "mean").remove(data) if kind == "mean" else data
+    return data if kind == "none" else Trend.of(data, kind).remove(data)
 
 
 def retrend(data: IOData) -> IOData:
-    """The record in its original scale: the means that `detrend` removed are added again."""
+    """The record in its original scale: the constants that `detrend` removed are added again."""
     return replace(
         data,
         u=data.u + data.u_offset,

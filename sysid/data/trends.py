@@ -1,4 +1,4 @@
-"""Trends: means, straight lines or lines with kinks at given samples, removed from a record and restored."""
+"""Trends: means, resting levels, straight lines or lines with kinks, removed from a record and restored."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,14 +8,18 @@ import numpy as np
 from sysid.base.errors import InputError, unknown
 from sysid.data.record import IOData
 
-KINDS = ("mean", "linear")
+KINDS = ("mean", "linear", "steady")
+CONSTANT = ("mean", "steady")
+MOVED = 0.02  # of the range of an input, by which it has left its first value
+SETTLED = 0.05  # of the range of an output, by which its two halves of a rest may differ
+LEAST_REST = 4  # samples
 
 
 @dataclass(frozen=True)
 class Trend:
     """The trend of a record: u (N, nu) and y (N, ny), sample by sample, for the record it was fitted to.
 
-    `remove` and `restore` work on that record and on model outputs over it; a mean works on records of any length.
+    `remove` and `restore` work on that record and on model outputs over it; a constant works on records of any length.
     """
 
     u: np.ndarray
@@ -28,21 +32,22 @@ class Trend:
     def of(cls, data: IOData, kind: str = "linear", breaks: Sequence[int] = ()) -> "Trend":
         """Least squares over the measured samples: 'mean', or 'linear' with kinks at the samples `breaks` (from 0).
 
+        'steady' is the level before the first movement of an input (`steady_level`).
+
         Lines are continuous at the kinks, unlike those of scipy.signal.detrend, whose jumps a model would have to
         explain. Every experiment has its own lines (breaks count from its start); a mean is taken over all
-        experiments. Raises InputError for breaks outside the record or not in rising order.
+        experiments. Raises InputError for breaks outside the record or not in rising order, and for 'steady' if the
+        record does not begin at rest.
         """
         if kind not in KINDS:
             raise unknown("trend", kind, KINDS)
         breaks = tuple(int(b) for b in breaks)
-        if breaks and (kind == "mean" or sorted(set(breaks)) != list(breaks)):
+        if breaks and (kind in CONSTANT or sorted(set(breaks)) != list(breaks)):
             raise InputError(f"breaks are {breaks}; give rising sample numbers, and only with kind 'linear'")
         if breaks and (breaks[0] < 1 or breaks[-1] > min(data.lengths) - 2):
             raise InputError(f"breaks are {breaks}; give samples between 1 and {min(data.lengths) - 2}")
-        if kind == "mean":
-            observed = data.observed
-            y = np.array([data.y[observed[:, j], j].mean() for j in range(data.y.shape[1])])
-            u = data.u.mean(axis=0)
+        if kind in CONSTANT:
+            u, y = _means(data) if kind == "mean" else steady_level(data)
             fitted_u, fitted_y = np.broadcast_to(u, data.u.shape), np.broadcast_to(y, data.y.shape)
         else:
             parts = [_lines(e, breaks) for e in data.experiments]
@@ -53,7 +58,7 @@ class Trend:
         """The record without the trend; a constant part is stored in `u_offset`, `y_offset` as in `detrend`."""
         u, y = self._at(data)
         offsets = {}
-        if self.kind == "mean":
+        if self.kind in CONSTANT:
             offsets = {"u_offset": data.u_offset + u[0], "y_offset": data.y_offset + y[0]}
         return replace(data, u=data.u - u, y=data.y - y, **offsets)
 
@@ -61,7 +66,7 @@ class Trend:
         """The record with the trend restored."""
         u, y = self._at(data)
         offsets = {}
-        if self.kind == "mean":
+        if self.kind in CONSTANT:
             offsets = {"u_offset": data.u_offset - u[0], "y_offset": data.y_offset - y[0]}
         return replace(data, u=data.u + u, y=data.y + y, **offsets)
 
@@ -73,13 +78,47 @@ class Trend:
         return np.asarray(yhat) + y
 
     def _at(self, data: IOData) -> tuple[np.ndarray, np.ndarray]:
-        if self.kind == "mean":
+        if self.kind in CONSTANT:
             return np.broadcast_to(self.u[0], data.u.shape), np.broadcast_to(self.y[0], data.y.shape)
         if (self.u.shape, self.y.shape) != (data.u.shape, data.y.shape):
             raise InputError(
                 f"the record has {data.N} samples and the trend {len(self.u)}; give the record it was fitted to"
             )
         return self.u, self.y
+
+
+def steady_level(data: IOData) -> tuple[np.ndarray, np.ndarray]:
+    """The levels u (nu,) and y (ny,) of the first experiment before an input first leaves its first value.
+
+    It is the operating point at which an engineer has waited before a test. Raises InputError if the input moves
+    within the first LEAST_REST samples, or if an output still moves before the input does.
+    """
+    e = data.experiments[0]
+    moved = np.abs(e.u - e.u[0]) > MOVED * np.maximum(np.ptp(e.u, axis=0), 1e-300)
+    n = int(np.argmax(moved.any(axis=1))) or e.N
+    advice = "remove the mean instead, or choose a range that begins at rest"
+    if n < LEAST_REST:
+        raise InputError(
+            f"the input moves at sample {n} (from 0), so the record does not begin at rest for {LEAST_REST} samples; "
+            f"{advice}"
+        )
+    rest = e.select(0, n)
+    halves = [_means(part)[1] for part in (rest.select(0, n // 2), rest.select(n // 2, n))]
+    for j, (early, late) in enumerate(zip(*halves, strict=True)):
+        span, noise = float(np.ptp(e.y[:, j])), float(np.std(np.diff(rest.y[:, j]))) / np.sqrt(2)
+        if abs(late - early) > SETTLED * span + 3 * noise * np.sqrt(4 / n):
+            raise InputError(
+                f"before the input first moves, at {n * e.Ts:g} s, the output goes from {early:.4g} to {late:.4g}, "
+                f"{100 * abs(late - early) / span:.0f} % of its range: it is not at rest; {advice}"
+            )
+    return _means(rest)
+
+
+def _means(data: IOData) -> tuple[np.ndarray, np.ndarray]:
+    """Means of u (nu,) and of the measured samples of y (ny,)."""
+    observed = data.observed
+    y = np.array([data.y[observed[:, j], j].mean() for j in range(data.y.shape[1])])
+    return data.u.mean(axis=0), y
 
 
 def _lines(e: IOData, breaks: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -92,8 +131,8 @@ def _lines(e: IOData, breaks: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sentence(data: IOData, y: np.ndarray, kind: str, breaks: tuple[int, ...]) -> str:
-    if kind == "mean":
-        return f"means removed: {_list(y[0], data.y_unit)} of the output"
+    if kind in CONSTANT:
+        return f"{'means' if kind == 'mean' else 'levels at rest'} removed: {_list(y[0], data.y_unit)} of the output"
     span = _list(np.ptp(y, axis=0), data.y_unit)
     kinks = f" with kinks at samples {', '.join(map(str, breaks))}" if breaks else ""
     return f"lines{kinks} removed from {len(data.lengths)} experiment(s); the line of the output spans {span}"

@@ -12,7 +12,7 @@ from sysid.export import closed_form
 from sysid.model.wiring import Layer, Unit, identifier, layers, offsets, whole, written
 
 
-def write(fit: Fit, path: str | os.PathLike, name: str = "model", **scale: float) -> Path:
+def write(fit: Fit, path: str | os.PathLike, name: str = "model", **scale: float | np.ndarray) -> Path:
     """Write `source` to a file, complete or not at all."""
     return write_text(path, source(fit, name, **scale))
 

@@ -55,8 +55,8 @@ def number(default: float | None, help: str, unit: str) -> Any:
 
 @dataclass(frozen=True)
 class Recipe(ABC):
-    """Settings of one structure of one input and one output; fields are made by `order`, `static_map`, `choice` and
-    `number`, and command line, summary, report and structure search read them from here.
+    """Settings of one structure of one input and one output, or of several (`Several`); fields are made by `order`,
+    `static_map`, `choice` and `number`, and command line, summary, report and structure search read them from here.
 
     name: by which `sysid.structures.TABLE` has it. searched: whether structure search tries it, and rungs: the settings
     that it tries first; none means every order of the search space, with every combination of maps around the best
@@ -182,6 +182,18 @@ class Recipe(ABC):
     def physics(self) -> dict[str, Any] | None:
         """Options of `sysid.joint_values` where the parameters are physical values, else None."""
         return None
+
+
+class Several(Recipe):
+    """A recipe whose structure takes several inputs and outputs: as many as the record has."""
+
+    @abstractmethod
+    def model(self, nu: int = 1, ny: int = 1) -> Any:
+        """The Chain to fit to a record of nu inputs and ny outputs."""
+
+    def model_of(self, data: IOData) -> Any:
+        """The model with the channels of the record."""
+        return self.model(data.u.shape[1], data.y.shape[1])
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from sysid.base.units import Quantity, number, percent
 from sysid.base.versions import versions
 from sysid.estimation.result import Fit
@@ -15,6 +17,7 @@ from sysid.workflow.evaluation import Evaluation
 from sysid.workflow.exports import Exports
 from sysid.workflow.identification import Identification
 from sysid.workflow.record import Record
+from sysid.workflow.records import Plan
 
 RANKED = 12  # rows of a structure search that are shown
 WARNINGS = 3  # of the advice, in the terminal
@@ -31,7 +34,7 @@ def page(result: Identification, exports: Exports) -> Page:
         ),
         verdict=_verdict(result),
         sections=[
-            _data(record, e),
+            _data(record, e, result.plan),
             _advice(result),
             *_search(result),
             _output(e),
@@ -154,20 +157,23 @@ def _verdict(result: Identification) -> list[str]:
     return [*verdict.first(result), *chosen, sections.search_sentence(e), *notes, *([] if told else _next(result))]
 
 
-def _data(record: Record, e: Evaluation) -> Section:
+def _data(record: Record, e: Evaluation, plan: Plan) -> Section:
     u, y = figures.signals(e)
+    removed_in_words = plan.in_words()
     removed = (
-        f"Removed before the fit: {_offset(u, e.estimation.u_offset[0])} from the input and "
-        f"{_offset(y, e.estimation.y_offset[0])} from the output (means over the whole record). "
-        if e.estimation.u_offset[0] or e.estimation.y_offset[0]
+        f"Removed before the fit: {_offset(u, e.estimation.u_offset)} from the input and "
+        f"{_offset(y, e.estimation.y_offset)} from the output ({removed_in_words}). "
+        if e.estimation.u_offset.any() or e.estimation.y_offset.any()
+        else "Straight lines were removed from all signals. "
+        if plan.detrend == "linear"
         else "Nothing was removed from the data. "
     )
     notes = "".join(f"{note[0].upper()}{note[1:]}. " for note in record.notes)
     return Section("Data", [f"Read from {record.path}. {notes}{removed}"], pictures=figures.pictures("Data", e))
 
 
-def _offset(quantity: Quantity, value: float) -> str:
-    return f"{number(value * quantity.factor)} {quantity.unit}".rstrip()
+def _offset(quantity: Quantity, values: np.ndarray) -> str:
+    return f"{', '.join(number(value * quantity.factor) for value in values)} {quantity.unit}".rstrip()
 
 
 _PHYSICS = (

@@ -162,6 +162,10 @@ def criteria_grid(evaluation: Evaluation) -> Grid:
     rows = [
         ("fit, free run, validation data", percent(evaluation.validation_fit), "the whole output from only the input"),
         ("fit, free run, estimation data", percent(evaluation.estimation_fit), "the same on the estimation data"),
+        *(
+            (f"the same of {o.name}, validation data", percent(o.validation_fit), "of one output")
+            for o in evaluation.outputs
+        ),
         *_one_step_rows(evaluation),
         (f"loss V, mean squared error{unit}", number(c.loss), "what the search minimised"),
         *(

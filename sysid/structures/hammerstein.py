@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from sysid.model.chain import Chain
-from sysid.model.recipes import LinearOrders, Map, Order, filters, maps, named, static_map
+from sysid.model.recipes import LinearOrders, Map, Order, Several, filters, maps, named, static_map
 
 
 def hammerstein(
@@ -25,12 +25,12 @@ def hammerstein(
 
 
 @dataclass(frozen=True)
-class Hammerstein(LinearOrders):
+class Hammerstein(Several, LinearOrders):
     """Settings of `hammerstein`."""
 
     name: ClassVar[str] = "hammerstein"
     searched: ClassVar[bool] = True
     input_map: str | None = static_map("input map", "static map before the linear block")
 
-    def model(self) -> Chain:
-        return hammerstein(self.nb, self.nf, self.nk, **named(input=self.input_map))
+    def model(self, nu: int = 1, ny: int = 1) -> Chain:
+        return hammerstein(self.nb, self.nf, self.nk, nu=nu, ny=ny, **named(input=self.input_map))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from sysid.model.chain import Chain
-from sysid.model.recipes import LinearOrders, Map, Order, filters, maps, named, static_map
+from sysid.model.recipes import LinearOrders, Map, Order, Several, filters, maps, named, static_map
 
 
 def hammerstein_wiener(
@@ -28,7 +28,7 @@ def hammerstein_wiener(
 
 
 @dataclass(frozen=True)
-class HammersteinWiener(LinearOrders):
+class HammersteinWiener(Several, LinearOrders):
     """Settings of `hammerstein_wiener`."""
 
     name: ClassVar[str] = "hammerstein_wiener"
@@ -36,5 +36,6 @@ class HammersteinWiener(LinearOrders):
     input_map: str | None = static_map("input map", "static map before the linear block")
     output_map: str | None = static_map("output map", "static map after the linear block")
 
-    def model(self) -> Chain:
-        return hammerstein_wiener(self.nb, self.nf, self.nk, **named(input=self.input_map, output=self.output_map))
+    def model(self, nu: int = 1, ny: int = 1) -> Chain:
+        chosen = named(input=self.input_map, output=self.output_map)
+        return hammerstein_wiener(self.nb, self.nf, self.nk, nu=nu, ny=ny, **chosen)

@@ -7,7 +7,7 @@ from sysid.base.errors import unknown
 from sysid.block.block import Block
 from sysid.blocks import Polynomial
 from sysid.model.chain import Chain
-from sysid.model.recipes import LinearOrders, Order, choice, filters, maps
+from sysid.model.recipes import LinearOrders, Order, Several, choice, filters, maps
 
 OFFSETS = ("none", "free")
 
@@ -32,15 +32,15 @@ def output_error(
 
 
 @dataclass(frozen=True)
-class OutputError(LinearOrders):
+class OutputError(Several, LinearOrders):
     """Settings of `output_error`."""
 
     name: ClassVar[str] = "output_error"
     searched: ClassVar[bool] = True
     offset: str = choice("none", "offset of the output of output_error", OFFSETS)
 
-    def model(self) -> Chain:
-        return output_error(self.nb, self.nf, self.nk, offset=self.offset)
+    def model(self, nu: int = 1, ny: int = 1) -> Chain:
+        return output_error(self.nb, self.nf, self.nk, nu, ny, self.offset)
 
     def __str__(self) -> str:
         return super().__str__() + (" with an offset" if self.offset == "free" else "")

@@ -3,10 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from sysid.base.errors import unknown
+from sysid.base.errors import InputError, unknown
 from sysid.blocks import StateSpace, static
 from sysid.model.chain import Chain
-from sysid.model.recipes import Map, Recipe, choice, number, order, static_map
+from sysid.model.recipes import Map, Several, choice, number, order, static_map
 
 READOUTS = ("network", "linear")
 _STATES = 6  # how far a structure search goes, and in which steps
@@ -41,7 +41,7 @@ def state_space(
 
 
 @dataclass(frozen=True)
-class NonlinearStateSpace(Recipe):
+class NonlinearStateSpace(Several):
     """Settings of `state_space`."""
 
     name: ClassVar[str] = "state_space"
@@ -58,8 +58,10 @@ class NonlinearStateSpace(Recipe):
     spread: float = number(0.3, "size of the weights of a state space's network before the record is seen", unit="")
     output_map: str | None = static_map("output map", "static map after the state space")
 
-    def model(self) -> Chain:
-        return state_space(self.nx, self.units, self.degree, self.output_map, readout=self.readout, spread=self.spread)
+    def model(self, nu: int = 1, ny: int = 1) -> Chain:
+        if self.output_map is not None and ny > 1:
+            raise InputError(f"a state space of {ny} outputs takes no output map; leave it out")
+        return state_space(self.nx, self.units, self.degree, self.output_map, nu, ny, self.readout, self.spread)
 
     def neighbours(self) -> "tuple[NonlinearStateSpace, ...]":
         """One state more or less, more or fewer units, the other readout, a network that bends more or less."""

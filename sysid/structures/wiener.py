@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from sysid.model.chain import Chain
-from sysid.model.recipes import LinearOrders, Map, Order, filters, maps, named, static_map
+from sysid.model.recipes import LinearOrders, Map, Order, Several, filters, maps, named, static_map
 
 
 def wiener(
@@ -25,12 +25,12 @@ def wiener(
 
 
 @dataclass(frozen=True)
-class Wiener(LinearOrders):
+class Wiener(Several, LinearOrders):
     """Settings of `wiener`."""
 
     name: ClassVar[str] = "wiener"
     searched: ClassVar[bool] = True
     output_map: str | None = static_map("output map", "static map after the linear block")
 
-    def model(self) -> Chain:
-        return wiener(self.nb, self.nf, self.nk, **named(output=self.output_map))
+    def model(self, nu: int = 1, ny: int = 1) -> Chain:
+        return wiener(self.nb, self.nf, self.nk, nu=nu, ny=ny, **named(output=self.output_map))

@@ -1,14 +1,14 @@
 """One model fitted to one record, with all numbers that a report or a table shows."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from sysid.base.criteria import fit_percent
-from sysid.base.errors import InputError, unknown
+from sysid.base.errors import InputError
 from sysid.block.block import StaticBlock
+from sysid.blocks import Channels
 from sysid.data.record import IOData
 from sysid.diagnosis.higher_order import HigherOrderTests, higher_order_tests
 from sysid.diagnosis.residuals import ResidualTests
@@ -19,47 +19,19 @@ from sysid.joint.verdict import Verdict, verdict
 from sysid.linear import linearize
 from sysid.nlarx.dispatch import fit as fit_model
 from sysid.nlarx.result import NlarxFit
-from sysid.solver.searches import TABLE as SEARCHES
-from sysid.structures import HammersteinWiener, Recipe
 from sysid.uncertainty import intervals
 from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import Root
 from sysid.workflow.extrapolation import extrapolated_joint, extrapolated_signals
+from sysid.workflow.outputs import OneOutput, is_several, residuals_and_inputs, tests_of, worst
+from sysid.workflow.outputs import fits as fits_of
+from sysid.workflow.setting import Setting
 
 RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
 APART = 3.0  # the same of a joint, whose two parts are the same physics
 AMPLE = 100  # samples for each parameter
 Progress = Callable[[str], None] | None
-
-
-@dataclass(frozen=True)
-class Setting:
-    """The model and its fit: a recipe of `sysid.structures` with settings, a search, starts and seed.
-
-    Raises InputError for an unknown search, before any work.
-    """
-
-    recipe: Recipe = field(default_factory=HammersteinWiener)
-    search: str = "auto"
-    starts: int = 5
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.search not in SEARCHES:
-            raise unknown("search", self.search, SEARCHES)
-
-    def as_dict(self) -> dict[str, Any]:
-        """The setting by option name; both maps are included, None for the default or if there is no such map."""
-        return {
-            "orders": self.recipe.orders,
-            "structure": self.recipe.name,
-            **dict.fromkeys(("input_map", "output_map")),
-            **self.recipe.as_dict(),
-            "search": self.search,
-            "starts": self.starts,
-            "seed": self.seed,
-        }
 
 
 @dataclass(frozen=True)
@@ -97,7 +69,8 @@ class Evaluation:
     `tests` and `higher` are None if the validation part is too short; `notes` gives the reason. `roots` are the poles
     with their intervals, None if the record gives none. A nonlinear ARX model has `one_step` and neither poles nor
     maps. An actuated joint has `values`, `growth` and `joint`, and no poles; where `joint` says that the record is not
-    that of a joint, there are no values.
+    that of a joint, there are no values. Of several inputs or outputs the runs are (N, ny), the fits means over the
+    outputs, `outputs` has those of each, `inputs` names and units; `tests` are the worst.
     """
 
     setting: Setting
@@ -118,6 +91,8 @@ class Evaluation:
     growth: Growth | None = None
     joint: Verdict | None = None
     notes: tuple[str, ...] = ()
+    inputs: tuple[tuple[str, str], ...] = ()
+    outputs: tuple[OneOutput, ...] = ()
 
     @property
     def linear(self) -> bool:
@@ -142,9 +117,10 @@ class Evaluation:
         """
         if self.linear:
             return bool(np.all(np.abs(self.poles) < 1.0))
-        y = np.concatenate([self.estimation.y[:, 0], self.validation.y[:, 0]])
-        run = np.concatenate([self.estimation_output, self.validation_output])
-        return bool(np.max(np.abs(run - 0.5 * (y.max() + y.min()))) <= RUNAWAY * np.ptp(y))
+        y = np.concatenate([self.estimation.y, self.validation.y])
+        run = np.concatenate([self.estimation_output, self.validation_output]).reshape(y.shape)
+        away = np.abs(run - 0.5 * (y.max(axis=0) + y.min(axis=0)))
+        return bool(np.all(away.max(axis=0) <= RUNAWAY * np.ptp(y, axis=0)))
 
     def as_dict(self) -> dict[str, Any]:
         """The summary, ready for JSON."""
@@ -158,6 +134,12 @@ class Evaluation:
             "setting": self.setting.as_dict(),
             "notes": list(self.notes),
         }
+        if self.outputs:
+            summary["outputs"] = [output.as_dict() for output in self.outputs]
+            summary["fit_percent"]["outputs"] = {
+                output.name: {"estimation": output.estimation_fit, "validation": output.validation_fit}
+                for output in self.outputs
+            }
         if self.roots is not None:
             for row, root in zip(summary["poles"], self.roots, strict=True):
                 row["intervals"] = {
@@ -182,12 +164,15 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     options: dict[str, Any] = {"starts": setting.starts, "seed": setting.seed, "progress": progress}
     recipe = setting.recipe
     setting = replace(setting, search=recipe.auto if setting.search == "auto" else setting.search)
-    if recipe.grown:
-        growth = grow_joint(estimation, recipe.model_of(estimation), search=setting.search, **options)
+    model, start = setting.held.apply(recipe.model_of(estimation), estimation, recipe.grown)
+    if recipe.grown and start is None:
+        growth = grow_joint(estimation, model, search=setting.search, **options)
         said = verdict(growth, estimation)
         found = evaluate_fit(setting, growth.fit, estimation, validation, physical=said.joint)
         return replace(found, growth=growth, joint=said, notes=(*found.notes, *growth.warnings))
-    fit = fit_model(recipe.model_of(estimation), estimation, search=setting.search, **options)
+    if start is not None:
+        options["start"] = start
+    fit = fit_model(model, estimation, search=setting.search, **options)
     return evaluate_fit(setting, fit, estimation, validation)
 
 
@@ -202,27 +187,33 @@ def evaluate_fit(
     network = fit if isinstance(fit, NlarxFit) else None
     notes = list(fit.warnings)
     tests = higher = None
+    each: tuple[ResidualTests, ...] = ()
+    several = is_several(estimation)
     try:
-        tests = fit.residual_tests(validation)
-        higher = _higher_order(fit, validation)
+        if chain is not None and several:
+            each = tests_of(chain, validation)
+            tests = worst(each)
+        else:
+            tests = fit.residual_tests(validation)
+            higher = _higher_order(fit, validation)
     except InputError as error:
         notes.append(f"no residual tests: {error}")
     step, physics = None, setting.recipe.physics() if physical else None
-    if chain is not None and chain.model.dynamics:
+    if chain is not None and chain.model.dynamics and not several:
         step = _step_response(chain, float(np.mean(estimation.u)))
         if step is None:
             notes.append("no step response: the tangent model has no finite step response")
     # Where it was fitted, a chain's initial state is part of the fit; where it was not, the first samples must do.
-    fitted = np.ravel(fit.simulate(estimation, estimation.N if chain else None))
-    run = np.ravel(fit.simulate(validation))
-    first = 0 if chain else fit.n_init
-    fits = fit_percent(estimation.y[first:, 0], fitted[first:]), fit.fit_percent(validation)
+    fitted = fit.simulate(estimation, estimation.N if chain else None)
+    run = fit.simulate(validation)
+    seen = fits_of(estimation, fitted, 0 if chain else fit.n_init)
+    fits = float(np.mean(seen)), fit.fit_percent(validation)
     if network and not np.isfinite(fits[1]):
         notes.append(f"in the validation data {network.divergence(validation)}")
     elif network and (left := network.excursion(validation)):
         notes.append(f"in the validation data {left}")
     if np.isfinite(fits).all() and fits[0] - fits[1] > (OVERFITTED if physics is None else APART):
-        seen, unseen = (f"{f:.0f} %" if f > -1000 else "below -1000 %" for f in fits)
+        known, unseen = (f"{f:.0f} %" if f > -1000 else "below -1000 %" for f in fits)
         if physics is not None:
             cause = (
                 "the joint meets something there that the estimation data do not show, for example a moment at a stop; "
@@ -231,7 +222,7 @@ def evaluate_fit(
         else:
             size = "" if ample(fit) else "the model is too large for this record, or "
             cause = f"{size}the two parts differ; lower the orders, choose smaller maps or inspect the data"
-        notes.append(f"the fit is {seen} on the estimation data and {unseen} on the validation data: {cause}")
+        notes.append(f"the fit is {known} on the estimation data and {unseen} on the validation data: {cause}")
     if chain is not None:
         notes += [f"in the validation data {text}" for text in chain.model.remarks(chain.theta, validation.u)]
     physical = chain is not None and physics is not None
@@ -256,7 +247,17 @@ def evaluate_fit(
         one_step=_one_step(network, estimation, validation) if network else None,
         values=_values(chain, estimation, physics) if chain and physics is not None else (),
         notes=tuple(notes),
+        inputs=tuple((f"u{i}", estimation.u_unit) for i in range(1, estimation.u.shape[1] + 1)) if several else (),
+        outputs=_outputs(chain, estimation, validation, seen, each) if chain and several else (),
     )
+
+
+def _outputs(
+    fit: Fit, estimation: IOData, validation: IOData, seen: np.ndarray, tests: tuple[ResidualTests, ...]
+) -> tuple[OneOutput, ...]:
+    """Every output with its fits and tests; a record names them y1, y2 until its file does."""
+    rows = zip(seen.tolist(), fit.fit_percents(validation).tolist(), tests or [None] * len(seen), strict=True)
+    return tuple(OneOutput(f"y{j}", estimation.y_unit, *row) for j, row in enumerate(rows, 1))
 
 
 def check_parts(estimation: IOData, validation: IOData) -> None:
@@ -280,8 +281,8 @@ def _one_step(fit: NlarxFit, estimation: IOData, validation: IOData) -> OneStep:
 
 
 def _higher_order(fit: Fit | NlarxFit, data: IOData) -> HigherOrderTests:
-    e = np.ravel(fit.residuals(data))
-    return higher_order_tests(e, data.u[data.N - len(e) :, 0])
+    e, u = residuals_and_inputs(fit, data)
+    return higher_order_tests(e[:, 0], u[:, 0])
 
 
 def _roots(fit: Fit, data: IOData, coloured: bool) -> tuple[Root, ...] | None:
@@ -295,7 +296,8 @@ def _roots(fit: Fit, data: IOData, coloured: bool) -> tuple[Root, ...] | None:
 
 
 def _check_can_be_scored(data: IOData, part: str) -> None:
-    for role, values in (("input", data.u), ("output", data.y)):
+    signals = [*(("input", x) for x in data.u.T), *(("output", x) for x in data.y.T)]
+    for role, values in signals:
         if np.ptp(values) == 0:
             raise InputError(
                 f"the {role} does not move in the {part} part ({data.N} samples); choose another split or record"
@@ -333,4 +335,10 @@ def _maps(fit: Fit, data: IOData) -> dict[str, Curve]:
             y = fit.curve(block.role, grid)
             if y is not None:
                 maps[block.role] = Curve(grid, y)
+        elif isinstance(block, Channels):
+            theta = fit.model.part(fit.theta, block)
+            for k, ((part, each), column) in enumerate(zip(block.parts(), x.T, strict=True), 1):
+                grid = np.linspace(column.min(), column.max(), 201)
+                if isinstance(each, StaticBlock) and each.n_parameters:
+                    maps[f"{block.role} {k}"] = Curve(grid, each.output(theta[part], grid))
     return maps

@@ -29,7 +29,7 @@ def export(evaluation: Evaluation, folder: Path) -> Exports:
     fit, data = evaluation.fit, evaluation.estimation
     if not isinstance(fit, Fit):
         return Exports(notes=("a nonlinear ARX model cannot be saved or exported yet: no model files were written",))
-    u0, y0 = float(data.u_offset[0]), float(data.y_offset[0])
+    u0, y0 = data.u_offset, data.y_offset
     try:
         save(fit, folder / "model.json")
         export_c.write(fit, folder / "model.c", u_offset=u0, y_offset=y0)

@@ -1,5 +1,7 @@
 """Signals of the validation data outside the range of the estimation data, and how the model extrapolates."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from sysid.blocks import TravelMap
@@ -14,8 +16,8 @@ def extrapolated_signals(estimation: IOData, validation: IOData) -> list[str]:
     """One sentence for each signal of the validation data that leaves the range of the estimation data."""
     notes = []
     for name, unit, seen, new, offset in (
-        (estimation.u_name, estimation.u_unit, estimation.u[:, 0], validation.u[:, 0], estimation.u_offset[0]),
-        (estimation.y_name, estimation.y_unit, estimation.y[:, 0], validation.y[:, 0], estimation.y_offset[0]),
+        *_signals(estimation, validation, "u"),
+        *_signals(estimation, validation, "y"),
     ):
         low, high = float(seen.min()), float(seen.max())
         outside = float(np.mean((new < low) | (new > high)))
@@ -26,6 +28,16 @@ def extrapolated_signals(estimation: IOData, validation: IOData) -> list[str]:
                 f"({100 * outside:.1f} % of the samples outside): the static map extrapolates there"
             )
     return notes
+
+
+def _signals(
+    estimation: IOData, validation: IOData, role: str
+) -> Iterator[tuple[str, str, np.ndarray, np.ndarray, float]]:
+    """Name, unit, values in both parts and removed offset of every channel of a role, "u" or "y"."""
+    name, unit, offsets = (getattr(estimation, f"{role}_{what}") for what in ("name", "unit", "offset"))
+    seen, new = getattr(estimation, role), getattr(validation, role)
+    for k, offset in enumerate(offsets):
+        yield name if len(offsets) == 1 else f"{role}{k + 1}", unit, seen[:, k], new[:, k], float(offset)
 
 
 def ends_met(fit: Fit, estimation: IOData) -> tuple[bool, bool]:

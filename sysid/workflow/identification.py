@@ -1,25 +1,32 @@
 """From a recorded file to an evaluated model, as in `qpal identify`."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sysid.base.errors import InputError, unknown
 from sysid.channels.mapping import Range
 from sysid.channels.reading import Mapping
-from sysid.data.preprocess import quick_start
+from sysid.data.preparation import Preparation
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import advise
+from sysid.model.recipes import Several
 from sysid.selection.select import SECONDS, select
 from sysid.selection.space import Space
 from sysid.selection.table import Selection
 from sysid.solver.searches import TABLE as SEARCHES
+from sysid.structures import TABLE as STRUCTURES
 from sysid.workflow.angles import in_unit_of, without_wraps
-from sysid.workflow.evaluation import Evaluation, Setting, check_parts, evaluate, evaluate_fit
+from sysid.workflow.evaluation import Evaluation, check_parts, evaluate, evaluate_fit
 from sysid.workflow.identified import Identification
 from sysid.workflow.next_step import next_step
-from sysid.workflow.record import read_record
+from sysid.workflow.outputs import named
+from sysid.workflow.record import Record, read_record
+from sysid.workflow.records import Plan, check_same_channels, merged, prepared
+from sysid.workflow.setting import Setting
+
+Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
 @dataclass(frozen=True)
@@ -45,13 +52,13 @@ class Auto:
 
 
 def identify_file(
-    path: str | os.PathLike[str],
+    path: Paths,
     setting: Setting | Auto,
     input: str | None = None,
     output: str | None = None,
     Ts: float | None = None,
     time: str | None = None,
-    split: float = 0.5,
+    split: float | None = None,
     detrend: str | None = None,
     fitting: Callable[[], None] = lambda: None,
     candidate: Callable[[int, int, str], None] | None = None,
@@ -59,36 +66,97 @@ def identify_file(
     range: Range = Range(),  # noqa: B008 - it is frozen
     time_unit: str | None = None,
     progress: Callable[[str], None] | None = None,
+    validation: Sequence[str | os.PathLike[str]] = (),
+    preparation: Preparation = Preparation(),  # noqa: B008 - it is frozen
 ) -> Identification:
     """Reads the file, prepares both parts and fits `setting` to the first part; `fitting` is called before the fit.
 
-    A structure search uses only the first part, as every fit does; `candidate(done, total, name)` receives its
-    progress, and `progress` a text after each search of a fit. Settings in the unit of the output are in that of its
-    column. An angle that wraps at a turn counts on over turns for structures of absolute signals and for a search.
-    `detrend` None means "mean", or "none" for a structure with absolute signals (`Recipe.zero`). Every InputError names
-    the file.
+    Several paths are the experiments of one record. Where `validation` names files, they are the validation data and
+    all of the others is for the fit; else the first `split` (None: 0.5) of each experiment is. `input` and `output` may
+    name several columns, "a,b". A structure search uses only the first part, as every fit does; `candidate(done, total,
+    name)` receives its progress, and `progress` a text after each search of a fit. Settings in the unit of the output
+    are in that of its column. An angle that wraps at a turn counts on over turns for structures of absolute signals and
+    for a search. `preparation` is done to every record. `detrend` None means what it says, else "mean", or "none" for a
+    structure with absolute signals (`Recipe.zero`). Every InputError names the file.
     """
+    detrend = detrend or preparation.detrend
     detrend = setting.recipe.detrend(detrend) if isinstance(setting, Setting) else detrend or "mean"
-    record = read_record(path, input, output, Ts, time, mapping, range, time_unit)
+    _check_plan(setting, preparation, detrend, split, bool(validation))
+    paths = (path,) if isinstance(path, str | os.PathLike) else tuple(path)
+
+    def read(path: str | os.PathLike[str]) -> Record:
+        return read_record(path, input, output, Ts, time, mapping, range, time_unit, preparation.missing)
+
+    records, others = [read(p) for p in paths], [read(p) for p in validation]
+    check_channels(setting, records[0])
+    name = records[0].path
     try:
         if isinstance(setting, Setting):
-            recipe, record = in_unit_of(record, setting.recipe)
+            recipe, records[0] = in_unit_of(records[0], setting.recipe)
             setting = replace(setting, recipe=recipe)
-        if isinstance(setting, Auto) or setting.recipe.zero:  # a structure of absolute angles
-            record = without_wraps(record)
-        estimation, validation = quick_start(record.data, split, detrend)
-        check_parts(estimation, validation)
+        absolute = isinstance(setting, Auto) or bool(setting.recipe.zero)
+        record = _merged(records, absolute, preparation)
+        other = _merged(others, absolute, preparation) if others else None
+        if other is not None:
+            check_same_channels(record, other)
+            other = replace(other, data=replace(other.data, Ts=record.data.Ts))
+        plan = Plan(preparation, 0.5 if split is None else split, detrend, other)
+        estimation, held_back = plan.parts(record.data)
+        check_parts(estimation, held_back)
         advice = advise(record.data)
         fitting()
         if isinstance(setting, Auto):
-            selection, evaluation = _search(setting, estimation, validation, candidate, progress)
+            selection, evaluation = _search(setting, estimation, held_back, candidate, progress)
         else:
-            selection, evaluation = None, evaluate(setting, estimation, validation, progress)
+            selection, evaluation = None, evaluate(setting, estimation, held_back, progress)
     except InputError as error:
-        raise InputError(f"{record.path}: {error}") from None
-    detrend = "none" if evaluation.setting.recipe.zero else detrend
-    found = Identification(record, split, detrend, evaluation, advice, selection)
+        raise InputError(f"{name}: {error}") from None
+    evaluation = named(evaluation, record.signals)
+    plan = replace(plan, detrend="none" if evaluation.setting.recipe.zero else detrend)
+    found = Identification(record, plan, evaluation, advice, selection)
     return replace(found, next=next_step(found))
+
+
+def _merged(records: Sequence[Record], absolute: bool, preparation: Preparation) -> Record:
+    """The records as they are fitted, as the experiments of one."""
+    if absolute:  # a structure of absolute angles
+        records = [without_wraps(record) for record in records]
+    return merged([prepared(record, preparation) for record in records])
+
+
+def check_channels(setting: Setting | Auto, record: Record) -> None:
+    """Raises InputError if the record has several inputs or outputs and the structure takes one of each."""
+    recipe = setting.recipe if isinstance(setting, Setting) else None
+    nu, ny = record.data.u.shape[1], record.data.y.shape[1]
+    if (nu, ny) == (1, 1) or isinstance(recipe, Several):
+        return
+    what = "a structure search takes" if recipe is None else f"structure {recipe.name} takes"
+    able = [name for name, kind in STRUCTURES.items() if issubclass(kind, Several)]
+    raise InputError(
+        f"{record.path}: {what} one input and one output, and the record has {nu} and {ny}; name one column of each "
+        f"with --input and --output, or give --structure {', '.join(able[:-1])} or {able[-1]}"
+    )
+
+
+def _check_plan(
+    setting: Setting | Auto, preparation: Preparation, detrend: str, split: float | None, apart: bool
+) -> None:
+    """Raises InputError for choices that exclude each other, before any file is read."""
+    if apart and split is not None:
+        raise InputError(
+            f"--split is {split:g} and --validation is given; all of the other files is for the fit then: leave one of "
+            "the two out"
+        )
+    if isinstance(setting, Auto) and detrend == "linear":
+        raise InputError(
+            "--detrend is linear, and a structure search tries models of absolute signals too, to which lines cannot "
+            "be given back; leave it out, or name a --structure"
+        )
+    if isinstance(setting, Setting) and setting.recipe.zero and preparation.filter[0] is not None:
+        raise InputError(
+            f"--filter removes what is slower than {preparation.filter[0]:g} Hz, and {setting.recipe.zero} of "
+            f"structure {setting.recipe.name} count from zero; leave the lower end out"
+        )
 
 
 def _search(

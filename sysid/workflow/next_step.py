@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
 from sysid.model.recipes import Recipe
-from sysid.structures import ActuatedJoint, HammersteinWiener, NonlinearArx, OutputError
+from sysid.structures import ActuatedJoint, HammersteinWiener, NonlinearArx, NonlinearStateSpace, OutputError
 from sysid.workflow.evaluation import OVERFITTED, ample
 from sysid.workflow.extrapolation import extrapolated_signals
 from sysid.workflow.identified import Identification, NextStep
+from sysid.workflow.records import Plan
 
 POOR = 80.0  # [%] in validation; a fit below it that leaves more than noise should be tried again
 STARTS, MOST_STARTS = 5, 10  # with fewer, another start may find more; from the second on it rarely does
@@ -35,6 +35,8 @@ def next_step(result: Identification) -> NextStep | None:
     rules: tuple[_Rule, ...] = ()
     if e.joint is not None and not e.joint.joint:
         rules = (_no_joint,)
+    elif e.outputs:
+        rules = (_unseen, _coverage, _nonlinear, _more_starts, _general) if poor else ()
     elif poor:
         rules = (_unseen, _ends, _delay, _focus, _coverage, _nonlinear, _more_starts, _search_structures, _other_kind)
     elif not e.fit.stop.converged:
@@ -67,6 +69,8 @@ def _ends(result: Identification) -> NextStep | None:
     rests = any(a.topic == "rest" and a.severity != "fine" for a in result.advice)
     linear = isinstance(recipe, OutputError) and _nonlinear_record(result)
     if not rests or result.selection is not None or isinstance(recipe, ActuatedJoint) or linear:
+        return None
+    if result.plan.preparation.filter[0] is not None:  # its volts and angles would not count from zero
         return None
     why = "the output rests at its ends, and this model has no end stops"
     return NextStep(why, command(result, structure=ActuatedJoint.name))
@@ -104,7 +108,7 @@ def _unseen(result: Identification) -> NextStep | None:
 def _coverage(result: Identification) -> NextStep | None:
     """Validation data outside the range of the estimation data, and a split that corrects this."""
     e = result.evaluation
-    if not extrapolated_signals(e.estimation, e.validation):
+    if result.plan.validation is not None or not extrapolated_signals(e.estimation, e.validation):
         return None
     most = _outside(e.estimation, e.validation) / 4
     for split in SPLITS:
@@ -124,7 +128,7 @@ def _outside(estimation: IOData, validation: IOData) -> float:
 
 def _outside_after(result: Identification, split: float) -> float:
     try:
-        return _outside(*quick_start(result.record.data, split, result.detrend))
+        return _outside(*replace(result.plan, split=split).parts(result.record.data))
     except InputError:  # too short for this split
         return np.inf
 
@@ -145,10 +149,20 @@ def _nonlinear_record(result: Identification) -> bool:
 def _more_starts(result: Identification) -> NextStep | None:
     """A search that stopped early or had few starts."""
     stop, starts = result.evaluation.fit.stop, result.evaluation.setting.starts
+    if result.evaluation.setting.held.start is not None:
+        why = "the search began at one saved fit only"
+        return NextStep(why, command(result, starts=STARTS, anew=True))
     if starts >= (STARTS if stop.converged else MOST_STARTS):
         return None
     why = "the search had few starting points" if stop.converged else "the search did not converge"
     return NextStep(f"{why} ({starts} starts)", command(result, starts=STARTS if stop.converged else MOST_STARTS))
+
+
+def _general(result: Identification) -> NextStep | None:
+    """The most general structure of several inputs and outputs."""
+    if isinstance(result.evaluation.setting.recipe, NonlinearStateSpace):
+        return None
+    return NextStep("this structure does not explain the record", command(result, structure=NonlinearStateSpace.name))
 
 
 def _search_structures(result: Identification) -> NextStep | None:
@@ -176,29 +190,43 @@ def command(
     structure: str | None = None,
     starts: int | None = None,
     split: float | None = None,
+    anew: bool = False,
     **changed: Any,
 ) -> str:
     """The command that made `result`, with changes; a new `structure` uses its default orders and maps.
 
-    `changed` are settings of the current structure.
+    `changed` are settings of the current structure; with them, or `anew`, the fit does not start from a saved one.
     """
     record, s = result.record, result.evaluation.setting
     auto = result.selection is not None and structure is None
     name = "auto" if auto else structure or s.recipe.name
-    words = ["qpal", "identify", str(record.path), *record.options, "--structure", name]
+    held = s.held.without_start() if anew or changed or structure is not None else s.held
+    plan, files = result.plan, record.files or (record.path,)
+    words = ["qpal", "identify", *map(str, files), *record.options, *_given(plan), "--structure", name]
     if structure is None and not auto:
-        words += _options(replace(s.recipe, **changed))
+        words += [*_options(replace(s.recipe, **changed)), *held.options()]
     # A structure whose record counts from zero has its own search, and nothing is removed from its record.
+    kept = held.start is not None  # a saved fit is the only start
+    lines = name == "auto" and result.detrend == "linear"  # which a search refuses
     own = bool(s.recipe.zero) or name == ActuatedJoint.name
     for option, value, default in (
         ("--search", "auto" if structure or own else s.search, "auto"),
-        ("--split", f"{split or result.split:g}", "0.5"),
-        ("--detrend", "mean" if own else result.detrend, "mean"),
-        ("--starts", str(starts or (STARTS if structure else s.starts)), str(STARTS)),
+        ("--split", "0.5" if plan.validation is not None else f"{split or result.split:g}", "0.5"),
+        ("--detrend", "mean" if own or lines else result.detrend, "mean"),
+        ("--starts", str(STARTS if kept else starts or (STARTS if structure else s.starts)), str(STARTS)),
         ("--seed", str(s.seed), "0"),
     ):
         words += [] if value == default else [option, value]
     return shlex.join(words)
+
+
+def _given(plan: Plan) -> list[str]:
+    """The options of what came before the fit, but the share and the offsets."""
+    words = list(replace(plan.preparation, detrend=None).options())
+    other = plan.validation
+    for path in () if other is None else other.files or (other.path,):
+        words += ["--validation", str(path)]
+    return words
 
 
 def _options(recipe: Recipe) -> list[str]:

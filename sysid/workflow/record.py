@@ -1,6 +1,7 @@
 """From a file and its named columns to a record ready for identification."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +24,8 @@ class Record:
     """The data and their source columns.
 
     `signals` says how the file was read, `remarks` in sentences what was done after that. `options` are those of the
-    command line that read it so again; none for what is detected.
+    command line that read it so again; none for what is detected. A record of several files has the signals of the
+    first, all names in `files`, and one experiment for each of them. Several columns are one text, "a,b".
     """
 
     path: Path
@@ -34,6 +36,7 @@ class Record:
     signals: Signals
     options: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -41,7 +44,21 @@ class Record:
         return (*self.signals.notes, *self.remarks)
 
     def as_dict(self) -> dict:
-        """File, columns, units, Ts [s], number of samples, notes and counts of repairs, for a summary."""
+        """File, columns, units, Ts [s], number of samples, notes and counts of repairs, for a summary.
+
+        Several files and channels have lists of their own.
+        """
+        several: dict = {}
+        if len(self.files) > 1:
+            lengths = zip(self.files, self.data.lengths, strict=True)
+            several["experiments"] = [{"file": str(path), "samples": n} for path, n in lengths]
+        if self.data.u.shape[1] > 1 or self.data.y.shape[1] > 1:
+            roles = (("input", self.signals.input), ("output", self.signals.output))
+            several["channels"] = [
+                {"role": role, "column": s.column, "name": s.name, "unit": s.unit}
+                for role, found in roles
+                for s in found
+            ]
         return {
             "file": str(self.path),
             "input": self.input,
@@ -53,6 +70,7 @@ class Record:
             "notes": list(self.notes),
             "repairs": dict(self.signals.counts),
             "mapping": self.signals.as_dict()["mapping"],
+            **several,
         }
 
 
@@ -65,32 +83,47 @@ def read_record(
     mapping: Mapping | None = None,
     range: Range = Range(),  # noqa: B008 - it is frozen
     time_unit: str | None = None,
+    missing: str = "refuse",
 ) -> Record:
-    """The record in the file at `path`, from the named columns.
+    """The record in the file at `path`, from the named columns; "a,b" names two of them.
 
     Columns that are not named are found by name, unit and numbers where that is beyond doubt; a file of two columns is
     read as input, output. `mapping`, a ChannelMap or its file, says instead how the file is read. Ts [s] comes from
-    `Ts` or from the clock. `notes` lists assumptions and repairs. Raises InputError with file and place for missing or
-    unclear columns, columns of different lengths, cells that are not finite numbers, a constant signal, and time
-    stamps that cannot be made uniform (`sysid.channels`).
+    `Ts` or from the clock. Empty cells of outputs are an error if `missing` is "refuse", else missing samples; a
+    mapping says itself what they are. `notes` lists assumptions and repairs. Raises InputError with file and place for
+    missing or unclear columns, columns of different lengths, cells that are not finite numbers, a constant signal, and
+    time stamps that cannot be made uniform (`sysid.channels`).
     """
-    given = Given(input, output, time, time_unit, Ts)
-    check_given(given, mapping)
+    check_given(Given(input, output, time, time_unit, Ts), mapping)
     table = read_table(path)
+    u, y = (columns(text, table.names) for text in (input, output))
+    more = {"input": u[1:], "output": y[1:]} if len(u) > 1 or len(y) > 1 else None
+    given = Given(u[0] if u else None, y[0] if y else None, time, time_unit, Ts, more)
     if mapping is not None:
         chosen = read_map_of(mapping)
         if range != Range():
             chosen = chosen.model_copy(update={"range": range.model_copy(update={"active": chosen.range.active})})
         signals = sample(table, chosen)
     else:
-        signals = from_table(table, given, range)
+        signals = from_table(table, given, range, "refuse" if missing == "refuse" else "outputs")
     data = signals.io()
     for role, names, values in (("input", signals.input, data.u), ("output", signals.output, data.y)):
         for k, signal in enumerate(names):
             _check_moves(signals, role, signal.column, values[:, k])
-    (u, *_), (y, *_) = signals.input, signals.output
+    inputs, outputs = (",".join(signal.column for signal in found) for found in (signals.input, signals.output))
     options = _options(given, mapping, range, signals)
-    return Record(table.path, data, u.column, y.column, signals.mapping.clock.column or None, signals, options)
+    clock = signals.mapping.clock.column or None
+    return Record(table.path, data, inputs, outputs, clock, signals, options, _numbered(signals))
+
+
+def columns(text: str | None, names: Sequence[str]) -> tuple[str, ...]:
+    """The columns that "a,b" names, none for None; a text that is a column's name as a whole is that one."""
+    if text is None:
+        return ()
+    found = (text,) if text in names else tuple(part.strip() for part in text.split(",") if part.strip())
+    if len(set(found)) < len(found) or not found:
+        raise InputError(f"the columns {text!r} name one twice, or none; give each once")
+    return found
 
 
 def check_given(given: Given, mapping: Mapping | None) -> None:
@@ -109,13 +142,25 @@ def check_given(given: Given, mapping: Mapping | None) -> None:
             )
 
 
+def _numbered(signals: Signals) -> tuple[str, ...]:
+    """A sentence for the names u1, u2 by which others call several channels."""
+    said = (
+        f"{', '.join(f'{letter}{k}' for k in range(1, len(found) + 1))} are the columns "
+        + ", ".join(repr(signal.column) for signal in found)
+        for letter, found in (("u", signals.input), ("y", signals.output))
+        if len(found) > 1
+    )
+    return tuple(said)
+
+
 def _options(given: Given, mapping: Mapping | None, range: Range, signals: Signals) -> tuple[str, ...]:
     words: list[str] = []
+    more = given.more or {}
     if mapping is not None:
         words += ["--map", "MAP.toml" if hasattr(mapping, "clock") else str(mapping)]
     for option, value in (
-        ("--input", given.input),
-        ("--output", given.output),
+        ("--input", given.input and ",".join([given.input, *more.get("input", ())])),
+        ("--output", given.output and ",".join([given.output, *more.get("output", ())])),
         ("--time", given.time),
         ("--time-unit", given.time_unit),
         ("--ts", None if given.Ts is None or given.time is not None else f"{signals.Ts:.9g}"),

@@ -60,5 +60,5 @@ def test_split_and_detrend_refuse_nonsense():
         data.split(1.0)
     with pytest.raises(InputError, match="each part needs 2"):
         data.split(0.9)
-    with pytest.raises(InputError, match="mean, none"):
-        detrend(data, "linear")
+    with pytest.raises(InputError, match="mean, linear, steady, none"):
+        detrend(data, "cubic")

@@ -1,29 +1,33 @@
-"""`qpal identify`: fit a model to a recorded file."""
+"""`qpal identify`: fit a model to recorded files."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from sysid import structures
-from sysid.base.errors import InputError
-from sysid.data.preprocess import DETREND
+from sysid.base.errors import InputError, unknown
+from sysid.data.preparation import MISSING
+from sysid.data.preprocess import DETREND, ZERO
 from sysid.solver import searches
 from twin.cli import console, options, recipes
 from twin.cli.output import run_folder
 
 if TYPE_CHECKING:
-    from sysid.workflow.evaluation import Setting
+    from sysid.workflow.held import Held
     from sysid.workflow.identification import Auto
+    from sysid.workflow.setting import Setting
 
 AUTO = "auto"
+STARTS = 5
 ROUNDS = 6  # of a structure search, about
 SECONDS = 110.0  # `sysid.selection.select.SECONDS`, whose import would cost the help text its speed
 
 
 @recipes.takes_recipes
 def identify(
-    file: options.RecordFile,
+    files: options.RecordFiles,
     input: options.Input = None,
     output: options.Output = None,
     ts: options.Ts = None,
@@ -31,17 +35,44 @@ def identify(
     time_unit: options.TimeUnit = None,
     map: options.Map = None,
     range: options.Range = None,
+    validation: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FILE", help="records for validation; all of the others is for the fit then (repeatable)"),
+    ] = None,
+    missing: Annotated[str, options.name("outputs without a value, such as empty cells", MISSING)] = "mark",
+    resample: Annotated[float | None, options.number("S", "new sampling time in seconds")] = None,
+    filter: Annotated[
+        str | None, typer.Option(metavar="LOW:HIGH", help="frequencies to keep, in Hz; either may be left out")
+    ] = None,
     structure: Annotated[
-        str, options.name("structure of the model; auto searches for one", [*structures.TABLE, AUTO])
-    ] = recipes.DEFAULT,
+        str | None,
+        options.name(f"structure of the model; auto searches for one [{recipes.DEFAULT}]", [*structures.TABLE, AUTO]),
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ROLE.NAME=VALUE", help="hold a parameter; ROLE alone: a block, at --from (repeatable)"),
+    ] = None,
+    bound: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ROLE.NAME=LOW:HIGH", help="bounds of a parameter (repeatable)"),
+    ] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--from", metavar="MODEL.json", help="continue from a saved model, or give a linear one static maps"
+        ),
+    ] = None,
     search: Annotated[str, options.name("search method", searches.TABLE)] = "auto",
     split: Annotated[
-        float, options.number("PART", "share of the record used as estimation data, from its start")
-    ] = 0.5,
+        float | None, options.number("PART", "share of the record used as estimation data, from its start [0.5]")
+    ] = None,
     detrend: Annotated[
         str | None, options.name(f"what to remove [mean; none of {recipes.counted_from_zero()}]", DETREND)
     ] = None,
-    starts: Annotated[int, options.whole("N", "number of starting points")] = 5,
+    zero: Annotated[
+        str | None, options.name("zero of the signals: their mean, or the level before the first movement", ZERO)
+    ] = None,
+    starts: Annotated[int | None, options.whole("N", f"number of starting points [{STARTS}]")] = None,
     seed: Annotated[int, options.whole("N", "seed of the random starting points")] = 0,
     resume: Annotated[
         str | None, typer.Option(metavar="FILE", help="journal of --structure auto; a stopped search continues from it")
@@ -52,35 +83,42 @@ def identify(
     as_json: options.Json = False,
     **settings: Any,
 ) -> None:
-    """Fit a model to a recorded file and write a report.
+    """Fit a model to recorded files and write a report.
 
     Columns and units are detected where that is beyond doubt; qpal info FILE shows how a file is read.
     """
-    setting = _setting(structure, settings, search, starts, options.seed(seed), resume, seconds, scheduler)
+    known = _held(fix or (), bound or (), start)
+    steps = (search, starts, options.seed(seed))
+    setting = _setting(structure, settings, steps, known, resume, seconds, scheduler)
+    from sysid.data.preparation import Preparation
     from sysid.report import identify as report
     from sysid.report.page import write
     from sysid.workflow.exports import export
     from sysid.workflow.identification import identify_file
+    from sysid.workflow.records import listed
 
+    preparation = Preparation(missing=missing, resample=resample, filter=options.band(filter))
     with run_folder(out, "identify") as (folder, scratch), console.progress(3) as step:
-        step(f"reading {file}")
+        step(f"reading {', '.join(files)}")
         rounds = console.Rounds(step, ROUNDS)
         try:
             result = identify_file(
-                file,
+                files,
                 setting,
                 input,
                 output,
                 ts,
                 time,
                 split,
-                detrend,
+                _detrend(detrend, zero),
                 lambda: step("fitting"),
                 candidate=rounds,
                 mapping=map,
                 range=options.time_range(range),
                 time_unit=time_unit,
                 progress=console.Searches(step),
+                validation=listed(validation or ()),
+                preparation=preparation,
             )
         except KeyboardInterrupt:
             if resume is None:
@@ -92,27 +130,54 @@ def identify(
     console.finish(folder, result.as_dict(), as_json, report.terminal_tables(result), report.terminal_sentences(result))
 
 
+def _detrend(detrend: str | None, zero: str | None) -> str | None:
+    """What to remove, of two options that say it; --zero names the level, --detrend also lines and nothing."""
+    if zero is not None and zero not in ZERO:
+        raise unknown("zero", zero, ZERO)
+    if detrend is not None and zero is not None and detrend != zero:
+        raise InputError(f"--detrend is {detrend} and --zero is {zero}; leave one of the two out")
+    return detrend or zero
+
+
+def _held(fix: Sequence[str], bound: Sequence[str], start: str | None) -> "Held":
+    from sysid.workflow.held import Held, read_start
+
+    saved = None if start is None else read_start(start)
+    return Held(options.fixed(fix), options.bounds(bound), saved, None if start is None else Path(start))
+
+
 def _setting(
-    structure: str,
+    structure: str | None,
     settings: dict[str, Any],
-    search: str,
-    starts: int,
-    seed: int,
+    steps: tuple[str, int | None, int],
+    held: "Held",
     resume: str | None,
     seconds: float | None,
     scheduler: str | None,
 ) -> "Setting | Auto":
-    from sysid.workflow.evaluation import Setting
     from sysid.workflow.identification import Auto
+    from sysid.workflow.setting import Setting
 
+    search, starts, seed = steps
+    count = STARTS if starts is None else starts
     if structure == AUTO:
         recipes.none_given(settings, AUTO)
+        if held:
+            raise InputError(
+                f"--fix, --bound and --from are of one structure, and --structure {AUTO} searches it; leave them out "
+                "or name a structure"
+            )
         journal = None if resume is None else Path(resume)
-        return Auto(search, starts, seed, journal, scheduler, SECONDS if seconds is None else seconds)
-    if resume is not None:
-        raise InputError(f"--resume is given with --structure {structure}; only --structure {AUTO} keeps a journal")
-    if seconds is not None:
-        raise InputError(f"--seconds is given with --structure {structure}; only --structure {AUTO} has a budget")
+        return Auto(search, count, seed, journal, scheduler, SECONDS if seconds is None else seconds)
+    given = f"--structure {structure or recipes.DEFAULT}; only --structure {AUTO}"
+    for option, value, has in (("resume", resume, "keeps a journal"), ("seconds", seconds, "has a budget")):
+        if value is not None:
+            raise InputError(f"--{option} is given with {given} {has}")
     if scheduler is not None:
-        raise InputError(f"--scheduler is given with --structure {structure}; only --structure {AUTO} has jobs for it")
-    return Setting(recipes.recipe(structure, settings), search, starts, seed)
+        raise InputError(f"--scheduler is given with {given} has jobs for it")
+    if held.start is None:
+        return Setting(recipes.recipe(structure or recipes.DEFAULT, settings), search, count, seed, held)
+    if starts is not None:
+        raise InputError("--starts and --from are given; a saved fit is the only start: leave one of the two out")
+    structure = structure or held.start.model.structure
+    return Setting(recipes.recipe(structure, settings, held.start), search, 1, seed, held)

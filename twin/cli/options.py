@@ -1,5 +1,6 @@
 """Options that verbs share, and options whose text is parsed."""
 
+import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -54,8 +55,11 @@ def _whole(text: str) -> int:
 
 # What a verb that reads a record takes: the file and its columns.
 RecordFile = Annotated[str, typer.Argument(metavar="FILE", help=f"a table: {', '.join(FORMATS)}")]
-Input = Annotated[str | None, typer.Option("--input", metavar="COL", help="column of the input")]
-Output = Annotated[str | None, typer.Option("--output", metavar="COL", help="column of the output")]
+RecordFiles = Annotated[
+    list[str], typer.Argument(metavar="FILE...", help=f"tables ({', '.join(FORMATS)}); each is one experiment")
+]
+Input = Annotated[str | None, typer.Option("--input", metavar="COL", help="column of the input; identify takes a,b")]
+Output = Annotated[str | None, typer.Option("--output", metavar="COL", help="column of the output; identify takes a,b")]
 Ts = Annotated[float | None, number("S", "sampling time in seconds")]
 Time = Annotated[str | None, typer.Option("--time", metavar="COL", help="time column, instead of --ts")]
 TimeUnit = Annotated[
@@ -128,6 +132,64 @@ def time_range(text: str | None) -> "TimeRange":
     from sysid.channels.reading import parse_range
 
     return Range() if text is None else parse_range(text)
+
+
+def band(text: str | None) -> "tuple[float | None, float | None]":
+    """The band (low, high) [Hz] that --filter names; (None, None) if it is not given."""
+    if text is None:
+        return None, None
+    low, high = _pair("--filter", text, "LOW:HIGH in Hz, such as 0.1:5, or :5 for a low-pass, 0.1: for a high-pass")
+    for end in (low, high):
+        if end is not None and not 0 < end < math.inf:
+            raise InputError(f"--filter is {text!r}; give frequencies above 0 Hz")
+    return low, high
+
+
+def fixed(texts: Iterable[str]) -> tuple[tuple[str, float | None], ...]:
+    """Names and values from 'role.name=value'; None where no value is given, for that of the start."""
+    found: dict[str, float | None] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        _once("--fix", name, found)
+        try:
+            number = float(value) if equals else None
+        except ValueError:
+            number = math.nan
+        if not name or (number is not None and not math.isfinite(number)):
+            raise InputError(f"--fix is {text!r}; give role.name=VALUE, such as linear.f1=-0.9, or role with --from")
+        found[name] = number
+    return tuple(found.items())
+
+
+def bounds(texts: Iterable[str]) -> tuple[tuple[str, tuple[float, float]], ...]:
+    """Names and bounds from 'role.name=LOW:HIGH'; an end that is left out is infinite."""
+    found: dict[str, tuple[float, float]] = {}
+    for text in texts:
+        name, _, ends = (part.strip() for part in text.partition("="))
+        _once("--bound", name, found)
+        form = "role.name=LOW:HIGH, such as linear.f1=-1:-0.5 or linear.b0=0:"
+        low, high = _pair("--bound", ends, form, text)
+        if not name:
+            raise InputError(f"--bound is {text!r}; give {form}")
+        found[name] = (-math.inf if low is None else low, math.inf if high is None else high)
+    return tuple(found.items())
+
+
+def _once(option: str, name: str, found: Iterable[str]) -> None:
+    if name in found:
+        raise InputError(f"{option} names {name} twice; give it once")
+
+
+def _pair(option: str, text: str, form: str, shown: str | None = None) -> tuple[float | None, float | None]:
+    """Two numbers around a colon, of which one may be left out."""
+    first, mark, last = text.partition(":")
+    try:
+        low, high = (float(part) if part.strip() else None for part in (first, last))
+    except ValueError:
+        mark = ""
+    if not mark or (low is None and high is None) or any(math.isnan(end) for end in (low, high) if end is not None):
+        raise InputError(f"{option} is {(text if shown is None else shown)!r}; give {form}")
+    return low, high
 
 
 def parameters(file: str | None) -> "Parameters | None":

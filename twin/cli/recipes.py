@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -10,6 +10,9 @@ from sysid.base.errors import InputError, unknown
 from sysid.model.recipes import Option, Recipe
 from sysid.structures import TABLE
 from twin.cli import options
+
+if TYPE_CHECKING:
+    from sysid.estimation.result import Fit
 
 DEFAULT = "hammerstein_wiener"
 ORDERS = "orders"
@@ -31,8 +34,8 @@ def takes_recipes(verb: Callable[..., None]) -> Callable[..., None]:
     return verb
 
 
-def recipe(structure: str, given: Mapping[str, Any]) -> Recipe:
-    """The recipe `structure` with the given settings (None: not given).
+def recipe(structure: str, given: Mapping[str, Any], start: "Fit | None" = None) -> Recipe:
+    """The recipe `structure` with the given settings (None: not given), then those of a saved fit.
 
     Raises InputError for a setting that the recipe does not have.
     """
@@ -51,6 +54,10 @@ def recipe(structure: str, given: Mapping[str, Any]) -> Recipe:
     if text is not None:
         least = {name: kind.options()[name].least for name in kind.of_kind("order")}
         settings |= options.orders(text, least, _example(kind))
+    if start is not None:
+        from sysid.workflow.held import settings_of
+
+        settings = settings_of(start, kind) | settings
     return kind(**settings)
 
 

@@ -1,0 +1,160 @@
+"""Preparation: everything that is done to a record before a fit, as one value that can be applied, said and written."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.base.errors import InputError, unknown
+from sysid.data import filters, preprocess, resampling
+from sysid.data.missing import fill
+from sysid.data.record import IOData
+
+MISSING = ("mark", "fill", "refuse")
+Band = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """The steps from a record as it was read to the record of a fit, in this order; the default changes nothing.
+
+    `start` and `stop` [s] are kept, both included, after the first sample of each experiment (None: all). `missing`
+    says what becomes of outputs that are marked as missing: 'mark' leaves them to the fit, which ignores them, 'fill'
+    puts straight lines into gaps of up to three samples, 'refuse' raises an InputError. `resample` is the new Ts [s].
+    `filter` is the band (low, high) [Hz] that is kept; with one of them None the filter is a low-pass or a high-pass.
+    `detrend` is one of `sysid.data.preprocess.DETREND`; None leaves the choice to the fit.
+
+    Raises InputError for values that make no sense together.
+    """
+
+    start: float | None = None
+    stop: float | None = None
+    missing: str = "mark"
+    resample: float | None = None
+    filter: Band = (None, None)
+    detrend: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.missing not in MISSING:
+            raise unknown("policy for missing samples", self.missing, MISSING)
+        if self.detrend is not None and self.detrend not in preprocess.DETREND:
+            raise unknown("detrend", self.detrend, preprocess.DETREND)
+        low, high = self.filter
+        ends = (("filter", low, high), ("range", self.start, self.stop))
+        for name, a, b in ends:
+            if a is not None and b is not None and not a < b:
+                raise InputError(f"the {name} goes from {a:g} to {b:g}; give the smaller value first")
+        if self.resample is not None and not 0 < self.resample < np.inf:
+            raise InputError(f"resample is {self.resample:g}; give the new sampling time as a positive number, in s")
+
+    def apply(self, data: IOData) -> IOData:
+        """The prepared record. Raises InputError for a step that this record does not allow."""
+        return self.steps(data)[0]
+
+    def steps(self, data: IOData) -> tuple[IOData, tuple[str, ...]]:
+        """The prepared record, and one sentence for each step that changed it."""
+        said: list[str] = []
+        if self.start is not None or self.stop is not None:
+            before, data = data.N, between(data, self.start, self.stop)
+            said.append(f"kept {data.N} of {before} samples, {_text(self.start)} to {_text(self.stop)} s")
+        if data.missing is not None:
+            lost, data = int(data.missing.sum()), missing(data, self.missing)
+            left = 0 if data.missing is None else int(data.missing.sum())
+            if lost > left:
+                said.append(f"{lost - left} of {lost} missing outputs filled by straight lines")
+        if self.resample is not None and self.resample != data.Ts:
+            changed = resampling.resample(data, self.resample, "held")
+            data = changed.data
+            said.append(changed.sentence)
+        if self._cutoff is not None:
+            cutoff, kind = self._cutoff
+            passed = filters.butterworth(data, cutoff, kind)
+            data = passed.data
+            said.append(passed.sentence)
+        if self.detrend is not None:
+            data = preprocess.detrend(data, self.detrend)
+        return data, tuple(said)
+
+    def options(self) -> tuple[str, ...]:
+        """The options of `qpal identify` that do the same; none for a step that is left out."""
+        words: list[str] = []
+        for option, value, default in (
+            ("--range", _pair(self.start, self.stop), ":"),
+            ("--missing", self.missing, "mark"),
+            ("--resample", _text(self.resample), ""),
+            ("--filter", _pair(*self.filter), ":"),
+            ("--detrend", self.detrend or "", ""),
+        ):
+            words += [] if value == default else [option, value]
+        return tuple(words)
+
+    def code(self, name: str = "data") -> list[str]:
+        """Lines of Python that do the same to the IOData called `name`, after `import sysid`."""
+        calls: list[str] = []
+        if self.start is not None or self.stop is not None:
+            calls.append(f"sysid.data.preparation.between({name}, {self.start}, {self.stop})")
+        if self.missing != "mark":
+            calls.append(f"sysid.data.preparation.missing({name}, {self.missing!r})")
+        if self.resample is not None:
+            calls.append(f'sysid.data.resampling.resample({name}, {self.resample!r}, "held").data')
+        if self._cutoff is not None:
+            cutoff, kind = self._cutoff
+            calls.append(f'sysid.data.filters.butterworth({name}, {cutoff!r}, "{kind}").data')
+        if self.detrend is not None:
+            calls.append(f'sysid.data.detrend({name}, "{self.detrend}")')
+        return [f"{name} = {call}" for call in calls]
+
+    @property
+    def _cutoff(self) -> tuple[float | tuple[float, float], str] | None:
+        """Cutoff [Hz] and kind of the filter."""
+        low, high = self.filter
+        if low is not None and high is not None:
+            return (low, high), "band"
+        if low is not None:
+            return low, "high"
+        return None if high is None else (high, "low")
+
+
+def between(data: IOData, start: float | None = None, stop: float | None = None) -> IOData:
+    """The samples from start to stop [s], both included, after the first sample of each experiment.
+
+    Raises InputError if an experiment has fewer than two samples there.
+    """
+    parts = []
+    for e in data.experiments:
+        slack = 1e-6 * e.Ts  # a time that a person writes is not exactly a multiple of Ts
+        low = 0 if start is None else max(0, int(np.ceil((start - slack) / e.Ts)))
+        high = e.N if stop is None else min(e.N, int(np.floor((stop + slack) / e.Ts)) + 1)
+        if high - low < 2:
+            raise InputError(
+                f"the range {_pair(start, stop)} s holds {max(high - low, 0)} sample(s) of a record from 0 to "
+                f"{(e.N - 1) * e.Ts:.6g} s; give a range inside it"
+            )
+        parts.append(e.select(low, high))
+    return IOData.merge(*parts)
+
+
+def missing(data: IOData, policy: str = "mark") -> IOData:
+    """The record with its missing outputs treated by one of `MISSING`; see `Preparation`."""
+    if policy not in MISSING:
+        raise unknown("policy for missing samples", policy, MISSING)
+    if data.missing is None or policy == "mark":
+        return data
+    if policy == "refuse":
+        first = int(np.flatnonzero(data.missing.any(axis=1))[0])
+        raise InputError(
+            f"{int(data.missing.sum())} outputs are missing, the first at sample {first} (from 0); "
+            "mark leaves them to the fit, which ignores them, and fill puts straight lines into short gaps"
+        )
+    left = []
+    for e in data.experiments:
+        mask = np.zeros(e.y.shape, dtype=bool) if e.missing is None else e.missing
+        left.append(np.column_stack([fill(y, missing=m).open for y, m in zip(e.y.T, mask.T, strict=True)]))
+    return replace(data, missing=np.concatenate(left))
+
+
+def _text(value: float | None) -> str:
+    return "" if value is None else f"{value:.12g}"
+
+
+def _pair(a: float | None, b: float | None) -> str:
+    return f"{_text(a)}:{_text(b)}"

@@ -1,0 +1,108 @@
+"""Several files as the experiments of one record, and the two parts of a record: for the fit and for its validation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from sysid.base.errors import InputError
+from sysid.data.preparation import Preparation
+from sysid.data.preprocess import quick_start
+from sysid.data.record import IOData
+from sysid.data.trends import CONSTANT, Trend
+from sysid.workflow.record import Record
+
+SAME = 1e-4  # of a sampling time, by which two clocks of one rate may differ
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What comes before a fit: the steps of a preparation, and where the validation data come from.
+
+    `split` is the share of each experiment that is used for the fit, from its start; it is not used where `validation`
+    names records of their own.
+    """
+
+    preparation: Preparation = field(default_factory=Preparation)
+    split: float = 0.5
+    detrend: str = "mean"
+    validation: Record | None = None
+
+    def in_words(self) -> str:
+        """Where the offsets that were removed come from."""
+        of = "over the whole record" if self.validation is None else "over the estimation data"
+        return "levels before the first movement" if self.detrend == "steady" else f"means {of}"
+
+    def parts(self, data: IOData) -> tuple[IOData, IOData]:
+        """Estimation and validation data of a prepared record.
+
+        Means and levels at rest are those of the whole record that is split, or of the estimation data where the
+        validation data are other records: a model counts from one zero. Lines are each record's own.
+        """
+        if self.validation is None:
+            return quick_start(data, self.split, self.detrend)
+        other = self.validation.data
+        if self.detrend == "none":
+            return data, other
+        trend = Trend.of(data, self.detrend)
+        return trend.remove(data), (trend if self.detrend in CONSTANT else Trend.of(other, self.detrend)).remove(other)
+
+
+def prepared(record: Record, preparation: Preparation) -> Record:
+    """The record after every step but the detrending, with a remark for each that changed it."""
+    data, said = replace(preparation, detrend=None).steps(record.data)
+    return record if not said else replace(record, data=data, remarks=(*record.remarks, *said))
+
+
+def merged(records: Sequence[Record]) -> Record:
+    """One record whose experiments are these; raises InputError where channels, units or sampling times differ."""
+    first, *others = records
+    if not others:
+        return first
+    for other in others:
+        _check_alike(first, other)
+    data = IOData.merge(*(replace(record.data, Ts=first.data.Ts) for record in records))
+    files = tuple(record.path for record in records)
+    sizes = " and ".join(f"{record.path.name} ({record.data.N} samples)" for record in records)
+    said = f"{len(files)} files are {len(files)} experiments, each with its own initial state: {sizes}"
+    theirs = (f"{record.path.name}: {note}" for record in others for note in record.notes if note not in first.notes)
+    return replace(first, data=data, files=files, remarks=(*first.remarks, said, *theirs))
+
+
+def check_same_channels(first: Record, other: Record) -> None:
+    """Raises InputError if another record has other channels, units or another sampling time."""
+    _check_alike(first, other)
+
+
+def listed(texts: Sequence[str]) -> tuple[Path, ...]:
+    """Paths from texts, each of which is a file or several with commas between them."""
+    found: list[Path] = []
+    for text in texts:
+        parts = [text] if Path(text).exists() else [part.strip() for part in text.split(",")]
+        found += [Path(part) for part in parts if part]
+    return tuple(found)
+
+
+def _check_alike(first: Record, other: Record) -> None:
+    a, b = first.data, other.data
+    shapes = [(data.u.shape[1], data.y.shape[1]) for data in (a, b)]
+    if shapes[0] != shapes[1]:
+        raise InputError(
+            f"{other.path} has {shapes[1][0]} input(s) and {shapes[1][1]} output(s), {first.path} {shapes[0][0]} and "
+            f"{shapes[0][1]}; name the same columns with --input and --output"
+        )
+    for role, one, two in (
+        ("input", first.signals.input, other.signals.input),
+        ("output", first.signals.output, other.signals.output),
+    ):
+        for mine, theirs in zip(one, two, strict=True):
+            if mine.unit != theirs.unit:
+                raise InputError(
+                    f"the {role} {theirs.column!r} of {other.path} is in {theirs.unit or 'no unit'}, {mine.column!r} "
+                    f"of {first.path} in {mine.unit or 'no unit'}; name the columns with --{role}, or the unit with "
+                    "--map"
+                )
+    if abs(a.Ts - b.Ts) > SAME * a.Ts:
+        raise InputError(
+            f"{other.path} is sampled every {b.Ts:g} s and {first.path} every {a.Ts:g} s; bring both to one sampling "
+            f"time with --resample {max(a.Ts, b.Ts):g}"
+        )
