@@ -17,7 +17,12 @@ def restructured(text: str) -> str:
 def _convert(app, what, name, found, options, lines: list[str]) -> None:
     """In place, as Sphinx asks for it. Single quotes may open on one line and close on the next: whole paragraphs."""
     paragraphs = "\n".join(lines).split("\n\n")
-    lines[:] = "\n\n".join(restructured(p) for p in paragraphs).split("\n")
+    lines[:] = "\n\n".join(map(_paragraph, paragraphs)).split("\n")
+
+
+def _paragraph(text: str) -> str:
+    """An indented paragraph is an example."""
+    return f"::\n\n{text}" if text.startswith("    ") else restructured(text)
 
 
 def setup(app: Sphinx) -> None:

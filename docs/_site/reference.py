@@ -40,6 +40,7 @@ def heading(text: str, mark: str = "=") -> str:
 
 
 def summary(names: list[str]) -> str:
+    """A table of names with their first sentences; names of the module that the page is about, without it."""
     return ".. autosummary::\n   :nosignatures:\n\n" + "\n".join(f"   {name}" for name in names) + "\n"
 
 
@@ -65,19 +66,23 @@ def members(module: object) -> Iterator[tuple[str, object]]:
 
 
 def module_page(package: str, room: str) -> str:
-    """One room: its sentence, its names and, where it lists none itself, those of its modules."""
+    """One room: its sentence, its names and, where it lists none itself, those of its modules.
+
+    What the package itself exports is described on the package's page alone.
+    """
     full = f"{package}.{room}"
-    module = importlib.import_module(full)
+    module, above = importlib.import_module(full), importlib.import_module(package)
     lines = [heading(full), f".. automodule:: {full}\n   :no-members:\n"]
-    own = list(members(module))
+    shown = [getattr(above, name) for name in public(package)[1]]
+    own = [(n, v) for n, v in members(module) if not any(v is other for other in shown)]
     if own:
-        lines += [summary([f"{full}.{n}" for n, _ in own]), *(described(f"{full}.{n}", v) for n, v in own)]
+        lines += [summary([n for n, _ in own]), *(described(f"{full}.{n}", v) for n, v in own)]
     elif hasattr(module, "__path__"):
-        lines += list(_modules(full, module, short=room in MACHINERY))
+        lines += list(_modules(full, module, shown, short=room in MACHINERY))
     return "\n".join(lines)
 
 
-def _modules(full: str, module: object, short: bool) -> Iterator[str]:
+def _modules(full: str, module: object, known: list, short: bool) -> Iterator[str]:
     for found in pkgutil.iter_modules(module.__path__):
         name = f"{full}.{found.name}"
         if found.name.startswith("_"):
@@ -87,7 +92,7 @@ def _modules(full: str, module: object, short: bool) -> Iterator[str]:
             said = restructured((inner.__doc__ or "").strip().split("\n\n")[0])
             yield f"``{found.name}``\n   " + " ".join(said.split()) + "\n"
             continue
-        shown = list(members(inner))
+        shown = [(n, v) for n, v in members(inner) if not any(v is other for other in known)]
         if shown:
             yield heading(found.name, "-")
             yield f".. automodule:: {name}\n   :no-members:\n"
@@ -99,7 +104,7 @@ def package_page(package: str) -> str:
     rooms, names = public(package)
     module = importlib.import_module(package)
     full = [f"{package}.{name}" for name in names]
-    lines = [heading(package), f".. automodule:: {package}\n   :no-members:\n", summary(full)]
+    lines = [heading(package), f".. automodule:: {package}\n   :no-members:\n", summary(names)]
     lines += [described(f, getattr(module, n)) for f, n in zip(full, names, strict=True)]
     lines += [heading("Rooms", "-"), ".. toctree::\n", *(f"   {package}.{room}" for room in rooms), ""]
     return "\n".join(lines)
