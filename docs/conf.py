@@ -27,7 +27,7 @@ extensions = [
 ]
 # A pattern in a list of pages may match none yet; this warning has no type by which Sphinx could leave it out.
 logging.getLogger("sphinx.sphinx.directives.other").addFilter(lambda r: getattr(r, "subtype", "") != "empty_glob")
-exclude_patterns = ["_site", "gallery/*.rst"]
+exclude_patterns = ["_site", "gallery/*.rst", "search.md"]  # search.html is the page of the search
 suppress_warnings = [
     "config.cache",  # the gallery's settings are objects
     "ref.python",  # a short name in a signature may stand for two objects
@@ -50,6 +50,7 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_signature": False,
+    "capture_repr": (),
     "min_reported_time": 1e9,
     "image_scrapers": ("matplotlib",),
     "reset_modules": ("matplotlib", "gallery_look.apply"),

@@ -7,11 +7,14 @@ import pkgutil
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import typer
 from docstrings import restructured
-from sphinx.application import Sphinx
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 MACHINERY = (
     "base",
@@ -138,7 +141,7 @@ def _commands(group: click.Group, called: str) -> Iterator[str]:
                 yield f"``{' '.join(record[0].split())}``\n   {said or '.'}\n"
 
 
-def write(app: Sphinx) -> None:
+def write(app: "Sphinx") -> None:
     """All generated pages, before Sphinx looks for sources; files that did not change keep their time."""
     folder = Path(app.srcdir) / "generated" / "reference"
     pages = {"commands.rst": command_page()}
@@ -154,5 +157,5 @@ def write(app: Sphinx) -> None:
             path.write_text(text, encoding="utf-8")
 
 
-def setup(app: Sphinx) -> None:
+def setup(app: "Sphinx") -> None:
     app.connect("builder-inited", write, priority=100)

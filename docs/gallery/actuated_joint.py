@@ -34,7 +34,10 @@ sysid.plots.free_run(*runs, axes=axes)
 # The map from the stroke of the motor to the angle of the joint: the linkage.
 
 figure, axes = plt.subplots(figsize=(5, 3.6), layout="constrained")
-sysid.plots.static_curve(curves.curve(sysid.information(fit, estimation), "map"), axes=[axes])
+linkage = curves.curve(sysid.information(fit, estimation), "map")
+sysid.plots.static_curve(
+    linkage, axes=[axes], words=("linkage", "position of the motor [strokes]", "angle of the joint")
+)
 
 # %%
 # The values that a data sheet would have, beside those of the twin, in degrees.
