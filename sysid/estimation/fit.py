@@ -13,6 +13,7 @@ from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.objective import Objective
+from sysid.estimation.origin import Origin, share_explained
 from sysid.estimation.portfolio.points import applies
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.race import ENOUGH, SAME, Raced, Run, noise_of, portfolio, race, with_curvature_weight
@@ -54,11 +55,12 @@ def fit_chain(
     e, plain = problem.bare.residual(outcome.p), problem.plain.residual(outcome.p)
     assert e is not None
     assert plain is not None
+    mse = float(plain @ plain) / N
     return Fit(
         model=model,
         theta=theta,
         Ts=data.Ts,
-        criteria=criteria(float(e @ e) / N, N, d, mse=float(plain @ plain) / N),
+        criteria=criteria(float(e @ e) / N, N, d, mse=mse),
         covariance=cov,
         stop=outcome.stop,
         history=outcome.history,
@@ -70,6 +72,9 @@ def fit_chain(
         search=run.search,
         n_init=_n_init(model, data),
         u_span=(float(data.u.min()), float(data.u.max())),
+        u_offset=data.u_offset.copy(),
+        y_offset=data.y_offset.copy(),
+        origin=Origin.of(data, share_explained(data, mse)),
     )
 
 
