@@ -17,6 +17,7 @@ from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.initial_state import estimate_initial
+from sysid.estimation.noise import autoregression, forecast
 from sysid.estimation.origin import Origin
 from sysid.model.chain import Chain
 from sysid.model.tangents import Rational, tangent
@@ -66,6 +67,7 @@ class Fit:
     u_offset: np.ndarray | None = None  # [u] removed from the estimation data; None: not known
     y_offset: np.ndarray | None = None
     origin: Origin | None = None  # names, units and fit of the estimation data; None in a file of an earlier version
+    noise: tuple[tuple[float, ...], ...] | None = None  # autoregression of each output's residuals there, for `predict`
 
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
         """Free run: (N,) for one output, else (N, ny). For a record, the initial state of each experiment is fitted to
@@ -78,6 +80,24 @@ class Fit:
         else:
             u = np.asarray(data, dtype=float)
             y = self.model.outputs(rested(self.model, self.theta), u)
+        return y[:, 0] if self.model.channels[1] == 1 else y
+
+    def predict(self, data: IOData, horizon: int = 1, n_init: int | None = None) -> np.ndarray:
+        """Each output from the measured ones up to `horizon` samples before it: (N,) for one output, else (N, ny).
+
+        The free run plus the forecast of its residuals by their autoregression in the estimation data (`noise`; in a
+        file of an earlier version, in this record), see `sysid.estimation.noise`. With white residuals it is the free
+        run. Raises InputError for a horizon below 1.
+        """
+        check_horizon(horizon)
+        own, found = self.own_level(data), []
+        runs = [self._free_run(e, n_init) for e in own.experiments]
+        e = np.where(own.observed, own.y - np.concatenate(runs), 0.0)
+        noise = self.noise or [autoregression(v, own.lengths) for v in e.T]
+        for record, run in zip(own.experiments, runs, strict=True):
+            columns = zip((record.y - run).T, noise, record.observed.T, strict=True)
+            found.append(run + np.column_stack([forecast(v, a, horizon, seen) for v, a, seen in columns]))
+        y = counted_back(np.concatenate(found), own, data)
         return y[:, 0] if self.model.channels[1] == 1 else y
 
     def own_level(self, data: IOData) -> IOData:
@@ -236,6 +256,12 @@ class Fit:
                 f"the record is sampled every {data.Ts} s and the model every {self.Ts} s; resample it first"
             )
         check_channels(self.model, data)
+
+
+def check_horizon(horizon: int) -> None:
+    """Raises InputError unless the horizon is a whole number of samples of at least 1."""
+    if not isinstance(horizon, (int, np.integer)) or horizon < 1:
+        raise InputError(f"the horizon is {horizon!r}; give a whole number of samples of at least 1")
 
 
 def rested(model: Chain, theta: np.ndarray) -> np.ndarray:

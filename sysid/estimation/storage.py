@@ -112,6 +112,8 @@ def _check(fit: Fit, names: list[str]) -> None:
     if not 0 < fit.Ts < np.inf or fit.n_init < 0:
         raise InputError(f"Ts is {fit.Ts} and n_init {fit.n_init}; Ts must be above 0 and n_init not below 0")
     check_offsets(fit.u_offset, fit.y_offset, model.channels)
+    if fit.noise is not None and (len(fit.noise) != model.channels[1] or not np.all(np.isfinite(np.hstack(fit.noise)))):
+        raise InputError(f"noise is not a row of finite numbers for each of {model.channels[1]} output(s); save again")
 
 
 def check_offsets(u_offset: np.ndarray | None, y_offset: np.ndarray | None, channels: tuple[int, int]) -> None:

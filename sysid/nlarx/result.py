@@ -15,7 +15,7 @@ from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.origin import Origin
-from sysid.estimation.result import Parameter
+from sysid.estimation.result import Parameter, check_horizon
 from sysid.nlarx.model import Network, Nlarx
 from sysid.nlarx.problem import FAR, Piece
 from sysid.solver.covariance import Covariance
@@ -95,14 +95,31 @@ class NlarxFit:
         lag = self.model.lag
         return self._run(np.concatenate([np.zeros(lag), u]), np.zeros(lag + len(u)), lag)[0][lag:]
 
-    def predict(self, data: IOData) -> np.ndarray:
-        """One step ahead (N,): each output from the measured ones before it; the first max(na, nb+nk-1) are y."""
-        own, found = self.own_level(data), []
-        for p in Piece.of(own):
+    def predict(self, data: IOData, horizon: int = 1) -> np.ndarray:
+        """Each output (N,) from the measured ones up to `horizon` samples before it, by default one step ahead.
+
+        The first max(na, nb+nk-1) are y; the next horizon - 1 are predicted from these. Infinite where it diverges.
+        Raises InputError for a horizon below 1.
+        """
+        check_horizon(horizon)
+        own = self.own_level(data)
+        return counted_back(np.concatenate([self._ahead(p, horizon) for p in Piece.of(own)]), own, data)
+
+    def _ahead(self, p: Piece, horizon: int) -> np.ndarray:
+        """y(t | t-horizon) (N,), from y(t | t-1), y(t | t-2) and so on in turn."""
+        model, rows = self.model, np.arange(self.model.lag, len(p.y))
+        ahead = [p.y]  # the k-th entry: y(t | t-k)
+        for k in range(1, horizon + 1):
+            past = [ahead[max(k - i, 0)][rows - i] for i in range(1, model.na + 1)]
+            Phi = np.column_stack([*past, *(p.u[rows - model.nk - i] for i in range(model.nb))])
             yhat = p.y.copy()
-            yhat[self.model.lag :] = self.network.predict(self.theta, self.model.matrix(p.u, p.y))[0]
-            found.append(yhat)
-        return counted_back(np.concatenate(found), own, data)
+            with np.errstate(over="ignore", invalid="ignore"):
+                yhat[rows] = self.network.predict(self.theta, Phi)[0]
+            yhat[~np.isfinite(yhat)] = np.inf
+            yhat[: model.lag + k - 1] = ahead[-1][: model.lag + k - 1]
+            ahead = [*ahead, yhat]
+            ahead[: max(k - model.na, 0)] = [p.y[:0]] * max(k - model.na, 0)  # no longer needed
+        return ahead[-1]
 
     def fit_percent(self, data: IOData, n_init: int | None = None) -> float:
         """Free-run fit [%], the first n_init samples of each experiment are not scored; -inf if the run diverges."""
