@@ -1,5 +1,6 @@
 """Read a saved nonlinear ARX model: every entry is checked, and the model is bit for bit the same."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ def built(document: dict[str, Any]) -> NlarxFit:
     """The fit of a document; raises InputError for entries that are missing, wrong or do not belong together."""
     version_of(document, VERSION)
     fit, names = made(NlarxFit, document)
+    if not fit.network.T.size:  # a table without rows does not tell the number of its columns
+        fit = replace(fit, network=replace(fit.network, T=np.empty((0, len(fit.model.regressors)))))
     _check(fit, names)
     return fit
 
@@ -21,7 +24,8 @@ def built(document: dict[str, Any]) -> NlarxFit:
 def _check(fit: NlarxFit, names: list[str]) -> None:
     """Consistency checks between the fields."""
     network, n = fit.network, len(fit.model.regressors)
-    if network.mu.shape != (n,) or network.T.ndim != 2 or network.T.shape[1] != n or network.model != fit.model:
+    chosen = replace(network.model, units=fit.model.units)  # the network has the number that units='auto' came to
+    if network.mu.shape != (n,) or network.T.ndim != 2 or network.T.shape[1] != n or chosen != fit.model:
         raise InputError(f"the network does not belong to a model of {n} regressors; save the fit again")
     if min(network.wavelets, network.scaling) < 0 or names != list(network.names):
         raise InputError(f"theta does not name the network's {network.size} parameters; save the fit again")

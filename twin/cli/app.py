@@ -10,11 +10,13 @@ from twin.cli.design import design
 from twin.cli.export import export
 from twin.cli.identify import identify
 from twin.cli.info import info
+from twin.cli.models import models
 from twin.cli.reproduce import reproduce
+from twin.cli.run import run
 from twin.cli.simulate import simulate
 from twin.cli.view import view
 
-VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, export)
+VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, run, models, export)
 SHOWN = (view,)  # what these make is looked at: they write no report and no summary, and take no --out and --json
 
 
