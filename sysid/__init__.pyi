@@ -40,12 +40,12 @@ from .diagnosis.higher_order import higher_order_tests as higher_order_tests
 from .diagnosis.residuals import residual_tests as residual_tests
 from .estimation.objective import Objective as Objective
 from .estimation.result import Fit as Fit
-from .estimation.saving import save as save
 from .joint.growth import grow_joint as grow_joint
 from .joint.values import joint_values as joint_values
 from .model.chain import Chain as Chain
 from .nlarx.dispatch import fit as fit
 from .nlarx.dispatch import load as load
+from .nlarx.dispatch import save as save
 from .nlarx.fit import fit_nlarx as fit_nlarx
 from .nlarx.result import NlarxFit as NlarxFit
 from .selection.select import select as select

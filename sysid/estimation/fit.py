@@ -12,7 +12,9 @@ from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
+from sysid.estimation.noise import autoregression
 from sysid.estimation.objective import Objective
+from sysid.estimation.origin import Origin, share_explained
 from sysid.estimation.portfolio.points import applies
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.race import ENOUGH, SAME, Raced, Run, noise_of, portfolio, race, with_curvature_weight
@@ -49,16 +51,18 @@ def fit_chain(
     with one_blas_thread():
         raced = _raced(run, starts, seed, start)
         problem, outcome = _follow_noise(run, raced.problem, raced.outcome)
-        theta, (cov, d) = problem.thetas(outcome.p)[0], problem.uncertainty(outcome.p)
+        thetas, (cov, d) = problem.thetas(outcome.p), problem.uncertainty(outcome.p)
+        theta, noise = thetas[0], _noise(model, thetas, data)
     N = int(data.observed.sum())
     e, plain = problem.bare.residual(outcome.p), problem.plain.residual(outcome.p)
     assert e is not None
     assert plain is not None
+    mse = float(plain @ plain) / N
     return Fit(
         model=model,
         theta=theta,
         Ts=data.Ts,
-        criteria=criteria(float(e @ e) / N, N, d, mse=float(plain @ plain) / N),
+        criteria=criteria(float(e @ e) / N, N, d, mse=mse),
         covariance=cov,
         stop=outcome.stop,
         history=outcome.history,
@@ -70,7 +74,19 @@ def fit_chain(
         search=run.search,
         n_init=_n_init(model, data),
         u_span=(float(data.u.min()), float(data.u.max())),
+        u_offset=data.u_offset.copy(),
+        y_offset=data.y_offset.copy(),
+        origin=Origin.of(data, share_explained(data, mse)),
+        noise=noise,
     )
+
+
+def _noise(model: Chain, thetas: np.ndarray, data: IOData) -> tuple[tuple[float, ...], ...]:
+    """Autoregression of each output's residuals; theta (K, P) has the initial states of each experiment."""
+    runs = [model.outputs(theta, e.u) for theta, e in zip(thetas, data.experiments, strict=True)]
+    errors = np.where(data.observed, data.y - np.concatenate(runs), 0.0)
+    sizes = np.std(data.y, axis=0)
+    return tuple(autoregression(v, data.lengths, float(s)) for v, s in zip(errors.T, sizes, strict=True))
 
 
 def _raced(run: Run, starts: int | str, seed: int, start: "np.ndarray | Fit | None") -> Raced:

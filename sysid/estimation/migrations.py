@@ -77,6 +77,9 @@ STEPS: tuple[Step, ...] = (
     # mse is kept; for fits with weights or a robust loss it stays the loss, and so do the criteria that follow from
     # it.
     Step(),
+    # Version 2 did not store the offsets that were removed from the estimation data, nor its names, units, fit
+    # and noise. They stay unknown (None), and the fit takes every record as it is.
+    Step(),
 )
 VERSION = len(STEPS) + 1
 

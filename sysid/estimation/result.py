@@ -13,9 +13,12 @@ from sysid.base.errors import InputError
 from sysid.base.json_values import plain
 from sysid.base.threads import one_blas_thread
 from sysid.blocks import StateSpace
+from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.initial_state import estimate_initial
+from sysid.estimation.noise import autoregression, forecast
+from sysid.estimation.origin import Origin
 from sysid.model.chain import Chain
 from sysid.model.tangents import Rational, tangent
 from sysid.solver.covariance import Covariance, pole_std
@@ -37,7 +40,14 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Fit:
-    """An identified chain: theta (P,), criteria on the estimation record, covariance, and why the search stopped."""
+    """An identified chain: theta (P,), criteria on the estimation record, covariance, and why the search stopped.
+
+    `u_offset` (nu,) and `y_offset` (ny,) are what was removed from the estimation data (`IOData.u_offset`, `y_offset`).
+    A record runs at absolute levels: its u + u_offset is what drives the model, whatever was removed from it, and the
+    output comes back at the level of the record. So a fit to mean-free data runs on a raw record. An array u has no
+    level: it is counted from the fit's own `u_offset`, and its output from `y_offset`. Both are None if they are
+    unknown, in a file that an earlier version saved; such a fit takes every record as it is.
+    """
 
     model: Chain
     theta: np.ndarray
@@ -54,18 +64,49 @@ class Fit:
     u_span: tuple[float, float] = field(default=(0.0, 0.0))  # range of the input in the estimation data
     members: tuple[str, ...] = ()  # where each start of the portfolio came from
     agreed: int = 0  # independent starts of the portfolio that came to this optimum
+    u_offset: np.ndarray | None = None  # [u] removed from the estimation data; None: not known
+    y_offset: np.ndarray | None = None
+    origin: Origin | None = None  # names, units and fit of the estimation data; None in a file of an earlier version
+    noise: tuple[tuple[float, ...], ...] | None = None  # autoregression of each output's residuals there, for `predict`
 
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
         """Free run: (N,) for one output, else (N, ny). For a record, the initial state of each experiment is fitted to
-        its first `n_init` outputs; for u alone (N,) or (N, nu) the run starts from rest, see `rested`.
+        its first `n_init` outputs, and the result is at the level of the record, see `own_level`; for u alone (N,) or
+        (N, nu), counted from `u_offset`, the run starts from rest, see `rested`.
         """
         if isinstance(data, IOData):
-            self._same_kind(data)
-            y = np.concatenate([self._free_run(e, n_init) for e in data.experiments])
+            own = self.own_level(data)
+            y = counted_back(np.concatenate([self._free_run(e, n_init) for e in own.experiments]), own, data)
         else:
             u = np.asarray(data, dtype=float)
             y = self.model.outputs(rested(self.model, self.theta), u)
         return y[:, 0] if self.model.channels[1] == 1 else y
+
+    def predict(self, data: IOData, horizon: int = 1, n_init: int | None = None) -> np.ndarray:
+        """Each output from the measured ones up to `horizon` samples before it: (N,) for one output, else (N, ny).
+
+        The free run plus the forecast of its residuals by their autoregression in the estimation data (`noise`; in a
+        file of an earlier version, in this record), see `sysid.estimation.noise`. With white residuals it is the free
+        run. Raises InputError for a horizon below 1.
+        """
+        check_horizon(horizon)
+        own, found = self.own_level(data), []
+        runs = [self._free_run(e, n_init) for e in own.experiments]
+        e = np.where(own.observed, own.y - np.concatenate(runs), 0.0)
+        noise = self.noise or [autoregression(v, own.lengths) for v in e.T]
+        for record, run in zip(own.experiments, runs, strict=True):
+            columns = zip((record.y - run).T, noise, record.observed.T, strict=True)
+            found.append(run + np.column_stack([forecast(v, a, horizon, seen) for v, a, seen in columns]))
+        y = counted_back(np.concatenate(found), own, data)
+        return y[:, 0] if self.model.channels[1] == 1 else y
+
+    def own_level(self, data: IOData) -> IOData:
+        """The record counted from the offsets of the estimation data; the same one if it is, or if they are unknown.
+
+        Raises InputError for a record of another sampling time or with other channels.
+        """
+        self._same_kind(data)
+        return counted_from(data, self.u_offset, self.y_offset)
 
     def fit_percent(self, data: IOData, n_init: int | None = None) -> float:
         """Free-run fit [%] on a record; the first n_init samples give the initial state and are not scored.
@@ -91,7 +132,7 @@ class Fit:
     def residual_tests(self, data: IOData, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
         """Whiteness of the free-run residuals on a record of one input and output, and independence of the input."""
         siso(data)
-        u = np.concatenate([e.u[self._skipped(e, None) :, 0] for e in data.experiments])
+        u = np.concatenate([e.u[self._skipped(e, None) :, 0] for e in self.own_level(data).experiments])
         return residual_tests(self.residuals(data), u, max_lag, level)
 
     @property
@@ -192,10 +233,9 @@ class Fit:
         return self.model.outputs(theta, data.u)
 
     def _scored(self, data: IOData, n_init: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """y, yhat and the mask of scored samples (M, ny), each experiment without its first n_init."""
-        self._same_kind(data)
+        """y, yhat and the mask of scored samples (M, ny), each experiment without its first n_init, at own level."""
         y, yhat, counts = [], [], []
-        for e in data.experiments:
+        for e in self.own_level(data).experiments:
             n = self._skipped(e, n_init)
             y.append(e.y[n:])
             yhat.append(self._free_run(e, n)[n:])
@@ -216,6 +256,12 @@ class Fit:
                 f"the record is sampled every {data.Ts} s and the model every {self.Ts} s; resample it first"
             )
         check_channels(self.model, data)
+
+
+def check_horizon(horizon: int) -> None:
+    """Raises InputError unless the horizon is a whole number of samples of at least 1."""
+    if not isinstance(horizon, (int, np.integer)) or horizon < 1:
+        raise InputError(f"the horizon is {horizon!r}; give a whole number of samples of at least 1")
 
 
 def rested(model: Chain, theta: np.ndarray) -> np.ndarray:

@@ -111,3 +111,15 @@ def _check(fit: Fit, names: list[str]) -> None:
         )
     if not 0 < fit.Ts < np.inf or fit.n_init < 0:
         raise InputError(f"Ts is {fit.Ts} and n_init {fit.n_init}; Ts must be above 0 and n_init not below 0")
+    check_offsets(fit.u_offset, fit.y_offset, model.channels)
+    if fit.noise is not None and (len(fit.noise) != model.channels[1] or not np.all(np.isfinite(np.hstack(fit.noise)))):
+        raise InputError(f"noise is not a row of finite numbers for each of {model.channels[1]} output(s); save again")
+
+
+def check_offsets(u_offset: np.ndarray | None, y_offset: np.ndarray | None, channels: tuple[int, int]) -> None:
+    """Raises InputError unless there is one finite offset for each of these inputs and outputs, or none is known."""
+    if u_offset is None and y_offset is None:
+        return
+    for name, offset, n in (("u_offset", u_offset, channels[0]), ("y_offset", y_offset, channels[1])):
+        if offset is None or offset.shape != (n,) or not np.all(np.isfinite(offset)):
+            raise InputError(f"{name} is not a finite number for each of {n} channel(s); save the fit again")

@@ -7,35 +7,33 @@ import numpy as np
 
 from sysid.base.files import write_text
 from sysid.block.writing import Code, number
-from sysid.estimation.result import Fit
 from sysid.export import closed_form
-from sysid.model.wiring import Layer, Unit, identifier, layers, offsets, whole, written
+from sysid.export.wired import AnyFit, Offset, channels, wired
+from sysid.model.wiring import Layer, Unit, identifier, whole
 
 
-def write(fit: Fit, path: str | os.PathLike, name: str = "model", **scale: float | np.ndarray) -> Path:
+def write(fit: AnyFit, path: str | os.PathLike, name: str = "model", **scale: Offset) -> Path:
     """Write `source` to a file, complete or not at all."""
     return write_text(path, source(fit, name, **scale))
 
 
-def source(
-    fit: Fit, name: str = "model", u_offset: float | np.ndarray = 0.0, y_offset: float | np.ndarray = 0.0
-) -> str:
+def source(fit: AnyFit, name: str = "model", u_offset: Offset = None, y_offset: Offset = None) -> str:
     """C99 text of the fit's free run; it needs nothing but math.h.
 
-    Filters start from rest; positions, speeds and backlash start at the fit's initial values: <name>_init. u_offset
-    (nu,) and y_offset (ny,) are the means removed by detrending (`IOData.u_offset`, `IOData.y_offset`); with them the
-    file uses the rig's scale. With one input and one output `double <name>_step(state, u)`, else `void
-    <name>_step(state, u[], y[])`. Compiled with -D<NAME>_MAIN it is a program that reads u from standard input (nu
-    numbers a sample) and prints y. Raises InputError for a block without a formula.
+    Filters start from rest; positions, speeds and backlash start at the fit's initial values: <name>_init. It takes and
+    gives the levels of raw records: u_offset (nu,) and y_offset (ny,) are what was removed from the estimation data, by
+    default as the fit knows it (`Fit.u_offset`, `Fit.y_offset`). With one input and one output `double
+    <name>_step(state, u)`, else `void <name>_step(state, u[], y[])`. Compiled with -D<NAME>_MAIN it is a program that
+    reads u from standard input (nu numbers a sample) and prints y. Raises InputError for a block without a formula.
     """
     identifier(name)
-    wired = layers(fit.model, fit.theta)
-    n_in, n_out = fit.model.channels
-    codes = {u.name: written(u, "c")(u.theta) for layer in wired for row in layer for u, _ in row}
+    whole_fit = wired(fit, "c", u_offset, y_offset)
+    n_in, n_out = channels(fit)
+    codes = whole_fit.codes
     fields = [_field(unit, code) for unit, code in codes.items() if code.state] or ["    char none;"]
     starts = [_start(unit, code) for unit, code in codes.items() if code.start]
     state = f"{name}_state"
-    comment = closed_form.text(fit).rstrip().replace("*/", "* /")
+    comment = closed_form.text(fit, u_offset=u_offset, y_offset=y_offset).rstrip().replace("*/", "* /")
     parts = [
         "\n".join([f"/* {name}: exported model, C99.", "", *_indented(comment.split("\n")), "*/"]),
         "#include <math.h>",
@@ -44,7 +42,7 @@ def source(
         "\n".join([f"typedef struct {{ /* set it with {name}_init */", *fields, f"}} {state};"]),
         *(_function(name, unit, code) for unit, code in codes.items()),
         _init(name, starts),
-        _step(name, wired, codes, offsets(u_offset, n_in, "u_offset"), offsets(y_offset, n_out, "y_offset")),
+        _step(name, whole_fit.layers, codes, whole_fit.u_offset, whole_fit.y_offset),
         _main(name, n_in, n_out),
     ]
     return "\n\n".join(parts) + "\n"

@@ -6,16 +6,22 @@ Static formulas use * and ^ and the functions min, max, exp, floor, so that they
 from sysid.block.block import StaticBlock
 from sysid.block.writing import Writer
 from sysid.estimation.result import Fit
+from sysid.export import network
+from sysid.export.wired import AnyFit, Offset, levels
 from sysid.model.wiring import layers, whole, written
+from sysid.nlarx.result import NlarxFit
 
 
-def text(fit: Fit, digits: int | None = 6) -> str:
+def text(fit: AnyFit, digits: int | None = 6, u_offset: Offset = None, y_offset: Offset = None) -> str:
     """The fit as formulas from u to y, block by block; digits=None writes every number exactly.
 
-    t is the sample number; initial states are not part of the model and are left out. Raises InputError for a block
-    that is a user's function.
+    t is the sample number; initial states are not part of the model and are left out. A line says what u and y are
+    counted from, where that is not zero: u_offset (nu,) and y_offset (ny,), by default those of the fit. Raises
+    InputError for a block that is a user's function.
     """
-    lines = [f"{fit.model.structure}, one sample every {fit.Ts:g} s"]
+    lines = [f"{fit.model.structure}, one sample every {fit.Ts:g} s", *_levels(fit, digits, u_offset, y_offset)]
+    if isinstance(fit, NlarxFit):
+        return "\n".join([*lines, "", *network.equations(fit, digits)]) + "\n"
     wired = layers(fit.model, fit.theta)
     names, signals = _signals(fit), _channels("u", fit.model.channels[0])
     for block, layer, name in zip(fit.model.blocks, wired, names, strict=True):
@@ -36,6 +42,17 @@ def text(fit: Fit, digits: int | None = 6) -> str:
                 lines.append(f"{output} = " + " + ".join(f"{output}_{signals[i]}" for _, i in units))
         signals = outputs
     return "\n".join(lines) + "\n"
+
+
+def _levels(fit: AnyFit, digits: int | None, u_offset: Offset, y_offset: Offset) -> list[str]:
+    """What has to be taken off the input before the formulas, and put on the output behind them."""
+    w, lines = Writer("", "", digits), []
+    u0, y0 = levels(fit, u_offset, y_offset)
+    for name, value in zip(_channels("u", len(u0)), u0, strict=True):
+        lines += [f"{name} = {w.sum([(1.0, 'input'), (-float(value), '')])}"] if value else []
+    for name, value in zip(_channels("y", len(y0)), y0, strict=True):
+        lines += [f"output = {w.sum([(1.0, name), (float(value), '')])}"] if value else []
+    return lines
 
 
 def _signals(fit: Fit) -> list[str]:

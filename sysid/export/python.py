@@ -7,31 +7,31 @@ import numpy as np
 
 from sysid.base.files import write_text
 from sysid.block.writing import Code, number
-from sysid.estimation.result import Fit
 from sysid.export import closed_form
-from sysid.model.wiring import Layer, Unit, layers, offsets, whole, written
+from sysid.export.wired import AnyFit, Offset, channels, wired
+from sysid.model.wiring import Layer, Unit, whole
 
 
-def write(fit: Fit, path: str | os.PathLike, **scale: float | np.ndarray) -> Path:
+def write(fit: AnyFit, path: str | os.PathLike, **scale: Offset) -> Path:
     """Write `source` to a file, complete or not at all."""
     return write_text(path, source(fit, **scale))
 
 
-def source(fit: Fit, u_offset: float | np.ndarray = 0.0, y_offset: float | np.ndarray = 0.0) -> str:
+def source(fit: AnyFit, u_offset: Offset = None, y_offset: Offset = None) -> str:
     """Python text of the fit's free run: class Model with step(u) -> y, and simulate(u) -> list.
 
     Filters start from rest; positions, speeds and backlash start at the fit's initial values: a new Model(). A sample
-    of several channels is a sequence of numbers. u_offset (nu,) and y_offset (ny,) are the means removed by
-    detrending. Run as a program it reads u from standard input, one sample per line, and prints y. Raises InputError
-    for a block without a formula.
+    of several channels is a sequence of numbers. It takes and gives the levels of raw records: u_offset (nu,) and
+    y_offset (ny,) are what was removed from the estimation data, by default as the fit knows it. Run as a program it
+    reads u from standard input, one sample per line, and prints y. Raises InputError for a block without a formula.
     """
-    wired = layers(fit.model, fit.theta)
-    n_in, n_out = fit.model.channels
-    codes = {u.name: written(u, "python")(u.theta) for layer in wired for row in layer for u, _ in row}
-    comment = "\n".join(f"# {line}".rstrip() for line in closed_form.text(fit).rstrip().split("\n"))
+    whole_fit = wired(fit, "python", u_offset, y_offset)
+    n_in, n_out = channels(fit)
+    codes, form = whole_fit.codes, closed_form.text(fit, u_offset=u_offset, y_offset=y_offset)
+    comment = "\n".join(f"# {line}".rstrip() for line in form.rstrip().split("\n"))
     states = [_state(unit, code) for unit, code in codes.items() if code.state]
     begin = "from the fit's first position" if any(code.start for code in codes.values()) else "from rest"
-    steps = _step(wired, codes, offsets(u_offset, n_in, "u_offset"), offsets(y_offset, n_out, "y_offset"))
+    steps = _step(whole_fit.layers, codes, whole_fit.u_offset, whole_fit.y_offset)
     shown = "model.step(*values)" if n_in == 1 else "model.step(values)"
     return f'''"""Exported model: Model().step(u) gives y sample by sample, simulate(u) a whole record, {begin}."""
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from os import PathLike
+from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
@@ -25,6 +26,14 @@ def load(path: str | PathLike) -> Fit | NlarxFit:
 
     formats: dict[str, Callable[[dict[str, Any]], Fit | NlarxFit]] = {FORMAT: built, saving.FORMAT: storage.built}
     return read(path, formats)
+
+
+def save(fit: Fit | NlarxFit, path: str | PathLike) -> Path:
+    """Write a fit of either kind as readable JSON; `load` reads it again, `qpal run` and `qpal export` take it.
+
+    Raises InputError for a model that text cannot store or a path that cannot be written.
+    """
+    return fit.save(path)
 
 
 @overload

@@ -10,6 +10,7 @@ from sysid.base.criteria import criteria
 from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData
+from sysid.estimation.origin import Origin
 from sysid.nlarx.choice import RIDGES, Choice, choices, preferred
 from sysid.nlarx.model import Nlarx
 from sysid.nlarx.problem import Piece, SimulationProblem, limit
@@ -87,8 +88,11 @@ def fit_nlarx(
         choice=choice,
         u_span=(float(data.u.min()), float(data.u.max())),
         y_span=(float(data.y.min()), float(data.y.max())),
+        u_offset=data.u_offset.copy(),
+        y_offset=data.y_offset.copy(),
     )
-    return replace(found, warnings=_warnings(found, data), seconds=time.perf_counter() - began)
+    origin = Origin.of(data, found.fit_percent(data))
+    return replace(found, warnings=_warnings(found, data), seconds=time.perf_counter() - began, origin=origin)
 
 
 def _best(runs: list[Run], pieces: tuple[Piece, ...], lag: int) -> Run:

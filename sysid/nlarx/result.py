@@ -11,9 +11,11 @@ import numpy as np
 from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
 from sysid.base.json_values import plain
+from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
-from sysid.estimation.result import Parameter
+from sysid.estimation.origin import Origin
+from sysid.estimation.result import Parameter, check_horizon
 from sysid.nlarx.model import Network, Nlarx
 from sysid.nlarx.problem import FAR, Piece
 from sysid.solver.covariance import Covariance
@@ -40,6 +42,9 @@ class NlarxFit:
 
     `criteria_of` says which errors `criteria`, `covariance` and `residuals` refer to: 'one step ahead' (the model uses
     all measured outputs up to the last sample) or 'free run' (it uses only inputs and its own past).
+
+    `u_offset` (1,) and `y_offset` (1,) are what was removed from the estimation data, None if unknown. Records run at
+    absolute levels and results come back at the level of the record, as in `sysid.Fit`.
     """
 
     model: Nlarx
@@ -61,36 +66,70 @@ class NlarxFit:
     choice: tuple[Choice, ...] = ()  # how units='auto' was decided
     u_span: tuple[float, float] = field(default=(0.0, 0.0))  # ranges of input and output in the estimation data
     y_span: tuple[float, float] = field(default=(0.0, 0.0))
+    u_offset: np.ndarray | None = None  # [u] removed from the estimation data; None: not known
+    y_offset: np.ndarray | None = None
+    origin: Origin | None = None  # names, units and fit of the estimation data; None in a file of an earlier version
+
+    def own_level(self, data: IOData) -> IOData:
+        """The record counted from the offsets of the estimation data; the same one if it is, or if they are unknown.
+
+        Raises InputError for a record of another sampling time.
+        """
+        if abs(data.Ts - self.Ts) > 1e-6 * self.Ts:
+            raise InputError(
+                f"the record is sampled every {data.Ts} s and the model every {self.Ts} s; resample it first"
+            )
+        return counted_from(data, self.u_offset, self.y_offset)
 
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
         """Free run (N,) from u and its own past. It uses the first `n_init` outputs (at least max(na, nb+nk-1)) of each
         experiment and returns them unchanged; for u (N,) alone it starts from rest, all earlier signals zero.
 
-        Infinite after the run diverges, see `divergence`.
+        Infinite after the run diverges, see `divergence`. An array u is counted from `u_offset`.
         """
         if isinstance(data, IOData):
-            pieces = self._pieces(data)
-            return np.concatenate([self._run(p.u, p.y, self._first(p, n_init))[0] for p in pieces])
+            own = self.own_level(data)
+            runs = [self._run(p.u, p.y, self._first(p, n_init))[0] for p in Piece.of(own)]
+            return counted_back(np.concatenate(runs), own, data)
         u = np.asarray(data, dtype=float).ravel()
         lag = self.model.lag
         return self._run(np.concatenate([np.zeros(lag), u]), np.zeros(lag + len(u)), lag)[0][lag:]
 
-    def predict(self, data: IOData) -> np.ndarray:
-        """One step ahead (N,): each output from the measured ones before it; the first max(na, nb+nk-1) are y."""
-        found = []
-        for p in self._pieces(data):
+    def predict(self, data: IOData, horizon: int = 1) -> np.ndarray:
+        """Each output (N,) from the measured ones up to `horizon` samples before it, by default one step ahead.
+
+        The first max(na, nb+nk-1) are y; the next horizon - 1 are predicted from these. Infinite where it diverges.
+        Raises InputError for a horizon below 1.
+        """
+        check_horizon(horizon)
+        own = self.own_level(data)
+        return counted_back(np.concatenate([self._ahead(p, horizon) for p in Piece.of(own)]), own, data)
+
+    def _ahead(self, p: Piece, horizon: int) -> np.ndarray:
+        """y(t | t-horizon) (N,), from y(t | t-1), y(t | t-2) and so on in turn."""
+        model, rows = self.model, np.arange(self.model.lag, len(p.y))
+        ahead = [p.y]  # the k-th entry: y(t | t-k)
+        for k in range(1, horizon + 1):
+            past = [ahead[max(k - i, 0)][rows - i] for i in range(1, model.na + 1)]
+            Phi = np.column_stack([*past, *(p.u[rows - model.nk - i] for i in range(model.nb))])
             yhat = p.y.copy()
-            yhat[self.model.lag :] = self.network.predict(self.theta, self.model.matrix(p.u, p.y))[0]
-            found.append(yhat)
-        return np.concatenate(found)
+            with np.errstate(over="ignore", invalid="ignore"):
+                yhat[rows] = self.network.predict(self.theta, Phi)[0]
+            yhat[~np.isfinite(yhat)] = np.inf
+            yhat[: model.lag + k - 1] = ahead[-1][: model.lag + k - 1]
+            ahead = [*ahead, yhat]
+            ahead[: max(k - model.na, 0)] = [p.y[:0]] * max(k - model.na, 0)  # no longer needed
+        return ahead[-1]
 
     def fit_percent(self, data: IOData, n_init: int | None = None) -> float:
         """Free-run fit [%], the first n_init samples of each experiment are not scored; -inf if the run diverges."""
+        data = self.own_level(data)
         counts = self._scored(data, n_init)
         return fit_percent(data.y[counts, 0], self.simulate(data, n_init)[counts])
 
     def prediction_percent(self, data: IOData, n_init: int | None = None) -> float:
         """One-step fit [%]. It is near 100 for any smooth, finely sampled y and says little about the model."""
+        data = self.own_level(data)
         counts = self._scored(data, n_init)
         return fit_percent(data.y[counts, 0], self.predict(data)[counts])
 
@@ -111,6 +150,7 @@ class NlarxFit:
 
         A network has no data there; its output may be anything.
         """
+        data = self.own_level(data)
         low, high = self.y_span
         far = AWAY * max(high - low, 1e-300)
         run = self.simulate(data, n_init)
@@ -125,12 +165,14 @@ class NlarxFit:
 
     def residuals(self, data: IOData) -> np.ndarray:
         """e = y - yhat of the kind `criteria_of`, without each experiment's first n_init samples and missing ones."""
+        data = self.own_level(data)
         counts = self._scored(data, None)
         yhat = self.simulate(data) if self.criteria_of == FREE_RUN else self.predict(data)
         return data.y[counts, 0] - yhat[counts]
 
     def residual_tests(self, data: IOData, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
         """Whiteness of the residuals (see `residuals`) and their independence of the input."""
+        data = self.own_level(data)
         e = self.residuals(data)
         if not np.all(np.isfinite(e)):
             raise InputError(f"no residuals to test: {self.divergence(data)}")
@@ -180,11 +222,7 @@ class NlarxFit:
         return yhat, end
 
     def _pieces(self, data: IOData) -> tuple[Piece, ...]:
-        if abs(data.Ts - self.Ts) > 1e-6 * self.Ts:
-            raise InputError(
-                f"the record is sampled every {data.Ts} s and the model every {self.Ts} s; resample it first"
-            )
-        return Piece.of(data)
+        return Piece.of(self.own_level(data))
 
     def _first(self, piece: Piece, n_init: int | None) -> int:
         """Number of an experiment's samples that start a free run."""

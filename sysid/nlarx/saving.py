@@ -6,7 +6,7 @@ from typing import Any
 
 from sysid.estimation.saving import write
 
-FORMAT, VERSION = "sysid nlarx fit", 1
+FORMAT, VERSION = "sysid nlarx fit", 2  # version 1 stored no offsets and no origin: they stay unknown (None)
 
 
 def save(fit: Any, path: str | os.PathLike) -> Path:

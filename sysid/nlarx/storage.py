@@ -1,11 +1,12 @@
 """Read a saved nonlinear ARX model: every entry is checked, and the model is bit for bit the same."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.estimation.storage import made, version_of
+from sysid.estimation.storage import check_offsets, made, version_of
 from sysid.nlarx.result import FREE_RUN, ONE_STEP, NlarxFit
 from sysid.nlarx.saving import VERSION
 
@@ -14,6 +15,8 @@ def built(document: dict[str, Any]) -> NlarxFit:
     """The fit of a document; raises InputError for entries that are missing, wrong or do not belong together."""
     version_of(document, VERSION)
     fit, names = made(NlarxFit, document)
+    if not fit.network.T.size:  # a table without rows does not tell the number of its columns
+        fit = replace(fit, network=replace(fit.network, T=np.empty((0, len(fit.model.regressors)))))
     _check(fit, names)
     return fit
 
@@ -21,7 +24,8 @@ def built(document: dict[str, Any]) -> NlarxFit:
 def _check(fit: NlarxFit, names: list[str]) -> None:
     """Consistency checks between the fields."""
     network, n = fit.network, len(fit.model.regressors)
-    if network.mu.shape != (n,) or network.T.ndim != 2 or network.T.shape[1] != n or network.model != fit.model:
+    chosen = replace(network.model, units=fit.model.units)  # the network has the number that units='auto' came to
+    if network.mu.shape != (n,) or network.T.ndim != 2 or network.T.shape[1] != n or chosen != fit.model:
         raise InputError(f"the network does not belong to a model of {n} regressors; save the fit again")
     if min(network.wavelets, network.scaling) < 0 or names != list(network.names):
         raise InputError(f"theta does not name the network's {network.size} parameters; save the fit again")
@@ -29,3 +33,4 @@ def _check(fit: NlarxFit, names: list[str]) -> None:
         raise InputError("the parameters are not all finite numbers; save the fit again")
     if not 0 < fit.Ts < np.inf or fit.n_init < 0 or fit.criteria_of not in (ONE_STEP, FREE_RUN):
         raise InputError(f"Ts is {fit.Ts}, n_init {fit.n_init} and criteria_of {fit.criteria_of!r}; save the fit again")
+    check_offsets(fit.u_offset, fit.y_offset, (1, 1))

@@ -11,6 +11,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
+from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
 from sysid.estimation.result import rested
 from sysid.uncertainty.information import Information
@@ -48,12 +49,13 @@ def linear(
 ) -> OutputBand:
     """Band of the free run by its exact Jacobian; without a record, over the first experiment of the estimation data.
 
-    The first n_init outputs of another record give the initial state, and its uncertainty is included. An input alone
-    (N,) starts from rest, as in `Fit.simulate`.
+    The first n_init outputs of another record give the initial state, and its uncertainty is included; the band is at
+    the level of that record. An input alone (N,) starts from rest, as in `Fit.simulate`.
     """
+    record, level_of = _levels(info, record)
     with one_blas_thread():
         theta, u, T, S = _sensitivity(info, record, n_init)
-        y = info.chain.simulate(theta, u)
+        y = level_of(info.chain.simulate(theta, u))
         variance = info.std_of(T) ** 2 + info.noise_variance * np.sum(S**2, axis=1)
         note = info.note_of(T)
     std = np.sqrt(variance + noise * info.noise_variance)
@@ -77,6 +79,7 @@ def monte_carlo(
     if draws < 20:
         raise InputError(f"draws is {draws}; give at least 20, or several hundred for a smooth band")
     rng = np.random.default_rng(seed)
+    record, level_of = _levels(info, record)
     with one_blas_thread():
         theta, u, T, S = _sensitivity(info, record, n_init)
         own = _follow(info, theta, u, S)
@@ -100,12 +103,22 @@ def monte_carlo(
             note + "; " if note else ""
         ) + f"{dropped} of {draws} drawn models were unstable or invalid and left out: the band is too narrow"
     Y, tail = np.array(outputs), 50.0 * (1.0 - level)
-    lower, upper = np.percentile(Y, [tail, 100.0 - tail], axis=0)
+    lower, upper = (level_of(edge) for edge in np.percentile(Y, [tail, 100.0 - tail], axis=0))
     lost = np.isnan(info.std_of(T))
     lower, upper, std = np.where(lost, -np.inf, lower), np.where(lost, np.inf, upper), Y.std(axis=0, ddof=1)
-    y, t = info.chain.simulate(theta, u), np.arange(len(u)) * info.Ts
+    y, t = level_of(info.chain.simulate(theta, u)), np.arange(len(u)) * info.Ts
     unit = info.data.y_unit
     return OutputBand(t, y, np.where(lost, np.nan, std), lower, upper, level, unit, draws, dropped, note)
+
+
+def _levels(
+    info: Information, record: IOData | np.ndarray | None
+) -> tuple[IOData | np.ndarray | None, Callable[[np.ndarray], np.ndarray]]:
+    """The record counted from the offsets of the estimation data, and a function that brings outputs (N,) back."""
+    if not isinstance(record, IOData):
+        return record, lambda y: y
+    given, own = record, counted_from(record, info.data.u_offset, info.data.y_offset)
+    return own, lambda y: counted_back(y, own, given)
 
 
 def _sensitivity(

@@ -110,7 +110,7 @@ def information(fit: "Fit", data: IOData, lags: int | str | None = TESTED) -> In
         raise InputError(f"the record is sampled every {data.Ts} s and the fit every {fit.Ts} s; give the fit's record")
     if lags == TESTED:
         lags = "auto" if _coloured(fit, data) else None
-    return information_at(fit.model, fit.theta, data, lags, fit.n_init)
+    return information_at(fit.model, fit.theta, fit.own_level(data), lags, fit.n_init)
 
 
 def _coloured(fit: "Fit", data: IOData) -> bool:

@@ -52,3 +52,13 @@ def test_a_damaged_file_is_a_sentence(fitted, tmp_path, change, sentence):
     path.write_text(json.dumps(document))
     with pytest.raises(InputError, match=sentence):
         sysid.load(path)
+
+
+@pytest.mark.parametrize("options", [{"units": "auto"}, {"units": 2, "nonlinear": ()}, {"units": 0}], ids=str)
+def test_every_kind_of_network_comes_back(fitted, options, tmp_path):
+    """One whose size the fit chose, and linear ones."""
+    fit = sysid.fit(sysid.structures.nlarx(na=1, nb=1, nk=1, **options), fitted[1], starts=1)
+    again = sysid.load(sysid.save(fit, tmp_path / "model.json"))
+    np.testing.assert_array_equal(again.simulate(fitted[1]), fit.simulate(fitted[1]))
+    assert again.network.T.shape == fit.network.T.shape
+    assert again.model == fit.model

@@ -1,8 +1,9 @@
 """`qpal`: one verb a file, no maths; bad input ends in one line and exit code 2."""
 
-import signal
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -15,31 +16,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from sysid.base.errors import InputError
     from twin.cli.app import build
     from twin.cli.console import Stopped
+    from twin.cli.stopping import Stopping
 
     kept = "nothing was written"
-    previous = _stop_on_terminate()
     given = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        code = build()(given or ["--help"], prog_name="qpal", standalone_mode=False)
-        sys.stdout.flush()
-    except InputError as error:
-        return _fail(str(error))
-    except TyperException as error:
-        command = getattr(getattr(error, "ctx", None), "command_path", "qpal")
-        return _fail(f"{error.format_message().rstrip('.')}; see {command} --help")
-    except BrokenPipeError:
-        # The reader of our output went away (`qpal ... | head`): nothing is wrong, and nobody is left to tell.
-        sys.stdout = None
-        return 0
-    except OSError as error:
-        return _fail(f"{error.filename or 'output'}: {error.strerror or error}; nothing was written")
-    except KeyboardInterrupt:
-        code = 130
-    except Stopped as stopped:
-        code, kept = 130, str(stopped)
-    finally:
-        if previous is not None:
-            signal.signal(signal.SIGTERM, previous)
+    with Stopping() as stopping:
+        try:
+            with _named_shell(given):
+                code = build()(given or ["--help"], prog_name="qpal", standalone_mode=False)
+            sys.stdout.flush()
+        except InputError as error:
+            return _fail(str(error))
+        except TyperException as error:
+            command = getattr(getattr(error, "ctx", None), "command_path", "qpal")
+            return _fail(f"{error.format_message().rstrip('.')}; see {command} --help")
+        except SystemExit as done:  # the script of a completion is printed
+            code = done.code
+        except BrokenPipeError:
+            # The reader of our output went away (`qpal ... | head`): nothing is wrong, and nobody is left to tell.
+            sys.stdout = None
+            return 0
+        except OSError as error:
+            return _fail(f"{error.filename or 'output'}: {error.strerror or error}; nothing was written")
+        except KeyboardInterrupt:
+            stopping.over()
+            code = 130
+        except Stopped as stopped:
+            stopping.over()
+            code, kept = 130, str(stopped)
     if code == 130:
         print(f"qpal: stopped; {kept}", file=sys.stderr)
     return code if isinstance(code, int) else 0
@@ -50,13 +54,18 @@ def _fail(sentence: str) -> int:
     return 2
 
 
-def _stop_on_terminate():
-    """Makes SIGTERM clean up like Ctrl-C; returns the former handler, or None outside the main thread."""
+@contextmanager
+def _named_shell(given: Sequence[str]) -> Iterator[None]:
+    """`--show-completion zsh` names a shell, where typer would look for the one that it runs in and ignore the name.
 
-    def stop(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
+    Typer has options that take the name too; this variable selects them.
+    """
+    name = "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION"
+    if len(given) != 2 or given[0] not in ("--show-completion", "--install-completion") or name in os.environ:
+        yield
+        return
+    os.environ[name] = "1"
     try:
-        return signal.signal(signal.SIGTERM, stop)
-    except ValueError:
-        return None
+        yield
+    finally:
+        del os.environ[name]

@@ -1,5 +1,7 @@
 """The table of verbs."""
 
+from typing import Annotated
+
 import typer
 
 from twin.cli import bench
@@ -10,23 +12,44 @@ from twin.cli.design import design
 from twin.cli.export import export
 from twin.cli.identify import identify
 from twin.cli.info import info
+from twin.cli.models import models
 from twin.cli.reproduce import reproduce
+from twin.cli.run import run
 from twin.cli.simulate import simulate
 from twin.cli.view import view
 
-VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, export)
+VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, run, models, export)
 SHOWN = (view,)  # what these make is looked at: they write no report and no summary, and take no --out and --json
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib import metadata
+
+        try:
+            print("qpal", metadata.version("qpal"))
+        except metadata.PackageNotFoundError:
+            print("qpal, run from its folder without being installed: no version")
+        raise typer.Exit
+
+
+def whole(
+    version: Annotated[
+        bool, typer.Option("--version", help="print the version and end", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Digital twin of a robot leg, and system identification that is checked against it."""
 
 
 def build() -> typer.Typer:
     """The command line with every verb."""
     app = typer.Typer(
         name="qpal",
-        help="Digital twin of a robot leg, and system identification that is checked against it.",
-        add_completion=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
         pretty_exceptions_enable=False,
         rich_markup_mode=None,  # help is shown as it is written: rich takes words in brackets for its own marks
     )
+    app.callback()(whole)
     for verb in VERBS:
         app.command()(verb)
     app.add_typer(bench.build())

@@ -1,4 +1,4 @@
-"""`qpal export`: a fitted model as C, Python or MJCF."""
+"""`qpal export`: a fitted model as C, Python, MATLAB, MJCF or a linear model."""
 
 from pathlib import Path
 from typing import Annotated
@@ -19,6 +19,16 @@ def export(
     mjcf: Annotated[bool, typer.Option("--mjcf", help="an actuated joint as elements of a MuJoCo model")] = False,
     c: Annotated[bool, typer.Option("--c", help="C99 source")] = False,
     python: Annotated[bool, typer.Option("--python", help="a Python module that imports only math")] = False,
+    matlab: Annotated[bool, typer.Option("--matlab", help="a MATLAB function file, which GNU Octave runs too")] = False,
+    control: Annotated[
+        bool, typer.Option("--control", help="a Python file with the linear model as a control.TransferFunction")
+    ] = False,
+    at: Annotated[
+        float | None,
+        options.number(
+            "U", "input of the operating point of --control; the middle of the estimation data if not given"
+        ),
+    ] = None,
     name: Annotated[str, typer.Option(metavar="NAME", help="name of the joint or of the exported functions")] = "joint",
     into: Annotated[
         str | None, typer.Option(metavar="FILE.xml", help="your MuJoCo model; its hinge NAME takes the joint's place")
@@ -38,10 +48,16 @@ def export(
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Write a fitted model as C99, as Python, or as MJCF that is checked in MuJoCo against the fit."""
-    asked = [way for way, given in (("mjcf", mjcf or into is not None), ("c", c), ("python", python)) if given]
+    """Write a fitted model as C99, Python or MATLAB, as a linear model, or as MJCF that is checked against the fit.
+
+    The files take and give raw units: they remove the offsets that were removed before the fit.
+    """
+    wanted = {"mjcf": mjcf or into is not None, "c": c, "python": python, "matlab": matlab, "control": control}
+    asked = [way for way, given in wanted.items() if given]
     if not asked:
-        raise InputError("nothing to export to; add --mjcf, --c or --python")
+        raise InputError("nothing to export to; add --mjcf, --c, --python, --matlab or --control")
+    if at is not None and not control:
+        raise InputError("--at is given without --control; add --control or leave it out")
     from sysid.report.page import write
     from twin.report import export as report
     from twin.studies.write_back import read_model, write_back
@@ -51,7 +67,7 @@ def export(
         source = read_model(model, input, output, ts, time, map, fitted=asked == ["mjcf"])
         step("exporting")
         inside = None if into is None else Path(into)
-        result = write_back(source, asked, name, torque_per_volt, link_inertia, inside, scratch)
+        result = write_back(source, asked, name, torque_per_volt, link_inertia, inside, scratch, at)
         step("drawing")
         write(scratch, report.page(result), result.as_dict())
     console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result))

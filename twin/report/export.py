@@ -6,7 +6,9 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.style import styled
+from sysid.base.units import number, poles, shown
 from sysid.base.versions import versions
+from sysid.estimation.result import Fit
 from sysid.report.page import Grid, Listing, Page, Picture, Section
 from twin.fragment import Check
 from twin.studies.write_back import CLOSE, Written
@@ -40,7 +42,38 @@ def tables(result: Written) -> list[Grid]:
 
 
 def sentences(result: Written) -> list[str]:
-    """What the check found, and what the elements cannot hold."""
+    """The levels that the files take, the linear model, what the check found, what the elements cannot hold."""
+    return [*_levels(result), *_linear(result), *_checked(result)]
+
+
+def _levels(result: Written) -> list[str]:
+    fit = result.source.fit
+    if all(name.endswith(".xml") for name, _ in result.files):
+        return []
+    if fit.u_offset is None or fit.y_offset is None:
+        return [
+            "The model's file does not say which offsets were removed before the fit (an earlier version saved it): "
+            "the files take and give what the fit was made from, and you add and remove means yourself."
+        ]
+    if not (fit.u_offset.any() or fit.y_offset.any()):
+        return []
+    u0, y0 = (", ".join(f"{v:.6g}" for v in offset) for offset in (fit.u_offset, fit.y_offset))
+    return [f"The files take and give raw values: they take {u0} off the input and add {y0} to the output."]
+
+
+def _linear(result: Written) -> list[str]:
+    t = result.tangent
+    if t is None:
+        return []
+    where = "the model integrates, so it has no steady state" if t.integrates else "its steady state"
+    gain = "" if t.integrates else f", DC gain {number(float(np.sum(t.B) / np.sum(t.F)))}"
+    return [
+        f"The linear model holds about the input {number(t.u)} and the output {number(t.y)} ({where}): poles "
+        f"{poles(np.roots(t.F))}{gain}. It takes and gives deviations from there; choose another input with --at."
+    ]
+
+
+def _checked(result: Written) -> list[str]:
     if result.fragment is None or result.check is None:
         return []
     verdict = "do the same" if result.close else "differ"
@@ -69,12 +102,16 @@ def free_run(result: Written) -> "Axes":
     """Input and output of the fit."""
     data, fit = result.source.data, result.source.fit
     first, second = style.panels(None, rows=2, height=4.2, sharex=True)
-    for axes, values, name in ((first, data.u, "input u"), (second, fit.model.simulate(fit.theta, data.u), "output y")):
-        unit = data.u_unit if axes is first else data.y_unit
-        columns = np.atleast_2d(values.T)
+    # A drawn record holds its own free run.
+    run = fit.model.outputs(fit.theta, data.u) if isinstance(fit, Fit) and result.source.recorded else data.y
+    for axes, values, q in (
+        (first, data.u, shown("input u", data.u_unit)),
+        (second, run, shown("output y", data.y_unit)),
+    ):
+        columns = np.atleast_2d(values.T) * q.factor
         for k, column in enumerate(columns):
-            style.line(axes, data.t[: len(column)], column, steps=axes is first, label=f"{name[-1]}{k + 1}")
-        axes.set(ylabel=f"{name} [{unit}]" if unit else name)
+            style.line(axes, data.t[: len(column)], column, steps=axes is first, label=f"{q.name[-1]}{k + 1}")
+        axes.set(ylabel=q.label)
         if len(columns) > 1:
             style.legend(axes)
     second.set(xlabel="time [s]")

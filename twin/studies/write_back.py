@@ -1,4 +1,4 @@
-"""A fitted model written back: as C99, as Python, or as MJCF that is checked in MuJoCo against the fit."""
+"""A fitted model written back: as C99, Python, MATLAB or a linear model, or as MJCF that is checked in MuJoCo."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,10 +13,13 @@ from sysid.base.versions import versions
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
-from sysid.estimation.storage import load
 from sysid.excitations.aprbs import Aprbs
-from sysid.export import c, mjcf, python
+from sysid.export import c, matlab, mjcf, python
 from sysid.joint.growth import grow_joint
+from sysid.linear import written
+from sysid.linear.written import Tangent
+from sysid.nlarx.dispatch import load
+from sysid.nlarx.result import NlarxFit
 from sysid.workflow.record import read_record
 from twin.fragment import Check, check, put_into
 
@@ -27,9 +30,12 @@ TURNS = 40  # of a drawn input: crossings of the stroke, about
 
 @dataclass(frozen=True)
 class Source:
-    """A fit, the record that MJCF is checked on, and where both come from."""
+    """A fit, the record that MJCF is checked on, and where both come from.
 
-    fit: Fit
+    A drawn record is at absolute levels, as the exported files take it.
+    """
+
+    fit: Fit | NlarxFit
     data: IOData
     said: str
     recorded: bool = False
@@ -45,6 +51,7 @@ class Written:
     check: Check | None = None
     into: str | None = None
     torque_per_volt: float | None = None
+    tangent: Tangent | None = None
 
     @property
     def close(self) -> bool:
@@ -62,7 +69,16 @@ class Written:
                 "difference_worst_percent_of_stroke": 100 * self.check.worst,
                 "into": self.into,
             }
-        return found | {"versions": versions()}
+        if self.tangent is not None:
+            found["tangent"] = self.tangent.as_dict()
+        return found | {"offsets": _offsets(self.source.fit), "versions": versions()}
+
+
+def _offsets(fit: Fit | NlarxFit) -> dict[str, list[float]] | None:
+    """What the files take off the input and put on the output; None if the fit does not know."""
+    if fit.u_offset is None or fit.y_offset is None:
+        return None
+    return {"u": fit.u_offset.tolist(), "y": fit.y_offset.tolist()}
 
 
 def read_model(
@@ -95,12 +111,17 @@ def read_model(
     return Source(grow_joint(data, parts=PARTS).fit, data, f"a joint fitted to {path}", True)
 
 
-def _drawn(fit: Fit) -> IOData:
+def _drawn(fit: Fit | NlarxFit) -> IOData:
     """A drawn input, which takes a joint across its stroke many times, and the fit's free run."""
-    if not is_joint(fit.model):
-        levels = np.random.default_rng(0).uniform(-1.0, 1.0, (12, fit.model.channels[0]))
-        u = np.repeat(levels, 20, axis=0)
-        return IOData(u, fit.model.simulate(fit.theta, u), fit.Ts)
+    if isinstance(fit, NlarxFit) or not is_joint(fit.model):
+        low, high = fit.u_span if fit.u_span[1] > fit.u_span[0] else (-1.0, 1.0)
+        n_in = 1 if isinstance(fit, NlarxFit) else fit.model.channels[0]
+        u = np.repeat(np.random.default_rng(0).uniform(low, high, (12, n_in)), 20, axis=0)
+        y = fit.simulate(u).reshape(len(u), -1)
+        was = fit.origin
+        named = {} if was is None else {k: getattr(was, k) for k in ("u_name", "y_name", "u_unit", "y_unit")}
+        u0, y0 = (0.0 if offset is None else offset for offset in (fit.u_offset, fit.y_offset))
+        return IOData(u + u0, np.where(np.isfinite(y), y, 0.0) + y0, fit.Ts, **named)
     motor = motor_of(fit.model)
     own = fit.model.part(fit.theta, motor)
     value = {name: motor.value(own, name) for name in ("gain", "rise", "fall", "stick", "lower", "upper")}
@@ -120,8 +141,12 @@ def write_back(
     link_inertia: float,
     into: Path | None,
     folder: Path,
+    at: float | None = None,
 ) -> Written:
-    """Write the fit to `folder` in each of `ways` ("mjcf", "c", "python"); see `sysid.export`."""
+    """Write the fit to `folder` in each of `ways` ("mjcf", "c", "python", "matlab", "control"); see `sysid.export`.
+
+    `at` is the input of the linear model, see `sysid.linear.written`.
+    """
     files = []
     scale = 1.0 if torque_per_volt is None else torque_per_volt
     fit = source.fit
@@ -129,8 +154,22 @@ def write_back(
         files.append((c.write(fit, folder / f"{name}.c", name).name, "C99 with a state and a step function"))
     if "python" in ways:
         files.append((python.write(fit, folder / f"{name}.py").name, "Python that imports only math"))
+    if "matlab" in ways:
+        files.append((matlab.write(fit, folder / f"{name}.m").name, "a MATLAB function, which GNU Octave runs too"))
+    tangent = None
+    if "control" in ways:
+        tangent = written.tangent_at(fit, at)
+        write_text(folder / f"{name}_control.py", written.source(tangent, fit.model.structure))
+        files.append((f"{name}_control.py", "the linear model at an operating point, as a control.TransferFunction"))
     if "mjcf" not in ways:
-        return Written(source, tuple(files))
+        return Written(source, tuple(files), tangent=tangent)
+    if isinstance(fit, NlarxFit):
+        raise InputError("a nonlinear ARX model has no motor, so it has no MJCF; fit an actuated_joint")
+    if any(offset is not None and offset.any() for offset in (fit.u_offset, fit.y_offset)):
+        raise InputError(
+            "this joint was fitted to a record without its means, and MJCF counts from zero volts and the sensor's "
+            "zero; fit it with --detrend none"
+        )
     fragment = mjcf.fragment(fit, name, scale, link_inertia)
     write_text(folder / f"{name}.xml", fragment.model())
     files.append((f"{name}.xml", "MJCF that loads as it is, with a light link in place of yours"))
@@ -139,4 +178,6 @@ def write_back(
         write_text(made, put_into(fragment, into))
         files.append((made.name, f"{into.name} with the joint put in"))
     checked = check(mjcf.fragment(fit, name, scale), fit, source.data)
-    return Written(source, tuple(files), fragment, checked, None if into is None else str(into), torque_per_volt)
+    return Written(
+        source, tuple(files), fragment, checked, None if into is None else str(into), torque_per_volt, tangent
+    )

@@ -42,7 +42,8 @@ class Ours:
         if not len(y_init):
             return self.fit.simulate(u - u0) + y0
         y = np.concatenate([y_init, np.full(len(u) - len(y_init), y_init[-1])])
-        return self.fit.simulate(IOData(u - u0, y - y0, self.fit.Ts), len(y_init)) + y0
+        own = IOData(u - u0, y - y0, self.fit.Ts, u_offset=np.array([u0]), y_offset=np.array([y0]))
+        return self.fit.simulate(own, len(y_init)) + y0
 
     @property
     def poles(self) -> np.ndarray | None:

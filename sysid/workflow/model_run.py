@@ -1,0 +1,186 @@
+"""A saved model on a new record: free run, and prediction a number of samples ahead, as in `qpal run`."""
+
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sysid.base.criteria import fit_percent
+from sysid.base.errors import InputError
+from sysid.base.files import write_text
+from sysid.base.versions import versions
+from sysid.data.record import IOData
+from sysid.diagnosis.residuals import ResidualTests
+from sysid.nlarx.result import NlarxFit
+from sysid.workflow.identified import NextStep
+from sysid.workflow.record import Record
+from sysid.workflow.saved import Reading, Saved, data_for, fell, load_models, remarks
+
+POOR = 80.0  # [%] below which a free run has a next step
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """Prediction `horizon` samples ahead: output (N, ny), its fit [%] of each output, and of holding the last output.
+
+    `held` is the fit of y(t - horizon) itself: a prediction that is no better knows nothing.
+    """
+
+    horizon: int
+    output: np.ndarray
+    percents: tuple[float, ...]
+    held: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class ModelRun:
+    """A model's free run (N, ny) on `data`, scored after the first `n_init` samples; `percents` one for each output."""
+
+    model: Saved
+    record: Record
+    data: IOData
+    output: np.ndarray
+    percents: tuple[float, ...]
+    rmse: tuple[float, ...]
+    n_init: int
+    ahead: Ahead | None
+    tests: ResidualTests | None
+    notes: tuple[str, ...]
+    next: NextStep | None = None
+
+    @property
+    def percent(self) -> float:
+        """Mean fit [%] over the outputs."""
+        return float(np.mean(self.percents))
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary of `qpal run`, ready for JSON."""
+        found = {
+            "model": self.model.as_dict(),
+            "read": self.record.as_dict(),
+            "fit_percent": {"free_run": self.percent, "outputs": list(self.percents)},
+            "rmse": list(self.rmse),
+            "not_scored": self.n_init,
+            "residuals": self.tests.as_dict() if self.tests else None,
+            "notes": list(self.notes),
+            "next": vars(self.next) if self.next else None,
+            "versions": versions(),
+        }
+        if self.ahead is not None:
+            found["prediction"] = {
+                "horizon": self.ahead.horizon,
+                "fit_percent": float(np.mean(self.ahead.percents)),
+                "outputs": list(self.ahead.percents),
+                "fit_percent_of_the_last_output_held": float(np.mean(self.ahead.held)),
+            }
+        return found
+
+
+def run_file(
+    model: str, reading: Reading, horizon: int | None = None, running: Callable[[], None] = lambda: None
+) -> ModelRun:
+    """The model saved at `model` on a record, with the prediction `horizon` samples ahead if that is given.
+
+    Raises InputError for files that cannot be read, do not belong together, or are too short.
+    """
+    if horizon is not None and horizon < 1:
+        raise InputError(f"--horizon is {horizon}; give a number of samples of at least 1")
+    (saved,) = load_models([model])
+    record = reading.record()
+    data, notes = data_for(saved.fit, record, reading)
+    running()
+    return on_record(saved, record, data, notes, reading, horizon)
+
+
+def on_record(
+    saved: Saved, record: Record, data: IOData, notes: tuple[str, ...], reading: Reading, horizon: int | None = None
+) -> ModelRun:
+    """Free run and prediction on `data`, which `data_for` gave."""
+    fit = saved.fit
+    n = fit.n_init
+    counts = scored(data, n)
+    y = fit.simulate(data).reshape(data.y.shape)
+    percents = _percents(data, y, counts)
+    tests, said = None, [*notes, *remarks(fit, data)]
+    try:
+        tests = fit.residual_tests(data)
+    except InputError as error:
+        if data.y.shape[1] == 1:
+            said.append(f"no residual tests: {error}")
+    less = fell(saved.estimation, float(np.mean(percents)))
+    said += [less] if less else []
+    ahead = None if horizon is None else _ahead(saved, data, counts, horizon)
+    rmse = tuple(rms(column[k]) for column, k in zip((data.y - y).T, counts.T, strict=True))
+    result = ModelRun(saved, record, data, y, percents, rmse, n, ahead, tests, tuple(said))
+    return ModelRun(**{**vars(result), "next": _next(result, reading)})
+
+
+def scored(data: IOData, n: int) -> np.ndarray:
+    """True (N, ny) for measured outputs after the first n samples of each experiment.
+
+    Raises InputError where an experiment has none.
+    """
+    if min(data.lengths) < n + 2:
+        raise InputError(
+            f"the record has {min(data.lengths)} samples and {n} of them give the initial state; give a longer one"
+        )
+    late = np.concatenate([np.arange(k) >= n for k in data.lengths])
+    return np.asarray(late[:, None] & data.observed)
+
+
+def rms(e: np.ndarray) -> float:
+    """Root mean square (n,); infinite where a run diverges."""
+    return float(np.sqrt(np.mean(e**2))) if np.all(np.isfinite(e)) else np.inf
+
+
+def write_outputs(result: ModelRun, path: Any) -> None:
+    """The record and the model's outputs as a table: time [s], inputs, measured, free run, prediction."""
+    data = result.data
+    columns: dict[str, np.ndarray] = {"time_s": data.t}
+    columns |= _named(data.u, data.u_name or "u", data.u_unit)
+    columns |= _named(data.y, data.y_name or "y", data.y_unit)
+    columns |= _named(result.output, f"{data.y_name or 'y'}_free_run", data.y_unit)
+    if result.ahead is not None:
+        name = f"{data.y_name or 'y'}_ahead_{result.ahead.horizon}"
+        columns |= _named(result.ahead.output, name, data.y_unit)
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    text = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    write_text(path, "\n".join(text) + "\n")
+
+
+def _named(values: np.ndarray, name: str, unit: str) -> dict[str, np.ndarray]:
+    end = f"_{unit}" if unit.isalpha() else ""
+    many = values.shape[1] > 1
+    return {f"{name}{j + 1 if many else ''}{end}": column for j, column in enumerate(values.T)}
+
+
+def _percents(data: IOData, y: np.ndarray, counts: np.ndarray) -> tuple[float, ...]:
+    found = []
+    for own, run, k in zip(data.y.T, y.T, counts.T, strict=True):
+        if np.ptp(own[k]) == 0.0:
+            raise InputError("the output does not move in the scored part of the record, so a fit says nothing")
+        found.append(fit_percent(own[k], run[k]) if np.all(np.isfinite(run[k])) else -np.inf)
+    return tuple(found)
+
+
+def _ahead(saved: Saved, data: IOData, counts: np.ndarray, horizon: int) -> Ahead:
+    y = saved.fit.predict(data, horizon).reshape(data.y.shape)
+    starts = np.repeat(np.cumsum(data.lengths) - data.lengths, data.lengths)
+    held = data.y[np.maximum(np.arange(data.N) - horizon, starts)]
+    return Ahead(horizon, y, _percents(data, y, counts), _percents(data, held, counts))
+
+
+def _next(result: ModelRun, reading: Reading) -> NextStep | None:
+    """A fit of the same structure to this record, where the model does not follow it."""
+    if result.percent >= POOR or (result.tests is not None and result.tests.white and result.tests.independent):
+        return None
+    structure = result.model.fit.model.structure
+    words = ["qpal", "identify", reading.path, *result.record.options]
+    from sysid.structures import TABLE
+
+    if structure in TABLE:
+        words += ["--structure", structure]
+    kind = "network" if isinstance(result.model.fit, NlarxFit) else "model"
+    return NextStep(f"this {kind} does not follow the record; fit one to it", shlex.join(words))

@@ -1,0 +1,188 @@
+"""A saved model and a record to run it on: same channels, same units, same sampling time."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.base.units import percent
+from sysid.channels.mapping import Range
+from sysid.data.preprocess import DETREND, detrend, resample
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+from sysid.nlarx.dispatch import load
+from sysid.nlarx.result import NlarxFit
+from sysid.structures import TABLE as STRUCTURES
+from sysid.workflow.angles import without_wraps
+from sysid.workflow.record import Record, read_record
+
+AnyFit = Fit | NlarxFit
+_OUTSIDE = 0.05  # of the estimation data's range, by which an input may leave it before a sentence says so
+
+
+@dataclass(frozen=True)
+class Saved:
+    """A fit and the file that it came from; `name` is that of the file, or its number where two are alike."""
+
+    path: Path
+    fit: AnyFit
+    name: str
+
+    @property
+    def estimation(self) -> float | None:
+        """Fit [%] on the estimation data; None if the file does not hold it."""
+        return None if self.fit.origin is None else self.fit.origin.fit
+
+    def as_dict(self) -> dict:
+        """What a summary says of the model."""
+        fit = self.fit
+        return {
+            "file": str(self.path),
+            "structure": fit.model.structure,
+            "orders": orders(fit),
+            "parameters": fit.criteria.d,
+            "Ts": fit.Ts,
+            "offsets": None if fit.u_offset is None else {"u": fit.u_offset.tolist(), "y": offset_of(fit.y_offset)},
+            "estimation": None if fit.origin is None else vars(fit.origin),
+        }
+
+
+def offset_of(offset: np.ndarray | None) -> list[float] | None:
+    """Offsets as a list; None if they are unknown."""
+    return None if offset is None else offset.tolist()
+
+
+def orders(fit: AnyFit) -> dict[str, int]:
+    """Orders by name, of the first linear block of a chain; none for a chain without one."""
+    if isinstance(fit, NlarxFit):
+        return {"na": fit.model.na, "nb": fit.model.nb, "nk": fit.model.nk, "units": fit.network.units}
+    if not fit.model.dynamics:
+        return {}
+    block = fit.model.dynamics[0][1]
+    return {"nb": block.nb, "nf": block.nf, "nk": block.nk}
+
+
+def load_models(paths: list[str]) -> list[Saved]:
+    """The fits in these files, each under a name of its own; raises InputError for a file that holds none."""
+    names = [Path(path).stem for path in paths]
+    if len(set(names)) < len(names):  # runs/a/model.json and runs/b/model.json
+        names = [str(Path(path).with_suffix("")) for path in paths]
+    if len(set(names)) < len(names):
+        names = [f"{name} ({k})" for k, name in enumerate(names, 1)]
+    return [Saved(Path(path), load(path), name) for path, name in zip(paths, names, strict=True)]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a record is read, as `sysid.workflow.record.read_record` takes it; and what is done to it then.
+
+    `detrend` is for models of an earlier version, which do not hold their offsets; `resampled` brings a record to the
+    sampling time of the model.
+    """
+
+    path: str
+    input: str | None = None
+    output: str | None = None
+    Ts: float | None = None
+    time: str | None = None
+    time_unit: str | None = None
+    mapping: str | None = None
+    range: Range = Range()  # noqa: RUF009 - it is frozen
+    detrend: str = "none"
+    resampled: bool = False
+
+    def record(self) -> Record:
+        """The record as the file has it."""
+        return read_record(
+            self.path, self.input, self.output, self.Ts, self.time, self.mapping, self.range, self.time_unit
+        )
+
+
+def data_for(fit: AnyFit, record: Record, reading: Reading) -> tuple[IOData, tuple[str, ...]]:
+    """The record as the model takes it, and sentences on what was done to it and on what is not known.
+
+    Raises InputError, with the file's name and what to do, for another sampling time, unit or number of channels.
+    """
+    if reading.detrend not in DETREND:
+        raise InputError(f"--detrend is {reading.detrend!r}; give {' or '.join(DETREND)}")
+    recipe = STRUCTURES.get(fit.model.structure)
+    if recipe is not None and recipe.zero:  # its angles count on over turns
+        record = without_wraps(record)
+    data, notes = record.data, list(record.notes)
+    _check_units(fit, record)
+    if abs(data.Ts - fit.Ts) > 1e-6 * fit.Ts:
+        if not reading.resampled:
+            raise InputError(
+                f"{record.path}: the record is sampled every {data.Ts:g} s and the model every {fit.Ts:g} s; add "
+                "--resample to bring the record to the model's sampling time, or identify a model at the record's"
+            )
+        done = resample(data, fit.Ts, "held")
+        data = done.data
+        notes.append(done.sentence)
+    if reading.detrend != "none":
+        data = detrend(data, reading.detrend)
+        notes.append("means removed from the record")
+    if fit.u_offset is None:
+        what = "" if reading.detrend != "none" else "; if it was fitted to mean-free data, add --detrend mean"
+        notes.append(
+            "the model's file does not say which offsets were removed from its estimation data (an earlier version "
+            f"saved it), so it runs on the record as it is{what}"
+        )
+    try:
+        fit.own_level(data)
+    except InputError as error:
+        raise InputError(f"{record.path}: {error}") from None
+    return data, tuple(notes)
+
+
+def _check_units(fit: AnyFit, record: Record) -> None:
+    """A model in volts per degree on a record in radians gives numbers without any meaning."""
+    if fit.origin is None:
+        return
+    for role, was, now in (
+        ("input", fit.origin.u_unit, record.data.u_unit),
+        ("output", fit.origin.y_unit, record.data.y_unit),
+    ):
+        if was and now and was != now:
+            raise InputError(
+                f"{record.path}: the {role} is in {now} and the model's in {was}; choose the column with "
+                f"--{role}, or name its unit in a mapping, see qpal info {record.path} --write-map MAP.toml"
+            )
+
+
+def remarks(fit: AnyFit, data: IOData) -> list[str]:
+    """What a reader of this free run should know: inputs beyond the estimation data's, runs that leave it."""
+    own, said = fit.own_level(data), []
+    low, high = fit.u_span
+    if high > low:
+        far = _OUTSIDE * (high - low)
+        outside = float(np.mean((own.u < low - far) | (own.u > high + far)))
+        if outside:
+            shift = 0.0 if fit.u_offset is None or len(fit.u_offset) > 1 else float(fit.u_offset[0])
+            unit = f" {data.u_unit}" if data.u_unit else ""
+            said.append(
+                f"{100 * outside:.1f} % of the input's samples lie outside {low + shift:.4g} to {high + shift:.4g}"
+                f"{unit}, which the estimation data cover: the model extrapolates there"
+            )
+    if isinstance(fit, NlarxFit):
+        found = fit.divergence(data) or fit.excursion(data)
+        return [*said, found] if found else said
+    return said + list(fit.model.remarks(fit.theta, own.u))
+
+
+def fell(before: float | None, now: float, most: float = 10.0) -> str | None:
+    """A sentence where the fit [%] is far below that of the estimation data; None where it is not, or not known."""
+    if before is None or not before - now > most:
+        return None
+    return (
+        f"the fit on the estimation data was {percent(before)}: this record shows what those data did not, or the two "
+        "do not come from the same plant"
+    )
+
+
+def one_output(data: IOData, j: int) -> IOData:
+    """The record with output j alone, for a figure."""
+    missing = None if data.missing is None else data.missing[:, j]
+    name = data.y_name if data.y.shape[1] == 1 else f"{data.y_name or 'y'} {j + 1}"
+    return replace(data, y=data.y[:, j], missing=missing, y_name=name, y_offset=data.y_offset[j])

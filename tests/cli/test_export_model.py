@@ -1,0 +1,125 @@
+"""`qpal export MODEL`: what a saved model becomes takes and gives raw values."""
+
+import json
+import runpy
+import shutil
+import subprocess
+
+import control
+import numpy as np
+import pytest
+
+import sysid
+from sysid.blocks import TransferFunction
+from sysid.data.preprocess import detrend
+from sysid.linear.written import source, tangent_at
+from twin.cli import main
+
+
+def record(N=400, seed=0):
+    """A lag behind a tanh, about 5 V and -40 units."""
+    rng = np.random.default_rng(seed)
+    u, y = np.repeat(rng.uniform(-1.0, 1.0, N // 5), 5), np.zeros(N)
+    for t in range(1, N):
+        y[t] = 0.8 * y[t - 1] + 0.3 * np.tanh(1.5 * u[t - 1])
+    return sysid.IOData(u + 5.0, y - 40.0 + 0.002 * rng.standard_normal(N), 0.1, "drive", "height", "V", "m")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder, own = tmp_path_factory.mktemp("export"), detrend(record())
+    sysid.fit(sysid.structures.hammerstein(1, 1, 1, "polynomial"), own, starts=2).save(folder / "chain.json")
+    sysid.fit(sysid.structures.nlarx(1, 1, 1, units=3, focus="simulation"), own, starts=1).save(folder / "nlarx.json")
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["chain", "nlarx"])
+def test_every_file_runs_on_raw_inputs_to_raw_outputs(kind, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    command = ["export", f"{kind}.json", "--c", "--python", "--matlab", "--control", "--name", "knee", "--out", kind]
+    assert main([*command, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["files"] == ["knee.c", "knee.py", "knee.m", "knee_control.py"]
+    fit, u = sysid.load(f"{kind}.json"), record(seed=1).u[:, 0]
+    assert found["offsets"] == {"u": fit.u_offset.tolist(), "y": fit.y_offset.tolist()}
+    expected = fit.simulate(u - fit.u_offset[0]) + fit.y_offset[0]
+    assert np.mean(expected) == pytest.approx(-40.0, abs=1.0)
+    np.testing.assert_allclose(runpy.run_path(f"{kind}/knee.py")["simulate"](u.tolist()), expected, rtol=0, atol=1e-9)
+    # On the record itself, once the start is forgotten, the raw run is the fit's own.
+    raw = record()
+    run = np.array(runpy.run_path(f"{kind}/knee.py")["simulate"](raw.u[:, 0].tolist()))
+    np.testing.assert_allclose(run[100:], fit.simulate(raw)[100:], rtol=0, atol=1e-6)
+    text = "\n".join(map(repr, u.tolist()))
+    for program, build in ((shutil.which("cc"), True), (shutil.which("octave-cli"), False)):
+        if program is None:
+            continue
+        if build:
+            subprocess.run([program, "-std=c99", "-DKNEE_MAIN", f"{kind}/knee.c", "-o", "knee", "-lm"], check=True)
+            done = subprocess.run(["./knee"], input=text, capture_output=True, text=True, check=True)
+        else:
+            (folder / "u.txt").write_text(text)
+            call = f"addpath('{kind}'); printf('%.17g\\n', knee(load('u.txt')))"
+            done = subprocess.run(
+                [program, "--no-init-file", "--eval", call], capture_output=True, text=True, check=True
+            )
+        np.testing.assert_allclose(np.array(done.stdout.split(), dtype=float), expected, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["chain", "nlarx"])
+@pytest.mark.parametrize("at", [None, 5.6])
+def test_the_linear_model_is_the_slope_of_the_model(kind, at, folder, monkeypatch, capsys):
+    """A small step about the operating point, through the model and through the linear one."""
+    monkeypatch.chdir(folder)
+    where = [] if at is None else ["--at", str(at)]
+    assert main(["export", f"{kind}.json", "--control", *where, "--out", "linear", "--json"]) == 0
+    found, fit = json.loads(capsys.readouterr().out)["tangent"], sysid.load(f"{kind}.json")
+    space = runpy.run_path("linear/joint_control.py")
+    G, u0, y0 = space["G"], space["U0"], space["Y0"]
+    assert isinstance(G, control.TransferFunction)
+    assert (G.dt, u0, y0) == (0.1, found["u"], found["y"])
+    assert u0 == pytest.approx(at if at is not None else 0.5 * sum(fit.u_span) + fit.u_offset[0])
+    small, settled = 1e-5, 300
+    u = np.where(np.arange(settled + 30) < settled, u0, u0 + small)
+    run = fit.simulate(u - fit.u_offset[0]) + fit.y_offset[0]
+    assert run[settled - 1] == pytest.approx(y0, abs=1e-9)
+    step = np.ravel(control.step_response(G, T=np.arange(30) * 0.1).outputs)
+    np.testing.assert_allclose((run[settled:] - y0) / small, step, atol=2e-3 * np.abs(step).max())
+
+
+def test_a_model_that_integrates_has_a_linear_model_all_the_same():
+    from exported import made
+
+    chain = sysid.Chain((TransferFunction(1, 1, 1, role="linear", stability="free"),))
+    found = tangent_at(made(chain, [0.5, -1.0, 0.0]), 2.0)
+    assert found.integrates
+    assert (found.u, found.y) == (2.0, 0.0)
+    assert "no steady state: the model integrates" in source(found, "output_error")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["chain.json", "--c", "--at", "3"], "--at is given without --control"),
+        (["nlarx.json", "--mjcf"], "a nonlinear ARX model has no motor"),
+        (["chain.json", "--matlab", "--name", "end"], "'end' has a meaning in MATLAB"),
+        (["nlarx.json", "--control", "--at", "1e9"], "no steady state"),
+    ],
+)
+def test_what_cannot_be_exported_is_a_sentence(arguments, said, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    assert main(["export", *arguments]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_a_joint_without_its_means_is_not_written_as_mjcf(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(4)
+    u = np.repeat(rng.uniform(-6.0, 6.0, 30), 10)
+    y = np.clip(np.cumsum(np.where(np.abs(u) > 2.0, 0.02 * u, 0.0)), -1.0, 1.0) + 0.01 * rng.normal(size=300)
+    few = sysid.Options(max_iterations=3)
+    data = detrend(sysid.IOData(u, y, 0.1))
+    sysid.fit(sysid.structures.actuated_joint(play=False), data, starts=1, options=few).save("model.json")
+    assert main(["export", "model.json", "--mjcf"]) == 2
+    assert "fit it with --detrend none" in capsys.readouterr().err

@@ -1,0 +1,185 @@
+"""`qpal run`: a saved model on a record that it was not fitted to."""
+
+import csv
+import json
+import math
+
+import numpy as np
+import pytest
+
+import sysid
+from sysid.workflow.identification import identify_file
+from twin.cli import main
+
+STRUCTURES = {
+    "chain": ["output_error", "--orders", "2,2,1"],
+    "nlarx": ["nlarx", "--orders", "2,2,1", "--starts", "1"],
+}
+
+
+def rows(N=600, seed=0):
+    """A lag about a working point of 2 V and 40 mm, with coloured noise; time [s], volts, height [mm]."""
+    rng = np.random.default_rng(seed)
+    u, y, v = np.repeat(rng.uniform(1.0, 3.0, N // 5), 5), np.zeros(N), np.zeros(N)
+    for t in range(2, N):
+        y[t] = 1.3 * y[t - 1] - 0.4 * y[t - 2] + 0.2 * np.tanh(u[t - 1] - 2.0) + 0.05 * (u[t - 2] - 2.0)
+        v[t] = 0.8 * v[t - 1] + 0.02 * rng.standard_normal()
+    return np.column_stack([0.1 * np.arange(N), u, y + 40.0 + v])
+
+
+def write(path, table, head="time_s,volts_V,height_mm"):
+    lines = [",".join(map(repr, row)) for row in table.tolist()]
+    path.write_text("\n".join([head, *lines]) + "\n")
+
+
+@pytest.fixture(scope="module", params=sorted(STRUCTURES))
+def place(request, tmp_path_factory):
+    """A folder with a record, its second half as a file of its own, and a model of the first half."""
+    folder = tmp_path_factory.mktemp(request.param)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        table = rows()
+        write(folder / "rig.csv", table)
+        write(folder / "second.csv", table[300:])
+        assert main(["identify", "rig.csv", "--structure", *STRUCTURES[request.param], "--out", "fit"]) == 0
+    return folder
+
+
+def summary_of(arguments, capsys):
+    assert main([*arguments, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_model_of_half_a_record_runs_on_the_raw_other_half(place, capsys, monkeypatch):
+    """The fit is that of the report's validation, whose data had lost the mean of the whole record."""
+    monkeypatch.chdir(place)
+    capsys.readouterr()
+    said = json.loads((place / "fit" / "summary.json").read_text())["fit_percent"]
+    found = summary_of(["run", "fit/model.json", "second.csv", "--out", "run"], capsys)
+    assert said["validation"] > 85.0
+    assert found["fit_percent"]["free_run"] == pytest.approx(said["validation"], abs=1e-6)
+    assert found["model"]["estimation"]["fit"] == pytest.approx(said["estimation"], abs=0.02)  # of its initial state
+    again = summary_of(["run", "fit/model.json", "rig.csv", "--range", "30:", "--out", "part"], capsys)
+    assert again["fit_percent"]["free_run"] == pytest.approx(said["validation"], abs=1e-6)
+    assert "prediction" not in found
+    assert found["next"] is None
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"u_offset": None, "y_offset": None},
+        {"u_offset": [-2.0]},
+        {"y_offset": [0.0]},
+        {"u_offset": [0.0]},
+    ],
+    ids=["none", "sign of u", "no y", "no u"],
+)
+def test_wrong_offsets_show(place, change, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(place)
+    capsys.readouterr()
+    document = json.loads((place / "fit" / "model.json").read_text())
+    (tmp_path / "wrong.json").write_text(json.dumps(document | change))
+    found = summary_of(["run", str(tmp_path / "wrong.json"), "second.csv", "--out", "wrong"], capsys)
+    right = json.loads((place / "fit" / "summary.json").read_text())["fit_percent"]["validation"]
+    assert not (found["fit_percent"]["free_run"] or -math.inf) > right - 5.0
+    unknown = [note for note in found["notes"] if "does not say which offsets" in note]
+    assert bool(unknown) == (change["u_offset"] is None if "u_offset" in change else False)
+    assert all("--detrend mean" in note for note in unknown)
+
+
+def test_an_old_model_runs_with_the_record_s_own_mean_removed(place, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(place)
+    capsys.readouterr()
+    document = json.loads((place / "fit" / "model.json").read_text())
+    old = tmp_path / "old.json"
+    old.write_text(json.dumps(document | {"u_offset": None, "y_offset": None}))
+    found = summary_of(["run", str(old), "second.csv", "--detrend", "mean", "--out", "old"], capsys)
+    assert found["fit_percent"]["free_run"] > 70.0
+
+
+def test_the_outputs_are_a_table_at_the_record_s_level(place, capsys, monkeypatch):
+    monkeypatch.chdir(place)
+    capsys.readouterr()
+    found = summary_of(["run", "fit/model.json", "second.csv", "--horizon", "3", "--out", "table"], capsys)
+    with (place / "table" / "simulated.csv").open() as file:
+        table = list(csv.DictReader(file))
+    names = ["time_s", "volts_V", "height_m", "height_free_run_m", "height_ahead_3_m"]
+    assert list(table[0]) == names
+    values = np.array([[float(row[name]) for name in names] for row in table])
+    raw = rows()[300:]
+    np.testing.assert_allclose(values[:, :3], raw * [1.0, 1.0, 1e-3] - [30.0, 0.0, 0.0], atol=1e-12)
+    fit, data = sysid.load("fit/model.json"), sysid.IOData(raw[:, 1], 1e-3 * raw[:, 2], 0.1)
+    np.testing.assert_allclose(values[:, 3], fit.simulate(data), atol=1e-12)
+    np.testing.assert_allclose(values[:, 4], fit.predict(data, 3), atol=1e-12)
+    n, y = found["not_scored"], values[:, 2]
+    for column, percent in ((3, found["fit_percent"]["free_run"]), (4, found["prediction"]["fit_percent"])):
+        error = np.linalg.norm((y - values[:, column])[n:]) / np.linalg.norm(y[n:] - y[n:].mean())
+        assert percent == pytest.approx(100.0 * (1.0 - error), abs=1e-9)
+    held = np.linalg.norm(y[n:] - y[np.maximum(np.arange(n, 300) - 3, 0)]) / np.linalg.norm(y[n:] - y[n:].mean())
+    assert found["prediction"]["fit_percent_of_the_last_output_held"] == pytest.approx(100 * (1 - held), abs=1e-9)
+    html = (place / "table" / "report.html").read_text()
+    assert "Prediction 3 sample(s) ahead" in html
+    assert "NOT a free run" in html
+
+
+def refused(arguments, capsys):
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    return err
+
+
+def test_what_does_not_belong_together_is_a_sentence(place, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(place)
+    capsys.readouterr()
+    model, table = "fit/model.json", rows()
+    slow = tmp_path / "slow.csv"
+    write(slow, table[::2])
+    said = refused(["run", model, str(slow)], capsys)
+    assert "every 0.2 s and the model every 0.1 s" in said
+    assert "--resample" in said
+    angle = tmp_path / "angle.csv"
+    write(angle, table, "time_s,volts_V,height_deg")
+    assert "the output is in rad and the model's in m" in refused(["run", model, str(angle)], capsys)
+    write(tmp_path / "short.csv", table[:15])
+    if "chain" in place.name:
+        assert "give a longer one" in refused(["run", model, str(tmp_path / "short.csv")], capsys)
+    assert "--horizon is 0" in refused(["run", model, "second.csv", "--horizon", "0"], capsys)
+    said = refused(["run", model, "second.csv", "--detrend", "line"], capsys)
+    assert "--detrend is 'line'; give mean or none" in said
+    assert "second.csv" in refused(["run", "second.csv", model], capsys)
+
+
+def test_a_record_of_another_rate_can_be_resampled(place, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(place)
+    capsys.readouterr()
+    table, fast = rows()[300:], tmp_path / "fast.csv"
+    write(fast, np.column_stack([0.05 * np.arange(600), np.repeat(table[:, 1:], 2, axis=0)]))
+    found = summary_of(["run", "fit/model.json", str(fast), "--resample", "--out", "fast"], capsys)
+    assert found["fit_percent"]["free_run"] > 70.0
+    assert any("resampled from 0.05 to 0.1 s" in note for note in found["notes"])
+
+
+def test_a_model_that_does_not_follow_names_the_next_command(place, capsys, monkeypatch, tmp_path):
+    """Another plant, at a higher level: both are said, and the command that it names runs."""
+    monkeypatch.chdir(place)
+    capsys.readouterr()
+    other = rows(seed=3)
+    other[:, 1] += 4.0
+    other[:, 2] = 80.0 - other[:, 2]
+    write(tmp_path / "other.csv", other)
+    found = summary_of(["run", "fit/model.json", str(tmp_path / "other.csv"), "--out", "other"], capsys)
+    assert any("which the estimation data cover: the model extrapolates" in note for note in found["notes"])
+    assert any("do not come from the same plant" in note for note in found["notes"])
+    words = found["next"]["command"].split()
+    assert words[:3] == ["qpal", "identify", str(tmp_path / "other.csv")]
+    identify_file(words[2], _setting(words[words.index("--structure") + 1]))
+
+
+def _setting(structure):
+    from sysid.structures import TABLE
+    from sysid.workflow.evaluation import Setting
+
+    return Setting(TABLE[structure](), starts=1)
