@@ -12,7 +12,7 @@ KINDS = ("mean", "linear", "steady")
 CONSTANT = ("mean", "steady")
 MOVED = 0.02  # of the range of an input, by which it has left its first value
 SETTLED = 0.05  # of the range of an output, by which its two halves of a rest may differ
-LEAST_REST = 4  # samples
+LEAST_REST = 10  # samples; fewer may be one step of a staircase
 
 
 @dataclass(frozen=True)

@@ -167,12 +167,21 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     model, start = setting.held.apply(recipe.model_of(estimation), estimation, recipe.grown)
     if recipe.grown and start is None:
         growth = grow_joint(estimation, model, search=setting.search, **options)
+        gone = setting.held.missing_in(growth.fit.model)
         said = verdict(growth, estimation)
         found = evaluate_fit(setting, growth.fit, estimation, validation, physical=said.joint)
-        return replace(found, growth=growth, joint=said, notes=(*found.notes, *growth.warnings))
+        return replace(found, growth=growth, joint=said, notes=(*found.notes, *growth.warnings, *gone))
     if start is not None:
         options["start"] = start
-    fit = fit_model(model, estimation, search=setting.search, **options)
+    try:
+        fit = fit_model(model, estimation, search=setting.search, **options)
+    except InputError as error:
+        if not setting.held or "not a valid model" not in str(error):
+            raise
+        raise InputError(
+            "with what --fix and --bound hold, no start is a valid model, for example because its poles would be "
+            "outside the unit circle; hold other values, hold all coefficients of a filter, or start with --from"
+        ) from None
     return evaluate_fit(setting, fit, estimation, validation)
 
 

@@ -56,6 +56,12 @@ class Held:
         """The same without the saved fit, and without what was held at its values."""
         return Held(tuple(pair for pair in self.fixed if pair[1] is not None), self.bounds)
 
+    def missing_in(self, chain: Chain) -> tuple[str, ...]:
+        """A sentence if a grown model has parameters of these no more."""
+        names = [*(name for name, _ in self.fixed), *(name for name, _ in self.bounds)]
+        gone = [name for name in names if name not in chain.names and chain.block(name) is None]
+        return (f"the joint has grown without {', '.join(gone)}, so nothing is held there",) if gone else ()
+
     def apply(self, chain: Any, data: IOData, grown: bool = False) -> tuple[Any, np.ndarray | None]:
         """The model with all this, and its starting point theta (P,) if there is a saved fit.
 
@@ -146,8 +152,9 @@ def started(chain: Chain, start: Fit, data: IOData) -> tuple[Chain, np.ndarray]:
     if saved.structure == "output_error" and len(linear) == 1 and saved.blocks[0] == linear[0]:
         return chain, _straight(chain, start, data)
     raise InputError(
-        f"--from is a {saved.structure} with {_orders(saved)}, and this model is a {chain.structure} with "
-        f"{_orders(chain)}; give the orders and maps of the saved model, or none, or a model that has its linear block"
+        f"--from names a model of structure {saved.structure} with {_orders(saved)}, and the model to fit is of "
+        f"{chain.structure} with {_orders(chain)}; give the orders and maps of the saved one, or none: a saved "
+        "output_error starts structures that have its filter between static maps"
     )
 
 
