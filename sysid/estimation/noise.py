@@ -48,14 +48,13 @@ def forecast(v: np.ndarray, a: Sequence[float], horizon: int, seen: np.ndarray |
     p = len(a)
     if not p:
         return np.zeros_like(v)
-    a = np.asarray(a, dtype=float)
     if seen is not None and not seen.all():
-        v = v.copy()
+        v, c = v.copy(), np.array(a)
         for t in np.flatnonzero(~seen):
             past = v[max(t - p, 0) : t][::-1]
-            v[t] = float(a[: len(past)] @ past)
+            v[t] = float(c[: len(past)] @ past)
     step = np.eye(p, k=-1)
-    step[0] = a
+    step[0] = np.array(a)
     weights = np.linalg.matrix_power(step, horizon)[0]
     late = np.concatenate([np.zeros(min(horizon, len(v))), v[: max(len(v) - horizon, 0)]])
     return np.asarray(lfilter(weights, [1.0], late))
