@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
 import typer
 from docstrings import restructured
 
@@ -124,14 +123,14 @@ def command_page() -> str:
     return "\n".join(lines)
 
 
-def _commands(group: click.Group, called: str) -> Iterator[str]:
+def _commands(group: typer.core.TyperGroup, called: str) -> Iterator[str]:
     for name, command in group.commands.items():
         whole = f"{called} {name}"
         if hasattr(command, "commands"):
             yield from _commands(command, whole)
             continue
         yield heading(whole, "-")
-        context = click.Context(command, info_name=whole)
+        context = typer.Context(command, info_name=whole)
         yield f"``{' '.join(command.get_usage(context).removeprefix('Usage: ').split())}``\n"
         yield restructured(inspect.cleandoc(command.help or "")) + "\n"
         for parameter in command.get_params(context):
