@@ -19,6 +19,7 @@ from . import (
     linear as linear,
     model as model,
     nlarx as nlarx,
+    notebook as notebook,
     plots as plots,
     report as report,
     selection as selection,

@@ -16,6 +16,7 @@ from sysid.blocks import StateSpace
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.initial_state import estimate_initial
+from sysid.estimation.methods import FitMethods
 from sysid.model.chain import Chain
 from sysid.model.tangents import Rational, tangent
 from sysid.solver.covariance import Covariance, pole_std
@@ -35,8 +36,8 @@ class Parameter:
     upper: float
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, repr=False)
+class Fit(FitMethods):
     """An identified chain: theta (P,), criteria on the estimation record, covariance, and why the search stopped."""
 
     model: Chain

@@ -13,6 +13,7 @@ from sysid.base.errors import InputError
 from sysid.base.json_values import plain
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
+from sysid.estimation.methods import FitMethods
 from sysid.estimation.result import Parameter
 from sysid.nlarx.model import Network, Nlarx
 from sysid.nlarx.problem import FAR, Piece
@@ -34,8 +35,8 @@ class Choice:
     free: float = 0.0
 
 
-@dataclass(frozen=True)
-class NlarxFit:
+@dataclass(frozen=True, repr=False)
+class NlarxFit(FitMethods):
     """An identified nonlinear ARX model: theta (P,) of `network`, and criteria on the estimation record.
 
     `criteria_of` says which errors `criteria`, `covariance` and `residuals` refer to: 'one step ahead' (the model uses
