@@ -152,7 +152,7 @@ def _step(times: np.ndarray | None, Ts: float | None, lengths: Sequence[int]) ->
     found = float(np.mean([(p[-1] - p[0]) / (len(p) - 1) for p in pieces if len(p) > 1]))
     off = np.abs(steps - found) > JITTER * abs(found)
     if not found > 0.0 or off.any():
-        k = int(np.argmax(off))
+        k = int(np.argmax(np.abs(steps - found)))
         raise InputError(
             f"the times are not uniform: after row {k} comes a step of {steps[k]:g} s where the mean is {found:g} s; "
             "bring the table to one rate first, for example by table.resample, or read the file with sysid.read"

@@ -15,6 +15,8 @@ from sysid.plots.records import record
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_NOTHING = 1e-12  # of the largest value: what rounding leaves of a mean that was removed
+
 
 def line(data: IOData) -> str:
     """Size, rate and channels."""
@@ -39,7 +41,9 @@ def card(data: IOData) -> Card:
         for k in range(values.shape[1]):
             q, own = shown(name, unit), name if values.shape[1] == 1 else f"{name}{k + 1}"
             x = values[:, k] * q.factor
-            cells = (number(float(v)) for v in (x.min(), x.max(), x.mean(), x.std(), offsets[k] * q.factor))
+            size = float(np.abs(x).max())
+            found = (x.min(), x.max(), x.mean(), x.std(), offsets[k] * q.factor)
+            cells = (number(float(v) if abs(v) > _NOTHING * size else 0.0) for v in found)
             rows.append((own, "input" if which == "u" else "output", q.unit or "–", *cells))
     headings: tuple[str, ...] = ("channel", "", "unit", "least", "largest", "mean", "std", "removed")
     if not np.any(data.u_offset) and not np.any(data.y_offset):
