@@ -53,7 +53,7 @@ class Table:
         caption = f'<div style="margin-top:.5em"><b>{escape(self.caption)}</b></div>' if self.caption else ""
         more = f"<div>{escape(self.more)}</div>" if self.more else ""
         table = f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody>"
-        return f'{caption}<table style="border-collapse:collapse;margin:0">{table}</table>{more}'
+        return f'{caption}<table style="border-collapse:collapse;margin:0;font-size:inherit">{table}</table>{more}'
 
     def _cell(self, tag: str, j: int, text: str) -> str:
         side = "left" if j < self.text_columns else "right"
@@ -93,7 +93,11 @@ class Card:
             for name, value in self.facts
         )
         parts = [f"<div><b>{escape(self.title)}</b></div>"]
-        parts += [f'<table style="border-collapse:collapse;margin:0"><tbody>{facts}</tbody></table>'] if facts else []
+        parts += (
+            [f'<table style="border-collapse:collapse;margin:0;font-size:inherit"><tbody>{facts}</tbody></table>']
+            if facts
+            else []
+        )
         parts += [table.html() for table in self.tables]
         parts += [f"<div>{escape(sentence)}</div>" for sentence in self.sentences]
         for table in self.folded:

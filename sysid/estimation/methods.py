@@ -33,7 +33,8 @@ class FitMethods(Shown, Remembered):
         """Write the page of `qpal identify` for this fit to `path`, one HTML file, and return that path.
 
         `data` is the record of the fit, `validation` one that the fit has not seen; without it the page scores the
-        second half of `data` and says so. Raises InputError for a model without a recipe in `sysid.structures`.
+        record of the fit itself and says so. Raises InputError for several inputs or outputs and for a folder that is
+        not there.
         """
         found: Path = handler(self).report(self, path, data, validation)
         return found

@@ -116,12 +116,12 @@ def _denominators(fit: Fit) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def _mode(z: complex, dz: np.ndarray | None, Ts: float, deviation: Deviation) -> Mode:
-    nan = float("nan")
+    nan, z = float("nan"), complex(z)
     r = abs(z)
-    lasting = -Ts / np.log(r) if 0.0 < r < 1.0 else 0.0 if r == 0.0 else np.inf
+    lasting = float(-Ts / np.log(r)) if 0.0 < r < 1.0 else 0.0 if r == 0.0 else np.inf
     s = np.log(z) / Ts if r > 0.0 else complex(nan)
     moves = r > 0.0 and s != 0
-    frequency = abs(s) if r > 0.0 else nan
+    frequency = float(abs(s)) if r > 0.0 else nan
     damping = float(-s.real / abs(s)) if moves else nan
     if dz is None:
         return Mode(z, nan, frequency, nan, damping, nan, lasting, nan)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.units import number
+from sysid.base.units import number, shown
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import chance, residual_tests
 from sysid.estimation.result import Fit
@@ -19,7 +19,7 @@ class Noise:
     """A(q) e(t) = w(t) of the residuals e, with w white: A (order + 1,) from its leading 1, and the variance of w.
 
     `white` says whether a test at 99 % leaves the residuals white; then the order is seldom above 0. `variance` and
-    `total`, that of e, are in the unit of the output squared.
+    `total`, that of e, are in `unit`, that of the output, squared.
     """
 
     A: np.ndarray
@@ -27,6 +27,7 @@ class Noise:
     total: float
     white: bool
     Ts: float
+    unit: str = ""
 
     @property
     def order(self) -> int:
@@ -41,12 +42,14 @@ class Noise:
     def sentence(self) -> str:
         """What the colour is, and what it means."""
         if self.white or not self.order:
-            return "The residuals are white, so noise alone is left of the output."
+            return "The residuals are white: what the model leaves of the output is noise."
         terms = " ".join(f"{'+' if c >= 0 else '−'} {number(abs(c), 4)} q^-{k}" for k, c in enumerate(self.A[1:], 1))
+        q = shown("", self.unit)
+        w, e = (number(float(np.sqrt(v)) * q.factor, 3) for v in (self.variance, self.total))
         return (
-            f"The residuals are coloured: A(q) e = w with A = 1 {terms}, and w has a standard deviation of "
-            f"{number(float(np.sqrt(self.variance)), 3)} where e has {number(float(np.sqrt(self.total)), 3)}. "
-            "Either the noise is coloured or the model lacks dynamics."
+            f"The residuals are coloured: A(q) e = w with A = 1 {terms}, and w has a standard deviation of {w} where e "
+            f"has {e}{f' {q.unit}' if q.unit else ''}. Either the noise is coloured or the model lacks dynamics: try "
+            "higher orders, or sysid.select(data)."
         )
 
 
@@ -72,7 +75,7 @@ def noise_model(fit: Fit, data: IOData) -> Noise:
     found = autoregression(e, V, lengths)
     tests = residual_tests(e, np.zeros(len(e)), min(_LAGS, (len(e) - 1) // 2), _LEVEL)
     white = chance(tests.autocorrelation[1:], tests.whiteness_bound, _LEVEL)
-    return Noise(found.A, found.variance, float(np.mean(e**2)), bool(white), fit.Ts)
+    return Noise(found.A, found.variance, float(np.mean(e**2)), bool(white), fit.Ts, data.y_unit)
 
 
 def _span(J: np.ndarray) -> np.ndarray:

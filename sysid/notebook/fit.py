@@ -73,6 +73,9 @@ def card(fit: Fit) -> Card:
     score = own_percent(fit)
     if score is not None:
         facts.append(("fit, free run", f"{percent(score)} on its own record"))
+    elif data is not None and data.y.shape[1] > 1:
+        each = ", ".join(percent(float(value)) for value in fit.fit_percents(data)[:6])
+        facts.append(("fit, free run", f"{each} of its own outputs in turn"))
     facts += [
         ("RMSE", rmse_in_words(fit)),
         ("criteria", criteria_in_words(fit)),
@@ -155,5 +158,6 @@ def noise_model(fit: Fit, data: IOData | None) -> Noise:
 
 def modes(fit: Fit, data: IOData | None) -> tuple[Mode, ...]:
     """The poles; without any record with the fit's own covariance."""
-    known = fit.record if data is None else data
-    return modes_of(fit, known)
+    if data is None and fit.record is not None and fit.model.channels == (1, 1):
+        data = fit.record  # a robust covariance is that of one input and output
+    return modes_of(fit, data)

@@ -8,7 +8,7 @@ from pathlib import Path
 from sysid.base.files import write_text
 from sysid.channels.mapping import ChannelMap
 from sysid.channels.signals import Signals
-from sysid.data.record import IOData
+from sysid.data.record import IOData, siso
 from sysid.diagnosis.advice import advise
 from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
@@ -28,6 +28,9 @@ NO_VALIDATION = (
 
 def write_page(fit: Fit | NlarxFit, path: str | PathLike, data: IOData, validation: IOData | None) -> Path:
     """Writes the page of a fit on `data` and `validation` to `path`, whole or not at all; returns the path."""
+    for each in (data, validation):
+        if each is not None:
+            siso(each)
     found = identified(fit, data, validation)
     what = replace(page(found, Exports()), title=f"Fit of {data.y_name} to {data.u_name}")
     return write_text(path, what.html())

@@ -77,7 +77,7 @@ def _others(fit: Fit) -> list[str]:
             kinds = dict.fromkeys(_kind(m) for m in b.maps) if isinstance(b, Channels) else [_kind(b)]
             role = b.role.replace("_", " ")
             kind = "/".join(kinds)
-            found.append(kind if kind == role else f"{role} {kind}")
+            found.append(kind if role in kind.split() else f"{role} {kind}")
     return found
 
 

@@ -168,7 +168,9 @@ def test_a_fit_of_a_nonlinear_plant_by_a_line_says_that_its_residuals_are_colour
     noise = linear.noise_model()
     assert "The residuals are coloured" in str(linear)
     assert f"q^-{noise.order}," in str(linear).replace("\n", " ") or f"q^-{noise.order} " in str(linear)
-    assert f"{np.sqrt(noise.variance):.3f}"[:4] in str(linear)
+    said = str(linear).replace("\n", " ")
+    assert f"{np.degrees(np.sqrt(noise.variance)):.1f} where e has {np.degrees(np.sqrt(noise.total)):.1f} deg" in said
+    assert "try higher orders, or sysid.select(data)" in said
 
 
 def test_warnings_are_told_and_at_most_three(fit, growth):
