@@ -19,6 +19,7 @@ from . import (
     linear as linear,
     model as model,
     nlarx as nlarx,
+    notebook as notebook,
     plots as plots,
     report as report,
     selection as selection,
@@ -36,8 +37,10 @@ from .channels.reading import read_signals as read_signals
 from .channels.signals import Signals as Signals
 from .data.record import IOData as IOData
 from .diagnosis.advice import Advice as Advice, advise as advise
+from .diagnosis.delays import delay as delay
 from .diagnosis.higher_order import higher_order_tests as higher_order_tests
 from .diagnosis.residuals import residual_tests as residual_tests
+from .estimation.fit_from import fit_from as fit_from
 from .estimation.objective import Objective as Objective
 from .estimation.result import Fit as Fit
 from .joint.growth import grow_joint as grow_joint
@@ -52,3 +55,4 @@ from .selection.select import select as select
 from .solver.iterate import Options as Options
 from .uncertainty.information import information as information
 from .validation.compare import compare as compare, cross_validate as cross_validate
+from .workflow.reading import read as read

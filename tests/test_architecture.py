@@ -13,6 +13,7 @@ import pytest
 
 import sysid
 import twin
+from sysid.base import handlers
 
 PACKAGES = (sysid, twin)
 # The rooms of each package from the ground up, floor by floor: a room imports rooms of lower floors alone.
@@ -29,6 +30,7 @@ FLOORS = {
         ("joint",),
         ("bench", "workflow"),
         ("report",),
+        ("notebook",),
     ),
     "twin": (
         ("declared",),
@@ -124,6 +126,17 @@ def test_every_room_has_its_floor_and_imports_from_lower_floors_alone(package):
         if room(name) != room(other) and floors[room(name)] <= floors[room(other)]
     ]
     assert not wrong
+
+
+def test_only_the_handlers_of_base_reach_up_and_only_to_the_top_floor():
+    """Methods that need higher rooms are found by name in one place; the room they are in is imported by none."""
+    assert FLOORS["sysid"][-1] == (handlers.ROOM.split(".")[1],)
+    naming = [p.name for p in sources(sysid) if f'"{handlers.ROOM}' in p.read_text(encoding="utf-8")]
+    assert naming == ["handlers.py"]
+    for name, module in handlers.MODULES.items():
+        found = importlib.import_module(f"{handlers.ROOM}.{module}")
+        assert callable(found.line), name
+        assert callable(found.card), name
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda p: p.__name__)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.windows import DPI, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,7 +53,6 @@ RC: Any = {
     "agg.path.chunksize": 20000,
 }
 WIDTH = 8.0  # [inch]
-DPI = 125
 POINTS = 4000  # a line gets at most about this many: more than the picture has pixels
 
 
@@ -71,9 +71,7 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
 def sheet(rows: int = 1, columns: int = 1, height: float = 2.6, sharex: bool = False) -> tuple[Figure, np.ndarray]:
     """An empty figure and its axes (rows, columns); for use inside a `styled` function."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    figure = new_figure(figsize=(WIDTH, height), layout="constrained")
     return figure, figure.subplots(rows, columns, sharex=sharex, squeeze=False)
 
 

@@ -1,14 +1,23 @@
 """IOData: a uniformly sampled record that is ready to identify."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.handlers import Shown, handler
+from sysid.data import frames
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Names = str | Sequence[str]
 
 
-@dataclass(frozen=True)
-class IOData:
+@dataclass(frozen=True, repr=False)
+class IOData(Shown):
     """Input u (N, nu) and output y (N, ny), sampled every Ts [s], as float64 in rows of samples.
 
     One-dimensional arrays become one channel. `missing` (N, ny) marks outputs that were not measured: their values are
@@ -29,6 +38,8 @@ class IOData:
     y_offset: np.ndarray = field(default_factory=lambda: np.zeros(1))
     missing: np.ndarray | None = None
     lengths: tuple[int, ...] = ()
+
+    __iter__: ClassVar[None] = None  # without this, Python would take samples one by one through __getitem__
 
     def __post_init__(self) -> None:
         u, y = _channels(self.u, self.u_name), _channels(self.y, self.y_name, self.missing)
@@ -100,6 +111,41 @@ class IOData:
         """Time of each sample (N,) [s], from 0."""
         return np.arange(self.N) * self.Ts
 
+    def between(self, start: float | None = None, stop: float | None = None) -> "IOData":
+        """The part with start <= t < stop [s], `t` from 0 at the first sample; None is the record's own end.
+
+        Two parts with a border in common share no sample. The time of the part begins at 0 again. Raises InputError for
+        times outside the record and for a part that crosses the border of two experiments.
+        """
+        end = self.N * self.Ts
+        first, last = 0.0 if start is None else float(start), end if stop is None else float(stop)
+        if not (0.0 <= first < last <= end * (1.0 + 1e-9)):
+            raise InputError(
+                f"between({start}, {stop}) of a record of {end:g} s; give seconds from 0 to {end:g}, the start first"
+            )
+        a, b = (int(np.ceil(t / self.Ts - 1e-6)) for t in (first, last))  # a stamp on a sample means that sample
+        if b - a < 2:
+            raise InputError(
+                f"between({start}, {stop}) holds {b - a} sample(s) of {self.Ts:g} s; a record needs at least 2"
+            )
+        return self.select(a, b)
+
+    def __getitem__(self, samples: slice) -> "IOData":
+        """data[100:200]: samples 100 (included) to 200 (excluded), ends as in a list; for seconds see `between`."""
+        ends = (samples.start, samples.stop) if isinstance(samples, slice) else (0.5,)
+        if not all(end is None or isinstance(end, (int, np.integer)) for end in ends):
+            raise InputError(
+                "a record is cut by whole samples, as in data[100:200]; for seconds use data.between(2.0, 8.0)"
+            )
+        if samples.step not in (None, 1):
+            raise InputError(
+                f"data[::{samples.step}] would alias; use sysid.data.preprocess.resample(data, Ts=...).data"
+            )
+        a, b, _ = samples.indices(self.N)
+        if b - a < 2:
+            raise InputError(f"samples {a} to {b} of {self.N} are fewer than the 2 that a record needs")
+        return self.select(a, b)
+
     def select(self, start: int, stop: int) -> "IOData":
         """Samples start (included) to stop (excluded), as for a slice; they must lie within one experiment."""
         ends = np.cumsum(self.lengths)
@@ -121,6 +167,45 @@ class IOData:
                 )
             parts.append((e.select(0, cut), e.select(cut, e.N)))
         return IOData.merge(*(p[0] for p in parts)), IOData.merge(*(p[1] for p in parts))
+
+    def plot(self) -> "Figure":
+        """The record over time, a panel for each channel, with removed means restored; radians as degrees.
+
+        The figure is pyplot's where matplotlib.pyplot is loaded, so that `plt.show()` shows it.
+        """
+        figure: Figure = handler(self).plot(self)
+        return figure
+
+    @classmethod
+    def from_pandas(cls, table: Any, input: Names, output: Names, Ts: float | None = None) -> "IOData":
+        """The record in columns of a pandas DataFrame; nan in an output marks a missing sample.
+
+        The sampling time is `Ts` [s], or that of the index: seconds, time stamps or time differences. A second, outer
+        level of the index separates experiments. Units come from `table.attrs["units"]`, a dict by column, where there
+        is one. Raises InputError for columns that are not there, for an index that is not uniform, and for one without
+        times where no `Ts` is given.
+        """
+        return cls(**frames.of_pandas(table, input, output, Ts))
+
+    def to_pandas(self) -> Any:
+        """A pandas DataFrame: a column for each channel, the index in seconds; missing outputs are nan.
+
+        Removed means are restored; `attrs["units"]` has the unit of each column. Several experiments are the outer
+        level of the index. Raises InputError where pandas is not installed.
+        """
+        return frames.to_pandas(self)
+
+    @classmethod
+    def from_xarray(cls, table: Any, input: Names, output: Names, Ts: float | None = None) -> "IOData":
+        """The record in variables of an xarray Dataset of one dimension, as `from_pandas`; units from their attrs."""
+        return cls(**frames.of_xarray(table, input, output, Ts))
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset over `time` [s], a variable for each channel with its unit; one experiment only.
+
+        Removed means are restored. Raises InputError where xarray is not installed and for several experiments.
+        """
+        return frames.to_xarray(self)
 
 
 def siso(data: IOData) -> tuple[np.ndarray, np.ndarray]:

@@ -17,6 +17,7 @@ from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.initial_state import estimate_initial
+from sysid.estimation.methods import FitMethods
 from sysid.estimation.noise import autoregression, forecast
 from sysid.estimation.origin import Origin
 from sysid.model.chain import Chain
@@ -38,8 +39,8 @@ class Parameter:
     upper: float
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, repr=False)
+class Fit(FitMethods):
     """An identified chain: theta (P,), criteria on the estimation record, covariance, and why the search stopped.
 
     `u_offset` (nu,) and `y_offset` (ny,) are what was removed from the estimation data (`IOData.u_offset`, `y_offset`).

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from sysid.base.handlers import Shown, handler
 from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
@@ -28,6 +29,9 @@ from sysid.selection.folds import Fold
 from sysid.solver.iterate import Options
 from sysid.structures import actuated_joint
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 WORDS = {name: part.words for name, part in PARTS.items()}
 _ROUNDS = 4  # at most, of the last search, as long as each lowers BIC by MARGIN
 _WAYS = 2  # starts anew, at most, to come to the same joint
@@ -35,8 +39,8 @@ _BETTER = 1.0  # of BIC, less than which is the same optimum reached to another 
 _LOST = 3.0  # points of fit on unseen parts that a warning speaks of
 
 
-@dataclass(frozen=True)
-class Growth:
+@dataclass(frozen=True, repr=False)
+class Growth(Shown):
     """The resulting joint, BIC of the plain joint, and the parts tried, in order.
 
     `ends` says which end stops the record shows ("none", "straight", "lower", "upper", "both"; see
@@ -78,6 +82,14 @@ class Growth:
             f"Besides dry friction and a position-dependent load (BIC {self.plain_bic:.0f}), the joint has "
             f"{' and '.join(kept)}." + doubt + stops
         )
+
+    def plot(self) -> "Figure":
+        """A figure of the parts tried, round by round: by how much each lowered BIC, and which stayed.
+
+        Raises InputError where no part was tried.
+        """
+        figure: Figure = handler(self).plot(self)
+        return figure
 
     def as_dict(self) -> dict[str, Any]:
         """The steps, ready for JSON."""
@@ -204,6 +216,7 @@ def _checked(
             break
     seen = free_runs(fit.model, fit.theta, pair).percent if pair else float("nan")
     growth = replace(growth, fit=fit, agreed=agreed, unseen_percent=seen)
+    growth.fit.remember(data)
     return replace(growth, warnings=tuple(_warnings(growth, data, ways)))
 
 

@@ -3,7 +3,25 @@
 from sysid.base import poles
 from sysid.base.room import modules_of
 from sysid.linear.linearize import OperatingPoint, findop, linapp, tangent
+from sysid.linear.modes import Gain, Mode, gain, modes
+from sysid.linear.noise import Noise, noise_model
+from sysid.linear.rates import Continuous, d2c, d2d
 
-__all__ = ["OperatingPoint", "findop", "linapp", "poles", "tangent"]
+__all__ = [
+    "Continuous",
+    "Gain",
+    "Mode",
+    "Noise",
+    "OperatingPoint",
+    "d2c",
+    "d2d",
+    "findop",
+    "gain",
+    "linapp",
+    "modes",
+    "noise_model",
+    "poles",
+    "tangent",
+]
 
 __getattr__, __dir__ = modules_of(__name__)

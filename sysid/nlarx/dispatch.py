@@ -68,5 +68,6 @@ def fit(
         if start is not None or objective is not None:
             raise InputError("a nonlinear ARX model takes no start and no objective; leave them out or see fit_nlarx")
         count = 5 if isinstance(starts, str) else starts
-        return fit_nlarx(model, data, search=search, starts=count, seed=seed, options=options, progress=progress)
-    return fit_chain(model, data, search, starts, seed, options, start, objective, progress)
+        network = fit_nlarx(model, data, search=search, starts=count, seed=seed, options=options, progress=progress)
+        return network.remember(data)
+    return fit_chain(model, data, search, starts, seed, options, start, objective, progress).remember(data)

@@ -14,6 +14,7 @@ from sysid.base.json_values import plain
 from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
+from sysid.estimation.methods import FitMethods
 from sysid.estimation.origin import Origin
 from sysid.estimation.result import Parameter, check_horizon
 from sysid.nlarx.model import Network, Nlarx
@@ -36,8 +37,8 @@ class Choice:
     free: float = 0.0
 
 
-@dataclass(frozen=True)
-class NlarxFit:
+@dataclass(frozen=True, repr=False)
+class NlarxFit(FitMethods):
     """An identified nonlinear ARX model: theta (P,) of `network`, and criteria on the estimation record.
 
     `criteria_of` says which errors `criteria`, `covariance` and `residuals` refer to: 'one step ahead' (the model uses

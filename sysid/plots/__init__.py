@@ -12,6 +12,8 @@ from sysid.plots._runs import Run
 from sysid.plots.bode import bode
 from sysid.plots.close_ups import close_ups
 from sysid.plots.comparison import comparison
+from sysid.plots.earned import earned
+from sysid.plots.fitted import fitted
 from sysid.plots.free_runs import free_run, free_runs
 from sysid.plots.pole_zero import pole_zero, pole_zero_map
 from sysid.plots.records import parts, record
@@ -25,6 +27,8 @@ TABLE: dict[str, Callable[..., Any]] = {
     "bode": bode,
     "close_ups": close_ups,
     "comparison": comparison,
+    "earned": earned,
+    "fitted": fitted,
     "free_run": free_run,
     "free_runs": free_runs,
     "higher_order_tests": higher_order_tests,
@@ -47,6 +51,8 @@ __all__ = [
     "bode",
     "close_ups",
     "comparison",
+    "earned",
+    "fitted",
     "free_run",
     "free_runs",
     "higher_order_tests",

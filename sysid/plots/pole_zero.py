@@ -71,7 +71,7 @@ def pole_zero_map(
         both[1].set(title="(b) near z = 1: slow poles")
     if axes is None:
         handles, labels = both[0].get_legend_handles_labels()
-        both[0].get_figure().legend(handles, labels, loc="outside lower center", ncols=5)  # type: ignore[union-attr]
+        both[0].get_figure().legend(handles, labels, loc="outside upper center", ncols=5)  # type: ignore[union-attr]
     else:
         style.legend(both[0])
     return both

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sysid.base import style
 from sysid.base.style import styled
 from sysid.base.units import Quantity, shown
@@ -17,15 +19,26 @@ if TYPE_CHECKING:
 
 @styled
 def record(data: IOData, axes: Sequence[Axes] | None = None, seconds: float | None = None) -> list[Axes]:
-    """Input over output as recorded, with removed means restored, for the first `seconds` [s] or all samples."""
+    """Inputs over outputs as recorded, with removed means restored, for the first `seconds` [s] or all samples.
+
+    A panel for each channel; a dotted line is the border of two experiments.
+    """
     n, (u, y) = first(data, seconds), _signals(data)
-    both = style.panels(axes, 2, height=3.6, sharex=True)
-    recorded = (data.u[:n, 0] + data.u_offset[0]) * u.factor, (data.y[:n, 0] + data.y_offset[0]) * y.factor
-    style.line(both[0], data.t[:n], recorded[0], steps=True, color=style.INPUT)
-    style.line(both[1], data.t[:n], recorded[1], color=style.INK)
-    both[0].set(title="(a) input", ylabel=u.label)
-    both[1].set(title="(b) output", ylabel=y.label, xlabel="time [s]")
-    return both
+    inputs, outputs = (data.u[:n] + data.u_offset) * u.factor, (data.y[:n] + data.y_offset) * y.factor
+    nu, ny = inputs.shape[1], outputs.shape[1]
+    rows = style.panels(axes, nu + ny, height=0.8 + 1.4 * (nu + ny), sharex=True)
+    for k, ax in enumerate(rows):
+        is_input = k < nu
+        values = inputs[:, k] if is_input else outputs[:, k - nu]
+        style.line(ax, data.t[:n], values, steps=is_input, color=style.INPUT if is_input else style.INK)
+        place, of = (k, nu) if is_input else (k - nu, ny)
+        what = ("input" if is_input else "output") + (f" {place + 1}" if of > 1 else "")
+        ax.set(title=f"({'abcdefghijklmnopqrstuvwxyz'[k % 26]}) {what}", ylabel=(u if is_input else y).label)
+        for end in np.cumsum(data.lengths)[:-1]:
+            if end < n:
+                ax.axvline(end * data.Ts, color=style.SECOND, linewidth=0.8, linestyle=":")
+    rows[-1].set(xlabel="time [s]")
+    return rows
 
 
 @styled

@@ -72,6 +72,7 @@ def select(
         )
     left = max(work.begun + seconds - time.time(), 0.1 * seconds)
     chosen, fit, notes = final_fit(rows, chosen, data, search, seed, Effort(space.starts, 200, left))
+    fit.remember(chosen.candidate.scale(data))
     return Selection(tuple(rows), chosen, fit, (*work.notes(), *notes), time.time() - work.begun)
 
 

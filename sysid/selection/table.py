@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
+from sysid.base.handlers import Shown
 from sysid.base.json_values import plain
 from sysid.estimation.result import Fit
 from sysid.model.recipes import Recipe
@@ -37,8 +38,8 @@ class Row:
     thetas: tuple[np.ndarray, ...] = field(default=(), repr=False)
 
 
-@dataclass(frozen=True)
-class Selection:
+@dataclass(frozen=True, repr=False)
+class Selection(Shown):
     """Ranked rows, the chosen one (the smallest of those equal to the best), and its fit to all the data.
 
     `notes` say what the search left out, and why.

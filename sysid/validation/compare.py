@@ -3,15 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sysid.base.criteria import Criteria
 from sysid.base.errors import InputError
+from sysid.base.handlers import Shown, handler
 from sysid.base.json_values import plain
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -34,8 +38,8 @@ class Row:
     seconds: float
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Shown):
     """Rows from the best free run to the worst, over `scored` samples after the first `n_init` of each experiment."""
 
     rows: tuple[Row, ...]
@@ -48,6 +52,11 @@ class Comparison:
         """All values, ready for JSON."""
         rows = [{**asdict(r), "criteria": r.criteria.as_dict()} for r in self.rows]
         return plain({**asdict(self), "rows": rows})
+
+    def plot(self) -> "Figure":
+        """A figure of the free-run fits as bars, best on top."""
+        figure: Figure = handler(self).plot(self)
+        return figure
 
     def __str__(self) -> str:
         unit = f" [{self.y_unit}]" if self.y_unit else ""

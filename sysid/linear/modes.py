@@ -1,0 +1,136 @@
+"""Poles as an engineer reads them: natural frequency, damping, time constant, each with its standard deviation.
+
+The deviations are those of the delta method on exact gradients: g' cov g with cov of the fit, or with a record the
+covariance that allows for coloured residuals.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+from sysid.model.tangents import tangent
+from sysid.uncertainty.information import information
+
+Deviation = Callable[[np.ndarray], float]
+_MULTIPLE = 1e-12
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A pole in z and in s = ln(z)/Ts [1/s]: natural frequency [rad/s], damping [-], time constant of its envelope [s].
+
+    A standard deviation is nan where the record does not determine it and for a multiple pole. A pole at z = 0 has no
+    frequency and no damping (nan); a pole on or outside the unit circle has an infinite time constant.
+    """
+
+    pole: complex
+    pole_std: float
+    frequency: float
+    frequency_std: float
+    damping: float
+    damping_std: float
+    time_constant: float
+    time_constant_std: float
+
+    @property
+    def hertz(self) -> float:
+        """Natural frequency [Hz]."""
+        return self.frequency / (2.0 * np.pi)
+
+    @property
+    def hertz_std(self) -> float:
+        """Standard deviation of the natural frequency [Hz]."""
+        return self.frequency_std / (2.0 * np.pi)
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Steady-state gain dy/du of the tangent at a constant input u, infinite where the model integrates."""
+
+    value: float
+    std: float
+    u: float
+
+
+def modes(fit: Fit, data: IOData | None = None) -> tuple[Mode, ...]:
+    """The poles of a fit, in the order of `Fit.poles`; of a pair both.
+
+    `data`, the record of the fit, makes the standard deviations allow for coloured residuals; without it they assume
+    white ones. Raises InputError for a record that is not that of the fit.
+    """
+    deviation = deviation_of(fit, data)
+    found = []
+    for F, gradient in _denominators(fit):
+        slope = np.polyder(F)
+        for z in np.roots(F).astype(complex):
+            d = np.polyval(slope, z)
+            multiple = abs(d) < _MULTIPLE * max(1.0, float(np.abs(F).max()))
+            dz = None if multiple else -(z ** np.arange(len(F) - 1, -1, -1)) @ gradient / d
+            found.append(_mode(z, dz, fit.Ts, deviation))
+    return tuple(found)
+
+
+def gain(fit: Fit, u: float | None = None, data: IOData | None = None) -> Gain:
+    """The DC gain of the tangent at the constant input `u`, by default 0, or the middle of the input's range where that
+    does not hold 0.
+
+    Raises InputError for a model without a tangent, such as a motor with friction.
+    """
+    low, high = fit.u_span
+    level = float(u) if u is not None else 0.0 if low <= 0.0 <= high else 0.5 * (low + high)
+    G = tangent(fit.model, fit.theta, level)
+    if not np.isfinite(G.gain):
+        return Gain(np.inf, np.nan, level)
+    return Gain(G.gain, deviation_of(fit, data)(G.gain_gradient), level)
+
+
+def deviation_of(fit: Fit, data: IOData | None = None) -> Deviation:
+    """Standard deviation of a quantity from its gradient (P,)."""
+    if data is not None:
+        info = information(fit, data, lags="tested")
+        return lambda g: float(info.std_of(g)[0])
+    cov, lost = fit.covariance.cov, fit.covariance.unidentifiable
+
+    def deviation(g: np.ndarray) -> float:
+        if np.any(lost & (np.abs(g) > 0.0)):
+            return float("nan")
+        return float(np.sqrt(max(float(g @ cov @ g), 0.0)))
+
+    return deviation
+
+
+def _denominators(fit: Fit) -> list[tuple[np.ndarray, np.ndarray]]:
+    """F (n + 1,) of every linear block with its gradient (n + 1, P)."""
+    if fit._around_centre is not None:
+        return [(fit._around_centre.F, fit._around_centre.F_gradient)]
+    found = []
+    for part, b in fit.model.dynamics:
+        own = slice(part.start + b.nb, part.start + b.nb + b.nf)
+        gradient = np.zeros((b.nf + 1, len(fit.theta)))
+        gradient[1:, own] = np.eye(b.nf)
+        found.append((np.concatenate([[1.0], fit.theta[own]]), gradient))
+    return found
+
+
+def _mode(z: complex, dz: np.ndarray | None, Ts: float, deviation: Deviation) -> Mode:
+    nan, z = float("nan"), complex(z)
+    r = abs(z)
+    lasting = float(-Ts / np.log(r)) if 0.0 < r < 1.0 else 0.0 if r == 0.0 else np.inf
+    s = np.log(z) / Ts if r > 0.0 else complex(nan)
+    moves = r > 0.0 and s != 0
+    frequency = float(abs(s)) if r > 0.0 else nan
+    damping = float(-s.real / abs(s)) if moves else nan
+    if dz is None:
+        return Mode(z, nan, frequency, nan, damping, nan, lasting, nan)
+    spread = float(np.hypot(deviation(dz.real), deviation(dz.imag)))
+    if not moves:
+        return Mode(z, spread, frequency, nan, damping, nan, lasting, nan)
+    ds = dz / (z * Ts)
+    dw = np.real(np.conj(s) * ds) / abs(s)
+    d_damping = -(ds.real * abs(s) - s.real * dw) / abs(s) ** 2
+    dr = np.real(np.conj(z) * dz) / r
+    longer = deviation(Ts / (np.log(r) ** 2 * r) * dr) if np.isfinite(lasting) else nan
+    return Mode(z, spread, frequency, deviation(dw), damping, deviation(d_damping), lasting, longer)

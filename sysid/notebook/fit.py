@@ -1,0 +1,163 @@
+"""A chain's fit at a prompt and in a notebook."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sysid.base.card import Card, Table
+from sysid.base.errors import InputError, unknown
+from sysid.base.units import number, percent
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+from sysid.linear.modes import Mode
+from sysid.linear.modes import modes as modes_of
+from sysid.linear.noise import Noise
+from sysid.linear.noise import noise_model as noise_model_of
+from sysid.nlarx.dispatch import fit as fit_model
+from sysid.notebook.figures import figure
+from sysid.notebook.page import write_page
+from sysid.notebook.poles import gain_fact, noise_of, pole_table
+from sysid.notebook.words import criteria_in_words, rmse_in_words, search_in_words, structure_in_words
+from sysid.plots.bode import bode
+from sysid.plots.fitted import fitted
+from sysid.plots.pole_zero import pole_zero_map
+from sysid.plots.residual_tests import residual_tests
+from sysid.plots.responses import step
+from sysid.plots.static_maps import static_maps
+from sysid.uncertainty import curves, intervals, responses
+from sysid.uncertainty.information import Information, information
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FIGURES = ("output", "residuals", "poles", "bode", "step", "maps")
+WARNINGS = 3  # on a card
+SAY = {
+    "output": "What to see: the free run (only the input, no measured outputs) covers the measured output, and the "
+    "error below looks like noise. Shaded: samples that give the initial state.",
+    "residuals": "What to see: dots inside the shaded bound. Outside in (a): missing dynamics or coloured noise; "
+    "outside in (b) at positive lags: the model misses what the input does.",
+    "poles": "What to see: regions inside the unit circle, so that the model is stable for certain; a pole on a zero "
+    "means that a lower order may do.",
+    "bode": "What to see: a narrow band where the record has power; where the band is wide the record does not tell.",
+    "step": "What to see: the final value is the DC gain; the band says how well the record determines it.",
+    "maps": "What to see: a map off the dashed diagonal is a nonlinearity; a wide band has few samples behind it.",
+}
+
+
+def line(fit: Fit) -> str:
+    """Structure, fit where the record is known, error and size; nothing is simulated."""
+    score = own_percent(fit)
+    fits = "" if score is None else f"fit {percent(score)}, "
+    return f"<Fit: {structure_in_words(fit)}; {fits}RMSE {rmse_in_words(fit)}, d {fit.criteria.d}>"
+
+
+def own_percent(fit: Fit) -> float | None:
+    """Free-run fit [%] on the record of the fit with its fitted initial state, from the criteria; None if unknown."""
+    data = fit.record
+    if data is None or data.y.shape[1] != 1:
+        return None
+    y = data.y[data.observed[:, 0], 0]
+    spread = float(np.std(y))
+    return 100.0 * (1.0 - float(np.sqrt(fit.criteria.mse)) / spread) if spread > 0.0 else None
+
+
+def card(fit: Fit) -> Card:
+    """One screen; the residual tests and the noise model need the record."""
+    data = fit.record
+    facts = [("sampling", f"every {fit.Ts:g} s, {fit.criteria.N} samples")]
+    score = own_percent(fit)
+    if score is not None:
+        facts.append(("fit, free run", f"{percent(score)} on its own record"))
+    elif data is not None and data.y.shape[1] > 1:
+        each = ", ".join(percent(float(value)) for value in fit.fit_percents(data)[:6])
+        facts.append(("fit, free run", f"{each} of its own outputs in turn"))
+    facts += [
+        ("RMSE", rmse_in_words(fit)),
+        ("criteria", criteria_in_words(fit)),
+        ("search", search_in_words(fit)),
+    ]
+    if (known := gain_fact(fit, data)) is not None:
+        facts.append(known)
+    noise = noise_of(fit, data)
+    sentences = [] if noise is None else [noise.sentence()]
+    sentences += [f"Warning: {text}." for text in fit.warnings[:WARNINGS]]
+    table = pole_table(fit, data)
+    calls = "fit.plot(), fit.parameters, fit.residual_tests(data), fit.refine(), fit.report('fit.html')"
+    return Card(
+        structure_in_words(fit),
+        facts,
+        [table] if table is not None else [],
+        sentences,
+        [parameter_table(fit)],
+        call=f"Next: {calls}",
+    )
+
+
+def parameter_table(fit: Any) -> Table:
+    """Every parameter with its standard deviation."""
+    rows = [
+        (p.name, number(p.value, 5), number(p.std, 2), p.unit or "–", "free" if p.free else "fixed")
+        for p in fit.parameters
+    ]
+    return Table(("parameter", "value", "std", "unit", ""), rows, f"{len(rows)} parameters with standard deviations")
+
+
+def plot(fit: Fit, data: IOData | None, what: str) -> Figure:
+    """The figure `what`."""
+    if what not in FIGURES:
+        raise unknown("figure", what, FIGURES)
+    if what == "poles" and data is None and fit.record is None:
+        return figure(pole_zero_map, fit.poles, fit.zeros, say=SAY[what])
+    data = fit.record_or(data)
+    if what == "output":
+        run, fits = fit.simulate(data), fit.fit_percents(data)
+        return figure(fitted, data, run, fits, skipped=fit.n_init, say=SAY[what])
+    if what == "residuals":
+        return figure(residual_tests, fit.residual_tests(data), say=SAY[what])
+    info = information(fit, data, lags="tested")
+    if what == "poles":
+        return figure(pole_zero_map, intervals.poles(info), intervals.zeros(info), say=SAY[what])
+    if what == "maps":
+        found = curves.curves(info)
+        if not found:
+            raise InputError("this model has no static map; choose another figure, for example fit.plot(data, 'bode')")
+        return figure(static_maps, found, say=SAY[what])
+    units = {"y_unit": data.y_unit, "u_unit": data.u_unit}
+    if what == "bode":
+        return figure(bode, responses.frequency(info, _level(info)), **units, say=SAY[what])
+    return figure(step, responses.step(info, _level(info)), **units, y_name=data.y_name, say=SAY[what])
+
+
+def _level(info: Information) -> float:
+    """The operating point: 0, or the middle of the input's range where that does not hold 0."""
+    low, high = float(info.data.u.min()), float(info.data.u.max())
+    return 0.0 if low <= 0.0 <= high else 0.5 * (low + high)
+
+
+def report(fit: Fit, path: str | PathLike, data: IOData | None, validation: IOData | None) -> Path:
+    """The page of `qpal identify`."""
+    return write_page(fit, path, fit.record_or(data), validation)
+
+
+def refine(fit: Fit, data: IOData | None, **options: Any) -> Fit:
+    """A further search from this fit."""
+    if "start" in options or "starts" in options:
+        raise InputError("refine starts from the fit itself; leave start and starts out, or use sysid.fit")
+    return fit_model(fit.model, fit.record_or(data), start=fit, **options)
+
+
+def noise_model(fit: Fit, data: IOData | None) -> Noise:
+    """The colour of the residuals."""
+    return noise_model_of(fit, fit.record_or(data))
+
+
+def modes(fit: Fit, data: IOData | None) -> tuple[Mode, ...]:
+    """The poles; without any record with the fit's own covariance."""
+    if data is None and fit.record is not None and fit.model.channels == (1, 1):
+        data = fit.record  # a robust covariance is that of one input and output
+    return modes_of(fit, data)

@@ -1,0 +1,60 @@
+"""The table of poles of a card, and the facts about gain and noise."""
+
+import math
+from contextlib import suppress
+
+import numpy as np
+
+from sysid.base.card import Table
+from sysid.base.errors import InputError
+from sysid.base.units import number, shown
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+from sysid.linear.modes import Mode, gain, modes
+from sysid.linear.noise import Noise, noise_model
+
+LONGEST = 20_000  # samples; what a card computes must not keep its reader waiting
+HEADINGS = ("pole", "std", "frequency [Hz]", "std", "damping", "std", "time constant [s]", "std")
+
+
+def pole_table(fit: Fit, data: IOData | None) -> Table | None:
+    """Every pole with its deviations, each pair once; None for a model without a linear block."""
+    if not len(fit.poles):
+        return None
+    found, how = modes(fit), "white residuals assumed"
+    if data is not None and data.N <= LONGEST:
+        with suppress(InputError, np.linalg.LinAlgError):
+            found, how = modes(fit, data), "coloured residuals allowed for"
+    rows = [_row(m) for m in found if m.pole.imag > -1e-9]
+    return Table(HEADINGS, rows, f"Poles with standard deviations, {how}")
+
+
+def gain_fact(fit: Fit, data: IOData | None) -> tuple[str, str] | None:
+    """The DC gain with its deviation and unit; None for a model that has none."""
+    try:
+        g = gain(fit, data=data if data is not None and data.N <= LONGEST else None)
+    except (InputError, np.linalg.LinAlgError):
+        return None
+    if not math.isfinite(g.value):
+        return "DC gain", "infinite: the model integrates"
+    unit = shown("", data.y_unit).per(shown("", data.u_unit)) if data is not None else shown("", "")
+    at = f" at u = {number(g.u)}" if g.u else ""
+    spread = f" ± {number(g.std * unit.factor, 2)}" if math.isfinite(g.std) else ", std not determined"
+    return "DC gain", f"{number(g.value * unit.factor)}{spread}{f' {unit.unit}' if unit.unit else ''}{at}"
+
+
+def noise_of(fit: Fit, data: IOData | None) -> Noise | None:
+    """The noise model of a record that is not too long, if it has one."""
+    if data is None or data.N > LONGEST:
+        return None
+    try:
+        return noise_model(fit, data)
+    except (InputError, np.linalg.LinAlgError):
+        return None
+
+
+def _row(m: Mode) -> tuple[str, ...]:
+    real, imag = m.pole.real, abs(m.pole.imag)
+    text = number(real) if imag < 1e-9 else f"{number(real)} ± {number(imag)}i"
+    pairs = ((m.hertz, m.hertz_std), (m.damping, m.damping_std), (m.time_constant, m.time_constant_std))
+    return (text, number(m.pole_std, 2), *(cell for v, s in pairs for cell in (number(v), number(s, 2))))

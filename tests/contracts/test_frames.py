@@ -1,0 +1,163 @@
+"""Records from and to pandas and xarray, cuts by seconds and samples, and sysid.read: nothing is lost or shifted."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import sysid
+from sysid.data.preprocess import detrend
+from sysid.workflow.reading import in_python
+
+pandas = pytest.importorskip("pandas", reason="pandas is in the notebook extra")
+xarray = pytest.importorskip("xarray", reason="xarray is in the notebook extra")
+
+
+@pytest.fixture
+def data():
+    rng = np.random.default_rng(0)
+    lost = np.zeros((60, 1), dtype=bool)
+    lost[7] = True
+    return sysid.IOData(rng.normal(size=60), rng.normal(size=60) + 3.0, 0.1, "volt", "angle", "V", "rad", missing=lost)
+
+
+def same(a, b):
+    np.testing.assert_array_equal(a.u, b.u)
+    np.testing.assert_allclose(a.y, b.y, rtol=1e-14)
+    np.testing.assert_array_equal(a.observed, b.observed)
+    for name in ("Ts", "u_name", "y_name", "u_unit", "y_unit", "lengths"):
+        assert getattr(a, name) == getattr(b, name), name
+
+
+def test_a_table_of_pandas_holds_the_record_and_gives_it_back(data):
+    table = data.to_pandas()
+    assert list(table.columns) == ["volt", "angle"]
+    assert table.attrs["units"] == {"time": "s", "volt": "V", "angle": "rad"}
+    np.testing.assert_allclose(table.index, 0.1 * np.arange(60))
+    assert np.flatnonzero(table["angle"].isna()).tolist() == [7]
+    same(sysid.IOData.from_pandas(table, "volt", "angle"), data)
+
+
+def test_removed_means_are_back_in_a_table(data):
+    np.testing.assert_allclose(detrend(data).to_pandas()["volt"], data.u[:, 0], atol=1e-14)
+    np.testing.assert_allclose(detrend(data).to_xarray()["volt"], data.u[:, 0], atol=1e-14)
+
+
+def test_experiments_are_the_outer_level_of_the_index(data):
+    both = sysid.IOData.merge(data, data[10:40])
+    same(sysid.IOData.from_pandas(both.to_pandas(), "volt", "angle"), both)
+    mixed = both.to_pandas().iloc[[*range(20), *range(70, 90), *range(20, 40)]]
+    with pytest.raises(sysid.InputError, match="not in one piece"):
+        sysid.IOData.from_pandas(mixed, "volt", "angle")
+    with pytest.raises(sysid.InputError, match="2 experiments; convert each"):
+        both.to_xarray()
+
+
+def test_a_dataset_of_xarray_holds_the_record_and_gives_it_back(data):
+    table = data.to_xarray()
+    assert table["angle"].attrs == {"units": "rad"}
+    assert table["time"].attrs == {"units": "s"}
+    same(sysid.IOData.from_xarray(table, "volt", "angle"), data)
+    bare = xarray.Dataset({"u": ("k", np.arange(5.0)), "y": ("k", np.arange(5.0)), "z": (("k", "j"), np.ones((5, 2)))})
+    assert sysid.IOData.from_xarray(bare, "u", "y", Ts=0.5).Ts == 0.5
+    with pytest.raises(sysid.InputError, match="no times; give Ts"):
+        sysid.IOData.from_xarray(bare, "u", "y")
+    with pytest.raises(sysid.InputError, match="same one dimension"):
+        sysid.IOData.from_xarray(bare, "u", "z")
+    with pytest.raises(sysid.InputError, match="no variable 'w'; choose one of u, y, z"):
+        sysid.IOData.from_xarray(bare, "u", "w")
+
+
+@pytest.mark.parametrize(
+    "index",
+    [
+        pandas.date_range("2026-01-01", periods=20, freq="20ms"),
+        pandas.timedelta_range("0s", periods=20, freq="20ms"),
+        0.02 * np.arange(20) + 1e-5 * np.sin(np.arange(20)),  # off by less than a hundredth of a step
+    ],
+    ids=["stamps", "differences", "seconds"],
+)
+def test_the_index_gives_the_sampling_time(index):
+    table = pandas.DataFrame({"a": np.arange(20.0), "b": np.arange(20.0), "c": np.arange(20)}, index=index)
+    data = sysid.IOData.from_pandas(table, ["a", "c"], "b")
+    assert pytest.approx(0.02, rel=1e-4) == data.Ts
+    assert data.u.shape == (20, 2)
+
+
+def test_tables_that_are_no_record_are_refused_in_a_sentence():
+    table = pandas.DataFrame({"a": np.arange(6.0), "b": np.arange(6.0), "t": list("abcdef")})
+    with pytest.raises(sysid.InputError, match="no times; give Ts, the sampling time in seconds, or set the times"):
+        sysid.IOData.from_pandas(table, "a", "b")
+    with pytest.raises(sysid.InputError, match="no column 'x'; choose one of a, b, t"):
+        sysid.IOData.from_pandas(table, "x", "b", Ts=1.0)
+    with pytest.raises(sysid.InputError, match="column 't' holds values that are not numbers"):
+        sysid.IOData.from_pandas(table, "t", "b", Ts=1.0)
+    with pytest.raises(sysid.InputError, match="after row 2 comes a step of 2 s"):
+        sysid.IOData.from_pandas(table.set_index(pandas.Index([0.0, 1.0, 2.0, 4.0, 5.0, 6.0])), "a", "b")
+    with pytest.raises(sysid.InputError, match="holds no times"):
+        sysid.IOData.from_pandas(table.set_index("t"), "a", "b")
+
+
+@pytest.mark.parametrize("name", ["pandas", "xarray"])
+def test_a_missing_library_is_told_with_the_command_that_installs_it(data, name, monkeypatch):
+    monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(
+        sysid.InputError, match=rf"{name} is not installed; install it with: pip install 'qpal\[notebook\]'"
+    ):
+        getattr(data, f"to_{name}")()
+
+
+def test_two_ranges_with_a_border_in_common_share_no_sample(data):
+    for border in (0.3, 0.7, 2.0, 2.05, 5.79):  # 0.3 / 0.1 is a little less than 3 in floating point
+        first, last = data.between(0.0, border), data.between(border)
+        np.testing.assert_array_equal(np.concatenate([first.u, last.u]), data.u)
+        assert sum(data.t < border - 1e-9) == first.N
+    assert data.between(stop=1.0).N == 10
+    np.testing.assert_array_equal(data.between(1.0, 2.0).u, data[10:20].u)
+    np.testing.assert_array_equal(data[-5:].u, data.u[-5:])
+    assert not data.between(0.7, 0.9).observed[0, 0]
+
+
+@pytest.mark.parametrize(
+    ("cut", "said"),
+    [
+        (lambda d: d.between(5.0, 2.0), "the start first"),
+        (lambda d: d.between(0.0, 7.0), r"seconds from 0 to 6"),
+        (lambda d: d.between(0.0, 0.1), "holds 1 sample"),
+        (lambda d: d[2.0:3.0], r"for seconds use data.between\(2.0, 8.0\)"),
+        (lambda d: d[3], "cut by whole samples"),
+        (lambda d: d[::2], "resample"),
+        (lambda d: d[50:51], "fewer than the 2"),
+        (lambda d: sysid.IOData.merge(d, d).between(5.0, 7.0), "border of two experiments"),
+    ],
+)
+def test_a_cut_that_is_none_is_refused_in_a_sentence(data, cut, said):
+    with pytest.raises(sysid.InputError, match=said):
+        cut(data)
+
+
+def test_a_record_is_no_sequence_of_samples(data):
+    with pytest.raises(TypeError):
+        iter(data)
+
+
+def test_read_keeps_names_and_units_and_cuts_in_seconds(data, tmp_path):
+    path = tmp_path / "log.csv"
+    rows = np.column_stack([data.t, data.u, np.degrees(data.y)])
+    np.savetxt(path, rows, delimiter=",", header="time_s,voltage_V,angle_deg", comments="")
+    found = sysid.read(path)
+    assert (found.Ts, found.u_unit, found.y_unit) == (pytest.approx(0.1), "V", "rad")
+    np.testing.assert_allclose(found.y, data.y)
+    cut = sysid.read(path, input="voltage_V", output="angle_deg", start=1.0, stop=2.9)
+    np.testing.assert_allclose(cut.u, data.u[10:30])
+    with pytest.raises(sysid.InputError, match=r"log\.csv: unknown column 'volts'.*'voltage_V'"):
+        sysid.read(path, input="volts")
+    with pytest.raises(sysid.InputError, match=r"Ts is 0\.2 s but column 'time_s' steps by 0\.1 s"):
+        sysid.read(path, "voltage_V", "angle_deg", Ts=0.2, time="time_s")
+
+
+def test_what_read_says_names_its_arguments_and_no_option_of_the_command_line():
+    said = "give it with --ts SECONDS or name a time column with --time; --time-unit is 'h'; keep one with --range 1:2"
+    assert in_python(said) == (
+        "give it with Ts=SECONDS or name a time column with time=; time_unit is 'h'; keep one with start= and stop= 1:2"
+    )

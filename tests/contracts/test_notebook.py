@@ -1,0 +1,371 @@
+"""What results show at a prompt and in a notebook: one screen, no markup from names, figures that pyplot finds."""
+
+import pickle
+import re
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import sysid
+from sysid import plots
+from sysid.base import card, style
+from sysid.data.preprocess import detrend
+from sysid.systems import system
+
+mpl.use("Agg")
+PNG = b"\x89PNG\r\n\x1a\n"
+NAME = "<b>volt & more</b>"  # a column may be called anything
+
+
+@pytest.fixture(scope="module")
+def data():
+    d = system("textbook").record(500, 0.05, np.random.default_rng(1))
+    return sysid.IOData(d.u, d.y, d.Ts, NAME, "angle", "V", "rad")
+
+
+@pytest.fixture(scope="module")
+def fit(data):
+    model = sysid.structures.hammerstein_wiener(nb=2, nf=2, nk=1, input="saturation")
+    return sysid.fit(model, data, search="lm", starts=1)
+
+
+@pytest.fixture(scope="module")
+def linear(data):
+    return sysid.fit(sysid.structures.output_error(nb=1, nf=1, nk=1), data, search="lm", starts=1)
+
+
+@pytest.fixture(scope="module")
+def network(data):
+    return sysid.fit_nlarx(sysid.structures.nlarx(units=2), data, starts=1).remember(data)
+
+
+@pytest.fixture(scope="module")
+def growth(linear):
+    from sysid.joint.growth import Growth
+    from sysid.joint.rounds import Step
+
+    steps = (
+        Step(0, "stribeck", -100.0, 50.0, True),
+        Step(0, "loss", -40.0, -10.0, False),
+        Step(1, "plays", -101.0, 1.0, False),
+    )
+    return Growth(linear, -50.0, steps, warnings=("one", "two", "three", "four"))
+
+
+@pytest.fixture(scope="module")
+def selection(linear):
+    from sysid.selection.table import Row, Selection
+    from sysid.structures import OutputError
+
+    rows = tuple(Row(OutputError(1, k, 1), 70.0 - k, 2 + k, 1, np.ones(20), True, equal=k < 3) for k in range(1, 40))
+    return Selection(rows, rows[1], linear, ("the budget ended the search",), 12.0)
+
+
+@pytest.fixture(scope="module")
+def things(data, fit, linear, network, growth, selection):
+    return {
+        "record": data,
+        "experiments": sysid.IOData.merge(*(data[k : k + 20] for k in range(0, 400, 20))),
+        "channels": sysid.IOData(np.arange(300.0).reshape(10, 30), np.arange(10.0), 0.1),
+        "fit": fit,
+        "linear": linear,
+        "nlarx": network,
+        "growth": growth,
+        "selection": selection,
+        "comparison": sysid.compare(data, fit, linear, network),
+    }
+
+
+class Reader(HTMLParser):
+    """Tags that are open, and the text outside and inside of what is folded away."""
+
+    void = ("br", "img")
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.shown, self.folded, self.tags = [], [], [], set()
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        if tag not in self.void:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, text):
+        (self.folded if "details" in self.open and "summary" not in self.open else self.shown).append(text)
+
+
+def parsed(thing):
+    reader = Reader()
+    reader.feed(thing._repr_html_())
+    assert not reader.open
+    return reader
+
+
+KINDS = ("record", "experiments", "channels", "fit", "linear", "nlarx", "growth", "selection", "comparison")
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_each_result_is_a_line_a_screen_and_a_fragment_of_html(things, name):
+    thing = things[name]
+    assert "\n" not in repr(thing)
+    assert len(repr(thing)) < 200
+    assert repr(thing).startswith(f"<{type(thing).__name__}: ")
+    lines = str(thing).splitlines()
+    assert 2 <= len(lines) <= card.LINES
+    assert max(map(len, lines)) <= 125
+    html = parsed(thing)
+    assert "b" in html.tags
+    assert "script" not in html.tags
+    rows = thing._repr_html_().partition("<details>")[0].count("<tr>")
+    assert rows <= card.LINES
+    assert not re.search(r"\b(nan|None|inf)\b", "".join(html.shown) + str(thing))
+
+
+def test_a_name_is_text_and_no_markup(things):
+    assert NAME in str(things["record"])
+    html = things["record"]._repr_html_()
+    assert NAME not in html
+    assert NAME in "".join(parsed(things["record"]).shown)
+
+
+def test_a_record_shows_ranges_in_what_people_read(data):
+    text = str(detrend(data))
+    assert "500 every 0.1 s, 50 s in all" in text
+    assert re.search(rf"angle +output +deg .* {np.degrees(data.y.mean()):.2f}$", text, flags=re.MULTILINE)
+    lost = np.zeros((500, 1), dtype=bool)
+    lost[:5] = True
+    assert "5 output samples, 1 %" in str(replace(data, missing=lost))
+    assert "removed" not in str(data)
+
+
+def test_a_fit_shows_its_numbers_and_folds_the_parameters_away(data, fit):
+    text, html = str(fit), parsed(fit)
+    assert text.splitlines()[0] == "Hammerstein-Wiener (nb 2, nf 2, nk 1), input saturation, output piecewise linear"
+    spread = np.std(data.y)
+    assert f"{100 * (1 - np.sqrt(fit.criteria.mse) / spread):.2f} % on its own record" in text
+    assert f"{np.degrees(np.sqrt(fit.criteria.mse)):.3f} deg" in text
+    gain = sysid.linear.gain(fit, data=data)
+    assert f"{np.degrees(gain.value):.1f} ±" in text
+    mode = fit.modes(data)[0]
+    assert f"{mode.hertz:.4f}  {mode.hertz_std:.4f}" in text
+    assert f"{mode.damping:.4f}" in text
+    assert f"{mode.pole.real:.4f} ± {abs(mode.pole.imag):.4f}i" in text
+    folded = "".join(html.folded)
+    for p in fit.parameters:
+        assert p.name in folded
+        assert p.name not in "".join(html.shown)
+    assert f"{len(fit.theta)} parameters with standard deviations" in "".join(html.shown)
+
+
+def test_a_fit_of_a_nonlinear_plant_by_a_line_says_that_its_residuals_are_coloured(linear):
+    noise = linear.noise_model()
+    assert "The residuals are coloured" in str(linear)
+    assert f"q^-{noise.order}," in str(linear).replace("\n", " ") or f"q^-{noise.order} " in str(linear)
+    said = str(linear).replace("\n", " ")
+    assert f"{np.degrees(np.sqrt(noise.variance)):.1f} where e has {np.degrees(np.sqrt(noise.total)):.1f} deg" in said
+    assert "try higher orders, or sysid.select(data)" in said
+
+
+def test_warnings_are_told_and_at_most_three(fit, growth):
+    warned = replace(fit, warnings=tuple(f"number {k}" for k in range(5)))
+    assert str(warned).count("Warning: number") == 3
+    assert str(growth).count("Warning:") == 3
+
+
+def test_a_fit_knows_its_record_and_its_file_does_not(data, fit, tmp_path):
+    assert fit.record is data
+    read = sysid.load(fit.save(tmp_path / "fit.json"))
+    assert read.record is None
+    assert "volt" not in (tmp_path / "fit.json").read_text(encoding="utf-8")
+    np.testing.assert_array_equal(read.theta, fit.theta)
+    assert "on its own record" not in str(read)
+    assert len(str(read).splitlines()) < card.LINES
+    for call in (read.plot, read.noise_model, read.refine, lambda: read.report(tmp_path / "x.html")):
+        with pytest.raises(sysid.InputError, match="has no record; give one"):
+            call()
+    assert read.plot(data).axes
+    np.testing.assert_allclose([m.frequency for m in read.modes()], [m.frequency for m in fit.modes()])
+
+
+def test_a_search_and_a_growth_hand_over_fits_that_know_their_record(data):
+    space = sysid.selection.space.Space(nb=(1,), nf=(1,), nk=(1,), structures=("output_error",), starts=1, grows=False)
+    found = sysid.select(data, space, jobs=1, seconds=30)
+    assert found.fit.record is data
+
+
+@pytest.mark.parametrize("what", ["output", "residuals", "poles", "bode", "step", "maps"])
+def test_every_figure_of_a_fit_has_axes_with_units_and_a_sentence(fit, what):
+    figure = fit.plot(what=what)
+    assert figure.get_supxlabel().startswith("What to see: ")
+    labels = [ax.get_ylabel() for ax in figure.axes]
+    assert all(labels)
+    assert not any("[rad]" in text for text in labels)
+
+
+def test_the_figure_of_the_output_shows_run_and_error(data, fit):
+    over, under = fit.plot(data).axes
+    np.testing.assert_allclose(over.lines[0].get_ydata(), np.degrees(data.y[:, 0]))
+    np.testing.assert_allclose(over.lines[1].get_ydata(), np.degrees(fit.simulate(data)))
+    np.testing.assert_allclose(under.lines[0].get_ydata(), np.degrees(data.y[:, 0] - fit.simulate(data)))
+    assert f"{fit.fit_percent(data):.2f} %" in over.get_legend().get_texts()[1].get_text()
+    assert over.patches[0].get_extents() is not None
+    low, high = under.get_ylim()
+    assert low < np.degrees(data.y[:, 0] - fit.simulate(data)).min()
+    assert high < np.degrees(np.ptp(data.y))
+
+
+def test_a_run_that_leaves_the_frame_does_not_flatten_its_error(data):
+    over, under = plots.fitted(data, 1e9 * np.arange(500.0), [-1e9])
+    assert over.get_ylim()[1] < 3 * np.degrees(data.y.max())
+    assert under.get_ylim()[0] >= -np.degrees(np.ptp(data.y)) * 1.01
+
+
+def test_several_channels_have_a_panel_each_and_experiments_a_border():
+    rng = np.random.default_rng(0)
+    wide = sysid.IOData(rng.normal(size=(50, 2)), rng.normal(size=(50, 3)), 0.1)
+    panels = sysid.IOData.merge(wide, wide).plot().axes
+    assert [ax.get_title("left") for ax in panels] == [
+        "(a) input 1",
+        "(b) input 2",
+        "(c) output 1",
+        "(d) output 2",
+        "(e) output 3",
+    ]
+    for k, ax in enumerate(panels):
+        expected = np.tile((np.column_stack([wide.u, wide.y]))[:, k], 2)
+        np.testing.assert_array_equal(ax.lines[0].get_ydata(), expected)
+        assert ax.lines[1].get_xdata()[0] == pytest.approx(5.0)
+
+
+def test_figures_of_growth_and_comparison(growth, things, data):
+    first, second = growth.plot().axes
+    assert [bar.get_width() for bar in first.patches] == [50.0, -10.0]
+    assert [text.get_text() for text in first.get_yticklabels()] == ["Stribeck", "screw's loss"]
+    assert second.patches[0].get_facecolor()[3] == 0.0  # not kept: an empty bar
+    with pytest.raises(sysid.InputError, match="nothing to draw"):
+        replace(growth, steps=()).plot()
+    (bars,) = things["comparison"].plot().axes
+    assert len(bars.patches) == 3
+
+
+def test_a_figure_that_a_model_has_not_is_refused_with_what_it_has(fit, linear, network):
+    with pytest.raises(sysid.InputError, match="unknown figure 'nyquist'; choose one of output, residuals"):
+        fit.plot(what="nyquist")
+    with pytest.raises(sysid.InputError, match="no static map"):
+        linear.plot(what="maps")
+    with pytest.raises(sysid.InputError, match=r"choose one of output, residuals$"):
+        network.plot(what="poles")
+    assert len(network.plot().axes) == 2
+    for call in (network.refine, network.modes, network.noise_model):
+        with pytest.raises(sysid.InputError, match="nonlinear ARX"):
+            call()
+
+
+@pytest.fixture
+def pyplot():
+    import matplotlib.pyplot as plt
+
+    plt.close("all")
+    yield plt
+    plt.close("all")
+
+
+def test_pyplot_finds_a_figure_that_was_asked_for_and_none_of_a_report(pyplot, data, fit, tmp_path):
+    first, second = data.plot(), fit.plot()
+    assert pyplot.get_fignums() == [1, 2]
+    assert pyplot.gcf() is second
+    assert pyplot.figure(1) is first
+    pyplot.close("all")
+    style.png(plots.record(data))
+    fit.report(tmp_path / "fit.html")
+    assert pyplot.get_fignums() == []
+    plots.record(data)
+    assert pyplot.get_fignums() == []
+
+
+def test_without_pyplot_and_in_a_notebook_a_figure_is_its_own_picture(pyplot, data, monkeypatch):
+    before = dict(mpl.rcParams)
+    monkeypatch.setattr(pyplot, "get_backend", lambda: "module://matplotlib_inline.backend_inline")
+    shown = data.plot()
+    assert shown._repr_png_().startswith(PNG)
+    assert pyplot.get_fignums() == []
+    monkeypatch.delitem(sys.modules, "matplotlib.pyplot")
+    alone = data.plot()
+    assert alone._repr_png_().startswith(PNG)
+    assert dict(mpl.rcParams) == before
+    assert "Sheet" in repr(type(pickle.loads(pickle.dumps(alone))))
+
+
+def test_a_window_stays_one_after_its_picture(pyplot, data):
+    figure = data.plot()
+    manager = figure.canvas.manager
+    assert figure._repr_png_().startswith(PNG)
+    assert figure.canvas.manager is manager
+    assert pyplot.get_fignums() == [1]
+
+
+def test_refine_goes_on_from_the_fit(data, fit):
+    rough = np.array([p.value for p in fit.parameters]) * 0.9
+    short = sysid.fit(fit.model, data, search="gradient", start=rough, options=sysid.Options(max_iterations=1))
+    longer = short.refine(search="lm")
+    assert fit.criteria.loss <= longer.criteria.loss * 1.001 < 0.9 * short.criteria.loss
+    assert longer.record is data
+    other = short.refine(data[:300], search="lm")
+    assert other.criteria.N == 300
+    with pytest.raises(sysid.InputError, match="starts from the fit itself"):
+        short.refine(starts=3)
+
+
+def test_a_report_is_one_page_of_this_fit(data, fit, network, tmp_path):
+    other = system("textbook").record(300, 0.05, np.random.default_rng(2))
+    path = fit.report(tmp_path / "fit.html", validation=other)
+    page = path.read_text(encoding="utf-8")
+    assert page.startswith("<!")
+    assert NAME not in page
+    assert f"{fit.fit_percent(other):.2f} %" in page
+    assert "no validation record" not in page
+    assert "Hammerstein-Wiener (nb 2, nf 2, nk 1)" in page
+    again = fit.report(tmp_path / "own.html").read_text(encoding="utf-8")
+    assert "no validation record was given" in again.replace("No", "no")
+    assert "NLARX (na 2" in network.report(tmp_path / "n.html").read_text(encoding="utf-8")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["fit.html", "n.html", "own.html"]
+    with pytest.raises(sysid.InputError, match="does not exist"):
+        fit.report(tmp_path / "nowhere" / "fit.html")
+
+
+def test_a_report_of_a_poor_fit_names_the_call_to_try(data, linear, tmp_path):
+    page = linear.report(tmp_path / "poor.html").read_text(encoding="utf-8")
+    assert "sysid.select(data" in page
+    stopped = replace(linear, stop=replace(linear.stop, converged=False)).remember(data)
+    page = stopped.report(tmp_path / "stopped.html").read_text(encoding="utf-8")
+    assert "fit.refine(options=sysid.Options(max_iterations=500))" in page
+
+
+def test_a_long_card_ends_at_the_edge_of_the_screen():
+    long = card.Card("title", [(str(k), "x") for k in range(100)], call="Next: call()")
+    lines = long.text().splitlines()
+    assert len(lines) <= card.LINES
+    assert lines[-2:] == ["...", "Next: call()"]
+    table = card.Table(("a", "b"), [(str(k), "1") for k in range(30)])
+    assert table.text()[-1] == "  and 18 more"
+    assert "and 18 more" in table.html()
+    folded = card.Card("t", folded=[card.Table(("a",), [(str(k),) for k in range(30)], "all")]).html()
+    assert ">29<" in folded
+
+
+def test_a_class_without_a_module_is_told():
+    from sysid.base.handlers import handler
+
+    class Longer(sysid.IOData):
+        pass
+
+    assert handler(Longer(np.arange(5.0), np.arange(5.0))).__name__ == "sysid.notebook.record"
+    with pytest.raises(TypeError, match="no module for int"):
+        handler(3)
