@@ -18,6 +18,7 @@ from sysid.workflow.evaluation import Evaluation, Setting, check_parts, evaluate
 from sysid.workflow.exports import Exports
 from sysid.workflow.identified import Identification, NextStep
 from sysid.workflow.record import Record
+from sysid.workflow.records import Plan
 
 GOOD = 80.0  # [%] in validation: the limit of `qpal identify`
 NO_VALIDATION = (
@@ -46,7 +47,7 @@ def identified(fit: Fit | NlarxFit, data: IOData, validation: IOData | None) -> 
     evaluation = replace(evaluation, notes=tuple(notes))
     place = Path("memory")
     record = Record(place, data, data.u_name, data.y_name, None, Signals(place, ChannelMap(), data.Ts, (), ()))
-    return Identification(record, 0.5, "none", evaluation, advise(data), next=_next(evaluation))
+    return Identification(record, Plan(detrend="none"), evaluation, advise(data), next=_next(evaluation))
 
 
 def _next(e: Evaluation) -> NextStep | None:

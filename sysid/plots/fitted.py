@@ -11,7 +11,8 @@ from sysid.base import style
 from sysid.base.style import styled
 from sysid.base.units import percent
 from sysid.data.record import IOData
-from sysid.plots._runs import frame, output
+from sysid.plots._departure import departure, frame, frame_all
+from sysid.plots._runs import output
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,8 +24,8 @@ def fitted(
 ) -> list[Axes]:
     """Measured output and free run (N,) or (N, ny), and below it the error of each output.
 
-    `fits` (ny,) are in %; the first `skipped` samples of each experiment give the initial state and are shaded. A run
-    that leaves the frame diverges; it does not flatten the data.
+    `fits` (ny,) are in %; the first `skipped` samples of each experiment give the initial state and are shaded. Where a
+    run leaves the data far, the axis is linear over the data and logarithmic beyond.
     """
     y, ny = output(data), data.y.shape[1]
     rows = style.panels(axes, 2 * ny, height=0.6 + 3.4 * ny, sharex=True)
@@ -37,22 +38,16 @@ def fitted(
         style.line(over, data.t, measured, color=style.INK, label="measured")
         style.line(over, data.t, model, color=style.MODEL, label=f"free run, fit {percent(fits[j])}")
         style.line(under, data.t, error, color=style.SECOND, linewidth=0.9, label="measured minus free run")
-        over.set(title=f"output{name}", ylabel=y.label, ylim=frame(measured, model))
-        under.set(title=f"error{name}", ylabel=y.label, ylim=_around(error, float(np.ptp(measured))))
+        over.set(title=f"output{name}", ylabel=y.label)
+        frame_all(over, measured, model)
+        under.set(title=f"error{name}", ylabel=y.label)
+        under.set_ylim(frame(error)) if departure(measured, model) is None else frame_all(under, measured, error)
         for ax in (over, under):
             ax.margins(x=0.005)
             _shade_starts(ax, data, skipped)
         style.legend(over)
     rows[-1].set(xlabel="time [s]")
     return rows
-
-
-def _around(error: np.ndarray, span: float) -> tuple[float, float]:
-    """Limits that hold the error, but no more than the span of the data to either side."""
-    finite = error[np.isfinite(error)]
-    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (-span, span)
-    air = 0.08 * max(high - low, 1e-3 * span, 1e-300)
-    return max(low - air, -span or -1.0), min(high + air, span or 1.0)
 
 
 def _shade_starts(ax: Axes, data: IOData, skipped: int) -> None:
