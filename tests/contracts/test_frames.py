@@ -84,6 +84,13 @@ def test_the_index_gives_the_sampling_time(index):
     assert data.u.shape == (20, 2)
 
 
+@pytest.mark.parametrize("Ts", [0.1, 0.07, 0.013, 1 / 3, 1e-4])
+def test_the_sampling_time_of_a_table_is_the_number_that_it_was(Ts):
+    data = sysid.IOData(np.arange(48.0), np.arange(48.0), Ts)
+    assert sysid.IOData.from_pandas(data.to_pandas(), "u", "y").Ts == pytest.approx(Ts, rel=1e-11)
+    assert Ts == 1 / 3 or sysid.IOData.from_pandas(data.to_pandas(), "u", "y").Ts == Ts
+
+
 def test_tables_that_are_no_record_are_refused_in_a_sentence():
     table = pandas.DataFrame({"a": np.arange(6.0), "b": np.arange(6.0), "t": list("abcdef")})
     with pytest.raises(sysid.InputError, match="no times; give Ts, the sampling time in seconds, or set the times"):
@@ -108,7 +115,14 @@ def test_a_missing_library_is_told_with_the_command_that_installs_it(data, name,
 
 
 def test_two_ranges_with_a_border_in_common_share_no_sample(data):
-    for border in (0.3, 0.7, 2.0, 2.05, 5.79):  # 0.3 / 0.1 is a little less than 3 in floating point
+    for border in (
+        0.3,
+        0.7,
+        1.1,
+        2.0,
+        2.05,
+        5.79,
+    ):  # 0.3 / 0.1 is a little less than 3 in floating point, 1.1 / 0.1 more
         first, last = data.between(0.0, border), data.between(border)
         np.testing.assert_array_equal(np.concatenate([first.u, last.u]), data.u)
         assert sum(data.t < border - 1e-9) == first.N

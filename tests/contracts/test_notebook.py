@@ -14,6 +14,7 @@ import sysid
 from sysid import plots
 from sysid.base import card, style
 from sysid.data.preprocess import detrend
+from sysid.notebook.page import identified
 from sysid.systems import system
 
 mpl.use("Agg")
@@ -332,20 +333,20 @@ def test_a_report_is_one_page_of_this_fit(data, fit, network, tmp_path):
     assert f"{fit.fit_percent(other):.2f} %" in page
     assert "no validation record" not in page
     assert "Hammerstein-Wiener (nb 2, nf 2, nk 1)" in page
-    again = fit.report(tmp_path / "own.html").read_text(encoding="utf-8")
-    assert "no validation record was given" in again.replace("No", "no")
+    assert "no validation record was given" in identified(fit, data, None).evaluation.notes[0]
     assert "NLARX (na 2" in network.report(tmp_path / "n.html").read_text(encoding="utf-8")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["fit.html", "n.html", "own.html"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["fit.html", "n.html"]
     with pytest.raises(sysid.InputError, match="does not exist"):
         fit.report(tmp_path / "nowhere" / "fit.html")
 
 
-def test_a_report_of_a_poor_fit_names_the_call_to_try(data, linear, tmp_path):
-    page = linear.report(tmp_path / "poor.html").read_text(encoding="utf-8")
-    assert "sysid.select(data" in page
-    stopped = replace(linear, stop=replace(linear.stop, converged=False)).remember(data)
-    page = stopped.report(tmp_path / "stopped.html").read_text(encoding="utf-8")
-    assert "fit.refine(options=sysid.Options(max_iterations=500))" in page
+def test_a_report_of_a_poor_fit_names_the_call_to_try_and_it_exists(data, fit, linear):
+    assert identified(fit, data, None).next is None
+    assert identified(linear, data, None).next.command == "sysid.select(data, seconds=120).fit"
+    stopped = replace(linear, stop=replace(linear.stop, converged=False))
+    command = identified(stopped, data, None).next.command
+    assert command == "fit.refine(options=sysid.Options(max_iterations=500))"
+    assert eval(command, {"fit": stopped.remember(data), "sysid": sysid}).stop.converged
 
 
 def test_a_long_card_ends_at_the_edge_of_the_screen():
@@ -358,6 +359,13 @@ def test_a_long_card_ends_at_the_edge_of_the_screen():
     assert "and 18 more" in table.html()
     folded = card.Card("t", folded=[card.Table(("a",), [(str(k),) for k in range(30)], "all")]).html()
     assert ">29<" in folded
+
+
+def test_no_text_of_a_card_is_markup():
+    table = card.Table(("<i>", "<i>"), [("<i>", "<i>")], "<i>")
+    made = card.Card("<i>", [("<i>", "<i>")], [table], ["<i>"], [table]).html()
+    assert "<i>" not in made
+    assert made.count("&lt;i&gt;") == 4 + 5 + 5
 
 
 def test_a_class_without_a_module_is_told():

@@ -80,6 +80,9 @@ def test_what_has_no_continuous_form_is_refused_with_what_to_do():
     wide = sysid.fit(sysid.structures.output_error(nb=3, nf=1, nk=1), more_zeros.record, search="lm")
     with pytest.raises(sysid.InputError, match="pole at z = 0 that is no delay"):
         linear.d2c(wide)
+    one_more = sysid.fit(sysid.structures.output_error(nb=2, nf=1, nk=1), more_zeros.record, search="lm", starts=1)
+    with pytest.raises(sysid.InputError, match="pole at z = 0 that is no delay"):
+        linear.d2c(one_more)
     assert np.isfinite(linear.d2c(wide, method="tustin").G(1.0))
     late = fitted(*sampled(*SECOND, TS), nk=2)
     with pytest.raises(sysid.InputError, match=r"delay of 0\.1 s is 0\.333333 samples of 0\.3 s"):
@@ -150,6 +153,20 @@ def test_coloured_residuals_widen_the_deviations_and_are_told():
     assert white.white
     assert "white" in str(plain)
     assert "coloured:" not in str(plain)
+
+
+def test_the_noise_is_what_no_parameter_can_follow(monkeypatch):
+    """The directions that the fit took out are those of the residuals' own samples."""
+    fit, seen = fitted([0.3, 0.1], [1.0, -1.5, 0.7], nk=1, noise=0.05), {}
+    inner = linear.noise.autoregression
+    monkeypatch.setattr(linear.noise, "autoregression", lambda e, V, n: seen.update(e=e, V=V, n=n) or inner(e, V, n))
+    fit.noise_model()
+    V, J = seen["V"], fit.model.tangent(fit.theta, fit.record.u[:, 0])[1][fit.n_init :]
+    assert sum(seen["n"]) == len(seen["e"]) == len(V) == fit.record.N - fit.n_init
+    np.testing.assert_allclose(V.T @ V, np.eye(V.shape[1]), atol=1e-9)
+    np.testing.assert_allclose(V @ (V.T @ J), J, atol=1e-6 * np.abs(J).max())
+    fit.noise_model(fit.record[:300])
+    assert seen["V"].shape[1] == 0  # of another record nothing was taken out
 
 
 def test_two_coefficients_of_noise_are_found():
