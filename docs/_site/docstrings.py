@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-
 CODE = re.compile(r"`([^`]+)`")
 MARKS = re.compile(r"([*|\\]|(?<=\w)_(?=\W|$))")  # what reStructuredText would take for its own marks
 UNDERLINE = re.compile(r"^\s*[-=~]{3,}\s*$", re.MULTILINE)
