@@ -1,15 +1,15 @@
 """Docstrings of this project are plain text with `code` in single quotes: here they become reStructuredText."""
 
 import re
+import textwrap
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-
 CODE = re.compile(r"`([^`]+)`")
 MARKS = re.compile(r"([*|\\]|(?<=\w)_(?=\W|$))")  # what reStructuredText would take for its own marks
-
+UNDERLINE = re.compile(r"^\s*[-=~]{3,}\s*$", re.MULTILINE)
 SIGNATURE = (
     (re.compile(r"~[\w.]+\.(\w+)"), r"\1"),
     (re.compile(r"Annotated\[(\w+), [^\]]*\]"), r"\1"),
@@ -30,8 +30,28 @@ def _convert(app, what, name, found, options, lines: list[str]) -> None:
 
 
 def _paragraph(text: str) -> str:
-    """An indented paragraph is an example."""
-    return f"::\n\n{text}" if text.startswith("    ") else restructured(text)
+    """An indented paragraph is an example; one that is no reStructuredText is shown as it is written."""
+    marked = restructured(text)
+    if text.startswith("    ") or not _parses(marked):
+        return "::\n\n" + textwrap.indent(textwrap.dedent(text), "    ")
+    return marked
+
+
+def _parses(text: str) -> bool:
+    from docutils.frontend import get_default_settings  # here, so that tests can use this file without docutils
+    from docutils.parsers.rst import Parser
+    from docutils.utils import SystemMessage, new_document
+
+    if UNDERLINE.search(text):  # a heading, for which there is no place within a description
+        return False
+    settings = get_default_settings(Parser)
+    settings.report_level = settings.halt_level = 2  # what Sphinx would warn of
+    settings.warning_stream = False
+    try:
+        Parser().parse(text, new_document("docstring", settings))
+    except SystemMessage:
+        return False
+    return True
 
 
 def _signature(app, what, name, found, options, signature: str | None, returned: str | None):
