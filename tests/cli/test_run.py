@@ -197,7 +197,10 @@ def test_a_model_that_does_not_follow_names_the_next_command(place, capsys, monk
     other[:, 1] += 4.0
     other[:, 2] = 80.0 - other[:, 2]
     write(tmp_path / "other.csv", other)
-    found = summary_of(["run", "fit/model.json", str(tmp_path / "other.csv"), "--out", "other"], capsys)
+    arguments = ["run", "fit/model.json", str(tmp_path / "other.csv"), "--horizon", "1", "--out", "other"]
+    found = summary_of(arguments, capsys)
+    if found["prediction"]["fit_percent"] < found["prediction"]["fit_percent_of_the_last_output_held"]:
+        assert "the model does not help to predict here" in (place / "other" / "report.html").read_text()
     assert any("which the estimation data cover: the model extrapolates" in note for note in found["notes"])
     assert any("do not come from the same plant" in note for note in found["notes"])
     words = found["next"]["command"].split()
