@@ -69,6 +69,11 @@ def sentences(result: ModelRun) -> list[str]:
             f"Predicted {a.horizon} sample(s) ahead from measured outputs: {percent(float(np.mean(a.percents)))}; "
             f"the last measured output held gives {percent(float(np.mean(a.held)))}."
         )
+        if np.mean(a.percents) < np.mean(a.held):
+            said.append(
+                "So the model does not help to predict here: its residuals on this record are not those of its "
+                "estimation data."
+            )
     said += [tests_in_words(result)] if result.tests is not None else []
     said += [f"Note: {note}." for note in result.notes]
     return said + ([result.next.sentence()] if result.next is not None else [])

@@ -45,6 +45,11 @@ def sentences(result: Models) -> list[str]:
     """Which model is best, whether a smaller one does as well, and what to know of each."""
     best, smaller = result.best, result.smaller
     said = [f"{best.model.name} follows the record best: {percent(best.percent)} in free run."]
+    if not best.percent > 0.0:
+        said = [
+            f"No model follows the record: none is better than the mean of the output; the least bad is "
+            f"{best.model.name} with {percent(best.percent)} in free run."
+        ]
     if smaller is not None:
         said.append(
             f"{smaller.model.name} is within {CLOSE:g} points of it ({percent(smaller.percent)}) with "
@@ -60,7 +65,7 @@ def sentences(result: Models) -> list[str]:
     said += [f"Note: {note}." for note in result.notes]
     for run in result.runs:
         said += [f"Note on {run.model.name}: {note}." for note in run.notes if note not in result.notes]
-    return said
+    return said + ([best.next.sentence()] if best.next is not None else [])
 
 
 def tables(result: Models) -> list[Grid]:
@@ -70,7 +75,7 @@ def tables(result: Models) -> list[Grid]:
         fit, was = run.model.fit, run.model.estimation
         rows.append(
             (
-                "best" if run is result.best else "",
+                "best" if run is result.best and run.percent > 0.0 else "",
                 run.model.name,
                 fit.model.structure.replace("_", " "),
                 ",".join(map(str, run.model.as_dict()["orders"].values())) or "–",

@@ -141,17 +141,16 @@ def write_outputs(result: ModelRun, path: Any) -> None:
     columns: dict[str, np.ndarray] = {"time_s": data.t}
     columns |= _named(data.u, data.u_name or "u", data.u_unit)
     columns |= _named(data.y, data.y_name or "y", data.y_unit)
-    columns |= _named(result.output, f"{data.y_name or 'y'}_free_run", data.y_unit)
+    columns |= _named(result.output, data.y_name or "y", data.y_unit, "_free_run")
     if result.ahead is not None:
-        name = f"{data.y_name or 'y'}_ahead_{result.ahead.horizon}"
-        columns |= _named(result.ahead.output, name, data.y_unit)
+        columns |= _named(result.ahead.output, data.y_name or "y", data.y_unit, f"_ahead_{result.ahead.horizon}")
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     text = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
     write_text(path, "\n".join(text) + "\n")
 
 
-def _named(values: np.ndarray, name: str, unit: str) -> dict[str, np.ndarray]:
-    end = f"_{unit}" if unit.isalpha() else ""
+def _named(values: np.ndarray, name: str, unit: str, what: str = "") -> dict[str, np.ndarray]:
+    end = what + (f"_{unit}" if unit.isalpha() else "")
     many = values.shape[1] > 1
     return {f"{name}{j + 1 if many else ''}{end}": column for j, column in enumerate(values.T)}
 

@@ -51,6 +51,7 @@ class Models:
                 for run in self.runs
             ],
             "notes": list(self.notes),
+            "next": vars(self.best.next) if self.best.next else None,
             "versions": versions(),
         }
 

@@ -110,6 +110,7 @@ def data_for(fit: AnyFit, record: Record, reading: Reading) -> tuple[IOData, tup
     if recipe is not None and recipe.zero:  # its angles count on over turns
         record = without_wraps(record)
     data, notes = record.data, list(record.notes)
+    _check_channels(fit, record)
     _check_units(fit, record)
     if abs(data.Ts - fit.Ts) > 1e-6 * fit.Ts:
         if not reading.resampled:
@@ -129,11 +130,17 @@ def data_for(fit: AnyFit, record: Record, reading: Reading) -> tuple[IOData, tup
             "the model's file does not say which offsets were removed from its estimation data (an earlier version "
             f"saved it), so it runs on the record as it is{what}"
         )
-    try:
-        fit.own_level(data)
-    except InputError as error:
-        raise InputError(f"{record.path}: {error}") from None
     return data, tuple(notes)
+
+
+def _check_channels(fit: AnyFit, record: Record) -> None:
+    wanted = (1, 1) if isinstance(fit, NlarxFit) else fit.model.channels
+    for role, n, values in (("input", wanted[0], record.data.u), ("output", wanted[1], record.data.y)):
+        if values.shape[1] != n:
+            raise InputError(
+                f"{record.path}: {values.shape[1]} {role}(s) are read and the model has {n}; name as many columns with "
+                f"--{role}, or in a mapping with --map"
+            )
 
 
 def _check_units(fit: AnyFit, record: Record) -> None:
@@ -173,7 +180,7 @@ def remarks(fit: AnyFit, data: IOData) -> list[str]:
 
 def fell(before: float | None, now: float, most: float = 10.0) -> str | None:
     """A sentence where the fit [%] is far below that of the estimation data; None where it is not, or not known."""
-    if before is None or not before - now > most:
+    if before is None or not np.isfinite(now) or before - now <= most:
         return None
     return (
         f"the fit on the estimation data was {percent(before)}: this record shows what those data did not, or the two "

@@ -1,6 +1,7 @@
 """`qpal models`: several saved models on one record."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -99,6 +100,44 @@ def test_models_of_one_name_keep_their_folders(folder, monkeypatch, capsys):
         (folder / name / "model.json").write_text((folder / "linear.json").read_text())
     assert main(["models", "a/model.json", "b/model.json", "new.csv", "--ts", "0.1", "--out", "same", "--json"]) == 0
     assert {row["name"] for row in json.loads(capsys.readouterr().out)["models"]} == {"a/model", "b/model"}
+
+
+def test_where_no_model_follows_none_is_called_best(folder, monkeypatch, capsys, tmp_path):
+    """The plant turned round: every model is worse than the mean, and the next command is named."""
+    monkeypatch.chdir(folder)
+    other = record(seed=1)
+    lines = [f"{a!r},{b!r}" for a, b in zip(other.u[:, 0].tolist(), (600.0 - other.y[:, 0]).tolist(), strict=True)]
+    (tmp_path / "turned.csv").write_text("u,y\n" + "\n".join(lines) + "\n")
+    command = ["models", "linear.json", "clipped.json", str(tmp_path / "turned.csv"), "--ts", "0.1", "--out", "turned"]
+    assert main(command) == 0
+    said = capsys.readouterr().out
+    assert "No model follows the record" in said
+    assert not [line for line in said.splitlines() if line.strip().startswith("best ")]
+    assert "Next: this model does not follow the record; fit one to it; try: qpal identify" in said
+
+
+def test_a_network_that_diverges_is_told_so(folder, monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(folder)
+    fit = sysid.fit(sysid.structures.nlarx(1, 1, 1, units=0), deviations(), starts=1)
+    theta = fit.theta.copy()
+    theta[1] = 1.6  # dy/dy(t-1)
+    replace(fit, theta=theta).save(tmp_path / "wild.json")
+    command = [
+        "models",
+        str(tmp_path / "wild.json"),
+        "linear.json",
+        "new.csv",
+        "--ts",
+        "0.1",
+        "--out",
+        "wild",
+        "--json",
+    ]
+    assert main(command) == 0
+    rows = json.loads(capsys.readouterr().out)["models"]
+    assert [row["name"] for row in rows] == ["linear", "wild"]
+    assert rows[1]["fit_percent"] is None
+    assert any("the free run diverges" in note for note in rows[1]["notes"])
 
 
 @pytest.mark.parametrize(

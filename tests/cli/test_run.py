@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 import sysid
+from sysid.base.json_values import plain
+from sysid.data.preprocess import detrend
 from sysid.workflow.identification import identify_file
+from sysid.workflow.model_run import run_file
+from sysid.workflow.saved import Reading
 from twin.cli import main
 
 STRUCTURES = {
@@ -75,12 +79,11 @@ def test_a_model_of_half_a_record_runs_on_the_raw_other_half(place, capsys, monk
     ],
     ids=["none", "sign of u", "no y", "no u"],
 )
-def test_wrong_offsets_show(place, change, capsys, monkeypatch, tmp_path):
+def test_wrong_offsets_show(place, change, monkeypatch, tmp_path):
     monkeypatch.chdir(place)
-    capsys.readouterr()
     document = json.loads((place / "fit" / "model.json").read_text())
     (tmp_path / "wrong.json").write_text(json.dumps(document | change))
-    found = summary_of(["run", str(tmp_path / "wrong.json"), "second.csv", "--out", "wrong"], capsys)
+    found = plain(run_file(str(tmp_path / "wrong.json"), Reading("second.csv")).as_dict())
     right = json.loads((place / "fit" / "summary.json").read_text())["fit_percent"]["validation"]
     assert not (found["fit_percent"]["free_run"] or -math.inf) > right - 5.0
     unknown = [note for note in found["notes"] if "does not say which offsets" in note]
@@ -152,6 +155,30 @@ def test_what_does_not_belong_together_is_a_sentence(place, capsys, monkeypatch,
     assert "second.csv" in refused(["run", "second.csv", model], capsys)
 
 
+def test_a_model_of_two_inputs_and_outputs_runs_by_a_mapping(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(0)
+    u, y = np.repeat(rng.uniform(1.0, 3.0, (40, 2)), 5, axis=0), np.zeros((200, 2))
+    for t in range(1, 200):
+        y[t] = 0.8 * y[t - 1, 0] + u[t - 1, 0] + 0.3 * u[t - 1, 1], 0.6 * y[t - 1, 1] + 0.5 * u[t - 1, 1]
+    y += 10.0 + 0.02 * rng.standard_normal(y.shape)
+    data = sysid.IOData(u, y, 0.1)
+    model = sysid.structures.output_error(1, 1, 1, nu=2, ny=2)
+    fit = sysid.fit(model, detrend(data), search="lm", starts=1)
+    fit.save("two.json")
+    write(tmp_path / "two.csv", np.column_stack([0.1 * np.arange(200), u, y]), "time_s,a,b,c,d")
+    roles = "".join(
+        f'[[{role}]]\ncolumn="{c}"\n' for role, c in zip(["input"] * 2 + ["output"] * 2, "abcd", strict=True)
+    )
+    (tmp_path / "two.toml").write_text('[clock]\ncolumn="time_s"\nunit="s"\n' + roles)
+    found = summary_of(["run", "two.json", "two.csv", "--map", "two.toml", "--horizon", "2", "--out", "run"], capsys)
+    np.testing.assert_allclose(found["fit_percent"]["outputs"], fit.fit_percents(data), atol=1e-6)
+    head = (tmp_path / "run" / "simulated.csv").read_text().splitlines()[0]
+    assert head == "time_s,u1,u2,y1,y2,y1_free_run,y2_free_run,y1_ahead_2,y2_ahead_2"
+    said = refused(["run", "two.json", "two.csv", "--input", "a", "--output", "c", "--time", "time_s"], capsys)
+    assert "1 input(s) are read and the model has 2; name as many columns with --input" in said
+
+
 def test_a_record_of_another_rate_can_be_resampled(place, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(place)
     capsys.readouterr()
@@ -170,7 +197,10 @@ def test_a_model_that_does_not_follow_names_the_next_command(place, capsys, monk
     other[:, 1] += 4.0
     other[:, 2] = 80.0 - other[:, 2]
     write(tmp_path / "other.csv", other)
-    found = summary_of(["run", "fit/model.json", str(tmp_path / "other.csv"), "--out", "other"], capsys)
+    arguments = ["run", "fit/model.json", str(tmp_path / "other.csv"), "--horizon", "1", "--out", "other"]
+    found = summary_of(arguments, capsys)
+    if found["prediction"]["fit_percent"] < found["prediction"]["fit_percent_of_the_last_output_held"]:
+        assert "the model does not help to predict here" in (place / "other" / "report.html").read_text()
     assert any("which the estimation data cover: the model extrapolates" in note for note in found["notes"])
     assert any("do not come from the same plant" in note for note in found["notes"])
     words = found["next"]["command"].split()
