@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid.data.trends import steady_level
-from sysid.structures import HammersteinWiener, NonlinearArx, OutputError, Wiener
+from sysid.structures import HammersteinWiener, OutputError, Wiener
 from sysid.workflow.held import Held, read_start, settings_of
 from sysid.workflow.identification import identify_file
 from sysid.workflow.next_step import command
@@ -119,7 +119,7 @@ def test_a_saved_fit_continues_and_a_whole_block_keeps_its_values(logs):
 
 def test_a_start_that_does_not_fit_is_refused(logs, capsys):
     identified("plain", **RAW).evaluation.fit.save("linear.json")
-    identified("bent", NonlinearArx(2, 2, 1)).evaluation.fit.save("narx.json")
+    sysid.fit(sysid.structures.nlarx(2, 2, 1, units=4), read_record("bent.csv").data, starts=1).save("narx.json")
     assert "filters of nb,nf,nk 2,2,1" in refused("plain.csv --from linear.json --orders 2,3,1", capsys)
     assert "--starts and --from" in refused("plain.csv --from linear.json --starts 3", capsys)
     assert "cannot start a fit" in refused("plain.csv --from narx.json", capsys)

@@ -1,0 +1,52 @@
+"""docs/identify.md: its records are made, its commands run and find the plant that the page speaks of."""
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.cli import main
+
+PAGE = (Path(__file__).parents[2] / "docs" / "identify.md").read_text(encoding="utf-8")
+RECORDS, PYTHON = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.DOTALL | re.MULTILINE)
+COMMANDS = re.findall(r"^qpal (identify .*)$", PAGE, flags=re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("page")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(made)
+        exec(RECORDS, {})
+        yield made
+
+
+def test_every_command_runs_and_says_what_the_page_says(folder, capsys):
+    found = []
+    for k, line in enumerate(COMMANDS):
+        words = shlex.split(line)
+        out = [] if "--out" in words else ["--out", f"run{k}"]
+        assert main([*words, *out, "--json"]) == 0, capsys.readouterr().err
+        found.append(json.loads(capsys.readouterr().out))
+    files, channels, part, known, linear, wiener, held = found
+    np.testing.assert_allclose(sorted(pole["re"] for pole in files["poles"]), [0.6, 0.9], atol=0.02)
+    assert files["read"]["validation"]["file"] == "friday.csv"
+    assert set(channels["fit_percent"]["outputs"]) == {"level", "flow"}
+    assert part["read"]["Ts"] == 0.2
+    values = {p["name"]: p["value"] for p in known["parameters"]}
+    assert values["linear.f1"] == -1.5
+    assert values["linear.f2"] == pytest.approx(0.54, abs=0.01)
+    assert min(wiener["fit_percent"]["estimation"], held["fit_percent"]["estimation"]) > 95.0
+    assert linear["fit_percent"]["estimation"] < 90.0
+    filters = [[p["value"] for p in each["parameters"][:4]] for each in (linear, held)]
+    assert filters[0] == filters[1]
+
+
+def test_the_python_does_the_same(folder, capsys):
+    exec(PYTHON, {})
+    said = capsys.readouterr().out.splitlines()
+    assert len(said) == 4
+    assert said[0] == "data = sysid.data.preparation.between(data, 1.0, 20.0)"
