@@ -12,6 +12,7 @@ from sysid.base.units import shown
 from sysid.base.versions import versions
 from sysid.joint.design import Design
 from sysid.joint.values import JointValue
+from sysid.report import zoom
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.report.sections import WORDS, decimals, told_once, value_cells
 from sysid.workflow.design import Proposal
@@ -30,12 +31,13 @@ def page(result: Proposal, file: str) -> Page:
         "Input, and the output that the first fit predicts. The bands are the parts of the experiment. The position of "
         "the real joint may differ, so before every slow part the input drives it to an end, if one is known."
     )
+    drawn = Picture("experiment", style.png(draw(d)), caption, zoomed(d))
     return Page(
         "The next experiment",
         f"{', '.join(d.targets)}; designed on {result.record.path.name}",
         sentences(result, file),
         [
-            Section("Experiment", tables=[phases(d)], pictures=[Picture("experiment", style.png(draw(d)), caption)]),
+            Section("Experiment", tables=[phases(d)], pictures=[drawn]),
             Section("What it would tell", tables=[values(d)]),
         ],
         versions(),
@@ -89,6 +91,25 @@ def _half(value: JointValue | None, otherwise: str) -> str:
         return otherwise
     half = 0.5 * (value.high - value.low) * shown(value.name, value.unit).factor
     return f"± {half:.{decimals(half)}f}"
+
+
+def zoomed(d: Design) -> zoom.Figure:
+    """Input and predicted output to zoom, with the parts as bands."""
+    panels = [
+        zoom.Panel(shown("input u", d.units[0]), d.u, "input", style.INPUT, steps=True),
+        zoom.Panel(shown("predicted y", d.units[1]), d.y, "predicted output", style.MODEL),
+    ]
+    figure = zoom.stack(np.arange(len(d.u)) * d.Ts, panels)
+    names = list(dict.fromkeys(p.name for p in d.phases))
+    for p in d.phases:
+        colour = COLOURS[names.index(p.name) % len(COLOURS)]
+        area = {"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "x0": p.start * d.Ts, "x1": p.stop * d.Ts}
+        look = {"fillcolor": colour, "opacity": 0.15, "line": {"width": 0}, "layer": "below"}
+        figure["layout"]["shapes"].append(area | look)
+        if p is d.phases[names.index(p.name)]:  # a name for the legend, which a shape has not
+            key = {"type": "scatter", "mode": "markers", "x": [None], "y": [None], "name": p.name, "opacity": 0.4}
+            figure["data"].append(key | {"marker": {"symbol": "square", "size": 12, "color": colour}})
+    return figure
 
 
 @styled

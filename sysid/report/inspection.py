@@ -11,7 +11,8 @@ from sysid.base import style
 from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.base.versions import versions
-from sysid.channels.signals import Signals
+from sysid.channels.signals import Signal, Signals
+from sysid.report import zoom
 from sysid.report.page import Grid, Listing, Page, Picture, Section
 from sysid.workflow.inspection import Inspection, sampling_facts
 
@@ -114,17 +115,31 @@ def pictures(signals: Signals) -> list[Picture]:
     filled = int(signals.missing.sum())
     caption = "The channels as they are used, in SI (angles in degrees)."
     caption += f" Marked: {filled} samples that were filled." if filled else ""
-    found = [Picture("channels", style.png(channels(signals)), caption)]
+    found = [Picture("channels", style.png(channels(signals)), caption, zoomed(signals))]
     if len(signals.sampling.steps):
         words = "How often each step between time stamps occurs; the dashed line is the sampling time of the record."
         found.append(Picture("steps", style.png(steps(signals)), words))
     return found
 
 
+def _chosen(signals: Signals) -> list[tuple[str, Signal]]:
+    """The channels that are shown, with their roles."""
+    return [(role, s) for role in ("input", "output", "other") for s in getattr(signals, role)][:MOST_PANELS]
+
+
+def zoomed(signals: Signals) -> zoom.Figure:
+    """The channels to zoom."""
+    panels = [
+        zoom.Panel(shown(s.name, s.unit), s.values, role, COLOURS.get(role, style.SECOND), role == "input")
+        for role, s in _chosen(signals)
+    ]
+    return zoom.stack(signals.t, panels, signals.missing)
+
+
 @styled
 def channels(signals: Signals) -> list[Axes]:
     """Every input and output over time, with filled samples marked."""
-    chosen = [(role, s) for role in ("input", "output", "other") for s in getattr(signals, role)][:MOST_PANELS]
+    chosen = _chosen(signals)
     panels = style.panels(None, len(chosen), height=0.6 + 1.5 * len(chosen), sharex=True)
     for k, (axes, (role, signal)) in enumerate(zip(panels, chosen, strict=True)):
         quantity = shown(signal.name, signal.unit)

@@ -169,7 +169,7 @@ def _template() -> "Template":
     return environment.from_string(source)
 
 
-_COMMAND = re.compile(r"(.*(?:Next|try): )(qpal \S.*)", re.DOTALL)
+_COMMAND = re.compile(r"(.*(?:Next|try|record): )(qpal \S.*?)(\.?)", re.DOTALL)
 
 
 def _commands(sentence: str) -> "Markup":
@@ -179,9 +179,9 @@ def _commands(sentence: str) -> "Markup":
     found = _COMMAND.fullmatch(sentence)
     if found is None:
         return escape(sentence)
-    before, command = found.groups()
+    before, command, stop = found.groups()
     words = Markup(" ").join(Markup("<span>{}</span>").format(word) for word in command.split())
-    return escape(before) + Markup("<code>{}</code>").format(words)
+    return escape(before) + Markup("<code>{}</code>").format(words) + stop
 
 
 def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:

@@ -13,6 +13,7 @@ from plotly import graph_objects
 
 import sysid
 from sysid.base import style
+from sysid.base.units import shown
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import residual_tests
 from sysid.joint.growth import Growth
@@ -81,6 +82,7 @@ def figures(data, fit, evaluation):
         "record": zoom.record(data),
         "parts": zoom.parts(evaluation.estimation, evaluation.validation),
         "lines": zoom.lines(data.t, {"error": data.y[:, 0]}, "error", "rad"),
+        "stack": zoom.stack(data.t, [zoom.Panel(shown("angle", "rad"), data.y[:, 0], "output")], data.t > 59.0),
         "free_run": zoom.free_run(evaluation),
         "one_step": zoom.one_step(evaluation),
         "runs": zoom.runs(data, {"a": data.y, "b": 2 * data.y[:, 0]}),
@@ -138,6 +140,13 @@ def test_lines_are_the_data_in_display_units(figures, data, evaluation):
     error = numbers(trace(figures["free_run"], "free run", "y2")["y"])
     measured = numbers(trace(figures["free_run"], "measured", "y")["y"])
     np.testing.assert_allclose(error, measured - run)
+
+
+def test_marked_samples_stand_on_their_line(figures, data):
+    line, dots = figures["stack"]["data"]
+    np.testing.assert_allclose(numbers(line["y"]), data.y[:, 0] * DEG)
+    assert (dots["mode"], dots["name"]) == ("markers", "filled")
+    np.testing.assert_allclose(numbers(dots["y"]), data.y[data.t > 59.0, 0] * DEG)
 
 
 def test_panels_share_one_time_axis_and_the_legend_hides_a_model_in_all(figures):
@@ -264,7 +273,12 @@ def test_roots_tell_their_meaning(figures):
     (text,) = pole["hovertext"]
     assert f"time constant {-0.1 / np.log(z):.4g}"[:18] in text
     assert re.search(r"natural frequency \S+ rad/s ± \S+ \(std\)", text)
-    assert "damping ratio" in text
+    assert "damping ratio 1.00" in text  # a real pole does not swing
+    (zeros,) = [t for t in figures["poles_zeros"]["data"] if t["name"] == "zero" and t["mode"] == "markers"]
+    s = np.log(0.3 + 0.2j) / 0.1
+    for swing in zeros["hovertext"]:
+        assert f"natural frequency {abs(s):.2f} rad/s" in swing
+        assert f"damping ratio {-s.real / abs(s):.3f}" in swing
     assert "standard deviation of z" in text
     low, high = figures["poles_zeros"]["layout"]["xaxis"]["range"]
     assert low < -1 < 1 < high

@@ -5,6 +5,7 @@
 | `record(data)` | inputs over outputs of an IOData, as recorded |
 | `parts(estimation, validation)` | both parts of a record as a fit uses them |
 | `lines(t, {name: y}, label, unit)` | signals of one kind over time in one panel |
+| `stack(t, [Panel(quantity, values)])` | any signals over one time axis, one panel each |
 | `free_run(evaluation)` | measured outputs, free run, errors and inputs over both parts |
 | `one_step(evaluation)` | the same for the one-step-ahead prediction of a nonlinear ARX model |
 | `runs(data, {name: y})` | measured outputs and the outputs (N,) or (N, ny) of several models, errors and inputs |
@@ -25,7 +26,7 @@ from sysid.report.embed import DRAW, element, script
 from sysid.report.zoom._parts import BOUND, Figure
 from sysid.report.zoom.joint import growth, values
 from sysid.report.zoom.maps import static_maps
-from sysid.report.zoom.records import lines, parts, record
+from sysid.report.zoom.records import Panel, lines, parts, record, stack
 from sysid.report.zoom.residuals import residual_tests
 from sysid.report.zoom.responses import bode, step
 from sysid.report.zoom.roots import poles_zeros
@@ -35,6 +36,7 @@ __all__ = [
     "BOUND",
     "DRAW",
     "Figure",
+    "Panel",
     "bode",
     "element",
     "free_run",
@@ -47,6 +49,7 @@ __all__ = [
     "residual_tests",
     "runs",
     "script",
+    "stack",
     "static_maps",
     "step",
     "values",

@@ -1,6 +1,7 @@
 """A record over time: inputs over outputs with one time axis; as recorded, or split into the two parts of a fit."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -67,3 +68,27 @@ def _line(
     values = parts_of.times(values, quantity.factor)
     options = {"row": k, "lengths": data.lengths, "steps": k < nu, "legend": legend}
     return parts_of.line(start + data.t, values, name, colour, quantity.unit, **options)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Values (N,) in the stored unit of `quantity`, with a title; `steps` for a value that is held between samples."""
+
+    quantity: Quantity
+    values: np.ndarray
+    title: str = ""
+    colour: str = style.INK
+    steps: bool = False
+
+
+def stack(t: np.ndarray, panels: Sequence[Panel], marked: np.ndarray | None = None, mark: str = "filled") -> Figure:
+    """Any signals over one time axis t (N,) [s], one panel each; samples `marked` (N,) get a dot named `mark`."""
+    traces = list[Trace]()
+    for k, panel in enumerate(panels):
+        values, unit = parts_of.times(panel.values, panel.quantity.factor), panel.quantity.unit
+        name = panel.quantity.name
+        traces.append(parts_of.line(t, values, name, panel.colour, unit, k, steps=panel.steps, legend=False))
+        if marked is not None and marked.any():
+            dots = parts_of.line(t[marked], values[marked], mark, style.MODEL, unit, k, legend=k == 0)
+            traces.append(dots | {"mode": "markers", "marker": {"color": style.MODEL, "size": 5}})
+    return parts_of.stacked(traces, [Row(panel.quantity.label, panel.title) for panel in panels], TIME)
