@@ -43,8 +43,8 @@ class Truth:
     smallest command that starts the joint from rest at mid stroke towards smaller and larger angles, with weight, dry
     friction, dead band and sag (without PWM steps); infinite if the supply is too low. moving_voltage [V]: the same
     without the friction that only rest has (Stribeck): what an identifier of steady motion finds for friction and
-    load. dead_band [V]: that of the drive. delay [s]: until the board reads a command, in whole periods of the board. friction: the levels, at rod or
-    joint.
+    load. dead_band [V]: that of the drive. delay [s]: until the board reads a command, in whole periods of the board.
+    friction: the levels, at rod or joint.
     """
 
     joint: str
