@@ -11,10 +11,12 @@ from sysid.selection.table import Selection
 from sysid.structures import TABLE
 from sysid.workflow.evaluation import Evaluation
 from sysid.workflow.exports import Exports
+from sysid.workflow.gain_sign import WRONG
 from sysid.workflow.identification import Identification
 from sysid.workflow.record import Record
 
 RANKED = 12  # rows of a structure search that are shown
+BAD = 50.0  # [%] of fit in validation, below which nobody should use a model
 WARNINGS = 3  # of the advice, in the terminal
 _WEIGHT = {"warning": 0, "note": 1, "fine": 2}
 
@@ -56,7 +58,8 @@ def terminal_sentences(result: Identification) -> list[str]:
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
     notes = [f"Note: {note}." for note in (*result.record.notes, *e.notes)]
     said = [*_no_joint(e), *chosen, *_grown(e), *filter(None, [sections.undetermined_in_words(e)])]
-    return [*said, tests_in_words(e), sections.search_sentence(e), *advice, *notes, *_next(result)]
+    last = [tests_in_words(e), sections.search_sentence(e), *advice, *notes]
+    return [*_bad(result), *said, *last, *_next(result)]
 
 
 def _no_joint(e: Evaluation) -> list[str]:
@@ -67,6 +70,16 @@ def _no_joint(e: Evaluation) -> list[str]:
 def _grown(e: Evaluation) -> list[str]:
     """The parts of a joint."""
     return [e.growth.sentence()] if e.growth is not None and not _no_joint(e) else []
+
+
+def _bad(result: Identification) -> list[str]:
+    """Of a model that is of no use: that it is, and why; its next command follows."""
+    e = result.evaluation
+    wrong = [note for note in e.notes if WRONG in note]
+    if result.next is None or _no_joint(e) or (e.validation_fit >= BAD and not wrong):
+        return []
+    short = f"the free run fits the validation data to {percent(e.validation_fit)}"
+    return [f"Do NOT use this model: {'; '.join([short, *wrong])}."]
 
 
 def _next(result: Identification) -> list[str]:
@@ -153,7 +166,9 @@ def _verdict(result: Identification) -> list[str]:
     )
     chosen = [] if result.selection is None else [_found(result.selection)]
     notes = [f"Note: {note}." for note in e.notes]
-    return [*_no_joint(e), first, *chosen, sections.search_sentence(e), *notes, *_next(result)]
+    said = [*_no_joint(e), first, *chosen, sections.search_sentence(e), *notes]
+    bad = _bad(result)
+    return [" ".join([*bad, *_next(result)]), *said] if bad else [*said, *_next(result)]
 
 
 _CLOSE = 90.0  # [%] fit of a free run that is close to the data

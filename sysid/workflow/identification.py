@@ -78,7 +78,7 @@ def identify_file(
             record = without_wraps(record)
         estimation, validation = quick_start(record.data, split, detrend)
         check_parts(estimation, validation)
-        advice = advise(record.data)
+        advice = tuple(a.of_file(str(record.path), record.options) for a in advise(record.data))
         fitting()
         if isinstance(setting, Auto):
             selection, evaluation = _search(setting, estimation, validation, candidate, progress)
