@@ -1,5 +1,8 @@
 """The report of `qpal identify`: one record, one model."""
 
+import re
+import shlex
+
 from sysid.base.units import Quantity, number, percent, poles
 from sysid.base.versions import versions
 from sysid.estimation.result import Fit
@@ -35,7 +38,7 @@ def page(result: Identification, exports: Exports) -> Page:
             _advice(result),
             *_search(result),
             _output(e),
-            _model(e),
+            _model(result),
             _residuals(e),
             _files(e, exports),
         ],
@@ -56,10 +59,17 @@ def terminal_sentences(result: Identification) -> list[str]:
     e = result.evaluation
     chosen = [] if result.selection is None else [_found(result.selection)]
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
-    notes = [f"Note: {note}." for note in (*result.record.notes, *e.notes)]
+    cut = () if result.selection is None else result.selection.notes
+    notes = [f"Note: {note}." for note in (*result.record.notes, *cut, *e.notes)]
     said = [*_no_joint(e), *chosen, *_grown(e), *filter(None, [sections.undetermined_in_words(e)])]
     last = [tests_in_words(e), sections.search_sentence(e), *advice, *notes]
-    return [*_bad(result), *said, *last, *_next(result)]
+    return [_named(text, result.record) for text in (*_bad(result), *said, *last, *_next(result))]
+
+
+def _named(text: str, record: Record) -> str:
+    """The text with this record's file, and the options that read it, in the commands that it names."""
+    words = shlex.join([str(record.path), *record.options])
+    return re.sub(r"\b(qpal \w+(?: --\w+ [\w,]+)*) FILE\b", lambda found: f"{found[1]} {words}", text)
 
 
 def _no_joint(e: Evaluation) -> list[str]:
@@ -98,8 +108,9 @@ def ranking_grid(result: Identification) -> Grid:
         maps = " / ".join(m.replace("_", " ") for m in c.maps.values()) or "–"
         chosen = c == result.selection.chosen.candidate
         mark = "chosen" if chosen else "equal" if row.equal else _short(row.why)
-        rows.append((str(k), c.short, maps, percent(row.fit_percent), str(row.d), mark))
-    total = len(result.selection.rows)
+        fit = percent(row.fit_percent) if row.round else "–"
+        rows.append((str(k) if row.round else "–", c.short, maps, fit, str(row.d) if row.round else "–", mark))
+    total = sum(row.round > 0 for row in result.selection.rows)
     caption = (
         f"The best {min(RANKED, total)} of {total} candidates, the chosen one and the best of every structure: fit on "
         "unseen parts of the estimation data"
@@ -168,7 +179,8 @@ def _verdict(result: Identification) -> list[str]:
     notes = [f"Note: {note}." for note in e.notes]
     said = [*_no_joint(e), first, *chosen, sections.search_sentence(e), *notes]
     bad = _bad(result)
-    return [" ".join([*bad, *_next(result)]), *said] if bad else [*said, *_next(result)]
+    texts = [" ".join([*bad, *_next(result)]), *said] if bad else [*said, *_next(result)]
+    return [_named(text, result.record) for text in texts]
 
 
 _CLOSE = 90.0  # [%] fit of a free run that is close to the data
@@ -216,14 +228,15 @@ def _output(e: Evaluation) -> Section:
     return Section("Model output", pictures=figures.pictures("Model output", e))
 
 
-def _model(e: Evaluation) -> Section:
+def _model(result: Identification) -> Section:
+    e = result.evaluation
     return Section(
         "Model",
         [
             *filter(None, [sections.intervals_in_words(e)]),
             *_grown(e),
             *([_PHYSICS] if e.values else []),
-            *filter(None, [sections.undetermined_in_words(e)]),
+            *(_named(text, result.record) for text in filter(None, [sections.undetermined_in_words(e)])),
         ],
         tables=sections.only([sections.values_grid(e), sections.criteria_grid(e), sections.pole_grid(e)]),
         pictures=figures.pictures("Model", e),

@@ -26,7 +26,7 @@ from sysid.selection.folds import Fold, folds
 from sysid.selection.journal import Journal
 from sysid.selection.judge import Effort, Job, from_journal, judge, unchanged
 from sysid.selection.space import ORDERS, Space
-from sysid.selection.table import Row, Selection, ranked, settings
+from sysid.selection.table import BLOCKS, Row, Selection, ranked, settings
 
 SECONDS = 110.0  # of a whole search
 _SCREENED = 2000  # samples of each part in the first two rounds
@@ -72,6 +72,7 @@ def select(
         )
     left = max(work.begun + seconds - time.time(), 0.1 * seconds)
     chosen, fit, notes = final_fit(rows, chosen, data, search, seed, Effort(space.starts, 200, left))
+    rows += work.untried(space.kinds, {r.candidate.name for r in rows})
     return Selection(tuple(rows), chosen, fit, (*work.notes(), *notes), time.time() - work.begun)
 
 
@@ -195,6 +196,17 @@ class _Work:
             if self.progress is not None:
                 self.progress(len(rows), len(candidates), str(row.candidate))
         return [rows[c] for c in candidates if c in rows]
+
+    def untried(self, kinds: Sequence[type[Recipe]], tried: set[str]) -> list[Row]:
+        """A row for each structure that the budget left no time for, so that the table tells of every structure."""
+        found = []
+        for kind in kinds:
+            if kind.name not in tried:
+                candidate = next((c for c in self.left_out if type(c) is kind), kind())
+                none = np.full(BLOCKS, np.inf)
+                why = f"not tried: the budget of {self.seconds:g} s was over; give the search more seconds"
+                found.append(Row(candidate, -np.inf, 0, 0, none, False, whole=False, why=why))
+        return found
 
     def notes(self) -> tuple[str, ...]:
         """What the budget left out."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from sysid.workflow.identification import Auto
 
 AUTO = "auto"
+SHARES = (0.03, 0.92, 0.05)  # of the time: reading, fitting, drawing
 ROUNDS = 6  # of a structure search, about
 SECONDS = 110.0  # `sysid.selection.select.SECONDS`, whose import would cost the help text its speed
 
@@ -62,9 +63,15 @@ def identify(
     from sysid.workflow.exports import export
     from sysid.workflow.identification import identify_file
 
-    with run_folder(out, "identify") as (folder, scratch), console.progress(3) as step:
+    with run_folder(out, "identify") as (folder, scratch), console.progress(3, SHARES, not as_json) as step:
         step(f"reading {file}")
-        rounds = console.Rounds(step, ROUNDS)
+        rounds = console.Rounds(step, ROUNDS, getattr(setting, "seconds", 0.0))
+
+        def fitting() -> None:
+            step("fitting")
+            if structure == AUTO:
+                rounds.begin()
+
         try:
             result = identify_file(
                 file,
@@ -75,7 +82,7 @@ def identify(
                 time,
                 split,
                 detrend,
-                lambda: step("fitting"),
+                fitting,
                 candidate=rounds,
                 mapping=map,
                 range=options.time_range(range),
