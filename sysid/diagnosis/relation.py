@@ -23,7 +23,7 @@ def between(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
         u = channel(data, "u", i)
         d = delay(white, i, LEVEL)
         nk = nk if d.nk is None else d.nk
-        yield _delay(u, y, d) if d.nk is not None else _no_lag(u, y, d, data, white, i)
+        yield _no_lag(u, y, d, data, white, i) if d.nk is None else _delay(u, y, d, d.nk)
         yield _feedback(u, y, feedback(white, i))
         if d.models:
             yield _rate(data, d, u, y)
@@ -84,16 +84,16 @@ def _no_lag(u: str, y: str, d: Delay, data: IOData, white: Whitened, i: int) -> 
     )
 
 
-def _delay(u: str, y: str, d: Delay) -> Advice:
+def _delay(u: str, y: str, d: Delay, nk: int) -> Advice:
     between = "" if d.low == d.high else f", {d.low} to {d.high} with 99 % confidence"
-    sentence = f"{y} responds to {u} after {d.nk} sample(s){between} (p = {d.p:.2g} without any response)"
-    if d.nk == 0:
+    sentence = f"{y} responds to {u} after {nk} sample(s){between} (p = {d.p:.2g} without any response)"
+    if nk == 0:
         action = "if the plant has direct feedthrough, use nk=0; otherwise a controller responds within the sample"
         return Advice("delay", sentence, 0.0, action, "note", (d.low, d.high), *_orders(0))
-    action = f"use nk={d.nk}"
+    action = f"use nk={nk}"
     if d.low < d.high:
         action += f", and compare fits with nk {d.low} to {d.high}"
-    return Advice("delay", sentence, d.nk, action, "fine", (d.low, d.high), *_orders(d.nk))
+    return Advice("delay", sentence, nk, action, "fine", (d.low, d.high), *_orders(nk))
 
 
 def _orders(nk: int) -> tuple[str, tuple[str, ...]]:
