@@ -55,9 +55,10 @@ def select(
     jobs: processes (all cores if None), or the address of a Dask `scheduler` (see `sysid.base.executor`); journal: a
     file of finished candidates from which a stopped search continues; progress(done, total, name) is called after each
     candidate. seconds: budget of the search, with the last fit; the result does not depend on jobs unless the budget
-    ends the search or a fit, which `notes` of the result say. A structure with absolute signals is fitted to the record
-    with its means restored, see `Recipe.scale`. Raises InputError for a journal of another record, space or seed, for
-    a record too short to be halved, and where no structure has a valid free run.
+    ends the search or a fit, which `notes` of the result say; a structure that got no time has a row that says so. A
+    structure with absolute signals is fitted to the record with its means restored, see `Recipe.scale`. Raises
+    InputError for a journal of another record, space or seed, for a record too short to be halved, for a budget that
+    ends before one candidate is tried, and where no structure has a valid free run.
     """
     space = space or Space()
     if not seconds > 0:
@@ -90,6 +91,10 @@ def _rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:
     tasters = space.tasters(data)
     take(work.judge(1, tasters, cheap, _SCREENING, short=True))
     take(work.judge(1, [c for c in (*first, *space.ladders(data)) if c not in tasters], cheap, _SCREENING, short=True))
+    if not judged:
+        raise InputError(
+            f"the budget of {work.seconds:g} s was over before any structure was tried; give the search more seconds"
+        )
     linear = sorted((judged[c] for c in grid if c in judged), key=_by_fit)
     orders = [{name: r.candidate.orders[name] for name in ORDERS} for r in linear if np.isfinite(r.fit_percent)]
     brief = Effort(1, 30, cheap.seconds)

@@ -5,9 +5,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData
+from sysid import IOData, select
+from sysid.base.errors import InputError
 from sysid.report.identify import _named, ranking_grid
 from sysid.selection.folds import folds
 from sysid.selection.journal import Journal
@@ -67,3 +69,9 @@ def test_the_table_of_a_search_tells_of_every_structure_and_why_one_has_no_fit()
     ]
     assert rows[2].candidate == Wiener(1, 1, 1)
     assert "2 candidates" in ranking_grid(result).caption
+
+
+def test_a_budget_that_ends_before_anything_is_tried_is_a_sentence():
+    rng = np.random.default_rng(0)
+    with pytest.raises(InputError, match="was over before any structure was tried; give the search more seconds"):
+        select(IOData(rng.normal(size=600), rng.normal(size=600), 0.1), jobs=1, seconds=1e-6)
