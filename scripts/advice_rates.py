@@ -6,7 +6,12 @@ python scripts/advice_rates.py --real FOLDER                         every warni
 A plant is linear, of order 1 to 4, in open loop, at rest at first; half of the records have coloured noise, 10 to 50 dB
 below the output. On them "feedback", "nonlinearity" and "drift" are false alarms, "no lag" too, and a delay interval
 that does not hold the true delay. "faster" is false where the plant itself needs three or more samples to 63 %,
-"slower" where its resonance leaves fewer than 30 samples a period, or where it needs fewer than 60 samples.
+"slower" where its resonance leaves fewer than 30 samples a period, or where it needs fewer than 60 samples. "rest" is
+false on every linear plant: the input holds the output there. "sign" is that of the static gain (`sysid.diagnosis.
+direction`), false where it is the other one; "no sign" is the share of records that leave a doubt.
+
+The plants of `sysid.systems` are bent: on them a nonlinearity is there, and feedback, drift, outliers, no lag and a
+wrong sign are false alarms. Their inputs are drawn: white, steps, aprbs.
 """
 
 import sys
@@ -16,11 +21,12 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import butter, lfilter, sosfilt
 
-from sysid import IOData, advise
+from sysid import IOData, advise, systems
 from sysid.bench.drawing.linear import linear
 from sysid.bench.drawing.signals import excitation
 from sysid.bench.scenarios.real import RECORDS
 from sysid.blocks import TransferFunction
+from sysid.diagnosis.direction import confirmed, direction
 from sysid.excitations import Multisine, Prbs
 
 RESONANT = "resonant plant"
@@ -105,6 +111,7 @@ def judged(data: IOData, block: TransferFunction, theta: np.ndarray) -> Counter[
     fastest = 2 * np.pi / max(np.max(np.abs(np.angle(block.poles(theta)))), 1e-9)
     for a in advise(data):
         bad = a.severity == "warning" or (a.topic == "nonlinearity" and a.value < 0.01)
+        bad = bad or (a.topic == "rest" and a.severity != "fine")
         found[a.topic] += bad and a.topic in ("feedback", "nonlinearity", "drift", "outliers", "resolution", "rest")
         if a.topic == "delay":
             found["no lag"] += bad
@@ -115,13 +122,45 @@ def judged(data: IOData, block: TransferFunction, theta: np.ndarray) -> Counter[
         if a.topic == "rate":
             found["faster"] += "faster" in a.action and needs >= 3
             found["slower"] += "slower" in a.action and (needs < 60 or fastest < 30)
+    found += signs(data, float(np.sign(step[-1])))
     return found
+
+
+def signs(data: IOData, true: float) -> Counter[str]:
+    """Whether the sign of the gain is left open, or is the wrong one."""
+    way = direction(data)
+    sure = way != 0 and confirmed(data, way)
+    return Counter({"no sign": int(not sure), "sign": int(sure and way != true)})
+
+
+def bent(records: int, first: int, n: int) -> None:
+    """False alarms [%] on the plants of `sysid.systems` under drawn inputs."""
+    columns = ["no lag", "feedback", "drift", "outliers", "sign", "no sign", "nonlinearity found"]
+    print("\n| plant | " + " | ".join(columns) + " |\n| :-- |" + " --: |" * len(columns))
+    inputs = [CLASSES[name] for name in ("white", "aprbs", "random steps")]
+    for name in systems.TABLE:
+        plant, found = systems.system(name), Counter[str]()
+        for seed in range(first, first + records):
+            rng = np.random.default_rng([19, seed])
+            u = inputs[seed % len(inputs)](n, rng)
+            u = plant.span * u / np.abs(u).max()
+            x = np.ravel(plant.chain.simulate(plant.theta, u))
+            data = IOData(u, x + 0.05 * x.std() * rng.standard_normal(n), plant.Ts)
+            for a in advise(data):
+                found[a.topic] += a.severity == "warning" and a.topic in ("feedback", "drift", "outliers")
+                found["no lag"] += a.topic == "delay" and a.severity == "warning"
+                found["nonlinearity found"] += a.topic == "nonlinearity" and a.severity == "note"
+            ends = [
+                np.ravel(plant.chain.simulate(plant.theta, np.full(3000, v)))[-1] for v in (-plant.span, plant.span)
+            ]
+            found += signs(data, float(np.sign(ends[1] - ends[0])))
+        print(f"| {name} | " + " | ".join(f"{100 * found[c] / records:.1f}" for c in columns) + " |", flush=True)
 
 
 def table(records: int, first: int, n: int) -> None:
     """False alarms [%] by class."""
     columns = ["no lag", "delay missed", "delay wrong", "delay width", "feedback", "nonlinearity", "drift"]
-    columns += ["outliers", "rest", "faster", "slower"]
+    columns += ["outliers", "rest", "faster", "slower", "sign", "no sign"]
     print(f"{records} records a class, seeds {first} to {first + records - 1}, {n} samples; % of records")
     print(f"(delay width: samples); 1 % has a standard error of {100 * np.sqrt(0.01 * 0.99 / records):.1f}")
     print("| input | " + " | ".join(columns) + " |\n| :-- |" + " --: |" * len(columns))
@@ -186,4 +225,5 @@ if __name__ == "__main__":
     else:
         numbers = [int(a) for a in sys.argv[1:]] + [100, 0, 1000][len(sys.argv) - 1 :]
         table(*numbers)
+        bent(numbers[0], *numbers[1:])
         power(min(numbers[0], 40), *numbers[1:])

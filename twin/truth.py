@@ -41,9 +41,10 @@ class Truth:
     between the two. backlash [rad]: whole width.
     load [N or N m]: holding force of the drive at mid stroke from the weight of the links. breakaway_voltage [V]:
     smallest command that starts the joint from rest at mid stroke towards smaller and larger angles, with weight, dry
-    friction, dead band and sag (without PWM steps); infinite if the supply is too low. dead_band [V]: that of the
-    drive. delay [s]: until the board reads a command, in whole periods of the board. friction: the levels, at rod or
-    joint.
+    friction, dead band and sag (without PWM steps); infinite if the supply is too low. moving_voltage [V]: the same
+    without the friction that only rest has (Stribeck): what an identifier of steady motion finds for friction and
+    load. dead_band [V]: that of the drive. delay [s]: until the board reads a command, in whole periods of the board.
+    friction: the levels, at rod or joint.
     """
 
     joint: str
@@ -62,6 +63,7 @@ class Truth:
     backlash: float
     load: float
     breakaway_voltage: tuple[float, float]
+    moving_voltage: tuple[float, float]
     dead_band: float
     delay: float
     friction: dict[str, float]
@@ -104,6 +106,7 @@ def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mod
         p[f"{joint}.backlash"],
         load(joint, p, model, data),
         breakaway(joint, p),
+        breakaway(joint, p.replace({f"{joint}.stribeck": 0.0})),
         switches.dead_band,
         _until_seen(p["delay"], switches.period, h),
         {

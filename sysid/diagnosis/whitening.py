@@ -19,6 +19,7 @@ LONGEST = 20_000  # samples; with more, the tests reject every model
 _SLOWNESS = 1e-4  # p-value of errors that are slow: a drift leaves a little of itself in them
 _LOOP = 0.01  # least share of the error's variance that is feedback
 _SLOW = 20  # cosines beside a line
+_BENT = 3  # lags of the input that a nonlinear effect is sought at
 _LEAST = 30  # rows that a test needs beyond the number of coefficients
 
 
@@ -173,6 +174,20 @@ def nonlinearity(white: Whitened, nk: int = 1) -> Nonlinearity | None:
     scaled = [(s - s.mean()) / (s.std() or 1.0) for s in signals]
     found = white.added(np.column_stack([f for s in scaled for f in (s**2, s**3)]))
     return Nonlinearity(found.p, found.share) if found.U.shape[1] else None
+
+
+def bent_effect(white: Whitened, i: int = 0) -> float:
+    """p-value of the hypothesis that input i has no effect by squares, cubes, size or products with the last output.
+
+    A plant with friction, or one whose input enters with its size, may show no linear lag at all.
+    """
+    own, last = white.lags(i), white.X[:, 1]
+    columns = []
+    for k in range(own.start, min(own.start + _BENT, own.stop)):
+        x = white.X[:, k] - white.X[:, k].mean()
+        x = x / (x.std() or 1.0)
+        columns += [x**2, x**3, np.abs(x), x * last]
+    return white.added(np.column_stack(columns)).p
 
 
 def drift(white: Whitened) -> float:

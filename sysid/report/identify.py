@@ -1,5 +1,7 @@
 """The report of `qpal identify`: one record, one model."""
 
+import re
+import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -15,11 +17,13 @@ from sysid.selection.table import Selection
 from sysid.structures import TABLE
 from sysid.workflow.evaluation import Evaluation
 from sysid.workflow.exports import Exports
+from sysid.workflow.gain_sign import WRONG
 from sysid.workflow.identification import Identification
 from sysid.workflow.record import Record
 from sysid.workflow.records import Plan
 
 RANKED = 12  # rows of a structure search that are shown
+BAD = 50.0  # [%] of fit in validation, below which nobody should use a model
 WARNINGS = 3  # of the advice, in the terminal
 _WEIGHT = {"warning": 0, "note": 1, "fine": 2}
 
@@ -38,7 +42,7 @@ def page(result: Identification, exports: Exports) -> Page:
             _advice(result),
             *_search(result),
             _output(e),
-            _model(e),
+            _model(result),
             _residuals(e),
             _files(e, exports),
         ],
@@ -59,9 +63,17 @@ def terminal_sentences(result: Identification) -> list[str]:
     e = result.evaluation
     chosen = [] if result.selection is None else [_found(result.selection)]
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
-    notes = [f"Note: {note}." for note in (*result.record.notes, *e.notes)]
+    cut = () if result.selection is None else result.selection.notes
+    notes = [f"Note: {note}." for note in (*result.record.notes, *cut, *e.notes)]
     said = [*_no_joint(e), *chosen, *_grown(e), *filter(None, [sections.undetermined_in_words(e)])]
-    return [*said, tests_in_words(e), sections.search_sentence(e), *advice, *notes, *_next(result)]
+    last = [tests_in_words(e), sections.search_sentence(e), *advice, *notes]
+    return [_named(text, result.record) for text in (*_bad(result), *said, *last, *_next(result))]
+
+
+def _named(text: str, record: Record) -> str:
+    """The text with this record's file, and the options that read it, in the commands that it names."""
+    words = shlex.join([str(record.path), *record.options])
+    return re.sub(r"\b(qpal \w+(?: --\w+ [\w,]+)*) FILE\b", lambda found: f"{found[1]} {words}", text)
 
 
 def _no_joint(e: Evaluation) -> list[str]:
@@ -72,6 +84,16 @@ def _no_joint(e: Evaluation) -> list[str]:
 def _grown(e: Evaluation) -> list[str]:
     """The parts of a joint."""
     return [e.growth.sentence()] if e.growth is not None and not _no_joint(e) else []
+
+
+def _bad(result: Identification) -> list[str]:
+    """Of a model that is of no use: that it is, and why; its next command follows."""
+    e = result.evaluation
+    wrong = [note for note in e.notes if WRONG in note]
+    if result.next is None or _no_joint(e) or (e.validation_fit >= BAD and not wrong):
+        return []
+    short = f"the free run fits the validation data to {percent(e.validation_fit)}"
+    return [f"Do NOT use this model: {'; '.join([short, *wrong])}."]
 
 
 def _next(result: Identification) -> list[str]:
@@ -90,8 +112,9 @@ def ranking_grid(result: Identification) -> Grid:
         maps = " / ".join(m.replace("_", " ") for m in c.maps.values()) or "–"
         chosen = c == result.selection.chosen.candidate
         mark = "chosen" if chosen else "equal" if row.equal else _short(row.why)
-        rows.append((str(k), c.short, maps, percent(row.fit_percent), str(row.d), mark))
-    total = len(result.selection.rows)
+        fit = percent(row.fit_percent) if row.round else "–"
+        rows.append((str(k) if row.round else "–", c.short, maps, fit, str(row.d) if row.round else "–", mark))
+    total = sum(row.round > 0 for row in result.selection.rows)
     caption = (
         f"The best {min(RANKED, total)} of {total} candidates, the chosen one and the best of every structure: fit on "
         "unseen parts of the estimation data"
@@ -154,7 +177,8 @@ def _verdict(result: Identification) -> list[str]:
     chosen = [] if result.selection is None else [_found(result.selection)]
     notes = [f"Note: {note}." for note in e.notes]
     told = verdict.bad(e) or verdict.no_joint(e)  # then the first sentences end with what to do
-    return [*verdict.first(result), *chosen, sections.search_sentence(e), *notes, *([] if told else _next(result))]
+    texts = [*verdict.first(result), *chosen, sections.search_sentence(e), *notes, *([] if told else _next(result))]
+    return [_named(text, result.record) for text in texts]
 
 
 def _data(record: Record, e: Evaluation, plan: Plan) -> Section:
@@ -187,7 +211,8 @@ def _output(e: Evaluation) -> Section:
     return Section("Model output", pictures=figures.pictures("Model output", e))
 
 
-def _model(e: Evaluation) -> Section:
+def _model(result: Identification) -> Section:
+    e = result.evaluation
     narrow = verdict.too_narrow(e)
     return Section(
         "Model",
@@ -195,7 +220,7 @@ def _model(e: Evaluation) -> Section:
             *filter(None, [sections.intervals_in_words(e)]),
             *_grown(e),
             *([_PHYSICS] if e.values else []),
-            *filter(None, [sections.undetermined_in_words(e)]),
+            *(_named(text, result.record) for text in filter(None, [sections.undetermined_in_words(e)])),
         ],
         tables=[
             *(replace(table, note=narrow) for table in sections.only([sections.values_grid(e), sections.pole_grid(e)])),

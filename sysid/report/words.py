@@ -1,5 +1,6 @@
 """Words shared by the figures and tables of a report."""
 
+from sysid.base.units import percent
 from sysid.nlarx.result import ONE_STEP, NlarxFit
 from sysid.workflow.evaluation import Evaluation
 
@@ -19,7 +20,22 @@ def tests_in_words(evaluation: Evaluation) -> str:
     subject = "The one-step-ahead residuals" if one_step(evaluation) else "The residuals"
     return (
         f"{subject} are {white} ({t.whiteness_outside} of {len(t.lags) - 1} lags outside) and {independent} "
-        f"(all lags together: {_likely(t.independence_p)})."
+        f"(all lags together: {_likely(t.independence_p)}).{_no_voucher(evaluation)}"
+    )
+
+
+NO_VOUCHER = 50.0  # [%] of fit in validation, below which passed tests need a word of warning
+
+
+def _no_voucher(evaluation: Evaluation) -> str:
+    """That a passed test does not vouch for a poor model; where both pass and some fit is left, noise is the reason."""
+    t, fit = evaluation.tests, evaluation.validation_fit
+    passed = [] if t is None else [name for name, ok in (("whiteness", t.white), ("independence", t.independent)) if ok]
+    if not passed or fit >= NO_VOUCHER or (len(passed) == 2 and fit > 0.0):
+        return ""
+    return (
+        f" That does not vouch for the model: at a fit of {percent(fit)} the {' and '.join(passed)} test"
+        f"{'s have' if len(passed) == 2 else ' has'} little power, because the residuals are as large as the output."
     )
 
 

@@ -26,7 +26,7 @@ from sysid.selection.folds import Fold, folds
 from sysid.selection.journal import Journal
 from sysid.selection.judge import Effort, Job, from_journal, judge, unchanged
 from sysid.selection.space import ORDERS, Space
-from sysid.selection.table import Row, Selection, ranked, settings
+from sysid.selection.table import BLOCKS, Row, Selection, ranked, settings
 
 SECONDS = 110.0  # of a whole search
 _SCREENED = 2000  # samples of each part in the first two rounds
@@ -55,9 +55,10 @@ def select(
     jobs: processes (all cores if None), or the address of a Dask `scheduler` (see `sysid.base.executor`); journal: a
     file of finished candidates from which a stopped search continues; progress(done, total, name) is called after each
     candidate. seconds: budget of the search, with the last fit; the result does not depend on jobs unless the budget
-    ends the search or a fit, which `notes` of the result say. A structure with absolute signals is fitted to the record
-    with its means restored, see `Recipe.scale`. Raises InputError for a journal of another record, space or seed, for
-    a record too short to be halved, and where no structure has a valid free run.
+    ends the search or a fit, which `notes` of the result say; a structure that got no time has a row that says so. A
+    structure with absolute signals is fitted to the record with its means restored, see `Recipe.scale`. Raises
+    InputError for a journal of another record, space or seed, for a record too short to be halved, for a budget that
+    ends before one candidate is tried, and where no structure has a valid free run.
     """
     space = space or Space()
     if not seconds > 0:
@@ -73,6 +74,7 @@ def select(
     left = max(work.begun + seconds - time.time(), 0.1 * seconds)
     chosen, fit, notes = final_fit(rows, chosen, data, search, seed, Effort(space.starts, 200, left))
     fit.remember(chosen.candidate.scale(data))
+    rows += work.untried(space.kinds, {r.candidate.name for r in rows})
     return Selection(tuple(rows), chosen, fit, (*work.notes(), *notes), time.time() - work.begun)
 
 
@@ -90,6 +92,10 @@ def _rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:
     tasters = space.tasters(data)
     take(work.judge(1, tasters, cheap, _SCREENING, short=True))
     take(work.judge(1, [c for c in (*first, *space.ladders(data)) if c not in tasters], cheap, _SCREENING, short=True))
+    if not judged:
+        raise InputError(
+            f"the budget of {work.seconds:g} s was over before any structure was tried; give the search more seconds"
+        )
     linear = sorted((judged[c] for c in grid if c in judged), key=_by_fit)
     orders = [{name: r.candidate.orders[name] for name in ORDERS} for r in linear if np.isfinite(r.fit_percent)]
     brief = Effort(1, 30, cheap.seconds)
@@ -196,6 +202,17 @@ class _Work:
             if self.progress is not None:
                 self.progress(len(rows), len(candidates), str(row.candidate))
         return [rows[c] for c in candidates if c in rows]
+
+    def untried(self, kinds: Sequence[type[Recipe]], tried: set[str]) -> list[Row]:
+        """A row for each structure that the budget left no time for, so that the table tells of every structure."""
+        found = []
+        for kind in kinds:
+            if kind.name not in tried:
+                candidate = next((c for c in self.left_out if type(c) is kind), kind())
+                none = np.full(BLOCKS, np.inf)
+                why = f"not tried: the budget of {self.seconds:g} s was over; give the search more seconds"
+                found.append(Row(candidate, -np.inf, 0, 0, none, False, whole=False, why=why))
+        return found
 
     def notes(self) -> tuple[str, ...]:
         """What the budget left out."""

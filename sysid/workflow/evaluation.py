@@ -23,6 +23,7 @@ from sysid.uncertainty import intervals
 from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import Root
 from sysid.workflow.extrapolation import extrapolated_joint, extrapolated_signals
+from sysid.workflow.gain_sign import gain_remarks
 from sysid.workflow.outputs import OneOutput, is_several, residuals_and_inputs, tests_of, worst
 from sysid.workflow.outputs import fits as fits_of
 from sysid.workflow.setting import Setting
@@ -232,6 +233,7 @@ def evaluate_fit(
             size = "" if ample(fit) else "the model is too large for this record, or "
             cause = f"{size}the two parts differ; lower the orders, choose smaller maps or inspect the data"
         notes.append(f"the fit is {known} on the estimation data and {unseen} on the validation data: {cause}")
+    notes += gain_remarks(estimation, validation, run, None if step is None else step.y)
     if chain is not None:
         notes += [f"in the validation data {text}" for text in chain.model.remarks(chain.theta, validation.u)]
     physical = chain is not None and physics is not None

@@ -126,6 +126,7 @@ def inspect_file(
         remarks |= {f"repair.{entry}": "SUGGESTED for this file" for entry in repairs}
     title = f"How {Path(path).name} is read; edit it and give it with --map.\n" + "\n".join((*why, *unclear))
     file = map_path or (None if mapping is None or isinstance(mapping, ChannelMap) else str(mapping))
+    options = _options(given, range, file, bool(repairs or unclear))
     return Inspection(
         table.path,
         TABLE[table.path.suffix.lower()].__name__,
@@ -140,8 +141,8 @@ def inspect_file(
         problem,
         repairs,
         signals,
-        _advice(signals),
-        _options(given, range, file, bool(repairs or unclear)),
+        tuple(a.of_file(str(table.path), options) for a in _advice(signals)),
+        options,
     )
 
 

@@ -11,8 +11,9 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.model.recipes import Recipe
 from sysid.structures import ActuatedJoint, HammersteinWiener, NonlinearArx, NonlinearStateSpace, OutputError
-from sysid.workflow.evaluation import OVERFITTED, ample
+from sysid.workflow.evaluation import OVERFITTED, Evaluation, ample
 from sysid.workflow.extrapolation import extrapolated_signals
+from sysid.workflow.gain_sign import gain_remarks
 from sysid.workflow.identified import Identification, NextStep
 from sysid.workflow.records import Plan
 
@@ -31,7 +32,7 @@ def next_step(result: Identification) -> NextStep | None:
     """
     e = result.evaluation
     noise_alone = e.tests is not None and e.tests.white and e.tests.independent
-    poor = not e.validation_fit >= POOR and not noise_alone
+    poor = (not e.validation_fit >= POOR and not noise_alone) or against_the_record(e)
     rules: tuple[_Rule, ...] = ()
     if e.joint is not None and not e.joint.joint:
         rules = (_no_joint,)
@@ -44,6 +45,11 @@ def next_step(result: Identification) -> NextStep | None:
     elif e.tests is not None and not e.tests.white and not isinstance(e.setting.recipe, ActuatedJoint):
         rules = (_nonlinear, _ends, _search_structures)
     return next((step for rule in rules if (step := rule(result)) is not None), None)
+
+
+def against_the_record(e: Evaluation) -> bool:
+    """Whether the model's gain has the other sign than the record's."""
+    return bool(gain_remarks(e.estimation, e.validation, e.validation_output, None if e.step is None else e.step.y))
 
 
 _Rule = Callable[[Identification], NextStep | None]

@@ -14,6 +14,7 @@ from twin.cli import main
 from twin.imperfections import of_group
 from twin.parameters import TABLE, Parameters
 from twin.report import info as report
+from twin.studies import beyond
 from twin.studies.information import Information, Joint, inform
 from twin.truth import Truth
 
@@ -241,3 +242,17 @@ def test_a_field_that_the_table_does_not_know_is_listed_under_its_own_name():
     assert rows["new group: other"] == "yes"
     assert rows["new word"] == "both"
     assert rows["backlash, whole width [deg]"] == "0.5"
+
+
+def test_the_voltages_of_motion_are_those_that_reproduce_compares_with():
+    """One number for friction and load in motion: in the summary, in the table, and as the truth of an estimate."""
+    result = inform("thigh")
+    known = beyond.twin_truth("thigh", 0.1)
+    pair = [known["coulomb_down"], known["coulomb_up"]]
+    assert result.as_dict()["truth"]["thigh"]["moving_voltage"] == pair
+    (row,) = (row for row in report.truth_grid(result).rows if row[0].startswith("voltage for friction and load"))
+    assert [float(v.replace("−", "-")) for v in row[1].removesuffix(" V").split(", ")] == pytest.approx(pair, abs=2e-3)
+    # Friction at rest is 1.3 times that in motion here, and the two differ by that share of the friction alone.
+    below, above = result.joints[0].truth.breakaway_voltage
+    assert 0.3 < pair[0] - below < 0.5
+    assert 0.3 < above - pair[1] < 0.5

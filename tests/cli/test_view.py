@@ -18,8 +18,9 @@ from PIL import Image
 import twin
 from twin.cli import main
 from twin.hardware.linkage import end_angles
-from twin.view import stills
+from twin.view import pictures, stills
 from twin.view.open import check_port
+from twin.view.replay import Replay, movement
 
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="about X11 and /proc")
 
@@ -84,9 +85,38 @@ def test_gif_runs_at_the_speed_that_was_asked_for(logs, capsys):
     code, _, _ = run(["thigh.parquet", "--ghost", "rig.csv", "--speed", "8", "--gif", "film.gif"], capsys)
     assert code == 0
     with Image.open("film.gif") as film:
-        assert film.n_frames == 11
-        assert film.info["duration"] * film.n_frames == pytest.approx(1000 * 4.0 / 8.0, abs=50)
+        assert film.n_frames == 6  # both ends of half a second
+        assert film.info["duration"] * film.n_frames == pytest.approx(1000 * 4.0 / 8.0, abs=100)
         assert film.info["loop"] == 0
+
+
+def test_a_second_of_gif_is_few_small_pictures_with_a_small_shadow_map(logs, monkeypatch, capsys):
+    """Software draws a picture in a time that grows with its pixels, its samples a pixel and its shadow map."""
+    asked = []
+
+    def drawing(model, qpos, cameras, *, size=(640, 480), film=False, **_):
+        asked.append((len(qpos), *size, film))
+        return [np.zeros((size[1], size[0], 3), dtype=np.uint8) + k for k in range(len(qpos))]
+
+    monkeypatch.setattr(pictures, "draw", drawing)
+    assert main(["view", "thigh.parquet", "--speed", "4", "--gif", "film.gif"]) == 0
+    capsys.readouterr()
+    with Image.open("film.gif") as film:
+        assert film.size == (480, 360)
+    assert sum(n * width * height for n, width, height, _ in asked) <= 11 * 480 * 360
+    assert all(film for *_, film in asked)
+
+
+def test_a_film_shows_what_a_still_shows(logs):
+    replay = Replay(movement(twin.Log.load("thigh.csv")))
+    size = replay.model.vis.quality.shadowsize
+    pose = [replay.pose(1.0)]
+    try:
+        still, film = (stills.draw(replay.model, np.array(pose), [{}], film=f)[0].astype(int) for f in (False, True))
+    except stills.NoRenderer as reason:
+        pytest.skip(str(reason))
+    assert 0.0 < np.mean(np.abs(still - film)) < 2.0
+    assert replay.model.vis.quality.shadowsize == size
 
 
 def test_without_a_renderer_it_is_one_sentence_and_no_file(logs, monkeypatch, capsys):

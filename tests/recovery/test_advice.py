@@ -228,7 +228,7 @@ def test_a_poor_record_hears_of_everything():
     y = np.round(y / 0.05) * 0.05
     y[[333, 777]] += 5.0
     found = told(IOData(u, y, 0.1, u_name="voltage", y_name="angle", y_unit="rad"))
-    assert found["levels"].severity == "warning"
+    assert found["levels"].severity == "note"
     assert "voltage takes 2 distinct level(s)" in found["levels"].sentence
     assert found["outliers"].value == 2
     assert "333, 777" in found["outliers"].sentence

@@ -1,9 +1,12 @@
-"""Output of a verb: tables on standard output; progress on standard error, only in a terminal."""
+"""Output of a verb: tables on standard output; progress on standard error, a bar in a terminal, else a few lines."""
 
+import itertools
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
 from sysid.report.page import Grid, to_json
@@ -14,33 +17,68 @@ class Stopped(Exception):  # noqa: N818 - a person stopped it: no error
 
 
 class Steps:
-    """Receives the name of each step as it begins; `part` receives its progress from 0 to 1 and what it works on."""
+    """Receives the name of each step as it begins; `part` receives its progress from 0 to 1 and what it works on.
 
-    def __init__(self, update: Callable[[float, str], None] = lambda done, name: None) -> None:
-        self._update = update
-        self._begun = 0
+    `shares` are the parts of the whole that the steps take, all alike if none are given. The progress only grows.
+    """
+
+    def __init__(
+        self, update: Callable[[float, str], None] = lambda done, name: None, shares: Sequence[float] = ()
+    ) -> None:
+        self._update, self._shares = update, shares
+        self._begun, self._done, self._name = 0, 0.0, ""
+        self._ticking: Callable[[], float] | None = None
 
     def __call__(self, name: str) -> None:
-        self._update(self._begun, name)
         self._begun += 1
+        self._ticking = None
+        self._tell(0.0, name)
 
     def part(self, done: float, name: str) -> None:
         """Within the step that has begun."""
-        self._update(self._begun - 1 + done, name)
+        self._tell(done, name)
+
+    def by_time(self, share: Callable[[], float]) -> None:
+        """Until the next step, progress is at least `share()`, which is asked every second."""
+        self._ticking = share
+
+    def tick(self) -> None:
+        """A second has gone by."""
+        if self._ticking is not None:
+            self._tell(self._ticking(), self._name)
+
+    def _tell(self, done: float, name: str) -> None:
+        k = max(self._begun - 1, 0)
+        place = k + done
+        if self._shares:
+            place = sum(self._shares[:k]) + self._shares[min(k, len(self._shares) - 1)] * done
+        self._done, self._name = max(self._done, place), name
+        self._update(self._done, name)
 
 
 class Rounds:
-    """Receives the progress of `rounds` rounds of candidates, counted from 1, and advances the bar."""
+    """Receives the progress of `rounds` rounds of candidates, counted from 1, and advances the bar.
 
-    def __init__(self, steps: Steps, rounds: int) -> None:
-        self._steps, self._rounds, self._round, self._last = steps, rounds, 0, 0
+    A search with a budget of `seconds` is told by `begin` that it begins; the bar then moves with the time too.
+    """
+
+    def __init__(self, steps: Steps, rounds: int, seconds: float = 0.0) -> None:
+        self._steps, self._rounds, self._seconds = steps, rounds, seconds
+        self._round, self._last = 0, 0
+
+    def begin(self) -> None:
+        """The search begins."""
+        begun = time.monotonic()
+        self._steps.by_time(lambda: min((time.monotonic() - begun) / self._seconds, _BUDGET))
+        self._steps.part(0.0, f"round 1 of a search of up to {self._seconds:g} s")
 
     def __call__(self, done: int, total: int, name: str) -> None:
         if self._round == 0 or done <= self._last:
             self._round += 1
         self._last = done
         share = min(self._round - 1 + done / total, self._rounds) / self._rounds
-        self._steps.part(share, f"round {self._round}: {done} of {total}, {name.replace('_', ' ')}")
+        text = f"round {self._round}: {done} of {total}, {name.replace('_', ' ')}"
+        self._steps.part(0.0 if self._seconds else share, text)
 
 
 class Searches:
@@ -55,10 +93,21 @@ class Searches:
 
 
 @contextmanager
-def progress(steps: int) -> Iterator[Steps]:
-    """Receives the names of `steps` steps and shows them on a progress bar in a terminal."""
+def progress(steps: int, shares: Sequence[float] = (), lines: bool = False) -> Iterator[Steps]:
+    """Receives the names of `steps` steps and shows them on a progress bar in a terminal.
+
+    `shares` are the parts of the whole that the steps take, see `Steps`. `lines`: without a terminal a line tells the
+    progress now and then, so that a log or a pipe shows that a long run lives.
+    """
+    total = sum(shares) or steps
     if not sys.stderr.isatty():
-        yield Steps()
+        if not lines:
+            yield Steps()
+            return
+        written = _Lines(total)
+        quiet = Steps(written.update, shares)
+        with _every(_SLOW, quiet.tick, written.write):
+            yield quiet
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -70,8 +119,51 @@ def progress(steps: int) -> Iterator[Steps]:
         TextColumn("{task.description}"),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=steps)
-        yield Steps(lambda done, name: bar.update(task, completed=done, description=name))
+        task = bar.add_task("", total=total)
+        told = Steps(lambda done, name: bar.update(task, completed=done, description=name), shares)
+        with _every((1.0,), told.tick):
+            yield told
+
+
+_BUDGET = 0.97  # of a step, at the end of its budget
+_SLOW = (10.0, 30.0)  # [s] until the first line without a terminal, and between two
+
+
+class _Lines:
+    """The progress as lines on standard error; a run of a few seconds says nothing."""
+
+    def __init__(self, total: float) -> None:
+        self._total, self._begun, self._share, self._name = total, time.monotonic(), 0.0, ""
+
+    def update(self, done: float, name: str) -> None:
+        """Keep it for the next line."""
+        self._share, self._name = done / self._total, name
+
+    def write(self) -> None:
+        """The next line."""
+        gone = time.monotonic() - self._begun
+        print(f"qpal: {gone:.0f} s, {100 * self._share:.0f} %: {self._name}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _every(seconds: Sequence[float], *calls: Callable[[], None]) -> Iterator[None]:
+    """Calls `calls` in another thread after the first of `seconds` and then after every last of them."""
+    stop = Event()
+
+    def run() -> None:
+        for k in itertools.count():
+            if stop.wait(seconds[min(k, len(seconds) - 1)]):
+                return
+            for call in calls:
+                call()
+
+    thread = Thread(target=run, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
 
 
 def show(grid: Grid) -> None:

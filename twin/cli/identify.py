@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 AUTO = "auto"
 STARTS = 5
+SHARES = (0.03, 0.92, 0.05)  # of the time: reading, fitting, drawing
 ROUNDS = 6  # of a structure search, about
 SECONDS = 110.0  # `sysid.selection.select.SECONDS`, whose import would cost the help text its speed
 
@@ -98,9 +99,15 @@ def identify(
     from sysid.workflow.records import listed
 
     preparation = Preparation(missing=missing, resample=resample, filter=options.band(filter))
-    with run_folder(out, "identify") as (folder, scratch), console.progress(3) as step:
+    with run_folder(out, "identify") as (folder, scratch), console.progress(3, SHARES, not as_json) as step:
         step(f"reading {', '.join(files)}")
-        rounds = console.Rounds(step, ROUNDS)
+        rounds = console.Rounds(step, ROUNDS, getattr(setting, "seconds", 0.0))
+
+        def fitting() -> None:
+            step("fitting")
+            if structure == AUTO:
+                rounds.begin()
+
         try:
             result = identify_file(
                 files,
@@ -111,7 +118,7 @@ def identify(
                 time,
                 split,
                 _detrend(detrend, zero),
-                lambda: step("fitting"),
+                fitting,
                 candidate=rounds,
                 mapping=map,
                 range=options.time_range(range),

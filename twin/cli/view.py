@@ -30,7 +30,7 @@ Mcap = Annotated[
     str | None,
     typer.Option(metavar="FILE.mcap", help="write log and twin for Foxglove, rerun or PlotJuggler; implies --compare"),
 ]
-Gif = Annotated[str | None, typer.Option(metavar="FILE.gif", help="write the frames as one GIF")]
+Gif = Annotated[str | None, typer.Option(metavar="FILE.gif", help="write a GIF, 10 frames per second")]
 Start = Annotated[float | None, options.number("S", "start time in the log in seconds")]
 Stop = Annotated[float | None, options.number("S", "end time in the log in seconds")]
 
@@ -183,14 +183,15 @@ def _write_frames(
 ) -> None:
     from twin.view import pictures
 
-    times = pictures.frame_times(replay, speed)
+    times = pictures.frame_times(replay, speed, pictures.RATE if gif is None else pictures.GIF_RATE)
     with console.progress(1) as step:
         step(f"{len(times)} frames")
 
         def tell(done: int) -> None:
             step.part(done / len(times), f"{done} of {len(times)} frames")
 
-        images = pictures.frames(replay, times, pictures.Names(*names), tell, traces)
+        size = (pictures.WIDTH, pictures.HEIGHT) if gif is None else pictures.GIF
+        images = pictures.frames(replay, times, pictures.Names(*names), tell, traces, size)
         if gif is not None:
             _whole(gif, ".gif", lambda path: pictures.save_gif(images, path))
         elif frames is not None:

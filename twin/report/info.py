@@ -37,6 +37,7 @@ TRUTH = {
     "dead_band": ("dead band of the drive", "V"),
     "delay": ("delay of the drive", "s"),
     "breakaway_voltage": ("break-away voltage, down and up", "V"),
+    "moving_voltage": ("voltage for friction and load, moving down and up", "V"),
 }
 HEADINGS = {"joint", "Ts", "mode"}  # fields shown in the table's heading
 RANGES = {"end_angles", "switch_angles"}
@@ -146,7 +147,7 @@ def _with_unit(value: Any, unit_name: str | None) -> str:
 def _static_rows(joint: Joint, supply: str) -> Iterator[tuple[str, str]]:
     ways = (joint.down, joint.up)
     least = (number(float(way.voltage[0]), 3) if way.starts else "–" for way in ways)
-    yield "smallest voltage that maintains motion, down and up, mid stroke [V]", ", ".join(least)
+    yield "smallest voltage of a steady motion, however slow, down and up [V]", ", ".join(least)
     speeds = (_given(math.degrees(way.top_speed), 4) for way in ways)
     yield f"steady speed at {supply} V, down and up, mid stroke [deg/s]", ", ".join(speeds)
     yield f"end to end at {supply} V, down and up, about [s]", ", ".join(number(way.crossing, 2) for way in ways)

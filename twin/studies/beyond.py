@@ -155,23 +155,20 @@ def twin_truth(joint: str, Ts: float, parameters: Parameters | None = None) -> d
     """True values of a twin's joint, with the names and units of `sysid.joint_values`."""
     p = parameters or Parameters()
     t = truth(joint, Ts, p)
-    moving = truth(
-        joint, Ts, p.replace({f"{joint}.stribeck": 0.0})
-    )  # share of the static friction that remains in motion
     return {
         "speed_per_volt": t.gain,
         "time_constant": -1.0 / t.continuous_pole,
         "breakaway_up": t.breakaway_voltage[1],
         "breakaway_down": t.breakaway_voltage[0],
-        "coulomb_up": moving.breakaway_voltage[1],
-        "coulomb_down": moving.breakaway_voltage[0],
+        "coulomb_up": t.moving_voltage[1],
+        "coulomb_down": t.moving_voltage[0],
         "end_low": t.end_angles[0],
         "end_high": t.end_angles[1],
         "backlash": t.backlash,
         "delay": t.delay,
         "lag_and_delay": t.delay - 1.0 / t.continuous_pole,
-        "moving_friction_up": moving.breakaway_voltage[1],
-        "moving_friction_down": moving.breakaway_voltage[0],
+        "moving_friction_up": t.moving_voltage[1],
+        "moving_friction_down": t.moving_voltage[0],
     }
 
 

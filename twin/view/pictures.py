@@ -15,14 +15,15 @@ from sysid.base.style import INK, line, styled
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import LEGS, robot
 from twin.view.replay import GHOST, Replay
-from twin.view.stills import WIDTH, draw, mid_stroke
+from twin.view.stills import HEIGHT, WIDTH, draw, mid_stroke
 from twin.view.traces import Traces, draw_error, draw_input, panel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from PIL.Image import Image
 
-RATE = 20.0  # [1/s] of wall time; a GIF counts in hundredths of a second
+RATE, GIF_RATE = 20.0, 10.0  # [1/s] of wall time; a GIF counts in hundredths of a second
+GIF = 480, 360  # pixels of a frame of a GIF: a small file, drawn in half the time of a larger one
 MOST_FRAMES = 2000
 BATCH = 50  # frames per drawing process: limits the memory in use
 STRIP_COUNTS = (2, 12)  # fewest and most frames in a strip
@@ -42,17 +43,17 @@ class Names:
     ghost: str | None = None
 
 
-def frame_times(replay: Replay, speed: float) -> np.ndarray:
-    """Times [s] after the start of frames (n,) that show the replay at `speed` times real time; raises InputError for
-    too many frames."""
-    n = int(np.floor(replay.length / speed * RATE)) + 1
+def frame_times(replay: Replay, speed: float, rate: float = RATE) -> np.ndarray:
+    """Times [s] after the start of frames (n,) that show the replay at `speed` times real time, `rate` frames a second
+    of wall time; raises InputError for too many frames."""
+    n = int(np.floor(replay.length / speed * rate)) + 1
     if n > MOST_FRAMES:
-        enough = int(np.ceil(replay.length * RATE / (MOST_FRAMES - 1)))
+        enough = int(np.ceil(replay.length * rate / (MOST_FRAMES - 1)))
         raise InputError(
-            f"{replay.length:g} s at speed {speed:g} are {n} frames of {RATE:g} a second; at most {MOST_FRAMES} are "
+            f"{replay.length:g} s at speed {speed:g} are {n} frames of {rate:g} a second; at most {MOST_FRAMES} are "
             f"drawn: give --speed {enough} or show a part with --start and --stop"
         )
-    return np.arange(n) * speed / RATE
+    return np.arange(n) * speed / rate
 
 
 def frames(
@@ -61,17 +62,18 @@ def frames(
     names: Names,
     tell: Callable[[int], None] = lambda done: None,
     traces: Traces | None = None,
+    size: tuple[int, int] = (WIDTH, HEIGHT),
 ) -> Iterator[Image]:
     """Captioned pictures of the replay at `times` (n,) [s]; `tell` receives the number of drawn pictures.
 
     With `traces` error and input stand below each picture, with a line at its time. Raises NoRenderer if this machine
     cannot draw.
     """
-    below = None if traces is None else panel(traces, replay.start, replay.start + replay.length, WIDTH)
+    below = None if traces is None else panel(traces, replay.start, replay.start + replay.length, size[0])
     for first in range(0, len(times), BATCH):
         part = times[first : first + BATCH]
         poses = np.array([replay.pose(time) for time in part])
-        pictures = draw(replay.model, poses, [replay.camera()] * len(part), stand=True)
+        pictures = draw(replay.model, poses, [replay.camera()] * len(part), stand=True, size=size, film=True)
         for picture, time in zip(pictures, part, strict=True):
             image = _captioned(picture, f"{replay.start + time:.1f} s", names)
             yield image if below is None else below.under(image, replay.start + time)
@@ -88,9 +90,9 @@ def save_frames(images: Iterator[Image], folder: Path) -> int:
 
 def save_gif(images: Iterator[Image], path: Path) -> None:
     """Write the frames as one GIF that starts again after its end."""
-    small = (image.resize((480, round(480 * image.height / image.width))).quantize(128) for image in images)
-    first = next(small)
-    first.save(path, "GIF", save_all=True, append_images=small, duration=round(1000 / RATE), loop=0)
+    few = (image.quantize(128) for image in images)
+    first = next(few)
+    first.save(path, "GIF", save_all=True, append_images=few, duration=round(1000 / GIF_RATE), loop=0)
 
 
 @styled
@@ -189,7 +191,7 @@ def _captioned(picture: np.ndarray, text: str, names: Names) -> Image:
     from PIL import Image, ImageDraw, ImageFont
 
     image = Image.fromarray(picture)
-    pen, font = ImageDraw.Draw(image), ImageFont.load_default(18)
+    pen, font = ImageDraw.Draw(image), ImageFont.load_default(18 if image.width >= WIDTH else 14)
     pen.text((14, 10), text, fill=INK, font=font)
     pen.text((14, image.height - 32), names.leg, fill=INK, font=font)
     if names.ghost is not None:

@@ -4,6 +4,7 @@ The renderer runs in its own process: without OpenGL the process may be killed, 
 works. The process gets a compiled model and poses, so it draws any model of this leg.
 """
 
+import copy
 import os
 import subprocess
 import sys
@@ -24,6 +25,7 @@ BACKENDS = {"darwin": ("cgl",), "win32": ("wgl",)}.get(sys.platform, ("egl", "os
 TIMEOUT = 60.0  # [s] for a backend to start and draw a first picture; software rendering takes a few
 PER_PICTURE = 3.0  # [s] more for each picture
 WIDTH, HEIGHT = 640, 480
+FILM = 1024, 4  # pixels of a side of the shadow map, and samples of a pixel, in the frames of a film
 # A camera: the point it looks at [m], its distance from there [m], azimuth and elevation [deg], and whether the point
 # is relative to the torso instead of the floor's origin, so that a walking robot stays in the picture.
 CAMERA: Mapping[str, Any] = {
@@ -179,13 +181,17 @@ def draw(
     *,
     stand: bool = False,
     size: tuple[int, int] = (WIDTH, HEIGHT),
+    film: bool = False,
 ) -> list[np.ndarray]:
     """Pictures (height, width, 3) uint8 of `model`, a robot, in the poses `qpos` (n, nq), each from its own camera.
 
-    `stand` puts a column under the torso. Raises InputError for poses or cameras that do not fit, NoRenderer if this
-    machine cannot draw.
+    `stand` puts a column under the torso. `film` draws shadows and edges less finely, in less than half the time where
+    software draws. Raises InputError for poses or cameras that do not fit, NoRenderer if this machine cannot draw.
     """
     _check(model, qpos, cameras, size)
+    if film:
+        model = copy.copy(model)  # a full copy
+        model.vis.quality.shadowsize, model.vis.quality.offsamples = FILM
     reasons = []
     path = os.pathsep.join(filter(None, (str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH"))))
     limit = TIMEOUT + PER_PICTURE * len(qpos)

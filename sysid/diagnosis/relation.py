@@ -1,0 +1,175 @@
+"""Findings on one output together with the inputs: delay, feedback, nonlinearity, rate and drift."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sysid.data.record import IOData
+from sysid.diagnosis import signals
+from sysid.diagnosis.finding import LEVEL, Advice, aprbs, channel
+from sysid.diagnosis.response import Delay, delay
+from sysid.diagnosis.whitening import Whitened, bent_effect, drift, drift_size, feedback, nonlinearity
+
+_DRIFT = 0.3  # standard deviations of the output over the record; less hardly moves a fit
+_CREEP = 0.05  # the same, below which a drift is of no account however sure it is
+_TOGETHER = 0.7  # correlation of columns that nobody suspects
+_FAST = 0.1  # cycles per sample: slower inputs do not show what happens within three samples
+
+
+def between(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
+    """Findings on one output together with the inputs."""
+    y, nk = channel(data, "y", j), 1
+    for i in range(data.u.shape[1]):
+        u = channel(data, "u", i)
+        d = delay(white, i, LEVEL)
+        nk = nk if d.nk is None else d.nk
+        yield _no_lag(u, y, d, data, white, i) if d.nk is None else _delay(u, y, d, d.nk)
+        yield _feedback(u, y, feedback(white, i))
+        if d.models:
+            yield _rate(data, d, u, y)
+    yield _nonlinearity(data, white, y, nk)
+    yield _drift(y, white)
+
+
+def _drift(y: str, white: Whitened) -> Advice:
+    p = drift(white)
+    if p >= LEVEL:
+        said = f"{y} has no linear drift that the input does not explain (p = {p:.2g})"
+        return Advice("drift", said, p, "", "fine")
+    size = drift_size(white)
+    if size < _CREEP:
+        said = f"{y} has a linear drift of {size:.2g} standard deviations only (p = {p:.2g})"
+        return Advice("drift", said, p, "", "fine")
+    return Advice(
+        "drift",
+        f"{y} has a linear drift of {size:.2g} standard deviations that the input does not explain (p = {p:.2g})",
+        p,
+        "find the cause, such as warming or the supply, or remove linear trends",
+        "warning" if size > _DRIFT else "note",
+        call='sysid.data.trends.Trend.of(data, "linear").remove(data)',
+    )
+
+
+def _no_lag(u: str, y: str, d: Delay, data: IOData, white: Whitened, i: int) -> Advice:
+    """No linear effect: of a nonlinear one, or of none, which wakes the suspicion that the columns are not a pair."""
+    lags = f"lags 0..{white.order} of {u}"
+    p = bent_effect(white, i)
+    if p < LEVEL:
+        return Advice(
+            "delay",
+            f"{lags} together show no linear effect on {y} (p = {d.p:.2g}), but a nonlinear one (p = {p:.2g})",
+            float("nan"),
+            "increase the excitation, or search the structures for a nonlinear model",
+            "note",
+            call="sysid.select(data).fit",
+            command=("identify", "--structure", "auto"),
+        )
+    if abs(float(np.corrcoef(white.X[:, white.lags(i).start], white.y)[0, 1])) > _TOGETHER:
+        return Advice(
+            "delay",
+            f"{u} and {y} move together, but too slowly to tell a response from chance (p = {d.p:.2g})",
+            float("nan"),
+            "record with an input that changes more often",
+            "warning",
+            call=aprbs(data, i),
+        )
+    return Advice(
+        "delay",
+        f"{lags} together show no effect on {y} (p = {d.p:.2g})",
+        float("nan"),
+        "look whether the columns belong together, or increase the excitation",
+        "warning",
+        call="sysid.plots.record(data)",
+        command=("info",),
+    )
+
+
+def _delay(u: str, y: str, d: Delay, nk: int) -> Advice:
+    between = "" if d.low == d.high else f", {d.low} to {d.high} with 99 % confidence"
+    sentence = f"{y} responds to {u} after {nk} sample(s){between} (p = {d.p:.2g} without any response)"
+    if nk == 0:
+        action = "if the plant has direct feedthrough, use nk=0; otherwise a controller responds within the sample"
+        return Advice("delay", sentence, 0.0, action, "note", (d.low, d.high), *_orders(0))
+    action = f"use nk={nk}"
+    if d.low < d.high:
+        action += f", and compare fits with nk {d.low} to {d.high}"
+    return Advice("delay", sentence, nk, action, "fine", (d.low, d.high), *_orders(nk))
+
+
+def _orders(nk: int) -> tuple[str, tuple[str, ...]]:
+    """The call and the command that fit a linear model of this delay."""
+    call = f"sysid.fit(sysid.structures.output_error(nb=2, nf=3, nk={nk}), data)"
+    return call, ("identify", "--structure", "output_error", "--orders", f"2,3,{nk}")
+
+
+def _feedback(u: str, y: str, p: float | None) -> Advice:
+    if p is None:
+        return Advice(
+            "feedback", f"the past of {u} determines its future: no test for feedback from {y}", 1.0, "", "note"
+        )
+    if p >= LEVEL:
+        return Advice("feedback", f"no sign of feedback from {y} to {u} (p = {p:.2g})", p, "", "fine")
+    return Advice(
+        "feedback",
+        f"feedback from {y} to {u}: later inputs depend on present outputs (p = {p:.2g})",
+        p,
+        "output error is biased in a loop: record in open loop, or fit a model that holds the noise too",
+        "warning",
+        call="sysid.fit(sysid.structures.nlarx(), data)",
+        command=("identify", "--structure", "nlarx", "--focus", "prediction"),
+    )
+
+
+def _nonlinearity(data: IOData, white: Whitened, y: str, nk: int) -> Advice:
+    found = nonlinearity(white, nk)
+    if found is None:
+        return Advice("nonlinearity", f"a nonlinearity of {y} cannot be tested with these data", 1.0, "", "note")
+    share = f"{100 * found.share:.1f} % of the linear model's one-step error"
+    said = f"squares and cubes explain {share} (p = {found.p_value:.2g})"
+    if found.p_value >= LEVEL:
+        return Advice(
+            "nonlinearity",
+            f"{y}: {said}, no sign of a nonlinearity",
+            found.p_value,
+            "start linear",
+            "fine",
+            None,
+            *_orders(nk),
+        )
+    return Advice(
+        "nonlinearity",
+        f"{y}: {said}",
+        found.p_value,
+        "add an input or an output map",
+        "note",
+        call=f"sysid.fit(sysid.structures.hammerstein_wiener(nb=2, nf=3, nk={nk}), data)",
+        command=("identify", "--structure", "hammerstein_wiener", "--orders", f"2,3,{nk}"),
+    )
+
+
+def _rate(data: IOData, d: Delay, u: str, y: str) -> Advice:
+    """What the likely models of the response say of the rate; the smallest claim that all of them support."""
+    longest = int(np.clip(data.N // 4, 50, 5000))
+    rises = [signals.rise(np.r_[np.zeros(m.nk), m.b], np.r_[1.0, m.f], longest) for m in d.models]
+    samples, settles = rises[0]
+    if not settles or samples is None:
+        return Advice(
+            "rate",
+            f"{y} does not settle within {longest} samples after a step of {u}: it integrates or is slower",
+            float("nan"),
+            "expect a pole near 1, and record longer if the plant does not integrate",
+            "note",
+        )
+    found = [n for n, settled in rises if settled and n is not None]
+    low, high = min(found), max(found)
+    tau = f"{y} reaches 63 % of its response to a step of {u} after {samples} samples ({samples * data.Ts:.3g} s)"
+    swing = min(signals.swing(m.f) for m in d.models)
+    if high < 3 and not 6.0 <= swing < np.inf and signals.reaches(data.u, _FAST):
+        action = f"most of the response is lost: sample every {data.Ts / 3.0:.3g} s or faster"
+        return Advice("rate", tau, samples, action, "warning", (low, high))
+    slower = int(min(low // 30, swing / 15.0))
+    if low > 100 and slower > 1:
+        action = f"the poles are all close to 1: resample {slower} times slower"
+        call = f"sysid.data.resampling.resample(data, {slower * data.Ts:.9g}).data"
+        return Advice("rate", tau, samples, action, "note", (low, high), call)
+    return Advice("rate", tau, samples, "", "fine", (low, high))
