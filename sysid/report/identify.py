@@ -72,7 +72,7 @@ def terminal_sentences(result: Identification) -> list[str]:
 
 def _named(text: str, record: Record) -> str:
     """The text with this record's file, and the options that read it, in the commands that it names."""
-    words = shlex.join([str(record.path), *record.options])
+    words = shlex.join([*map(str, record.files or (record.path,)), *record.options])
     return re.sub(r"\b(qpal \w+(?: --\w+ [\w,]+)*) FILE\b", lambda found: f"{found[1]} {words}", text)
 
 
@@ -177,7 +177,15 @@ def _verdict(result: Identification) -> list[str]:
     chosen = [] if result.selection is None else [_found(result.selection)]
     notes = [f"Note: {note}." for note in e.notes]
     told = verdict.bad(e) or verdict.no_joint(e)  # then the first sentences end with what to do
-    texts = [*verdict.first(result), *chosen, sections.search_sentence(e), *notes, *([] if told else _next(result))]
+    opening = [] if told else _bad(result)
+    texts = [
+        *opening,
+        *verdict.first(result),
+        *chosen,
+        sections.search_sentence(e),
+        *notes,
+        *([] if told else _next(result)),
+    ]
     return [_named(text, result.record) for text in texts]
 
 

@@ -53,8 +53,8 @@ def too_narrow(e: Evaluation) -> str:
     if not why:
         return ""
     return (
-        f"Too narrow: {why}, so the model lacks something of the system, and no interval here contains what it lacks. "
-        "The true value may lie outside more often than 5 times in 100."
+        f"Too narrow: {why}, so the structure lacks something of the system, which no interval here contains. The true "
+        "value may lie outside more often than 5 times in 100."
     )
 
 

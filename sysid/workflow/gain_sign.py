@@ -10,11 +10,13 @@ _SETTLED = 0.2  # of the largest value of a step response, below which its end h
 
 
 def gain_remarks(estimation: IOData, validation: IOData, run: np.ndarray, step: np.ndarray | None) -> list[str]:
-    """One sentence for each way in which the model goes against the record; none where the record leaves a doubt.
+    """One sentence for each way in which the model goes against the record.
 
+    None where the record leaves a doubt, or has several inputs or outputs.
     `run` (N,) is the free run over `validation`, `step` (n,) the response of the tangent model to a unit step.
     """
-    way = direction(estimation)
+    one = estimation.u.shape[1] == estimation.y.shape[1] == 1
+    way = direction(estimation) if one else 0
     if not way:
         return []
     y, u = estimation.y_name, estimation.u_name

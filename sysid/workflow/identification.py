@@ -103,7 +103,8 @@ def identify_file(
         plan = Plan(preparation, 0.5 if split is None else split, detrend, other)
         estimation, held_back = plan.parts(record.data)
         check_parts(estimation, held_back)
-        advice = tuple(a.of_file(str(record.path), record.options) for a in advise(record.data))
+        first, *more = map(str, record.files or (record.path,))
+        advice = tuple(a.of_file(first, (*more, *record.options)) for a in advise(record.data))
         fitting()
         if isinstance(setting, Auto):
             selection, evaluation = _search(setting, estimation, held_back, candidate, progress)
