@@ -21,10 +21,10 @@ from sysid.workflow.angles import in_unit_of, without_wraps
 from sysid.workflow.evaluation import Evaluation, check_parts, evaluate, evaluate_fit
 from sysid.workflow.identified import Identification
 from sysid.workflow.next_step import next_step
-from sysid.workflow.outputs import named
 from sysid.workflow.record import Record, read_record
 from sysid.workflow.records import Plan, check_same_channels, merged, prepared
 from sysid.workflow.setting import Setting
+from sysid.workflow.views import named
 
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 

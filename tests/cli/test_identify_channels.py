@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 
 from sysid.structures import Hammerstein, NonlinearStateSpace, OutputError
 from sysid.workflow.identification import identify_file
-from sysid.workflow.outputs import views
 from sysid.workflow.setting import Setting
+from sysid.workflow.views import views
 from twin.cli import main
 
 GAINS = np.array([[0.5, 0.2], [-0.3, 0.4]])

@@ -19,7 +19,7 @@ from sysid.report.figures import (
 from sysid.report.figures._figure import VALIDATION_TIME, ReportFigure, SectionTitle, signals
 from sysid.report.page import Picture
 from sysid.workflow.evaluation import Evaluation
-from sysid.workflow.outputs import views
+from sysid.workflow.views import views
 
 TABLE: dict[str, ReportFigure] = {
     "data": data.FIGURE,
