@@ -119,14 +119,21 @@ def line(axes: Axes, x: np.ndarray, y: np.ndarray, steps: bool = False, **kwargs
     axes.plot(x, y, drawstyle="steps-post" if steps else "default", **kwargs)
 
 
-def thin(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """x and y (n,) reduced to the smallest and largest y of each of POINTS / 2 bins; a short line as it is."""
+def thin(x: np.ndarray, y: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, np.ndarray]:
+    """x and y (n,) reduced to the smallest and largest finite y of each of points / 2 bins; a short line as it is.
+
+    A bin with a value that is not finite keeps the first of these too, so that a gap stays a gap.
+    """
     n = len(x)
-    if n <= POINTS:
+    if n <= points:
         return x, y
-    edges = np.linspace(0, n, POINTS // 2 + 1).astype(int)
-    keep = np.unique([a + f(y[a:b]) for a, b in pairwise(edges) for f in (np.argmin, np.argmax)])
-    return x[keep], y[keep]
+    edges = np.linspace(0, n, points // 2 + 1).astype(int)
+    lost = ~np.isfinite(y)
+    low, high = np.where(lost, np.inf, y), np.where(lost, -np.inf, y)
+    keep = [(a + np.argmin(low[a:b]), a + np.argmax(high[a:b])) for a, b in pairwise(edges)]
+    gaps = [a + np.argmax(lost[a:b]) for a, b in pairwise(edges) if lost[a:b].any()] if lost.any() else []
+    chosen = np.unique([*np.ravel(keep), *gaps]).astype(int)
+    return x[chosen], y[chosen]
 
 
 def legend(axes: Axes, **kwargs) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from sysid.base import style
 from sysid.base.units import Quantity, percent, shown
 from sysid.data.record import IOData
+from sysid.plots._departure import frame_all
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,18 +42,10 @@ def draw(ax: Axes, run: Run, n: int | None = None, colour: str = style.MODEL) ->
     data, y = run.data, output(run.data)
     style.line(ax, data.t[:n], data.y[:n, 0] * y.factor, color=style.INK, label="measured")
     style.line(ax, data.t[:n], run.y[:n] * y.factor, color=colour, label=run.label)
-    ax.set(title=run.title, ylabel=y.label, ylim=frame(data.y[:, 0] * y.factor, run.y * y.factor))
+    ax.set(title=run.title, ylabel=y.label)
+    frame_all(ax, data.y[:, 0] * y.factor, run.y * y.factor)
     ax.margins(x=0.005)
     style.legend(ax)
-
-
-def frame(measured: np.ndarray, model: np.ndarray) -> tuple[float, float]:
-    """Limits of a vertical axis: a diverging model leaves the frame instead of flattening the data."""
-    low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
-    width = high - low or 1.0
-    pad, air = 0.35 * width, 0.1175 * width
-    bottom, top = min(low, float(np.nanmin(model))), max(high, float(np.nanmax(model)))
-    return max(low - pad, bottom - air), min(high + pad, top + air)
 
 
 def first(data: IOData, seconds: float | None) -> int:

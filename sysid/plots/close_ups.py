@@ -10,7 +10,8 @@ import numpy as np
 from sysid.base import style
 from sysid.base.style import styled
 from sysid.data.record import IOData
-from sysid.plots._runs import frame, output
+from sysid.plots._departure import frame_all
+from sysid.plots._runs import output
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +32,7 @@ def close_ups(data: IOData, run: np.ndarray, axes: Sequence[Axes] | None = None,
         ax.plot(data.t[a:b], data.y[a:b, 0] * y.factor, color=style.INK, label="measured", **dots)
         ax.plot(data.t[a:b], run[a:b] * y.factor, color=style.MODEL, label="free run")
         ax.set(title=title, xlabel=time, ylabel=y.label)
-        ax.set_ylim(frame(data.y[a:b, 0] * y.factor, run[a:b] * y.factor))
+        frame_all(ax, data.y[a:b, 0] * y.factor, run[a:b] * y.factor)
     style.legend(both[1])
     return both
 

@@ -10,7 +10,7 @@ from sysid.base import style
 from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.data.record import IOData
-from sysid.plots._runs import frame
+from sysid.plots._departure import frame_all
 from sysid.plots._shade import level_name, shade
 from sysid.uncertainty.bands import OutputBand
 
@@ -26,7 +26,7 @@ def simulated(band: OutputBand, data: IOData | None = None, axes: Axes | None = 
     if data is not None:
         measured = data.y[:, 0] * y.factor
         style.line(ax, data.t, measured, color=style.INK, label="measured")
-        ax.set_ylim(frame(measured, np.concatenate([band.lower, band.upper]) * y.factor))
+        frame_all(ax, measured, np.concatenate([band.lower, band.y, band.upper]) * y.factor)
     style.line(ax, band.t, band.y * y.factor, color=style.MODEL, label="free run")
     kind = f"Monte Carlo, {band.draws - band.dropped} draws" if band.draws else "linear"
     name = f"{level_name(band.level)} ({kind})"

@@ -27,7 +27,7 @@ def static_curve(curve: Curve, axes: Axes | None = None, words: Words | None = N
     replace the title and the axis labels.
     """
     (ax,) = style.panels(axes, height=4.0)
-    _draw(ax, curve, words or _words(curve))
+    _draw(ax, curve, words or words_of(curve))
     return ax
 
 
@@ -38,11 +38,12 @@ def static_maps(
     """Every map of a chain, in the order of the signal; `words` by role."""
     row = style.panels(axes, 1, len(curves), height=2.8)
     for ax, curve in zip(row, curves, strict=True):
-        _draw(ax, curve, (words or {}).get(curve.role, _words(curve)))
+        _draw(ax, curve, (words or {}).get(curve.role, words_of(curve)))
     return row
 
 
-def _words(curve: Curve) -> Words:
+def words_of(curve: Curve) -> Words:
+    """Title and labels of a map by its role and scale."""
     before = "u" if curve.role == "input" else "signal before the map"
     after = "y" if curve.role == "output" else "signal after the map"
     return f"{curve.role} map, {curve.scale} scale", before, after

@@ -12,23 +12,11 @@ from sysid.base.style import styled
 from sysid.joint.growth import MARGIN
 from sysid.joint.pruning import remaining
 from sysid.report.figures._figure import ReportFigure
+from sysid.report.joint_words import PARTS
 from sysid.workflow.evaluation import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-NAMES = {
-    "stribeck": "Stribeck",
-    "sticks": "Stribeck by direction",
-    "sided": "stick by direction",
-    "loss": "screw's loss",
-    "jams": "jam at stops",
-    "screw": "loss and jam",
-    "plays": "play",
-    "coasts": "coasting play",
-    "turns": "load by turns",
-    "sags": "sagging supply",
-}
 
 
 @styled
@@ -47,7 +35,7 @@ def draw(e: Evaluation) -> Sequence[Axes]:
         ax.axvline(0, color=style.SECOND, linewidth=0.8)
         ax.axvline(MARGIN, color=style.INK, linewidth=0.8, linestyle="--")
         ax.set_xscale("symlog", linthresh=10.0)
-        ax.set_yticks(places, [NAMES[step.part] for step in shown])
+        ax.set_yticks(places, [PARTS[step.part] for step in shown])
         ax.set(title=f"round {k + 1}", xlabel="fall of BIC")
         ax.invert_yaxis()
     return row

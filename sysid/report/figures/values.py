@@ -12,6 +12,7 @@ from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.joint.values import JointValue
 from sysid.report.figures._figure import ReportFigure
+from sysid.report.joint_words import groups, short
 from sysid.report.sections import told_once
 from sysid.workflow.evaluation import Evaluation
 
@@ -19,20 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLUMNS = 3  # more beside each other leave no room for the names
-SHORT = {
-    "speed_per_volt": "speed",
-    "speed_full_drive": "speed",
-    "breakaway_up": "break-away up",
-    "breakaway_down": "break-away down",
-    "coulomb_up": "moving up",
-    "coulomb_down": "moving down",
-    "moving_friction_up": "moving up",
-    "moving_friction_down": "moving down",
-    "end_low": "lower end",
-    "end_high": "upper end",
-    "time_constant": "time constant",
-    "lag_and_delay": "lag + delay",
-}
 
 
 @styled
@@ -40,20 +27,18 @@ def draw(e: Evaluation) -> Sequence[Axes]:
     """A point and a bar each; an open point is not determined."""
     from matplotlib.ticker import MaxNLocator
 
-    groups: dict[tuple[str, bool], list[JointValue]] = {}
-    for v in told_once(e.values):  # a backlash is a hundredth of the way between the ends: it needs its own axis
-        groups.setdefault((shown(v.name, v.unit).unit, v.name == "backlash"), []).append(v)
-    most = max(len(values) for values in groups.values())
-    rows = -(-len(groups) // COLUMNS)
-    columns = -(-len(groups) // rows)
+    by_axis = groups(e.values)
+    most = max(len(values) for values in by_axis.values())
+    rows = -(-len(by_axis) // COLUMNS)
+    columns = -(-len(by_axis) // rows)
     grid = style.panels(None, rows, columns, height=0.4 + rows * (0.9 + 0.28 * most))
-    for spare in grid[len(groups) :]:
+    for spare in grid[len(by_axis) :]:
         spare.remove()
-    found = grid[: len(groups)]
-    for ax, ((unit, _), values) in zip(found, groups.items(), strict=True):
+    found = grid[: len(by_axis)]
+    for ax, ((unit, _), values) in zip(found, by_axis.items(), strict=True):
         for place, v in enumerate(values):
             _point(ax, place, v)
-        ax.set_yticks(range(len(values)), [SHORT.get(v.name, v.name.replace("_", " ")) for v in values])
+        ax.set_yticks(range(len(values)), [short(v) for v in values])
         ax.set(ylim=(len(values) - 0.5, -0.5), xlabel=f"value [{unit}]" if unit else "value")
         ax.margins(x=0.15)
         ax.xaxis.set_major_locator(MaxNLocator(5))

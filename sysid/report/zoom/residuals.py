@@ -1,0 +1,60 @@
+"""Correlations of residuals with their bounds."""
+
+import numpy as np
+
+from sysid.base import style
+from sysid.diagnosis.residuals import ResidualTests
+from sysid.report.zoom import _parts as parts
+from sysid.report.zoom._parts import Figure, Row, Trace
+
+LABEL = "correlation [1]"
+_BOUND = "rgba(47,111,143,0.16)"
+
+
+def residual_tests(tests: ResidualTests) -> Figure:
+    """Residuals with themselves over with the input; lags outside the bound are orange."""
+    white, independent = "white" if tests.white else "not white", "" if tests.independent else "not "
+    rows = [
+        Row(LABEL, f"residuals with themselves: {white}"),
+        Row(LABEL, f"residuals with the input: {independent}independent"),
+    ]
+    # Lag 0 of the residuals with themselves is 1 by definition.
+    figure = parts.stacked(
+        [
+            *_lags(tests.lags[1:], tests.autocorrelation[1:], tests.whiteness_bound, 0),
+            *_lags(tests.cross_lags, tests.cross_correlation, tests.independence_bound, 1),
+        ],
+        rows,
+        "lag [samples]",
+    )
+    for row, bound in enumerate((tests.whiteness_bound, tests.independence_bound)):
+        if np.isfinite(bound):
+            area = {"type": "rect", "xref": "paper", "x0": 0, "x1": 1, "yref": parts.axis(row), "layer": "below"}
+            figure["layout"]["shapes"].append(
+                area | {"y0": -bound, "y1": bound, "fillcolor": _BOUND, "line": {"width": 0}}
+            )
+    figure["layout"] |= {"bargap": 0.55, "barmode": "overlay", "hovermode": "closest"}
+    figure["layout"].pop("hoversubplots")
+    return figure
+
+
+def _lags(lags: np.ndarray, r: np.ndarray, bound: float, row: int) -> list[Trace]:
+    outside = np.abs(r) > bound
+    return [
+        {
+            "type": "bar",
+            "x": lags[chosen].tolist(),
+            "y": parts.numbers(r[chosen]),
+            "name": name,
+            "legendgroup": name,
+            "showlegend": row == 0,
+            "marker": {"color": colour},
+            "hovertemplate": f"lag %{{x}} samples<br>correlation %{{y:.3f}}<br>bound ±{bound:.3f}<extra></extra>",
+            "xaxis": "x",
+            "yaxis": parts.axis(row),
+        }
+        for chosen, colour, name in (
+            (~outside, style.INK, "inside the bound for one lag"),
+            (outside, style.MODEL, "outside"),
+        )
+    ]
