@@ -58,5 +58,10 @@ def _draw(ax: Axes, curve: Curve, words: Words) -> None:
         ends = np.array([b.x[0], b.x[-1]])
         ax.plot(ends * x.factor, ends * y.factor, "--", color=style.SECOND, lw=1, label="no nonlinearity")
     ax.set(title=title, xlabel=x.label, ylabel=y.label)
+    # A band that is wide where the record has few samples must not squeeze the curve into a line.
+    low, high = float(b.value.min()) * y.factor, float(b.value.max()) * y.factor
+    bottom, top = ax.get_ylim()
+    width = (high - low) or 1.0
+    ax.set_ylim(max(bottom, low - width), min(top, high + width))
     if len(ax.get_legend_handles_labels()[0]) > 1:
         ax.legend()

@@ -1,10 +1,12 @@
 """The report of `qpal identify`: one record, one model."""
 
-from sysid.base.units import Quantity, number, percent, poles
+from dataclasses import replace
+
+from sysid.base.units import Quantity, number, percent
 from sysid.base.versions import versions
 from sysid.estimation.result import Fit
 from sysid.export import closed_form
-from sysid.report import figures, sections
+from sysid.report import figures, sections, verdict
 from sysid.report.page import Grid, Listing, Page, Section
 from sysid.report.words import tests_in_words
 from sysid.selection.table import Selection
@@ -61,7 +63,7 @@ def terminal_sentences(result: Identification) -> list[str]:
 
 def _no_joint(e: Evaluation) -> list[str]:
     """That the record is not that of a joint."""
-    return [e.joint.sentence()] if e.joint is not None and not e.joint.joint else []
+    return [e.joint.sentence()] if e.joint is not None and verdict.no_joint(e) else []
 
 
 def _grown(e: Evaluation) -> list[str]:
@@ -146,32 +148,10 @@ def _column(name: str) -> str:
 
 def _verdict(result: Identification) -> list[str]:
     e = result.evaluation
-    first = (
-        f"{sections.model_in_words(e)} has a free-run fit on the validation data of "
-        f"{percent(e.validation_fit)} ({percent(e.estimation_fit)} on the estimation data). "
-        f"{_stability(e)} {tests_in_words(e)}"
-    )
     chosen = [] if result.selection is None else [_found(result.selection)]
     notes = [f"Note: {note}." for note in e.notes]
-    return [*_no_joint(e), first, *chosen, sections.search_sentence(e), *notes, *_next(result)]
-
-
-_CLOSE = 90.0  # [%] fit of a free run that is close to the data
-
-
-def _stability(e: Evaluation) -> str:
-    if e.linear:
-        return f"It is {'stable' if e.stable else 'not stable'}: poles {poles(e.poles)}."
-    runs = "Its free run DIVERGES from the data."
-    if e.stable:
-        near = min(e.validation_fit, e.estimation_fit) >= _CLOSE
-        runs = (
-            f"Its free run stays {'close to the data' if near else 'in the range of the data, but not close to them'}."
-        )
-    if e.one_step is None:
-        return runs
-    one = percent(e.one_step.validation_fit)
-    return f"{runs} Its one-step-ahead prediction, which uses all earlier outputs, has a fit of {one}."
+    told = verdict.bad(e) or verdict.no_joint(e)  # then the first sentences end with what to do
+    return [*verdict.first(result), *chosen, sections.search_sentence(e), *notes, *([] if told else _next(result))]
 
 
 def _data(record: Record, e: Evaluation) -> Section:
@@ -202,6 +182,7 @@ def _output(e: Evaluation) -> Section:
 
 
 def _model(e: Evaluation) -> Section:
+    narrow = verdict.too_narrow(e)
     return Section(
         "Model",
         [
@@ -210,10 +191,25 @@ def _model(e: Evaluation) -> Section:
             *([_PHYSICS] if e.values else []),
             *filter(None, [sections.undetermined_in_words(e)]),
         ],
-        tables=sections.only([sections.values_grid(e), sections.criteria_grid(e), sections.pole_grid(e)]),
+        tables=[
+            *(replace(table, note=narrow) for table in sections.only([sections.values_grid(e), sections.pole_grid(e)])),
+            sections.criteria_grid(e),
+        ],
         pictures=figures.pictures("Model", e),
-        details=[] if _no_joint(e) else [sections.parameter_grid(e)],
+        details=[] if _no_joint(e) else [replace(sections.parameter_grid(e), note=_deviations(e))],
     )
+
+
+def _deviations(e: Evaluation) -> str:
+    """What is known of the deviations of parameters."""
+    coloured = e.tests is not None and not e.tests.white
+    words = (
+        "Too small: these standard deviations take the residuals as white, and the residuals are coloured; those of poles "
+        "and physical values allow for it."
+        if coloured and isinstance(e.fit, Fit)
+        else ""
+    )
+    return " ".join(filter(None, [words, verdict.too_narrow(e)]))
 
 
 def _residuals(e: Evaluation) -> Section:

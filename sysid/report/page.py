@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -10,23 +11,42 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.base.json_values import plain
+from sysid.report import embed, glossary
 
 if TYPE_CHECKING:
     from jinja2 import Template
+    from markupsafe import Markup
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG with its file name and caption."""
+    """A PNG with its file name and caption, and the same as a zoomable figure of plotly where there is one.
+
+    On a screen the page shows the zoomable figure; paper, and a reader without scripts, get the PNG. A `photo` keeps
+    its colours in the dark.
+    """
 
     name: str
     png: bytes
     caption: str
+    zoom: embed.Figure | None = None
+    photo: bool = False
 
     @property
     def data(self) -> str:
         """The PNG as base64, for embedding in the page."""
         return base64.b64encode(self.png).decode("ascii")
+
+    @property
+    def element(self) -> str:
+        """The HTML of the zoomable figure; empty without one."""
+        return "" if self.zoom is None else embed.element(self.zoom, self.name)
+
+    @property
+    def sentence(self) -> str:
+        """The caption, with what the zoomable figure says of itself."""
+        said = (self.zoom or {}).get("layout", {}).get("meta", {}).get("said", "")
+        return f"{self.caption} {said}".strip()
 
 
 @dataclass(frozen=True)
@@ -40,10 +60,25 @@ class Grid:
     quiet_rows: frozenset[int] = frozenset()  # rows shown for reference, in grey
     last_text: bool = False  # the last column is text too
     sortable: bool = False  # by a click on a heading
+    note: str = ""  # what is known of all its numbers, below the table of a page
 
     def is_text(self, j: int) -> bool:
         """Whether column j is aligned as text."""
         return j < self.text_columns or (self.last_text and j == len(self.headings) - 1)
+
+    def terms(self) -> list[str]:
+        """The headings, and the names of the rows."""
+        return [*self.headings, *(str(row[0]) for row in self.rows if row and not self.sortable)]
+
+    def title(self, row: Sequence[str], j: int) -> str:
+        """What a cell of numbers is, for the pointer: its row, its column and what that means; empty for text."""
+        if self.is_text(j) or self.sortable:
+            return ""
+        named = [str(text) for text in (row[0] if self.text_columns else "", self.headings[j]) if text]
+        said = glossary.meaning(self.headings[j]) or (glossary.meaning(str(row[0])) if self.text_columns else "")
+        units = [k for k, heading in enumerate(self.headings) if heading == "unit"]
+        unit = f" [{row[units[0]]}]" if units and row[units[0]] not in ("", "–") else ""
+        return f"{', '.join(named)}{unit}{': ' if said else ''}{said}"
 
     def only(self, *headings: str) -> "Grid":
         """The columns with these headings; they must start with the text columns."""
@@ -100,8 +135,16 @@ class Page:
     wide: bool = False  # for tables of many columns
 
     def html(self) -> str:
-        """The page as one document, self-contained but for its scripts."""
-        return _template().render(page=self)
+        """The page as one document, self-contained but for its scripts; plotly's is part of it if a figure needs it."""
+        zooms = any(picture.zoom is not None for picture in self.pictures())
+        return _template().render(page=self, plotly=embed.script() if zooms else "", draw=embed.DRAW if zooms else "")
+
+    @property
+    def words(self) -> dict[str, str]:
+        """The terms of the tables that the glossary explains, in order of their first use."""
+        tables = [table for section in self.sections for table in (*section.tables, *section.details)]
+        cells = [cell for table in tables for cell in table.terms()]
+        return {glossary.bare(cell): said for cell in cells if (said := glossary.meaning(cell))}
 
     @property
     def sorts(self) -> bool:
@@ -120,7 +163,24 @@ def _template() -> "Template":
 
     source = resources.files("sysid.report").joinpath("template.html").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["commands"] = _commands
+    environment.globals["meaning"] = glossary.meaning
     return environment.from_string(source)
+
+
+_COMMAND = re.compile(r"(.*(?:Next|try): )(qpal \S.*)", re.DOTALL)
+
+
+def _commands(sentence: str) -> "Markup":
+    """A sentence whose last words are a command, set as code that no line break cuts inside a word."""
+    from markupsafe import Markup, escape
+
+    found = _COMMAND.fullmatch(sentence)
+    if found is None:
+        return escape(sentence)
+    before, command = found.groups()
+    words = Markup(" ").join(Markup("<span>{}</span>").format(word) for word in command.split())
+    return escape(before) + Markup("<code>{}</code>").format(words)
 
 
 def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:

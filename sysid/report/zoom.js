@@ -14,7 +14,7 @@
     return value;
   };
   const config = { responsive: true, displaylogo: false, scrollZoom: false, doubleClick: "reset+autosize",
-                   modeBarButtonsToRemove: ["select2d", "lasso2d"] };
+                   modeBarButtons: [["toImage", "zoom2d", "pan2d", "autoScale2d", "resetScale2d"]], plotlyServerURL: "" };
   const draw = (box, figure) => {
     const shown = coloured(figure), layout = shown.layout;
     const [paper, wash] = dark.matches ? ["#1d252d", "#2e3842"] : ["#ffffff", "#f5f7f8"];
@@ -22,14 +22,28 @@
                           font: { color: layout.font.color } };
     layout.modebar = { bgcolor: "rgba(0,0,0,0)", color: dark.matches ? "#98a5b2" : "#7a8794" };
     for (const menu of layout.updatemenus || [])
-      Object.assign(menu, { bgcolor: wash, bordercolor: layout.modebar.color, font: { color: dark.matches ? "#2f6f8f" : layout.font.color, size: 11 } });
+      Object.assign(menu, { bgcolor: wash, bordercolor: layout.modebar.color, showactive: false,
+                            font: { color: layout.font.color, size: 11 } });
     if (box.clientWidth < 520) narrow(layout);
+    box.style.height = `${layout.height}px`;
     return Plotly.react(box, { data: shown.data, layout, frames: shown.frames, config });
   };
   const narrow = (layout) => {  // a phone: no room beside the axes
     layout.margin = { ...layout.margin, l: 50, r: 6 };
     layout.font = { ...layout.font, size: 10.5 };
+    stack(layout);
     layout.dragmode = layout.scene ? "orbit" : false;  // a finger scrolls the page; the mode bar zooms
+  };
+  const stack = (layout) => {  // panels that stand beside each other go below each other
+    const n = layout.meta?.beside;
+    if (!(n > 1)) return;
+    for (let k = 0; k < n; k++) {
+      const suffix = k ? k + 1 : "", top = 1 - (k * 1.3) / (1.3 * n - 0.3);
+      layout["xaxis" + suffix].domain = [0, 1];
+      layout["yaxis" + suffix].domain = [Math.max(top - 1 / (1.3 * n - 0.3), 0), top];
+      Object.assign(layout.annotations[k], { x: 0, y: top });
+    }
+    layout.height *= 0.8 * n;
   };
   const figures = [...document.querySelectorAll("script[data-for]")].map((data) => [
     document.getElementById(data.dataset.for), JSON.parse(data.textContent),

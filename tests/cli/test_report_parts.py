@@ -17,7 +17,7 @@ from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.joint.design import Design, Phase
 from sysid.joint.values import JointValue
-from sysid.report import design, identify, sections
+from sysid.report import design, sections, verdict
 from sysid.report.figures import values
 from sysid.report.page import Grid, to_json
 from sysid.solver.covariance import Covariance
@@ -195,4 +195,4 @@ def test_labels_of_a_designed_experiment_stand_inside_the_picture(units):
 @pytest.mark.parametrize(("fits", "words"), [((98.7, 97.0), "stays close to"), ((98.7, 71.8), "not close to them")])
 def test_a_free_run_that_misses_a_quarter_of_the_validation_data_is_not_called_close(fits, words):
     e = SimpleNamespace(linear=False, stable=True, one_step=None, estimation_fit=fits[0], validation_fit=fits[1])
-    assert words in identify._stability(e)
+    assert words in verdict.stability(e)

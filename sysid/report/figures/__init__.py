@@ -5,6 +5,7 @@ computes; the numbers come from an evaluation.
 """
 
 from sysid.report.figures import (
+    bode,
     close_up,
     data,
     free_run,
@@ -25,6 +26,7 @@ TABLE: dict[str, ReportFigure] = {
     "close-up": close_up.FIGURE,
     "pole-zero": pole_zero.FIGURE,
     "step-response": step_response.FIGURE,
+    "bode": bode.FIGURE,
     "static-maps": static_maps.FIGURE,
     "values": values.FIGURE,
     "growth": growth.FIGURE,

@@ -27,7 +27,7 @@ class ReportFigure:
     """One figure of the report of `qpal identify`, made from an evaluation; other reports may use it.
 
     `draw` returns its axes and may take options from another report. The axes of a figure name their units, unless it
-    shows only `pure` numbers.
+    shows only `pure` numbers. `zoom` gives the same as a figure of plotly, where there is one.
     """
 
     section: SectionTitle
@@ -35,12 +35,14 @@ class ReportFigure:
     caption: Callable[[Evaluation], str]
     applies: Callable[[Evaluation], bool] = _always
     pure: bool = False
+    zoom: Callable[[Evaluation], dict[str, Any]] | None = None
 
     def picture(self, name: str, evaluation: Evaluation, lead: str = "", **options: Any) -> Picture | None:
         """The figure with its caption after `lead`; None if it does not apply to this model or record."""
         if not self.applies(evaluation):
             return None
-        return Picture(name, style.png(self.draw(evaluation, **options)), f"{lead}{self.caption(evaluation)}")
+        zoom = None if self.zoom is None or options else self.zoom(evaluation)
+        return Picture(name, style.png(self.draw(evaluation, **options)), f"{lead}{self.caption(evaluation)}", zoom)
 
 
 def signals(evaluation: Evaluation) -> tuple[Quantity, Quantity]:

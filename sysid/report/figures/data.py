@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sysid.plots import parts
+from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
 from sysid.workflow.evaluation import Evaluation
 
@@ -26,4 +27,9 @@ def caption(e: Evaluation) -> str:
     )
 
 
-FIGURE = ReportFigure("Data", draw, caption)
+def zoomed(e: Evaluation) -> zoom.Figure:
+    """The same to zoom."""
+    return zoom.parts(e.estimation, e.validation)
+
+
+FIGURE = ReportFigure("Data", draw, caption, zoom=zoomed)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sysid.plots import Run, free_run
+from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
 from sysid.workflow.evaluation import Evaluation
 
@@ -32,4 +33,4 @@ def caption(e: Evaluation) -> str:
     )
 
 
-FIGURE = ReportFigure("Model output", draw, caption)
+FIGURE = ReportFigure("Model output", draw, caption, zoom=zoom.free_run)

@@ -11,6 +11,7 @@ from sysid.base import style
 from sysid.base.style import styled
 from sysid.joint.growth import MARGIN
 from sysid.joint.pruning import remaining
+from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
 from sysid.report.joint_words import PARTS
 from sysid.workflow.evaluation import Evaluation
@@ -58,4 +59,10 @@ def applies(e: Evaluation) -> bool:
     return e.growth is not None and bool(e.growth.steps)
 
 
-FIGURE = ReportFigure("Model", draw, caption, applies, pure=True)
+def zoomed(e: Evaluation) -> zoom.Figure:
+    """The same to zoom."""
+    assert e.growth is not None
+    return zoom.growth(e.growth)
+
+
+FIGURE = ReportFigure("Model", draw, caption, applies, pure=True, zoom=zoomed)

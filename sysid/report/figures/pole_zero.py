@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid.base.units import poles
 from sysid.plots import pole_zero_map
+from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
 from sysid.workflow.evaluation import Evaluation
 
@@ -36,4 +37,9 @@ def applies(e: Evaluation) -> bool:
     return e.linear
 
 
-FIGURE = ReportFigure("Model", draw, caption, applies, pure=True)
+def zoomed(e: Evaluation) -> zoom.Figure:
+    """The same to zoom."""
+    return zoom.poles_zeros(e.roots or e.poles, e.zeros, e.fit.Ts)
+
+
+FIGURE = ReportFigure("Model", draw, caption, applies, pure=True, zoom=zoomed)

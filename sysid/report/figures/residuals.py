@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sysid.plots import residual_tests
+from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
 from sysid.report.words import one_step, tests_in_words
 from sysid.workflow.evaluation import Evaluation
@@ -35,4 +36,10 @@ def applies(e: Evaluation) -> bool:
     return e.tests is not None
 
 
-FIGURE = ReportFigure("Residual tests", draw, caption, applies)
+def zoomed(e: Evaluation) -> zoom.Figure:
+    """The same to zoom."""
+    assert e.tests is not None
+    return zoom.residual_tests(e.tests)
+
+
+FIGURE = ReportFigure("Residual tests", draw, caption, applies, zoom=zoomed)

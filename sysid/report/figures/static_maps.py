@@ -6,15 +6,17 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sysid.plots import static_maps
+from sysid.report import zoom
+from sysid.report.bands import bands
 from sysid.report.figures._figure import ReportFigure
-from sysid.uncertainty.curves import OWN, Curve
-from sysid.uncertainty.intervals import Band
+from sysid.uncertainty.curves import NORMALISED, Curve
 from sysid.workflow.evaluation import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-WORDS = {  # by role: title, signal before the map, signal after it
+Words = tuple[str, str, str]  # title, signal before the map, signal after it
+WORDS: dict[str, Words] = {  # by role
     "input": ("input map", "input u", "into the linear block"),
     "output": ("output map", "out of the linear block", "output y"),
     "middle": ("middle map", "into the map", "out of the map"),
@@ -22,19 +24,28 @@ WORDS = {  # by role: title, signal before the map, signal after it
     "map": ("linkage", "actuator's position [strokes]", "output y"),
     "sensor": ("sensor map", "behind play and linkage", "output y"),
 }
-SEES_INPUT, GIVES_OUTPUT = ("input", "driver"), ("output", "map", "sensor")
+SCALED: dict[str, Words] = {  # the same where the record gives the scale of the signal between the blocks
+    "input": ("input map", "input u", "out of the map, on the scale of u"),
+    "output": ("output map", "into the map, on the scale of y", "output y"),
+    "middle": ("middle map", "into the map, in standard deviations", "out, in standard deviations"),
+}
 
 
 def draw(e: Evaluation) -> Sequence[Axes]:
     """A panel for each map, in the order of the signal."""
-    return static_maps([_curve(e, role) for role in e.maps], words=WORDS)
+    curves = bands(e).maps
+    return static_maps(curves, words=_words(curves))
 
 
-def _curve(e: Evaluation, role: str) -> Curve:
-    u, y = e.estimation.u_unit, e.estimation.y_unit
-    before = u if role in SEES_INPUT else y if role == "sensor" else ""
-    after = y if role in GIVES_OUTPUT else u if role == "driver" else ""
-    return Curve(role, Band.bare(e.maps[role].x, e.maps[role].y), OWN, before, after)
+def _words(curves: Sequence[Curve]) -> dict[str, Words]:
+    scaled = {c.role for c in curves if c.scale == NORMALISED}
+    return {c.role: (SCALED if c.role in scaled else WORDS).get(c.role, WORDS["middle"]) for c in curves}
+
+
+def zoomed(e: Evaluation) -> zoom.Figure:
+    """The same to zoom."""
+    curves = bands(e).maps
+    return zoom.static_maps(curves, _words(curves))
 
 
 def caption(e: Evaluation) -> str:
@@ -44,6 +55,11 @@ def caption(e: Evaluation) -> str:
     )
     if not e.linear:
         only = "The linkage's map runs from 0 at one end of the actuator's stroke to 1 at the other."
+    elif any(curve.scale == NORMALISED for curve in bands(e).maps):
+        only += (
+            " A signal between the blocks is therefore shown with the mean and deviation of the signal outside; on the "
+            "dashed diagonal a map would change nothing."
+        )
     names = " and ".join(role.replace("map", "linkage") for role in e.maps)
     return f"Static {names} map over the range of the estimation data. {only}"
 
@@ -53,4 +69,4 @@ def applies(e: Evaluation) -> bool:
     return bool(e.maps)
 
 
-FIGURE = ReportFigure("Model", draw, caption, applies)
+FIGURE = ReportFigure("Model", draw, caption, applies, zoom=zoomed)

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from sysid.base.units import number
 from sysid.plots import step
+from sysid.report import zoom
+from sysid.report.bands import bands
 from sysid.report.figures._figure import ReportFigure, signals
-from sysid.uncertainty.intervals import Band
 from sysid.workflow.evaluation import Evaluation
 
 if TYPE_CHECKING:
@@ -16,9 +17,16 @@ if TYPE_CHECKING:
 
 def draw(e: Evaluation) -> Axes:
     """The response in display units."""
-    assert e.step is not None
-    y = e.validation.y_name
-    return step(Band.bare(e.step.x, e.step.y), None, e.estimation.y_unit, e.estimation.u_unit, y)
+    response = bands(e).step
+    assert response is not None
+    return step(response, None, e.estimation.y_unit, e.estimation.u_unit, e.validation.y_name)
+
+
+def zoomed(e: Evaluation) -> zoom.Figure:
+    """The same to zoom."""
+    response = bands(e).step
+    assert response is not None
+    return zoom.step(response, e.estimation.y_unit, e.estimation.u_unit, e.validation.y_name)
 
 
 def caption(e: Evaluation) -> str:
@@ -37,4 +45,4 @@ def applies(e: Evaluation) -> bool:
     return e.step is not None
 
 
-FIGURE = ReportFigure("Model", draw, caption, applies)
+FIGURE = ReportFigure("Model", draw, caption, applies, zoom=zoomed)

@@ -11,6 +11,7 @@ from sysid.base import style
 from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.joint.values import JointValue
+from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
 from sysid.report.joint_words import groups, short
 from sysid.report.sections import told_once
@@ -79,4 +80,9 @@ def applies(e: Evaluation) -> bool:
     return bool(e.values)
 
 
-FIGURE = ReportFigure("Model", draw, caption, applies)
+def zoomed(e: Evaluation) -> zoom.Figure:
+    """The same to zoom."""
+    return zoom.values(e.values)
+
+
+FIGURE = ReportFigure("Model", draw, caption, applies, zoom=zoomed)

@@ -20,7 +20,8 @@ draws every such element in the page's colours. Radians are shown as degrees; a 
 `figure["layout"]["meta"]["said"]`, where it is, is a sentence that belongs into the caption.
 """
 
-from sysid.report.zoom.embed import DRAW, element, script
+from sysid.report.embed import DRAW, element, script
+from sysid.report.zoom._parts import Figure
 from sysid.report.zoom.joint import growth, values
 from sysid.report.zoom.maps import static_maps
 from sysid.report.zoom.records import parts, record
@@ -31,6 +32,7 @@ from sysid.report.zoom.runs import free_run, one_step, runs
 
 __all__ = [
     "DRAW",
+    "Figure",
     "bode",
     "element",
     "free_run",

@@ -152,7 +152,7 @@ def stacked(traces: list[Trace], rows: Sequence[Row], x_label: str, notes: Seque
     """Panels above each other over one horizontal axis, so that a zoom in one is a zoom in all."""
     gap, total = 0.075 if any(row.title for row in rows) else 0.045, sum(row.weight for row in rows)
     free = 1.0 - gap * (len(rows) - 1)
-    layout, top = base(x_label, height=round(ROW * total + 110)), 1.0
+    layout, top = base(x_label, height=round(ROW * total + 126)), 1.0
     for k, row in enumerate(rows):
         bottom = top - free * row.weight / total
         layout["yaxis" if k == 0 else f"yaxis{k + 1}"] = side(row.label) | {"domain": [max(bottom, 0.0), top]}
@@ -171,7 +171,7 @@ def base(x_label: str, y_label: str | None = None, height: int = 360) -> Figure:
     layout: Figure = {
         "xaxis": side(x_label),
         "height": height,
-        "margin": {"l": 62, "r": 14, "t": 46, "b": 48},
+        "margin": {"l": 62, "r": 14, "t": 62, "b": 48},
         "paper_bgcolor": PAPER,
         "plot_bgcolor": PAPER,
         "font": {"color": style.INK, "size": 12, "family": "system-ui, Segoe UI, DejaVu Sans, sans-serif"},

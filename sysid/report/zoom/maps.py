@@ -21,7 +21,7 @@ def static_maps(curves: Sequence[Curve], words: Mapping[str, Words] | None = Non
     """
     n = len(curves)
     wide = (1.0 - GAP * (n - 1)) / n
-    layout = parts.base("", height=330)
+    layout = parts.base("", height=330) | {"meta": {"beside": n}}
     traces = list[Trace]()
     for k, curve in enumerate(curves):
         title, before, after = (words or {}).get(curve.role) or words_of(curve)
@@ -29,6 +29,9 @@ def static_maps(curves: Sequence[Curve], words: Mapping[str, Words] | None = Non
         start, suffix = k * (wide + GAP), "" if k == 0 else str(k + 1)
         layout[f"xaxis{suffix}"] = parts.side(x.label, domain=[start, start + wide], anchor=f"y{suffix}")
         layout[f"yaxis{suffix}"] = parts.side(y.label, anchor=f"x{suffix}")
+        low, high = float(curve.band.value.min()) * y.factor, float(curve.band.value.max()) * y.factor
+        if _wide(curve, y.factor, low, high):
+            layout[f"yaxis{suffix}"]["range"] = [low - (high - low), high + (high - low)]  # a double click shows all
         layout["annotations"].append(
             {"text": f"<b>{title}</b>", "x": start, "y": 1, "xref": "paper", "yref": "paper"}
             | {"xanchor": "left", "yanchor": "bottom", "showarrow": False}
@@ -59,3 +62,10 @@ def static_maps(curves: Sequence[Curve], words: Mapping[str, Words] | None = Non
             | own
         )
     return {"data": traces, "layout": layout}
+
+
+def _wide(curve: Curve, factor: float, low: float, high: float) -> bool:
+    """Whether the band is so wide that it would squeeze the curve."""
+    b = curve.band
+    edges = np.concatenate([b.lower, b.upper])[np.isfinite(np.concatenate([b.lower, b.upper]))] * factor
+    return bool(high > low and len(edges) and (edges.min() < 2 * low - high or edges.max() > 2 * high - low))

@@ -29,7 +29,7 @@ def _figure(shown: list[tuple[IOData, str, bool]], whole: bool = False) -> Figur
     traces, shapes, start = list[Trace](), list[Figure](), 0.0
     for data, name, known in shown:
         for k, quantity in enumerate(signals):
-            colour = style.INPUT if (k < nu) == known else style.INK if known else style.SECOND
+            colour = style.INPUT if (k < nu if whole else not known) else style.INK
             traces.append(_line(data, k, quantity, start, name or quantity.name, colour, whole, bool(name) and k == 0))
         shapes += parts_of.borders(data, start)
         start += data.N * data.Ts

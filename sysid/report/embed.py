@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from sysid.report.zoom._parts import Figure
-
+Figure = dict[str, Any]  # of plotly: {"data": [...], "layout": {...}}, and "frames" of a figure that moves
 PACKED = 64  # numbers; a longer list travels as the bytes of its doubles, which are exact and half as long
 
 
 def element(figure: Figure, name: str) -> str:
-    """The HTML of a figure: a box of its height, named `name`, that `DRAW` fills; nothing is drawn without scripts."""
+    """The HTML of a figure: a box of its height, named `name`, that `DRAW` fills; nothing is drawn without scripts.
+
+    Raises ValueError for a number that JSON has not.
+    """
     text = json.dumps(_packed(figure), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     safe = text.replace("<", "\\u003c").replace("&", "\\u0026")  # no text of a figure ends the script or opens a tag
     height = int(figure["layout"].get("height", 400))

@@ -1,0 +1,85 @@
+"""Bands of what an evaluated model says beside its poles: static maps, step response, frequency response.
+
+They follow from the fit and its estimation data, and allow for coloured residuals. Where the record gives no band, the
+curves stand alone.
+"""
+
+from dataclasses import dataclass, replace
+from weakref import ref
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.estimation.result import Fit
+from sysid.uncertainty import responses
+from sysid.uncertainty.curves import OWN, Curve, curves
+from sysid.uncertainty.information import Information, information
+from sysid.uncertainty.intervals import Band
+from sysid.uncertainty.responses import FrequencyResponse
+from sysid.workflow.evaluation import Evaluation
+
+SEES_INPUT, GIVES_OUTPUT = ("input", "driver"), ("output", "map", "sensor")
+
+
+@dataclass(frozen=True)
+class Bands:
+    """The maps in the order of the signal, the step response and the frequency response; None where there is none."""
+
+    maps: tuple[Curve, ...]
+    step: Band | None
+    frequency: FrequencyResponse | None
+
+
+# The last evaluation asked for: the figures of one page ask one after another, and the sensitivities are large.
+_last: list[tuple["ref[Evaluation]", Bands]] = []
+
+
+def bands(evaluation: Evaluation) -> Bands:
+    """The bands of an evaluation."""
+    if _last and _last[0][0]() is evaluation:
+        return _last[0][1]
+    found = _found(evaluation)
+    _last[:] = [(ref(evaluation), found)]
+    return found
+
+
+def _found(e: Evaluation) -> Bands:
+    maps = tuple(_bare(e, role) for role in e.maps)
+    step = None if e.step is None else Band.bare(e.step.x, e.step.y)
+    info = _information(e)
+    if info is None:
+        return Bands(maps, step, None)
+    middle = float(np.mean(e.estimation.u))
+    try:
+        known = {curve.role: curve for curve in curves(info)}
+        maps = tuple(known.get(curve.role, curve) for curve in maps)
+    except InputError:  # a signal between the blocks does not move
+        pass
+    if step is not None:
+        # The curve stays that of the evaluation; the band is about it.
+        wide = responses.step(info, middle, len(step.x))
+        half = (wide.upper - wide.value, wide.value - wide.lower)
+        step = replace(wide, x=step.x, value=step.value, upper=step.value + half[0], lower=step.value - half[1])
+    try:
+        frequency = responses.frequency(info, middle)
+    except InputError:  # the tangent has no gain there
+        frequency = None
+    return Bands(maps, step, frequency)
+
+
+def _information(e: Evaluation) -> Information | None:
+    """The information of the record on a model with a linear block; None if there is none."""
+    if not isinstance(e.fit, Fit) or not e.linear or not e.stable or e.roots is None:
+        return None
+    coloured = e.tests is not None and not e.tests.white
+    try:
+        return information(e.fit, e.estimation, lags="auto" if coloured else None)
+    except InputError:
+        return None
+
+
+def _bare(e: Evaluation, role: str) -> Curve:
+    u, y = e.estimation.u_unit, e.estimation.y_unit
+    before = u if role in SEES_INPUT else y if role == "sensor" else ""
+    after = y if role in GIVES_OUTPUT else u if role == "driver" else ""
+    return Curve(role, Band.bare(e.maps[role].x, e.maps[role].y), OWN, before, after)

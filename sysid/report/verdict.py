@@ -1,0 +1,114 @@
+"""The first paragraph on a fit: what it is worth, and where it is bad, why and what to do about it."""
+
+import numpy as np
+
+from sysid.base.units import percent, poles, shown
+from sysid.plots._departure import departure
+from sysid.report.sections import capital, model_in_words
+from sysid.report.words import tests_in_words
+from sysid.workflow.evaluation import APART, OVERFITTED, Evaluation
+from sysid.workflow.identified import Identification
+from sysid.workflow.next_step import POOR
+
+CLOSE = 90.0  # [%] fit of a free run that is close to the data
+
+
+def first(result: Identification) -> list[str]:
+    """The opening sentences: a bad result first with its reason and the next command, then the fit and its tests."""
+    e = result.evaluation
+    opening = [_not_a_joint(result)] if no_joint(e) else [_bad(result)] if bad(e) else []
+    fits = (
+        f"{model_in_words(e)} has a free-run fit on the validation data of {percent(e.validation_fit)} "
+        f"({percent(e.estimation_fit)} on the estimation data). {stability(e)} {tests_in_words(e)}"
+    )
+    return [*opening, fits]
+
+
+def no_joint(e: Evaluation) -> bool:
+    """Whether the record is not that of a joint, or does not show that it is."""
+    return e.joint is not None and not e.joint.joint
+
+
+def bad(e: Evaluation) -> bool:
+    """Whether the free run misses the validation data by more than noise explains."""
+    noise_alone = e.tests is not None and e.tests.white and e.tests.independent
+    return not e.validation_fit >= POOR and not noise_alone
+
+
+def too_narrow(e: Evaluation) -> str:
+    """Why every interval of this fit is known to be too narrow; empty if nothing says so."""
+    why = ""
+    gap = e.estimation_fit - e.validation_fit
+    if not np.isfinite(gap) or gap > (APART if e.values else OVERFITTED):
+        why = (
+            f"the fit falls from {percent(e.estimation_fit)} on the estimation data to {percent(e.validation_fit)} on "
+            "the validation data"
+        )
+    elif bad(e):
+        why = f"the free run explains only {percent(e.validation_fit)} of the validation data"
+    elif e.tests is not None and not e.tests.independent:
+        why = "the residuals depend on the input"
+    if not why:
+        return ""
+    return (
+        f"Too narrow: {why}, so the structure lacks something of the system, which no interval here contains. The true "
+        "value may lie outside more often than 5 times in 100."
+    )
+
+
+def stability(e: Evaluation) -> str:
+    """Poles, or how the free run behaves where there are none."""
+    if e.linear:
+        return f"It is {'stable' if e.stable else 'not stable'}: poles {poles(e.poles)}."
+    runs = "Its free run DIVERGES from the data."
+    if e.stable:
+        near = min(e.validation_fit, e.estimation_fit) >= CLOSE
+        runs = (
+            f"Its free run stays {'close to the data' if near else 'in the range of the data, but not close to them'}."
+        )
+    if e.one_step is None:
+        return runs
+    one = percent(e.one_step.validation_fit)
+    return f"{runs} Its one-step-ahead prediction, which uses all earlier outputs, has a fit of {one}."
+
+
+def _not_a_joint(result: Identification) -> str:
+    said = result.evaluation.joint
+    assert said is not None
+    return f"{said.sentence()} {_what_to_do(result, why=False)}".strip()
+
+
+def _bad(result: Identification) -> str:
+    """What is wrong, why, and what to do."""
+    e = result.evaluation
+    worth = "a constant at its mean would be better" if e.validation_fit < 0 else "100 % is exact, 0 % is its mean"
+    return (
+        f"This model is not good enough to use: its free run has a fit of {percent(e.validation_fit)} to the output of "
+        f"the validation data ({worth}). {left(e)}{_what_to_do(result)}"
+    )
+
+
+def left(e: Evaluation) -> str:
+    """Where and how far the free run leaves the validation data first; empty if it stays near them."""
+    run = np.asarray(e.validation_output, dtype=float).reshape(e.validation.N, -1)
+    for k in range(run.shape[1]):
+        away = departure(e.validation.y[:, k], run[:, k])
+        if away is not None:
+            y = shown(e.validation.y_name, e.validation.y_unit)
+            return f"{away.sentence('free run', e.validation.Ts, y)} "
+    return ""
+
+
+def _what_to_do(result: Identification, why: bool = True) -> str:
+    if result.next is not None:
+        reason = f"Why: {result.next.why}. " if why else ""
+        return f"{reason}What to do, try: {result.next.command}"
+    notes = result.evaluation.notes
+    reason = f"Why: {notes[-1]}. " if notes and why else ""
+    actions = [a for a in result.advice if a.severity == "warning" and a.action]
+    if actions:
+        return f"{reason}What to do: {actions[0].action}. {capital(actions[0].sentence)}."
+    return (
+        f"{reason}What to do: record again with an input that shows more of the system; see the section Advice, and try: "
+        f"qpal info {result.record.path}"
+    )
