@@ -1,6 +1,6 @@
 """Figures of the page as plain dictionaries of plotly: those of the reports, and the few that only the page has."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from html import escape
 from typing import Any
 
@@ -15,85 +15,32 @@ from twin.app.records import Runs
 
 Figure = dict[str, Any]
 COLOURS = (style.MODEL, style.INPUT, "#2f855a", "#805ad5", "#b7791f", "#d53f8c")
-TITLES = {  # of the tabs, in their order
-    "run": "Free run",
-    "residuals": "Residual tests",
-    "maps": "Static maps",
-    "poles": "Poles and zeros",
+TITLES = {  # of the tabs, in their order; names of `sysid.report.figures.TABLE`
+    "free-run": "Free run",
+    "residuals": "Residuals",
+    "static-maps": "Static maps",
+    "pole-zero": "Poles",
     "bode": "Bode",
-    "step": "Step response",
+    "step-response": "Step",
     "values": "Physical values",
-}
-SEE = {
-    "run": "A good model's free run lies on the measured output in the validation part too; what is left is the error.",
-    "residuals": "Bars inside the area are chance: then the residuals are white and independent of the input.",
-    "maps": "Each static map with its 95 % band over the range that the record shows; wide bands are guesses.",
-    "poles": "Crosses are poles, rings zeros, ellipses their 95 % regions; poles inside the circle are stable.",
-    "bode": "The frequency response of the tangent linear model with its 95 % band.",
-    "step": "The tangent's answer to a unit step of the input; its final value is the gain.",
-    "values": "Physical values of the joint; a bar is the 95 % interval, an open point is not determined.",
+    "growth": "Parts",
 }
 
 
 def of_model(e: Evaluation) -> tuple[dict[str, Figure], list[str]]:
-    """Every figure that this model has, by the names in `TITLES`, and why a figure is missing."""
-    from sysid.report import zoom
-    from sysid.uncertainty.information import information
+    """Every zoomable figure of the report that this model has, with its caption, and why a figure is missing."""
+    from sysid.report.figures import TABLE
 
-    drawn, complaints = {"run": zoom.free_run(e)}, list[str]()
-    wanted: dict[str, Callable[[], Figure]] = {}
-    if e.tests is not None:
-        wanted["residuals"] = lambda: zoom.residual_tests(e.tests)
-    if e.linear:
-        wanted["poles"] = lambda: zoom.poles_zeros(e.roots or e.poles, e.zeros, e.estimation.Ts)
-    info = None
-    if e.maps or e.linear:
+    drawn, complaints = dict[str, Figure](), list[str]()
+    for name, title in TITLES.items():
+        figure = TABLE[name]
+        if figure.zoom is None or not figure.applies(e):
+            continue
         try:
-            coloured = e.tests is not None and not e.tests.white
-            info = information(e.fit, e.estimation, lags="auto" if coloured else None)  # type: ignore[arg-type]
+            drawn[name] = {"figure": figure.zoom(e), "caption": figure.caption(e)}
         except (InputError, np.linalg.LinAlgError) as error:
-            complaints.append(f"no bands: {error}")
-    if e.maps:
-        wanted["maps"] = lambda: _maps(e, info)
-    if e.linear and info is not None:
-        wanted["bode"] = lambda: _bode(e, info)
-        wanted["step"] = lambda: _step(e, info)
-    if e.values:
-        wanted["values"] = lambda: zoom.values(e.values)
-    for name, draw in wanted.items():
-        try:
-            drawn[name] = draw()
-        except (InputError, np.linalg.LinAlgError) as error:
-            complaints.append(f"no figure '{TITLES[name]}': {error}")
+            complaints.append(f"no figure '{title}': {error}")
     return drawn, complaints
-
-
-def _maps(e: Evaluation, info: Any) -> Figure:
-    """The maps with bands, or bare where the record gives none."""
-    from sysid.report import zoom
-    from sysid.report.figures.static_maps import WORDS, curve_of
-    from sysid.uncertainty.curves import curves
-
-    try:
-        found = list(curves(info)) if info is not None else []
-    except (InputError, np.linalg.LinAlgError):
-        found = []
-    return zoom.static_maps(found or [curve_of(e, role) for role in e.maps], WORDS)
-
-
-def _bode(e: Evaluation, info: Any) -> Figure:
-    from sysid.report import zoom
-    from sysid.uncertainty.responses import frequency
-
-    return zoom.bode(frequency(info, float(np.mean(e.estimation.u))), e.estimation.y_unit, e.estimation.u_unit)
-
-
-def _step(e: Evaluation, info: Any) -> Figure:
-    from sysid.report import zoom
-    from sysid.uncertainty.responses import step
-
-    data = e.estimation
-    return zoom.step(step(info, float(np.mean(data.u))), data.y_unit, data.u_unit, data.y_name)
 
 
 def of_record(data: IOData, start: float | None, stop: float | None, height: int = 360) -> Figure:
@@ -151,7 +98,8 @@ def of_comparison(result: Any) -> dict[str, Figure]:
         _line(result.t, result.other * degrees, "twin", style.MODEL, 1.2, "deg"),
         _line(result.t, result.error * degrees, "log less twin", style.SECOND, 1.0, "deg") | {"yaxis": "y2"},
     ]
-    return {"run": {"data": traces, "layout": layout, "config": CONFIG}}
+    caption = "Where the two angles part, the twin lacks something or has other values; the sentences above say what."
+    return {"run": {"figure": {"data": traces, "layout": layout}, "caption": caption}}
 
 
 def of_calibration(result: Any) -> dict[str, Figure]:
@@ -165,7 +113,8 @@ def of_calibration(result: Any) -> dict[str, Figure]:
         _line(t, run.before * degrees, "twin before", style.SECOND, 1.0, "deg"),
         _line(t, run.after * degrees, "twin calibrated", style.MODEL, 1.2, "deg"),
     ]
-    return {"run": {"data": traces, "layout": layout, "config": CONFIG}}
+    caption = "The calibrated twin lies on the log; the grey line is the twin with the parameters that it had before."
+    return {"run": {"figure": {"data": traces, "layout": layout}, "caption": caption}}
 
 
 CONFIG = {"displaylogo": False, "responsive": True, "scrollZoom": False, "modeBarButtonsToRemove": ["lasso2d"]}

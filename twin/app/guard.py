@@ -45,9 +45,9 @@ class TooLarge(Exception):  # noqa: N818 - reads as what it says
 
 @dataclass(frozen=True)
 class Guard:
-    """An ASGI application that lets only its own browser reach `server`; `token` and `cookie` are random texts."""
+    """An ASGI application that lets only its own browser reach `app`; `token` and `cookie` are random texts."""
 
-    server: Server
+    app: Server
     port: int
     token: str
     cookie: str
@@ -56,7 +56,7 @@ class Guard:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer, refuse with 403, or pass on."""
         if scope["type"] not in ("http", "websocket"):
-            await self.server(scope, receive, send)
+            await self.app(scope, receive, send)
             return
         headers = _headers(scope)
         reason = self._foreign(scope, headers)
@@ -139,7 +139,7 @@ class Guard:
             await send(message)
 
         try:
-            await self.server(scope, counted, own_headers)
+            await self.app(scope, counted, own_headers)
         except TooLarge:
             if not started:
                 await _answer(send, 413, self._too_large())

@@ -71,7 +71,8 @@ class Jobs:
     def submit(self, title: str, request: dict[str, Any], hear: Hear, about: str = "") -> Job:
         """Begin, or queue, the work of `request` (see `twin.app.worker`).
 
-        `hear` receives its answers in a thread of their own: {"ready": ...} when its files are whole.
+            `hear` receives its answers in a thread of their own: {"ready": ...} when its files are whole, and
+        {"failed": reason} if it could not.
         """
         out = Path(tempfile.mkdtemp(dir=self._scratch))
         job = Job(title, {**request, "out": str(out)}, out, hear, about)
@@ -142,6 +143,8 @@ class Jobs:
             if not job.over:
                 job.error = job.error or ("" if code == 0 else _last_words(job.out, code))
                 self._end(job, FAILED if job.error else DONE, "done")
+                if job.error:
+                    self._told(job, {"failed": job.error})
             self._begin_waiting()
         shutil.rmtree(job.out, ignore_errors=True)
 
@@ -155,11 +158,14 @@ class Jobs:
         elif "said" in said:
             job.said, job.share = str(said["said"]), float(said.get("share", job.share))
         else:
-            try:
-                job.hear(job, said)
-            except Exception as error:
-                job.error = str(error)
+            self._told(job, said)
         self.version += 1
+
+    def _told(self, job: Job, said: dict[str, Any]) -> None:
+        try:
+            job.hear(job, said)
+        except Exception as error:  # whatever it is, the person who waits for this job reads it
+            job.error = str(error)
 
     def _end(self, job: Job, state: str, said: str) -> None:
         job.state, job.said, job.ended = state, said, time.monotonic()

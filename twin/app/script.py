@@ -50,7 +50,7 @@ def script(model: Model, data: Data, log: Path) -> str:
         f"run = np.ravel(fit.simulate(estimation, {seen}))",
         f'print("fit on the estimation data:", repr(fit_percent(estimation.y[{first}:, 0], run[{first}:])), "%")',
         'print("fit on the validation data:", repr(fit.fit_percent(validation)), "%")',
-        "print(fit)",
+        'print(*(f"{name}: {value:.6g}" for name, value in fit.criteria.as_dict().items()), sep="\\n")',
         "",
     ]
     return "\n".join(lines)

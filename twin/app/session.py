@@ -13,6 +13,7 @@ import os
 import re
 import shutil
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -46,6 +47,7 @@ class Session:
         self.complaints: list[str] = []
         self.version = 0
         self._lock: Any = None
+        self._turn = threading.RLock()  # jobs and pages change it from their own threads
 
     @classmethod
     def open(cls, folder: str | os.PathLike[str]) -> "Session":
@@ -83,44 +85,52 @@ class Session:
 
     def change(self, **fields: Any) -> None:
         """Change fields of `head` and write it."""
-        self.head = Head.model_validate({**self.head.model_dump(), **fields})
-        write_text(self.folder / HEAD, self.head.model_dump_json(indent=2) + "\n")
-        self.version += 1
+        with self._turn:
+            self.head = Head.model_validate({**self.head.model_dump(), **fields})
+            write_text(self.folder / HEAD, self.head.model_dump_json(indent=2) + "\n")
+            self.version += 1
 
     def add(self, entry: Entry, fill: Callable[[Path], None]) -> str:
         """A new entry's id; `fill` writes its files into a folder that appears only when it is whole."""
         kind = next(name for name, (_, _, cls) in KINDS.items() if isinstance(entry, cls))
-        with self._new(kind) as folder:
+        with self._turn, self._new(kind) as folder:
             fill(folder)
             write_text(folder / ENTRY, entry.model_dump_json(indent=2) + "\n")
             key = self._free_id(kind)
             os.rename(folder, self.folder / kind / key)
-        getattr(self, kind)[key] = entry
-        self.version += 1
+            getattr(self, kind)[key] = entry
+            self.version += 1
         return key
 
     def change_data(self, key: str, **fields: Any) -> Data:
         """Change fields of a record's entry and write it."""
-        entry = Data.model_validate({**self.data[key].model_dump(), **fields})
-        write_text(self.folder / "data" / key / ENTRY, entry.model_dump_json(indent=2) + "\n")
-        self.data[key] = entry
-        self.version += 1
+        with self._turn:
+            if key not in self.data:
+                raise InputError(f"this session has no record {key!r} any more")
+            entry = Data.model_validate({**self.data[key].model_dump(), **fields})
+            write_text(self.folder / "data" / key / ENTRY, entry.model_dump_json(indent=2) + "\n")
+            self.data[key] = entry
+            self.version += 1
         return entry
 
     def put(self, kind: str, key: str, file: Path) -> None:
         """Move a whole file into the folder of an entry, if the entry is still there."""
-        if key in getattr(self, kind):
-            os.replace(file, self.folder / kind / key / file.name)
+        with self._turn:
+            if key not in getattr(self, kind):
+                return
+            shutil.move(file, self.folder / kind / key / f"{NEW}{file.name}")  # it may come from another disk
+            os.replace(self.folder / kind / key / f"{NEW}{file.name}", self.folder / kind / key / file.name)
             self.version += 1
 
     def remove(self, kind: str, key: str) -> None:
         """Delete an entry and its files."""
-        if getattr(self, kind).pop(key, None) is None:
-            return
-        gone = self.folder / kind / f"{NEW}{key}-gone"  # at once for a reader, whatever deleting takes
-        os.rename(self.folder / kind / key, gone)
-        shutil.rmtree(gone, ignore_errors=True)
-        self.version += 1
+        with self._turn:
+            if getattr(self, kind).pop(key, None) is None:
+                return
+            gone = self.folder / kind / f"{NEW}{key}-gone"  # at once for a reader, whatever deleting takes
+            os.rename(self.folder / kind / key, gone)
+            shutil.rmtree(gone, ignore_errors=True)
+            self.version += 1
 
     def file(self, kind: str, key: str, name: str) -> Path:
         """A file of an entry; raises InputError for an entry that is not there."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.files import write_text, whole_file
+from sysid.base.files import whole_file, write_text
 from sysid.base.json_values import plain
 from sysid.data.record import IOData
 from sysid.workflow.record import Record, read_record
@@ -130,7 +130,7 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
         seconds=seconds,
         converged=bool(found.fit.stop.converged),
         joint=(files / "joint.xml").exists(),
-        notes=tuple([*notes, *complaints]),
+        notes=(*notes, *complaints),
     )
     tell(ready=made.model_dump(mode="json"))
     tell(said="writing the report", share=0.96)
@@ -209,11 +209,7 @@ def _twin_log(request: dict[str, Any]) -> tuple[Any, str, str]:
             "the twin reads columns by their names and units, and this record's were chosen by hand; write a mapping: "
             "qpal info FILE --write-map MAP.toml, then qpal compare FILE --map MAP.toml"
         )
-    path = Path(request["log"])
-    try:
-        return Log.load(path, None, request["joint"]), entry.name, request["joint"]
-    except InputError as error:
-        raise InputError(str(error).replace(str(path), entry.name)) from None
+    return Log.load(Path(request["log"]), None, request["joint"]), entry.name, request["joint"]
 
 
 def _mjcf(found: Any, folder: Path) -> list[str]:

@@ -29,7 +29,8 @@ def _do(request: dict[str, Any], tell: Any, answers: TextIO) -> int:
     try:
         tasks.TABLE[request["task"]](request, tell)
     except InputError as error:
-        tell(error=str(error))
+        name = str(request.get("data", {}).get("name", "the log"))
+        tell(error=str(error).replace(str(request.get("log", "\0")), name))
     except MemoryError:
         tell(error="the memory of this machine is not enough for this; give a shorter range, or resample")
     answers.close()

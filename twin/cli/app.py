@@ -3,6 +3,7 @@
 import typer
 
 from twin.cli import bench
+from twin.cli.browser import app as browser
 from twin.cli.calibrate import calibrate
 from twin.cli.compare import compare
 from twin.cli.crawl import crawl
@@ -14,8 +15,8 @@ from twin.cli.reproduce import reproduce
 from twin.cli.simulate import simulate
 from twin.cli.view import view
 
-VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, export)
-SHOWN = (view,)  # what these make is looked at: they write no report and no summary, and take no --out and --json
+VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, export, browser)
+SHOWN = (view, browser)  # what these make is looked at: they write no report and no summary, and take no --out and --json
 
 
 def build() -> typer.Typer:
