@@ -135,6 +135,13 @@ class Desk:
 
         return self.jobs.submit("advice", self._request("advise", key), hear, key)
 
+    def setting(self, **fields: Any) -> Setting:
+        """A setting from what a form holds; raises InputError for what is out of its limits."""
+        try:
+            return Setting.model_validate(fields)
+        except ValidationError as error:
+            raise InputError(sentence(error)) from None
+
     def fit(self, key: str, setting: Setting) -> Job:
         """Fit a structure to a record; raises InputError for settings that give no model."""
         recipe = setting.recipe()

@@ -16,7 +16,10 @@ from twin.cli.simulate import simulate
 from twin.cli.view import view
 
 VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, export, browser)
-SHOWN = (view, browser)  # what these make is looked at: they write no report and no summary, and take no --out and --json
+SHOWN = (
+    view,
+    browser,
+)  # what these make is looked at: they write no report and no summary, and take no --out and --json
 
 
 def build() -> typer.Typer:

@@ -11,7 +11,7 @@ from sysid.base.errors import InputError
 from sysid.formats import TABLE as FORMATS
 from twin.app.desk import displayed, suffix_of
 from twin.app.guard import LARGEST
-from twin.app.page.panel import Panel, View, note, said, tell
+from twin.app.page.panel import Panel, note, said, tell
 from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.parameters import JOINTS
 
@@ -20,11 +20,6 @@ class DataPanel(Panel):
     """The list of records, and ways to add one."""
 
     title = "1  Data"
-
-    def __init__(self, view: View) -> None:
-        super().__init__(view)
-        with self.box.parent_slot.parent if self.box.parent_slot else self.box:
-            self._add()
 
     def state(self) -> Any:
         return tuple((key, entry.name, entry.problem, entry.columns) for key, entry in self._entries()), self.view.key
@@ -38,7 +33,11 @@ class DataPanel(Panel):
             return
         options = {key: f"{key}  {entry.name}" for key, entry in self._entries()}
         with ui.row().classes("w-full items-center no-wrap gap-1"):
-            choose = ui.select(options, value=self.view.key, label="record").classes("grow min-w-0").mark("record")
+            choose = (
+                ui.select(options, value=self.view.key, label="record")
+                .classes("grow min-w-0")
+                .props("data-mark=record")
+            )
             choose.on_value_change(lambda e: self.desk.session.change(shown=e.value))
             ui.button(icon="delete", on_click=self._remove).props("flat dense round").tooltip(
                 "Delete this record from the session"
@@ -72,7 +71,7 @@ class DataPanel(Panel):
         if self.view.key is not None:
             self.desk.remove("data", self.view.key)
 
-    def _add(self) -> None:
+    def foot(self) -> None:
         upload = ui.upload(label="Drop a log here", auto_upload=True, max_file_size=LARGEST, on_upload=self._uploaded)
         upload.on_rejected(lambda: tell(f"a log is one file of at most {LARGEST // 2**20} MiB: {', '.join(FORMATS)}"))
         upload.props(f'accept="{",".join(FORMATS)}" flat bordered').classes("w-full")
@@ -114,5 +113,4 @@ class DataPanel(Panel):
 
             said(run)
 
-        ui.button("Run the twin", icon="play_arrow", on_click=make).mark("make")
-
+        ui.button("Run the twin", icon="play_arrow", on_click=make).props("data-mark=make")

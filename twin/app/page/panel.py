@@ -16,6 +16,7 @@ class View:
 
     desk: Desk
     overlaid: set[str] = field(default_factory=set)
+    known: set[str] = field(default_factory=set)
     detail: tuple[str, str] | None = None  # ("models" or "studies", id)
     tab: str = ""
 
@@ -39,6 +40,7 @@ class Panel:
             if self.title:
                 ui.label(self.title).classes("text-h6 text-primary")
             self.box = ui.column().classes("w-full gap-2")
+            self.foot()
 
     def state(self) -> Any:
         """Equal values mean that nothing has to be drawn again."""
@@ -47,6 +49,9 @@ class Panel:
     def draw(self) -> None:
         """Draw the inside of the card."""
         raise NotImplementedError
+
+    def foot(self) -> None:
+        """Draw what stays below it, once."""
 
     def refresh(self) -> None:
         """Draw again if something has changed."""
@@ -69,9 +74,8 @@ def said(action: Callable[[], Any]) -> Any:
 
 def tell(sentence: str, kind: str = "warning") -> None:
     """A message that stays until it is closed."""
-    ui.notify(
-        sentence[:1].upper() + sentence[1:], type=kind, multi_line=True, close_button="OK", timeout=12000, position="top"
-    )
+    text = sentence[:1].upper() + sentence[1:]
+    ui.notify(text, type=kind, multi_line=True, close_button="OK", timeout=12000, position="top")
 
 
 def note(text: str, tone: str = "text-grey-8") -> None:
