@@ -60,7 +60,7 @@ def of_record(data: IOData, start: float | None, stop: float | None, height: int
         trace["mode"] = "lines+markers"  # plotly selects points, not lines
         trace["marker"] = {"size": 1, "opacity": 0.01}
         trace["name"] = escape(str(trace["name"]))
-    return _plain(figure)
+    return ready(figure)
 
 
 def overlay(models: Mapping[str, Runs]) -> Figure:
@@ -83,7 +83,7 @@ def overlay(models: Mapping[str, Runs]) -> Figure:
             {"type": "line", "x0": runs.border, "x1": runs.border, "yref": "paper", "y0": 0, "y1": 1}
             | {"line": {"color": style.SECOND, "width": 1, "dash": "dot"}}
         )
-    return {"data": traces, "layout": layout, "config": CONFIG}
+    return ready({"data": traces, "layout": layout})
 
 
 def of_comparison(result: Any) -> dict[str, Figure]:
@@ -117,12 +117,13 @@ def of_calibration(result: Any) -> dict[str, Figure]:
     return {"run": {"figure": {"data": traces, "layout": layout}, "caption": caption}}
 
 
+MODEBAR = {"bgcolor": "rgba(0,0,0,0)", "color": "#9aa5b1", "activecolor": style.INPUT}
 CONFIG = {"displaylogo": False, "responsive": True, "scrollZoom": False, "modeBarButtonsToRemove": ["lasso2d"]}
 
 
 def ready(figure: Figure) -> Figure:
     """A stored figure with the page's buttons."""
-    return {**figure, "config": CONFIG}
+    return {"data": figure["data"], "layout": {**figure["layout"], "modebar": MODEBAR}, "config": CONFIG}
 
 
 def said(figure: Figure) -> str:
@@ -133,10 +134,6 @@ def said(figure: Figure) -> str:
 def name_of(name: str, fit: float | None) -> str:
     """A model in a legend."""
     return f"{name}: {percent(fit) if fit is not None else 'no finite fit'}"
-
-
-def _plain(figure: Figure) -> Figure:
-    return {"data": figure["data"], "layout": figure["layout"], "config": CONFIG}
 
 
 def _line(t: np.ndarray, y: np.ndarray, name: str, colour: str, width: float, unit: str) -> Figure:

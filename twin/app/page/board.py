@@ -93,9 +93,8 @@ class BoardPanel(Panel):
             return
         if lost:
             note(f"Not shown, because fitted to another record: {', '.join(lost)}.")
-        ui.plotly(figures.overlay({name: runs for (name, _), runs in shown.items()})).classes("w-full").props(
-            "data-mark=overlay"
-        )
+        figure = figures.overlay({name: runs for (name, _), runs in shown.items()})
+        ui.plotly(figure).classes("w-full").props("data-mark=overlay")
         note("Measured output and free runs; validation begins at the dotted line, and the legend has its fit.")
 
 

@@ -33,11 +33,7 @@ class DataPanel(Panel):
             return
         options = {key: f"{key}  {entry.name}" for key, entry in self._entries()}
         with ui.row().classes("w-full items-center no-wrap gap-1"):
-            choose = (
-                ui.select(options, value=self.view.key, label="record")
-                .classes("grow min-w-0")
-                .props("data-mark=record")
-            )
+            choose = ui.select(options, value=self.view.key, label="record").classes("grow min-w-0")
             choose.on_value_change(lambda e: self.desk.session.change(shown=e.value))
             ui.button(icon="delete", on_click=self._remove).props("flat dense round").tooltip(
                 "Delete this record from the session"

@@ -10,7 +10,7 @@ from twin.app.entries import Setting
 from twin.app.jobs import CANCELLED, FAILED, Job
 from twin.app.page.panel import Panel, note, said, tell
 
-DEFAULT = "structure's own"
+DEFAULT = "default"
 FIRST = ("output_error", "hammerstein_wiener")  # ticked at first: a linear one, and the toolbox's own
 
 
@@ -45,7 +45,7 @@ class FitPanel(Panel):
                 ("seed", "seed", {"min": 0, "precision": 0}),
                 ("split", "estimation part", {"min": 0.1, "max": 0.9, "step": 0.05}),
             ):
-                ui.number(label, **options).bind_value(self._common, field).props("dense").mark(field)
+                ui.number(label, **options).bind_value(self._common, field).props(f"dense data-mark={field}")
         ui.button("Fit", icon="play_arrow", on_click=self._fit).classes("w-full").props("data-mark=fit")
 
     def _tick(self, name: str, on: bool) -> None:

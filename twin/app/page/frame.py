@@ -20,6 +20,9 @@ STYLE = """
 body { background: #eef2f5; }
 .qpal-page { display: grid; gap: 12px; grid-template-columns: minmax(0, 1fr); }
 @media (min-width: 1024px) { .qpal-page { grid-template-columns: 360px minmax(0, 1fr); align-items: start; } }
+.q-uploader__subtitle { display: none; }
+.q-uploader__list { min-height: 44px; padding: 0; }
+@media (max-width: 700px) { .modebar-container { display: none; } }
 .qpal-table { border-collapse: collapse; width: 100%; font-size: 14px; }
 .qpal-table th, .qpal-table td { padding: 2px 8px; border-bottom: 1px solid #e4e7eb; white-space: nowrap; }
 .qpal-table th { color: #52606d; font-weight: 600; }
@@ -59,7 +62,9 @@ def _page(desk: Desk) -> None:
     view = View(desk)
     with ui.header().classes("items-center q-py-sm gap-3"):
         ui.label("qpal app").classes("text-h6")
-        ui.label(desk.session.folder.name).classes("text-caption ellipsis min-w-0").tooltip(str(desk.session.folder))
+        ui.label(f"session {desk.session.folder.name}").classes("text-caption ellipsis min-w-0").tooltip(
+            str(desk.session.folder)
+        )
     with ui.element("div").classes("qpal-page w-full q-pa-sm"):
         with ui.column().classes("w-full gap-3 min-w-0"):
             for complaint in desk.session.complaints:

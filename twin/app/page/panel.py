@@ -35,7 +35,7 @@ class Panel:
     def __init__(self, view: View) -> None:
         self.view = view
         self.desk = view.desk
-        self._seen: Any = None
+        self._seen: Any = self  # equal to no state
         with ui.card().classes("w-full gap-2 q-pa-md shadow-1"):
             if self.title:
                 ui.label(self.title).classes("text-h6 text-primary")

@@ -42,7 +42,9 @@ class PreparePanel(Panel):
                 ("high", "low-pass below [Hz]"),
                 ("resample", "new sampling time [s]"),
             ):
-                fields[name] = ui.number(label, value=getattr(now, name), min=0).props("dense clearable").mark(name)
+                fields[name] = ui.number(label, value=getattr(now, name), min=0).props(
+                    f"dense clearable data-mark={name}"
+                )
             kinds = [BY_STRUCTURE, *DETREND]
             fields["detrend"] = ui.select(kinds, value=now.detrend or BY_STRUCTURE, label="offsets").props("dense")
             fields["missing"] = ui.select(list(MISSING), value=now.missing, label="missing samples").props("dense")

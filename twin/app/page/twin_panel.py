@@ -35,7 +35,7 @@ class StudyPanel(Panel):
             for kind, words in (("compare", "Compare"), ("calibrate", "Calibrate")):
                 ui.button(
                     words, on_click=lambda kind=kind: said(lambda: self.desk.study(key, kind, joint.value or ""))
-                ).props("outline dense").classes("q-px-md").mark(kind)
+                ).props(f"outline dense data-mark={kind}").classes("q-px-md")
         for name, study in self.desk.session.studies.items():
             with ui.row().classes("items-center no-wrap w-full"):
                 words = f"{name}  {study.kind} {study.data}, {study.joint}, {study.seconds:.0f} s"
@@ -84,7 +84,7 @@ class LegPanel(Panel):
         first = leg.bars({joint: float(y[0])})
         with ui.scene(height=300, grid=(2, 20), background_color="#f5f7fa", fps=15).classes("w-full") as scene:
             shapes = [_shape(scene, bar) for bar in first]
-        scene.move_camera(x=1.05, y=0.95, z=0.62, look_at_x=0.16, look_at_y=0.24, look_at_z=0.3, duration=0)
+        scene.move_camera(x=0.72, y=0.72, z=0.5, look_at_x=0.12, look_at_y=0.2, look_at_z=0.27, duration=0)
 
         def pose(t: float) -> None:
             for bar, shape in zip(leg.bars({joint: angle_at(t, y, Ts)}), shapes, strict=True):
