@@ -1,5 +1,6 @@
 """Figures of the page as plain dictionaries of plotly: those of the reports, and the few that only the page has."""
 
+from base64 import b64encode
 from collections.abc import Mapping
 from html import escape
 from typing import Any
@@ -10,6 +11,8 @@ from sysid.base import style
 from sysid.base.errors import InputError
 from sysid.base.units import percent, shown
 from sysid.data.record import IOData
+from sysid.report import zoom
+from sysid.report.figures import TABLE
 from sysid.workflow.evaluation import Evaluation
 from twin.app.records import Runs
 
@@ -29,8 +32,6 @@ TITLES = {  # of the tabs, in their order; names of `sysid.report.figures.TABLE`
 
 def of_model(e: Evaluation) -> tuple[dict[str, Figure], list[str]]:
     """Every zoomable figure of the report that this model has, with its caption, and why a figure is missing."""
-    from sysid.report.figures import TABLE
-
     drawn, complaints = dict[str, Figure](), list[str]()
     for name, title in TITLES.items():
         figure = TABLE[name]
@@ -45,8 +46,6 @@ def of_model(e: Evaluation) -> tuple[dict[str, Figure], list[str]]:
 
 def of_record(data: IOData, start: float | None, stop: float | None, height: int = 360) -> Figure:
     """Inputs and outputs over time, with what lies outside of the range in grey; a drag chooses a range."""
-    from sysid.report import zoom
-
     figure = zoom.record(data)
     layout = figure["layout"]
     last = (data.N - 1) * data.Ts
@@ -118,12 +117,25 @@ def of_calibration(result: Any) -> dict[str, Figure]:
 
 
 MODEBAR = {"bgcolor": "rgba(0,0,0,0)", "color": "#9aa5b1", "activecolor": style.INPUT}
+PACKED = 64  # numbers
 CONFIG = {"displaylogo": False, "responsive": True, "scrollZoom": False, "modeBarButtonsToRemove": ["lasso2d"]}
 
 
 def ready(figure: Figure) -> Figure:
     """A stored figure with the page's buttons."""
-    return {"data": figure["data"], "layout": {**figure["layout"], "modebar": MODEBAR}, "config": CONFIG}
+    layout = {**figure["layout"], "modebar": MODEBAR}
+    return {"data": [_packed(trace) for trace in figure["data"]], "layout": layout, "config": CONFIG}
+
+
+def _packed(trace: Figure) -> Figure:
+    """A trace with its long lists of numbers as the bytes of their doubles: the page handles one text, not thousands."""
+    found = dict(trace)
+    for axis in ("x", "y"):
+        values = trace.get(axis)
+        if isinstance(values, list) and len(values) > PACKED and all(isinstance(v, int | float | None) for v in values):
+            doubles = np.array([np.nan if v is None else v for v in values], dtype="<f8")
+            found[axis] = {"dtype": "f8", "bdata": b64encode(doubles.tobytes()).decode("ascii")}
+    return found
 
 
 def said(figure: Figure) -> str:

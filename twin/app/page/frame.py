@@ -16,6 +16,7 @@ from twin.app.page.signals import SignalsPanel
 from twin.app.page.twin_panel import LegPanel, StudyPanel
 
 LOOK = 0.4  # [s] between looks for changes
+PATIENCE = 30.0  # [s] that a busy machine may take to answer before the page starts afresh
 STYLE = """
 body { background: #eef2f5; }
 .qpal-page { display: grid; gap: 12px; grid-template-columns: minmax(0, 1fr); }
@@ -52,7 +53,9 @@ def application(desk: Desk) -> FastAPI:
     def page() -> None:
         _page(desk)
 
-    ui.run_with(served, title="qpal app", language="en-US", favicon="🦿", show_welcome_message=False)
+    ui.run_with(
+        served, title="qpal app", language="en-US", favicon="🦿", show_welcome_message=False, reconnect_timeout=PATIENCE
+    )
     return served
 
 

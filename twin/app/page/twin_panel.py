@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from nicegui import ui
+from nicegui import run, ui
 
 from sysid.base.errors import InputError
 from twin.app.leg import Bar, Leg, angle_at
@@ -75,9 +75,15 @@ class LegPanel(Panel):
         if not joint or data.y_unit != "rad":
             note("The leg moves where the output is an angle of a joint: name the joint under 4 Twin.")
             return
+        inside = ui.column().classes("w-full gap-2")
+        ui.timer(0.01, lambda: self._drawn(inside, joint, data), once=True)
+
+    async def _drawn(self, inside: ui.column, joint: str, data: Any) -> None:
+        """The scene; the first time the model is compiled in a thread, so that the page goes on."""
         if LegPanel._leg is None:
-            LegPanel._leg = Leg()
-        self._scene(LegPanel._leg, joint, data)
+            LegPanel._leg = await run.io_bound(Leg)
+        with inside:
+            self._scene(LegPanel._leg, joint, data)
 
     def _scene(self, leg: Leg, joint: str, data: Any) -> None:
         y, Ts, last = data.y[:, 0], data.Ts, (data.N - 1) * data.Ts
