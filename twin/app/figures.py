@@ -128,7 +128,7 @@ def ready(figure: Figure) -> Figure:
 
 
 def _packed(trace: Figure) -> Figure:
-    """A trace with its long lists of numbers as the bytes of their doubles: the page handles one text, not thousands."""
+    """A trace with its long lists of numbers as the bytes of their doubles: one text, not thousands of values."""
     found = dict(trace)
     for axis in ("x", "y"):
         values = trace.get(axis)

@@ -42,8 +42,7 @@ def serve(desk: Desk, listening: socket.socket, open_browser: bool, say: Callabl
     say(address)
     if open_browser:
         threading.Timer(0.7, webbrowser.open, [address]).start()
-    with listening:
-        server.run(sockets=[listening])
+    server.run(sockets=[listening])
 
 
 def listen(port: int) -> socket.socket:

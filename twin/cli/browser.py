@@ -29,17 +29,17 @@ def app(
     from twin.app.server import listen, serve
     from twin.app.session import Session
 
-    listening = listen(port)
-    folder = Path(session) if session is not None else new_folder("app")
-    desk = Desk(Session.open(folder))
-    try:
-        for complaint in desk.session.complaints:
-            print(f"Note: {complaint}.")
-        serve(desk, listening, not no_browser, _say)
-    except KeyboardInterrupt:
-        raise console.Stopped(f"the session is kept; open it again with: qpal app --session {folder}") from None
-    finally:
-        desk.close()
+    with listen(port) as listening:
+        folder = Path(session) if session is not None else new_folder("app")
+        desk = Desk(Session.open(folder))
+        try:
+            for complaint in desk.session.complaints:
+                print(f"Note: {complaint}.")
+            serve(desk, listening, not no_browser, _say)
+        except KeyboardInterrupt:
+            raise console.Stopped(f"the session is kept; open it again with: qpal app --session {folder}") from None
+        finally:
+            desk.close()
 
 
 def _say(address: str) -> None:
