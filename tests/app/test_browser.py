@@ -28,7 +28,7 @@ def type_in(page, name, text):
     from selenium.webdriver.common.keys import Keys
 
     field = until(lambda: marked(page, name), name)
-    field.send_keys(Keys.CONTROL + "a", text, Keys.TAB)
+    field.send_keys(Keys.CONTROL, "a", Keys.NULL, text, Keys.TAB)
 
 
 def drop(page, log):
@@ -164,7 +164,7 @@ def test_a_million_samples_are_drawn_and_the_page_answers_meanwhile(page, place)
     while "1,000,000 samples" not in page.find_element("tag name", "body").text:
         asked = time.monotonic()
         click(page, "structure-wiener")
-        until(lambda: there(page, "wiener-nb") != ticked, "an answer")
+        until(lambda before=ticked: there(page, "wiener-nb") != before, "an answer")
         ticked = not ticked
         longest = max(longest, time.monotonic() - asked)
         assert time.monotonic() - began < 90.0

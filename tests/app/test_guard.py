@@ -67,7 +67,18 @@ def test_a_wrong_token_gives_no_cookie(served, token):
     assert "set-cookie" not in headers
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1", "127.0.0.1:1", "127.0.0.1.evil.example:{port}", "[::1]:{port}", "0.0.0.0:{port}"])  # fmt: skip
+@pytest.mark.parametrize(
+    "host",
+    [
+        "evil.example",
+        "evil.example:{port}",
+        "127.0.0.1",
+        "127.0.0.1:1",
+        "127.0.0.1.evil.example:{port}",
+        "[::1]:{port}",
+        "0.0.0.0:{port}",
+    ],
+)
 @pytest.mark.parametrize("path", ["/", POLLING])
 def test_a_foreign_host_is_refused_token_and_cookie_or_not(served, own, host, path):
     name = host.format(port=served.port)
@@ -78,7 +89,9 @@ def test_a_foreign_host_is_refused_token_and_cookie_or_not(served, own, host, pa
     assert "set-cookie" not in headers
 
 
-@pytest.mark.parametrize("page", ["http://evil.example", "null", "https://127.0.0.1:{port}", "http://127.0.0.1:1", "http://localhost:{port}"])  # fmt: skip
+@pytest.mark.parametrize(
+    "page", ["http://evil.example", "null", "https://127.0.0.1:{port}", "http://127.0.0.1:1", "http://localhost:{port}"]
+)
 def test_a_foreign_origin_is_refused_on_http_and_websocket(served, own, page):
     foreign = {**own, "Origin": page.format(port=served.port)}
     assert request(served.port, "/", foreign)[0] == 403
@@ -158,7 +171,8 @@ def test_the_guard_counts_a_body_whose_length_is_not_stated():
 
     guard = Guard(application, 80, "t", "c", largest=100)
     headers = {"host": "127.0.0.1:80", "origin": "http://127.0.0.1:80", "cookie": "qpal_80=c"}
-    scope = {"type": "http", "method": "POST", "path": "/x", "headers": [(k.encode(), v.encode()) for k, v in headers.items()]}  # fmt: skip
+    pairs = [(name.encode(), value.encode()) for name, value in headers.items()]
+    scope = {"type": "http", "method": "POST", "path": "/x", "headers": pairs}
     asyncio.run(guard(scope, receive, send))
     assert seen == [40, 40]
     assert sent[0]["status"] == 413

@@ -134,7 +134,8 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
     )
     tell(ready=made.model_dump(mode="json"))
     tell(said="writing the report", share=0.96)
-    _report(record, setting, found, exports, out / "report.html")
+    named = replace(record, path=Path(entry.name))
+    _report(named, setting, found, exports, out / "report.html")
     tell(report=True)
 
 

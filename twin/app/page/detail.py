@@ -43,10 +43,8 @@ class DetailPanel(Panel):
         with ui.row().classes("w-full gap-2 items-center"):
             for name, words in self.desk.files(kind, key).items():
                 way = "open" if name == "report.html" else "download"
-                with ui.link(target=f"/files/{kind}/{key}/{name}", new_tab=way == "open").classes("no-underline"):
-                    ui.chip(words, icon="open_in_new" if way == "open" else "download").props(
-                        "outline clickable color=primary"
-                    ).props(f"data-mark=file-{name}")
+                link = ui.link(words, f"/files/{kind}/{key}/{name}", new_tab=way == "open")
+                link.classes(f"qpal-file qpal-{way}").props(f"data-mark=file-{name}")
             if kind == "models" and "report.html" not in self.desk.files(kind, key):
                 note("The report is being written.")
 

@@ -24,6 +24,11 @@ body { background: #eef2f5; }
 .q-uploader__subtitle { display: none; }
 .q-uploader__list { min-height: 44px; padding: 0; }
 @media (max-width: 700px) { .modebar-container { display: none; } }
+.qpal-file { border: 1px solid #2f6f8f; border-radius: 16px; padding: 3px 12px; color: #2f6f8f; font-size: 14px; }
+.qpal-file { text-decoration: none; }
+.qpal-file:hover { background: #dbe7ee; }
+.qpal-download::before { content: "\\2193\\00a0"; }
+.qpal-open::before { content: "\\2197\\00a0"; }
 .qpal-table { border-collapse: collapse; width: 100%; font-size: 14px; }
 .qpal-table th, .qpal-table td { padding: 2px 8px; border-bottom: 1px solid #e4e7eb; white-space: nowrap; }
 .qpal-table th { color: #52606d; font-weight: 600; }
