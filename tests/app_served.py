@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 CHROMIUM, DRIVER = "/usr/bin/chromium", "/usr/bin/chromedriver"
@@ -171,7 +172,6 @@ def write_log(path: Path, N: int = 400, Ts: float = 0.05, noise: float = 0.01) -
     rng = np.random.default_rng(3)
     u = np.repeat(rng.uniform(-5.0, 5.0, -(-N // 8)), 8)[:N]
     y = lfilter([0.0, 0.1], [1.0, -0.8], u) + noise * rng.standard_normal(N)
-    with path.open("w") as file:
-        file.write("time_s,voltage_V,angle_rad\n")
-        np.savetxt(file, np.column_stack([np.arange(N) * Ts, u, y]), fmt="%.7g", delimiter=",")
+    table = pl.DataFrame({"time_s": np.round(np.arange(N) * Ts, 6), "voltage_V": u, "angle_rad": y})
+    table.write_csv(path, float_precision=6)
     return path

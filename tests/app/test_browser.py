@@ -161,18 +161,18 @@ def test_a_million_samples_are_drawn_and_the_page_answers_meanwhile(page, place)
     """Measured: seconds until the signals stand, and the longest that a tick of a box took meanwhile."""
     log = write_log(place / "million.csv", N=1_000_000, Ts=0.01)
     drop(page, log)
-    began, longest, ticked = time.monotonic(), 0.0, False
+    began, longest, answers = time.monotonic(), 0.0, 0
     while "1,000,000 samples" not in page.find_element("tag name", "body").text:
         asked = time.monotonic()
         click(page, "structure-wiener")
-        until(lambda before=ticked: there(page, "wiener-nb") != before, "an answer")
-        ticked = not ticked
+        answers += 1
+        until(lambda odd=answers % 2: there(page, "wiener-nb") == bool(odd), "an answer")
         longest = max(longest, time.monotonic() - asked)
-        assert time.monotonic() - began < 90.0
+        assert time.monotonic() - began < 90.0, "never drawn"
     print(f"1e6 samples: drawn after {time.monotonic() - began:.1f} s, the longest answer took {longest:.2f} s")
     shown(page)
     points = page.execute_script(
         "return document.querySelector('[data-mark=\"signals\"]').data.map(t => t._length || t.x.length || 0)"
     )
     assert max(points) < 10_000
-    assert longest < 10.0  # a busy machine; alone it is below a second
+    assert answers >= 4  # however slow the machine is: a page that waits for the log answers once

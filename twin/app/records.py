@@ -42,7 +42,7 @@ def load(path: Path) -> IOData:
     found = _read(path)
     try:
         missing = found["missing"] if found["missing"].size else None
-        words = {name: str(found[name]) for name in FIELDS}
+        words: dict[str, Any] = {name: str(found[name]) for name in FIELDS}
         return IOData(found["u"], found["y"], float(found["Ts"]), missing=missing, **words)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path.name} is damaged ({error}); add the log again") from None

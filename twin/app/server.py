@@ -27,11 +27,11 @@ def serve(desk: Desk, listening: socket.socket, open_browser: bool, say: Callabl
 
     chosen = listening.getsockname()[1]
     token = secrets.token_urlsafe(24)
-    guard = Guard(application(desk), chosen, token, secrets.token_urlsafe(24))  # type: ignore[arg-type]
+    guard = Guard(application(desk), chosen, token, secrets.token_urlsafe(24))
     address = f"http://{HOST}:{chosen}/?{TOKEN}={token}"
     server = uvicorn.Server(
         uvicorn.Config(
-            guard,  # type: ignore[arg-type]
+            guard,
             log_level="critical",
             ws="wsproto",
             timeout_graceful_shutdown=1,

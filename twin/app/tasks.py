@@ -79,7 +79,8 @@ def advise(request: dict[str, Any], tell: Tell) -> None:
     tell(said="reading", share=0.1)
     data = entry.prepare.preparation().apply(open_record(Path(request["log"]), entry).data)
     tell(said="looking at the record", share=0.4)
-    found = [Finding(sentence=a.sentence, action=a.action, severity=a.severity) for a in say(data)]
+    wanted = set(Finding.model_fields)
+    found = [Finding.model_validate({k: v for k, v in vars(a).items() if k in wanted}) for a in say(data)]
     tell(ready=[each.model_dump() for each in found])
 
 

@@ -7,6 +7,7 @@ from nicegui import ui
 from sysid.base.errors import InputError
 from twin.app import figures
 from twin.app.page.panel import Panel, note, tell
+from twin.app.records import Runs
 
 HEAD = (
     ("", "whether it is in the overlay"),
@@ -77,7 +78,7 @@ class BoardPanel(Panel):
         self.view.detail = ("models", key)
 
     def _overlay(self) -> None:
-        shown, lost = {}, []
+        shown, lost = dict[tuple[str, str], Runs](), list[str]()
         for key in (key for key in self.desk.session.models if key in self.view.overlaid):
             model = self.desk.session.models[key]
             if shown and model.data != next(iter(shown))[1]:

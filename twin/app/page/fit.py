@@ -1,5 +1,6 @@
 """Structures to fit, and the jobs that run."""
 
+from functools import partial
 from typing import Any
 
 from nicegui import ui
@@ -82,7 +83,10 @@ class FitPanel(Panel):
             tell("tick at least one structure")
         for name in STRUCTURES:
             if name in self._ticked:
-                said(lambda name=name: self.desk.fit(key, self._setting(name)))
+                said(partial(self._begin, key, name))
+
+    def _begin(self, key: str, name: str) -> None:
+        self.desk.fit(key, self._setting(name))
 
     def _setting(self, name: str) -> Setting:
         kind = STRUCTURES[name]

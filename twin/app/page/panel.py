@@ -72,10 +72,10 @@ def said(action: Callable[[], Any]) -> Any:
         return None
 
 
-def tell(sentence: str, kind: str = "warning") -> None:
+def tell(sentence: str) -> None:
     """A message that stays until it is closed."""
     text = sentence[:1].upper() + sentence[1:]
-    ui.notify(text, type=kind, multi_line=True, close_button="OK", timeout=12000, position="top")
+    ui.notify(text, type="warning", multi_line=True, close_button="OK", timeout=12000, position="top")
 
 
 def note(text: str, tone: str = "text-grey-8") -> None:

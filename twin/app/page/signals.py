@@ -44,11 +44,14 @@ class SignalsPanel(Panel):
     async def _prepared(self, key: str, below: ui.column) -> None:
         """The record after the steps that change its shape; they may take seconds, and the page goes on meanwhile."""
         try:
-            data, sentences = await run.io_bound(self.desk.prepared, key)
+            found = await run.io_bound(self.desk.prepared, key)
         except InputError as error:
             with below:
                 note(str(error), "text-negative")
             return
+        if found is None:  # the app ends
+            return
+        data, sentences = found
         with below:
             note(f"Prepared: {'; '.join(sentences)}.")
             ui.plotly(figures.of_record(data, None, None, height=300)).classes("w-full")

@@ -83,7 +83,7 @@ class LegPanel(Panel):
         if LegPanel._leg is None:
             LegPanel._leg = await run.io_bound(Leg)
         with inside:
-            self._scene(LegPanel._leg, joint, data)
+            self._scene(LegPanel._leg or Leg(), joint, data)
 
     def _scene(self, leg: Leg, joint: str, data: Any) -> None:
         y, Ts, last = data.y[:, 0], data.Ts, (data.N - 1) * data.Ts
