@@ -6,6 +6,7 @@ from nicegui import ui
 
 from sysid.base.errors import InputError
 from twin.app import figures
+from twin.app.entries import Model
 from twin.app.page.panel import Panel, note, tell
 from twin.app.records import Runs
 
@@ -35,7 +36,7 @@ class BoardPanel(Panel):
         if not models:
             note("Fitted models appear here, the best on the validation data first.")
             return
-        ranked = sorted(models.items(), key=lambda item: -_rank(item[1].fit_validation))
+        ranked = sorted(models.items(), key=lambda item: -rank(item[1]))
         with (
             ui.element("div").classes("w-full overflow-x-auto"),
             ui.element("table").classes("qpal-table").props("data-mark=board"),
@@ -85,7 +86,7 @@ class BoardPanel(Panel):
                 lost.append(key)
                 continue
             try:
-                name = figures.name_of(f"{key} {model.name.replace('_', ' ')}", model.fit_validation)
+                name = figures.name_of(key, model.fit_validation)
                 shown[name, model.data] = self.desk.runs(key)
             except InputError as error:
                 tell(str(error))
@@ -99,8 +100,9 @@ class BoardPanel(Panel):
         note("Measured output and free runs; validation begins at the dotted line, and the legend has its fit.")
 
 
-def _rank(fit: float | None) -> float:
-    return -1e300 if fit is None else fit
+def rank(model: Model) -> float:
+    """By which models stand on the board: the fit on the validation data [%]."""
+    return -1e300 if model.fit_validation is None else model.fit_validation
 
 
 def _cell(text: str, classes: str = "") -> None:

@@ -6,7 +6,7 @@ from nicegui import app, ui
 
 from sysid.base.errors import InputError
 from twin.app.desk import Desk
-from twin.app.page.board import BoardPanel
+from twin.app.page.board import BoardPanel, rank
 from twin.app.page.data import DataPanel
 from twin.app.page.detail import DetailPanel
 from twin.app.page.fit import FitPanel, JobsPanel
@@ -31,6 +31,11 @@ body { background: #eef2f5; }
 .qpal-open::before { content: "\\2197\\00a0"; }
 .qpal-table { border-collapse: collapse; width: 100%; font-size: 14px; }
 .qpal-table th, .qpal-table td { padding: 2px 8px; border-bottom: 1px solid #e4e7eb; white-space: nowrap; }
+@media (max-width: 700px) {
+  .qpal-table td { white-space: normal; }
+  .qpal-table .q-btn__content { text-align: left; justify-content: start; }
+  .qpal-table :is(th, td):is(:nth-child(3), :nth-child(4), :nth-child(6), :nth-child(7)) { display: none; }
+}
 .qpal-table th { color: #52606d; font-weight: 600; }
 """
 TYPES = {".html": "text/html", ".json": "application/json", ".xml": "application/xml"}
@@ -97,6 +102,7 @@ def _show_new(view: View) -> None:
     for key in models:
         if key not in view.known:
             view.overlaid.add(key)
-            view.detail = view.detail or ("models", key)
+    if view.detail is None and models:
+        view.detail = "models", max(models, key=lambda key: rank(models[key]))
     view.known = set(models)
     view.overlaid &= view.known
