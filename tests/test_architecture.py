@@ -42,6 +42,7 @@ FLOORS = {
         ("design", "ensemble", "follow", "fragment", "pendulum", "signatures", "view"),
         ("bench", "calibrate", "compare", "studies"),
         ("report",),
+        ("app",),
         ("cli",),
     ),
 }

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from twin.cli import bench
+from twin.cli.browser import app as browser
 from twin.cli.calibrate import calibrate
 from twin.cli.compare import compare
 from twin.cli.crawl import crawl
@@ -18,8 +19,9 @@ from twin.cli.run import run
 from twin.cli.simulate import simulate
 from twin.cli.view import view
 
-VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, run, models, export)
-SHOWN = (view,)  # what these make is looked at: they write no report and no summary, and take no --out and --json
+VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, run, models, export, browser)
+# What these make is looked at: they write no report and no summary, and take no --out and --json.
+SHOWN = (view, browser)
 
 
 def _version(asked: bool) -> None:

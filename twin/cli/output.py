@@ -34,6 +34,11 @@ def run_folder(out: str | None, verb: str) -> Iterator[tuple[Path, Path]]:
         raise
 
 
+def new_folder(verb: str) -> Path:
+    """A new folder runs/<stamp>-<verb>, for what grows while a verb runs."""
+    return _claim(verb)
+
+
 def _claim(verb: str) -> Path:
     """A folder runs/<stamp>-<verb> that this call has made."""
     base = RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-{verb}"

@@ -1,0 +1,267 @@
+"""Logs, preparation, fits in processes of their own, cancelling, and the script that does the same."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from app_served import write_log
+
+import sysid
+from sysid.base.errors import InputError
+from twin.app import tasks
+from twin.app.desk import Desk
+from twin.app.entries import Data, Model, Prepare, Setting
+from twin.app.jobs import CANCELLED, DONE, FAILED, Jobs
+from twin.app.script import script
+from twin.app.session import Session
+
+LINEAR = {"structure": "output_error", "settings": {"nb": 1, "nf": 1, "nk": 1}, "starts": 1}
+
+
+def wait(desk, seconds=60.0):
+    end = time.monotonic() + seconds
+    while any(not job.over for job in desk.jobs.all):
+        assert time.monotonic() < end, [(job.title, job.said) for job in desk.jobs.all]
+        time.sleep(0.05)
+    return {job.title: job for job in desk.jobs.all}
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory):
+    """A session with a record, a preparation and a model."""
+    folder = tmp_path_factory.mktemp("desk")
+    made = Desk(Session.open(folder / "session"), Jobs(2))
+    made.add_log("thigh.csv", write_log(folder / "log.csv"))
+    wait(made)
+    made.prepare("d1", start=1.0, stop=18.0, high=8.0)
+    made.fit("d1", Setting(**LINEAR))
+    wait(made)
+    yield made
+    made.close()
+
+
+def test_a_log_is_read_and_advised_on(desk):
+    entry = desk.session.data["d1"]
+    assert entry.columns == ("time_s", "voltage_V", "angle_rad")
+    data = desk.record("d1")
+    assert (data.N, data.Ts, data.u_unit, data.y_unit) == (400, 0.05, "V", "rad")
+    assert any("voltage_V" in text for text in entry.notes)
+    assert all(job.state == DONE for job in desk.jobs.all)
+
+
+def test_a_preparation_that_cannot_be_done_changes_nothing(desk):
+    before = desk.session.data["d1"].prepare
+    for wrong in ({"start": 50.0}, {"start": 9.0, "stop": 3.0}, {"high": 999.0}, {"missing": "x"}, {"resample": -1}):
+        with pytest.raises(InputError):
+            desk.prepare("d1", **wrong)
+    assert desk.session.data["d1"].prepare == before == Prepare(start=1.0, stop=18.0, high=8.0)
+
+
+def test_the_model_has_its_numbers_figures_and_files(desk):
+    model = desk.session.models["m1"]
+    assert model.fit_validation is not None
+    assert 80.0 < model.fit_validation < 100.0
+    assert model.d == 3  # one coefficient of B, one of F, an initial state
+    assert any("Butterworth" in note for note in model.notes)
+    drawn = desk.figures("models", "m1")
+    assert {"free-run", "residuals", "pole-zero", "bode", "step-response"} <= set(drawn)
+    assert all(each["caption"] for each in drawn.values())
+    runs = desk.runs("m1")
+    assert runs.t[0] == 1.0
+    assert abs(runs.t[-1] - 18.0) < 1e-9
+    assert {"script.py", "report.html", "model.json", "model.c", "model.py"} == set(desk.files("models", "m1"))
+    assert sysid.load(desk.session.file("models", "m1", "model.json")).criteria.d == 3
+
+
+def test_the_script_gives_the_same_fit_to_the_last_bit(desk, tmp_path):
+    (tmp_path / "again.py").write_bytes(desk.content("models", "m1", "script.py"))
+    done = subprocess.run([sys.executable, "again.py"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    model = desk.session.models["m1"]
+    first, second = done.stdout.splitlines()[:2]
+    assert first == f"fit on the estimation data: {model.fit_estimation!r} %"
+    assert second == f"fit on the validation data: {model.fit_validation!r} %"
+
+
+@pytest.mark.parametrize(
+    ("structure", "settings", "call"),
+    [
+        ("actuated_joint", {}, "sysid.grow_joint("),
+        ("hammerstein", {"nb": 1, "nf": 1, "nk": 1, "input_map": "saturation"}, "input_map='saturation'"),
+        ("nlarx", {}, "sysid.structures.NonlinearArx()"),
+        ("state_space", {}, "sysid.fit("),
+    ],
+)
+def test_every_structures_script_is_python_and_names_are_no_code(desk, structure, settings, call):
+    model = desk.session.models["m1"]
+    model = model.model_copy(update={"setting": Setting(structure=structure, settings=settings)})
+    evil = 'x"""\nimport os; os.abort()\n#'
+    data = desk.session.data["d1"].model_copy(update={"name": evil, "input": evil})
+    text = script(model, data, Path("/tmp/log.csv"))
+    compile(text, "script", "exec")
+    assert call in text
+    assert "\nimport os" not in text
+
+
+def test_only_the_files_of_a_model_are_given_away(desk):
+    for kind, key, name in (
+        ("models", "m1", "entry.json"),
+        ("models", "m1", "../../session.json"),
+        ("models", "m9", "model.json"),
+        ("data", "d1", "log.csv"),
+        ("folder", "x", "model.json"),
+    ):
+        with pytest.raises(InputError):
+            desk.content(kind, key, name)
+
+
+def test_a_log_that_cannot_be_read_says_why_and_columns_can_be_chosen(desk, tmp_path):
+    file = tmp_path / "log.csv"
+    file.write_text("a,b,c\n" + "".join(f"{k % 5},{k % 7},{k % 3}\n" for k in range(60)))
+    key = desk.add_log("plain.csv", file)
+    job = wait(desk)["reading"]
+    assert any(job.state == FAILED for job in desk.jobs.all)
+    entry = desk.session.data[key]
+    assert entry.columns == ("a", "b", "c")
+    assert "plain.csv" in entry.problem
+    assert str(desk.session.folder) not in entry.problem
+    with pytest.raises(InputError, match=r"plain\.csv"):
+        desk.fit(key, Setting(**LINEAR))
+    with pytest.raises(InputError, match="no column 'z'"):
+        desk.choose_columns(key, "z", "b", None, 0.1)
+    desk.choose_columns(key, "a", "b", None, 0.1)
+    wait(desk)
+    assert desk.session.data[key].problem == ""
+    assert (desk.record(key).N, desk.record(key).Ts) == (60, 0.1)
+    desk.remove("data", key)
+    assert desk.session.head.shown == "d1"
+    for job in desk.jobs.all[:]:
+        desk.jobs.forget(job)
+
+
+def processes_with(text):
+    """Processes whose environment or command names `text`."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            if text in (folder / "cmdline").read_bytes().decode(errors="replace"):
+                found.append(int(folder.name))
+        except OSError:
+            continue
+    return found
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split(") ")[1][0] != "Z"
+    except OSError:
+        return False
+
+
+def test_cancel_ends_a_fit_at_once_and_leaves_no_process_and_no_model(desk):
+    before = dict(desk.session.models)
+    job = desk.fit("d1", Setting(structure="hammerstein_wiener", starts=1000))
+    end = time.monotonic() + 40
+    while not job.said.startswith(("fitting", "search")) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert job.process is not None
+    pid = job.process.pid
+    assert alive(pid)
+    began = time.monotonic()
+    desk.jobs.cancel(job)
+    assert time.monotonic() - began < 2.0
+    assert job.state == CANCELLED
+    assert not alive(pid)
+    time.sleep(0.2)
+    assert desk.session.models == before
+    assert not job.out.exists()
+
+
+def test_no_job_outlives_an_app_that_is_killed(desk, tmp_path):
+    """The worker ends when the other end of its standard input closes, whatever it is doing."""
+    request = {**desk._request("fit", "d1"), "out": str(tmp_path), "name": "x"}
+    request["setting"] = Setting(structure="hammerstein_wiener", starts=1000).model_dump(mode="json")
+    code = (
+        "import subprocess, sys, time\n"
+        "p = subprocess.Popen([sys.executable, '-m', 'twin.app.worker'], stdin=-1, stdout=-1, text=True,"
+        " start_new_session=True)\n"
+        "p.stdin.write(sys.argv[1] + chr(10)); p.stdin.flush()\n"
+        "p.stdout.readline(); print(p.pid, flush=True); time.sleep(60)\n"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code, json.dumps(request)], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    pid = int(parent.stdout.readline())
+    assert alive(pid)
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    end = time.monotonic() + 20
+    while alive(pid) and time.monotonic() < end:
+        time.sleep(0.1)
+    assert not alive(pid)
+
+
+def test_jobs_wait_for_a_core_and_closing_ends_them_all(desk):
+    jobs = Jobs(1)
+    request = {**desk._request("fit", "d1"), "name": "x"}
+    request["setting"] = Setting(structure="hammerstein_wiener", starts=1000).model_dump(mode="json")
+    first, second = (jobs.submit("x", request, lambda job, said: None) for _ in range(2))
+    assert (first.state, second.state) == ("running", "waiting")
+    assert second.process is None
+    jobs.cancel(second)
+    assert second.state == CANCELLED
+    jobs.close()
+    assert first.state == CANCELLED
+    assert first.process is not None
+    assert not alive(first.process.pid)
+    assert not first.out.exists()
+
+
+def test_a_process_that_dies_is_a_sentence(desk):
+    job = desk.fit("d1", Setting(structure="hammerstein_wiener", starts=1000))
+    end = time.monotonic() + 40
+    while not job.said.startswith(("fitting", "search", "reading")) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert job.process is not None
+    os.kill(job.process.pid, 9)
+    while not job.over:
+        time.sleep(0.05)
+    assert job.state == FAILED
+    assert "ended with code -9" in job.error
+    desk.jobs.forget(job)
+
+
+def test_settings_out_of_their_limits_are_sentences(desk):
+    for wrong in ({"starts": 0}, {"split": 1.5}, {"seed": -1}):
+        with pytest.raises(InputError):
+            desk.setting(**wrong)
+    with pytest.raises(InputError):
+        desk.fit("d1", Setting(structure="nothing"))
+    with pytest.raises(InputError):
+        desk.fit("d1", Setting(structure="output_error", settings={"orders": 3}))
+    with pytest.raises(InputError):
+        desk.make(joint="tail")
+    with pytest.raises(InputError):
+        desk.study("d1", "compare", "")
+
+
+def test_the_worker_fits_what_the_library_fits(desk):
+    """Against plain calls of the library on the prepared record."""
+    entry, model = desk.session.data["d1"], desk.session.models["m1"]
+    record = tasks.open_record(desk.session.log("d1"), entry)
+    data = sysid.data.detrend(entry.prepare.preparation().apply(record.data))
+    estimation, validation = data.split(0.5)
+    fit = sysid.fit(sysid.structures.output_error(1, 1, 1), estimation, starts=1, seed=0)
+    assert fit.fit_percent(validation) == model.fit_validation
+
+
+def test_the_saved_model_opens_with_the_session(desk):
+    text = (desk.session.folder / "models" / "m1" / "entry.json").read_text()
+    assert Model.model_validate_json(text) == desk.session.models["m1"]
+    assert (
+        Data.model_validate_json((desk.session.folder / "data" / "d1" / "entry.json").read_text()).name == "thigh.csv"
+    )

@@ -1,0 +1,177 @@
+"""What the tests of the app share: a running app, plain requests to it, and a browser."""
+
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+CHROMIUM, DRIVER = "/usr/bin/chromium", "/usr/bin/chromedriver"
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+    "--enable-unsafe-swiftshader",
+    "--window-size=1400,1000",
+)
+PATIENCE = 60.0  # [s]; a busy machine is slow, and a test that waits ends as soon as it can
+
+
+@dataclass
+class Served:
+    """An app that runs: its process, its port, its token, its session."""
+
+    process: subprocess.Popen
+    port: int
+    token: str
+    session: Path
+
+    @property
+    def address(self) -> str:
+        return f"http://127.0.0.1:{self.port}/?token={self.token}"
+
+    def stop(self) -> tuple[int, str]:
+        """Ctrl-C; the exit code and what was said."""
+        self.process.send_signal(signal.SIGINT)
+        said = self.process.communicate(timeout=PATIENCE)[0]
+        return self.process.returncode, said
+
+
+@contextmanager
+def app(session: Path, *options: str) -> Iterator[Served]:
+    """`qpal app` on a free port."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "twin.cli", "app", "--session", str(session), "--no-browser", *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        cwd=session.parent,
+    )
+    assert process.stdout is not None
+    said = []
+    try:
+        for line in process.stdout:
+            said.append(line)
+            found = re.search(r"http://127\.0\.0\.1:(\d+)/\?token=(\S+)", line)
+            if found:
+                break
+        else:
+            raise AssertionError("".join(said))
+        served = Served(process, int(found[1]), found[2], session)
+        _answers(served.port)
+        yield served
+    finally:
+        process.terminate()
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        process.stdout.close()
+
+
+def _answers(port: int) -> None:
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        status, _, _ = request(port, "/", {"Host": f"127.0.0.1:{port}"})
+        if status == 403:
+            return
+        time.sleep(0.1)
+    raise AssertionError("the app does not answer")
+
+
+def request(
+    port: int, path: str, headers: dict[str, str], method: str = "GET", body: bytes = b""
+) -> tuple[int, dict[str, str], bytes]:
+    """Status, headers and body of the answer to one plain request; status 0 if there is none."""
+    head = "".join(f"{name}: {value}\r\n" for name, value in headers.items())
+    length = f"Content-Length: {len(body)}\r\n" if body and "Content-Length" not in headers else ""
+    close = "" if "Connection" in headers else "Connection: close\r\n"
+    text = f"{method} {path} HTTP/1.1\r\n{head}{length}{close}\r\n".encode() + body
+    received = b""
+    try:
+        with socket.create_connection(("127.0.0.1", port), timeout=20) as line:
+            line.sendall(text)
+            while part := line.recv(65536):
+                received += part
+                if b" 101 " in received[:20]:
+                    break
+    except OSError:
+        pass
+    first, _, rest = received.partition(b"\r\n\r\n")
+    if not first:
+        return 0, {}, b""
+    lines = first.decode("latin-1").split("\r\n")
+    named = {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in lines[1:])}
+    return int(lines[0].split()[1]), named, rest
+
+
+def cookie_of(served: Served) -> str:
+    """The cookie that the address with the token gives."""
+    status, headers, _ = request(served.port, f"/?token={served.token}", {"Host": f"127.0.0.1:{served.port}"})
+    assert status == 303
+    return headers["set-cookie"].partition(";")[0]
+
+
+@contextmanager
+def browser(folder: Path, *flags: str) -> Iterator:
+    """Chromium without a window, with a profile of its own."""
+    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is in the test extra")
+    if not (os.path.exists(CHROMIUM) and os.path.exists(DRIVER)):
+        pytest.skip("Chromium and its driver are not installed; on Debian: apt-get install chromium chromium-driver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for flag in (*FLAGS, *flags, f"--user-data-dir={folder / 'profile'}"):
+        options.add_argument(flag)
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    driver.set_page_load_timeout(PATIENCE)
+    driver.execute_cdp_cmd("Page.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(folder)})
+    try:
+        yield driver
+    finally:
+        driver.quit()
+        shutil.rmtree(folder / "profile", ignore_errors=True)
+
+
+def until(look, what: str = "", seconds: float = PATIENCE):
+    """The first true result of `look`, which may fail meanwhile because the page changes under it."""
+    from selenium.common.exceptions import WebDriverException
+
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        try:
+            if found := look():
+                return found
+        except WebDriverException:
+            pass
+        time.sleep(0.1)
+    raise AssertionError(f"nothing came within {seconds:g} s: {what}")
+
+
+def write_log(path: Path, N: int = 400, Ts: float = 0.05, noise: float = 0.01) -> Path:
+    """A record of y_t = 0.8 y_{t-1} + 0.1 u_{t-1}, in volts and radians."""
+    from scipy.signal import lfilter
+
+    rng = np.random.default_rng(3)
+    u = np.repeat(rng.uniform(-5.0, 5.0, -(-N // 8)), 8)[:N]
+    y = lfilter([0.0, 0.1], [1.0, -0.8], u) + noise * rng.standard_normal(N)
+    table = pl.DataFrame({"time_s": np.round(np.arange(N) * Ts, 6), "voltage_V": u, "angle_rad": y})
+    table.write_csv(path, float_precision=6)
+    return path

@@ -1,0 +1,263 @@
+"""What a person does on the page: add a log, prepare it, fit, compare, calibrate, take files away; nothing is drawn.
+
+Records and models are in the session, work is in jobs; what a job has made is taken into the session when it is whole.
+"""
+
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from sysid.base.errors import InputError
+from sysid.data.record import IOData
+from sysid.formats import TABLE as FORMATS
+from twin.app import records
+from twin.app.entries import Data, Finding, Model, Prepare, Setting, Study, Twin, sentence
+from twin.app.jobs import Job, Jobs
+from twin.app.records import Runs
+from twin.app.session import Session
+from twin.parameters import JOINTS
+
+FILES = {  # what can be taken away of a model: name, and what it is
+    "script.py": "Python that does the same",
+    "report.html": "report",
+    "model.json": "the fit for sysid.load",
+    "model.c": "C99",
+    "model.py": "Python without libraries",
+    "joint.xml": "MJCF of the joint",
+}
+STUDY_FILES = {"report.html": "report", "parameters.toml": "parameters for --params"}
+UNREAD = "it has not been read yet"
+
+
+class Desk:
+    """A session and its jobs."""
+
+    def __init__(self, session: Session, jobs: Jobs | None = None) -> None:
+        self.session = session
+        self.jobs = jobs or Jobs()
+        self._records: dict[str, tuple[float, IOData]] = {}
+
+    @property
+    def version(self) -> tuple[int, int]:
+        """Changes with every change."""
+        return self.session.version, self.jobs.version
+
+    def close(self) -> None:
+        """End the jobs; the session stays as it is."""
+        self.jobs.close()
+        self.session.close()
+
+    def add_log(self, name: str, file: Path) -> str:
+        """Take a log into the session and read it; `name` comes from a browser and is shown, never used as a path."""
+        shown = displayed(name)
+        entry = Data(name=shown, suffix=suffix_of(shown))
+        key = self.session.add(entry, lambda folder: _moved(file, folder / entry.file))
+        self.session.change(shown=key)
+        self.read(key)
+        return key
+
+    def make(self, **settings: Any) -> Job:
+        """Make a log with the twin; raises InputError for settings that are out of their limits."""
+        try:
+            return self.simulate(Twin.model_validate(settings))
+        except ValidationError as error:
+            raise InputError(sentence(error)) from None
+
+    def simulate(self, asked: Twin) -> Job:
+        """Make a log with the twin."""
+        self.session.change(twin=asked)
+
+        def hear(job: Job, said: dict[str, Any]) -> None:
+            if "ready" in said:
+                name = f"twin {asked.joint} {asked.excitation} {asked.duration:g} s, seed {asked.seed}"
+                entry = Data(name=name, suffix=".csv", twin=asked, joint=asked.joint)
+                key = self.session.add(entry, lambda folder: _moved(job.out / "log.csv", folder / entry.file))
+                self.session.change(shown=key)
+                self.read(key)
+
+        what = f"twin: {asked.excitation}, {asked.duration:g} s"
+        return self.jobs.submit(what, {"task": "simulate", "twin": asked.model_dump(mode="json")}, hear)
+
+    def read(self, key: str) -> Job:
+        """Read the log of a record, then give advice on it."""
+
+        def hear(job: Job, said: dict[str, Any]) -> None:
+            if "columns" in said:
+                joint = said["joint"] if said["joint"] in JOINTS else self.session.data[key].joint
+                self.session.change_data(key, columns=tuple(said["columns"]), joint=joint)
+            elif "ready" in said:
+                self.session.put("data", key, job.out / "record.npz")
+                self._records.pop(key, None)
+                self.session.change_data(key, notes=tuple(said["ready"]["notes"]), problem="", advice=None)
+                self.advise(key)
+            elif "failed" in said:
+                self.session.change_data(key, problem=said["failed"])
+
+        return self.jobs.submit("reading", self._request("read", key), hear, key)
+
+    def choose_columns(
+        self, key: str, input: str | None, output: str | None, time: str | None, Ts: float | None
+    ) -> Job:
+        """Read a log again by these columns; raises InputError for columns that it lacks."""
+        known = self.session.data[key].columns
+        for column in (input, output, time):
+            if column is not None and column not in known:
+                raise InputError(f"the log has no column {column!r}; it has {', '.join(known)}")
+        try:
+            self.session.change_data(key, input=input, output=output, time=time, Ts=Ts, problem="")
+        except ValidationError as error:
+            raise InputError(sentence(error)) from None
+        return self.read(key)
+
+    def prepare(self, key: str, **fields: Any) -> None:
+        """Set what is done to a record before a fit; raises InputError, and changes nothing, if it cannot be done."""
+        before = self.session.data[key].prepare
+        try:
+            asked = Prepare.model_validate({**before.model_dump(), **fields})
+        except ValidationError as error:
+            raise InputError(sentence(error)) from None
+        if asked == before:
+            return
+        asked.preparation().apply(self.record(key))
+        self.session.change_data(key, prepare=asked, advice=None)
+
+    def advise(self, key: str) -> Job:
+        """Advice on a record as it is prepared."""
+        prepare = self.session.data[key].prepare
+
+        def hear(job: Job, said: dict[str, Any]) -> None:
+            if "ready" in said and self.session.data[key].prepare == prepare:
+                self.session.change_data(key, advice=tuple(Finding.model_validate(each) for each in said["ready"]))
+
+        return self.jobs.submit("advice", self._request("advise", key), hear, key)
+
+    def setting(self, **fields: Any) -> Setting:
+        """A setting from what a form holds; raises InputError for what is out of its limits."""
+        try:
+            return Setting.model_validate(fields)
+        except ValidationError as error:
+            raise InputError(sentence(error)) from None
+
+    def fit(self, key: str, setting: Setting) -> Job:
+        """Fit a structure to a record; raises InputError for settings that give no model."""
+        recipe = setting.recipe()
+        self._readable(key)
+        self.session.change(setting=setting)
+        request = {**self._request("fit", key), "setting": setting.model_dump(mode="json"), "name": str(recipe)}
+        made: list[str] = []
+
+        def hear(job: Job, said: dict[str, Any]) -> None:
+            if "ready" in said:
+                entry = Model.model_validate(said["ready"])
+                made.append(self.session.add(entry, lambda folder: _all_moved(job.out / "files", folder)))
+            elif "report" in said and made:
+                self.session.put("models", made[0], job.out / "report.html")
+
+        return self.jobs.submit(str(recipe), request, hear, key)
+
+    def study(self, key: str, kind: str, joint: str) -> Job:
+        """Put a record beside the twin ("compare"), or fit the twin to it ("calibrate")."""
+        if joint not in JOINTS:
+            raise InputError(f"joint is {joint or 'not named'}; choose one of {', '.join(JOINTS)}")
+        self._readable(key)
+
+        def hear(job: Job, said: dict[str, Any]) -> None:
+            if "ready" in said:
+                entry = Study.model_validate(said["ready"])
+                self.session.add(entry, lambda folder: _all_moved(job.out, folder))
+
+        words = {"compare": "beside the twin", "calibrate": "calibrating the twin"}
+        return self.jobs.submit(f"{joint} {words[kind]}", {**self._request(kind, key), "joint": joint}, hear, key)
+
+    def record(self, key: str) -> IOData:
+        """The record as it was read; raises InputError where it was not."""
+        path = self._readable(key)
+        stamp = path.stat().st_mtime
+        if key not in self._records or self._records[key][0] != stamp:
+            self._records[key] = stamp, records.load(path)
+        return self._records[key][1]
+
+    def prepared(self, key: str) -> tuple[IOData, tuple[str, ...]]:
+        """The record after its preparation, and what was done in sentences."""
+        return self.session.data[key].prepare.preparation().steps(self.record(key))
+
+    def runs(self, key: str) -> Runs:
+        """The free runs of a model."""
+        return records.load_runs(self.session.file("models", key, "runs.npz"))
+
+    def figures(self, kind: str, key: str) -> dict[str, Any]:
+        """The figures of a model or a study, each with its caption; raises InputError for a damaged file."""
+        path = self.session.file(kind, key, "figures.json")
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            return {name: each for name, each in found.items() if "figure" in each and "caption" in each}
+        except (OSError, ValueError, AttributeError, TypeError, RecursionError):
+            raise InputError(f"the figures of {key} are damaged; fit or compare again") from None
+
+    def files(self, kind: str, key: str) -> dict[str, str]:
+        """What can be taken away of a model or a study, by name; files that it does not have are left out."""
+        known = FILES if kind == "models" else STUDY_FILES
+        return {
+            name: words
+            for name, words in known.items()
+            if self.session.file(kind, key, name).is_file()
+            or (name == "script.py" and self.session.models[key].data in self.session.data)
+        }
+
+    def content(self, kind: str, key: str, name: str) -> bytes:
+        """A file of `files`; raises InputError for any other name."""
+        if kind not in ("models", "studies") or name not in self.files(kind, key):
+            raise InputError("there is no such file in this session")
+        if name == "script.py":
+            from twin.app.script import script
+
+            model = self.session.models[key]
+            text = script(model, self.session.data[model.data], self.session.log(model.data))
+            return text.encode("utf-8")
+        return self.session.file(kind, key, name).read_bytes()
+
+    def remove(self, kind: str, key: str) -> None:
+        """Delete a record, a model or a study; a record's jobs end, and its models stay."""
+        for job in [job for job in self.jobs.all if job.about == key]:
+            self.jobs.cancel(job)
+        self.session.remove(kind, key)
+        if self.session.head.shown == key:
+            self.session.change(shown=next(reversed(self.session.data), None))
+
+    def _readable(self, key: str) -> Path:
+        path = self.session.file("data", key, "record.npz")
+        if not path.is_file():
+            raise InputError(f"{self.session.data[key].name}: {self.session.data[key].problem or UNREAD}")
+        return path
+
+    def _request(self, task: str, key: str) -> dict[str, Any]:
+        entry = self.session.data[key].model_dump(mode="json")
+        return {"task": task, "key": key, "data": entry, "log": str(self.session.log(key))}
+
+
+def displayed(name: str) -> str:
+    """A file's name from a browser as a short text without folders and control characters."""
+    last = re.split(r"[\\/]", name)[-1]
+    return re.sub(r"[^\w.()+ -]", "_", last).strip()[-120:] or "log"
+
+
+def suffix_of(name: str) -> str:
+    """The suffix of a log that some format reads; raises InputError for another."""
+    found = Path(name).suffix.lower()
+    if found not in FORMATS:
+        raise InputError(f"{name} ends in {found or 'no suffix'!r}; give a log: {', '.join(FORMATS)}")
+    return found
+
+
+def _moved(file: Path, target: Path) -> None:
+    shutil.move(file, target)
+
+
+def _all_moved(source: Path, folder: Path) -> None:
+    for file in source.iterdir():
+        if file.is_file() and file.name != "stderr.txt":
+            shutil.move(file, folder / file.name)

@@ -1,0 +1,157 @@
+"""What a session's files hold. Each is checked field by field on opening; a field that is not known is an error."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+
+from sysid.base.errors import InputError
+from sysid.data.preparation import Preparation
+from sysid.formats import TABLE
+from sysid.structures import TABLE as STRUCTURES
+from sysid.structures import Recipe
+
+Name = Annotated[str, Field(min_length=1, max_length=200)]
+Number = FiniteFloat
+Positive = Annotated[FiniteFloat, Field(gt=0)]
+DATA_ID = r"^d[1-9][0-9]{0,5}$"
+MODEL_ID = r"^m[1-9][0-9]{0,5}$"
+STUDY_ID = r"^s[1-9][0-9]{0,5}$"
+LOG = "log"  # name of a record's file in its folder, in front of the suffix
+
+
+class Entry(BaseModel):
+    """A part of a session."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Twin(Entry):
+    """An experiment on the twin."""
+
+    joint: Literal["shoulder", "thigh", "shank"] = "thigh"
+    excitation: Annotated[str, Field(max_length=40)] = "aprbs"
+    duration: Annotated[Positive, Field(le=36000)] = 60.0
+    Ts: Positive = 0.1
+    seed: Annotated[int, Field(ge=0)] = 1
+    without: tuple[str, ...] = ()
+
+
+class Prepare(Entry):
+    """The fields of `sysid.data.preparation.Preparation`."""
+
+    start: Number | None = None
+    stop: Number | None = None
+    missing: str = "mark"
+    resample: Positive | None = None
+    low: Positive | None = None
+    high: Positive | None = None
+    detrend: str | None = None
+
+    def preparation(self) -> Preparation:
+        """The same as steps; raises InputError for values that make no sense together."""
+        return Preparation(self.start, self.stop, self.missing, self.resample, (self.low, self.high), self.detrend)
+
+
+class Finding(Entry):
+    """A line of the advice on a record."""
+
+    sentence: str
+    action: str
+    severity: Literal["fine", "note", "warning"]
+
+
+class Data(Entry):
+    """A record: the file it is read from, its columns where a person chose them, and what is done before a fit.
+
+    `columns` are those of the file, `notes` what was assumed on reading; `problem` is why it could not be read.
+    """
+
+    name: Name
+    suffix: Annotated[str, Field(max_length=20)]
+    input: str | None = None
+    output: str | None = None
+    time: str | None = None
+    Ts: Positive | None = None
+    twin: Twin | None = None
+    joint: Literal["", "shoulder", "thigh", "shank"] = ""
+    prepare: Prepare = Prepare()
+    columns: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    problem: str = ""
+    advice: tuple[Finding, ...] | None = None
+
+    @property
+    def file(self) -> str:
+        """The file's name in the folder of the record; raises InputError for a suffix that no format has."""
+        if self.suffix not in TABLE:
+            raise InputError(f"a log ends in {self.suffix!r}; it must be one of {', '.join(TABLE)}")
+        return f"{LOG}{self.suffix}"
+
+
+class Setting(Entry):
+    """A structure with its settings and how it is fitted."""
+
+    structure: Annotated[str, Field(max_length=40)] = "hammerstein_wiener"
+    settings: dict[str, int | float | str | None] = {}
+    starts: Annotated[int, Field(ge=1, le=1000)] = 5
+    seed: Annotated[int, Field(ge=0)] = 0
+    split: Annotated[float, Field(gt=0, lt=1)] = 0.5
+
+    def recipe(self) -> Recipe:
+        """The recipe; raises InputError for a structure or a setting that does not exist."""
+        if self.structure not in STRUCTURES:
+            raise InputError(f"structure is {self.structure!r}; choose one of {', '.join(STRUCTURES)}")
+        kind = STRUCTURES[self.structure]
+        for name in self.settings:
+            if name not in kind.options():
+                raise InputError(f"{self.structure} has no setting {name!r}; it has {', '.join(kind.options())}")
+        return kind(**self.settings)
+
+
+class Model(Entry):
+    """A fitted model: the record and the settings that gave it, and what the board shows.
+
+    A fit [%] is None where the free run left every bound. `joint` says whether MJCF has elements for it.
+    """
+
+    name: Name
+    data: Annotated[str, Field(pattern=DATA_ID)]
+    prepare: Prepare
+    setting: Setting
+    fit_estimation: Number | None
+    fit_validation: Number | None
+    d: int
+    N: int
+    seconds: float
+    converged: bool
+    joint: bool = False
+    notes: tuple[str, ...] = ()
+
+
+class Study(Entry):
+    """A record beside the twin, or the twin's parameters from a record."""
+
+    kind: Literal["compare", "calibrate"]
+    data: Annotated[str, Field(pattern=DATA_ID)]
+    joint: Literal["shoulder", "thigh", "shank"]
+    sentences: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+
+class Head(Entry):
+    """The session itself."""
+
+    format: Literal["qpal session"] = "qpal session"
+    version: Literal[1] = 1
+    shown: str | None = None
+    setting: Setting = Setting()
+    twin: Twin = Twin()
+
+
+def sentence(error: Any) -> str:
+    """The first complaint of pydantic's ValidationError in words."""
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"]) or "the file"
+    found = first.get("input")
+    shown = "" if isinstance(found, (dict, list)) else f" is {str(found)[:60]!r}"
+    return f"{place}{shown}: {first['msg'][0].lower()}{first['msg'][1:]}"

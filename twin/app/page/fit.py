@@ -1,0 +1,149 @@
+"""Structures to fit, and the jobs that run."""
+
+from functools import partial
+from typing import Any
+
+from nicegui import ui
+
+from sysid.base.errors import InputError
+from sysid.structures import TABLE as STRUCTURES
+from twin.app.entries import Setting
+from twin.app.jobs import CANCELLED, FAILED, Job
+from twin.app.page.panel import Panel, note, said, tell
+
+DEFAULT = "default"
+FIRST = ("output_error", "hammerstein_wiener")  # ticked at first: a linear one, and the toolbox's own
+
+
+class FitPanel(Panel):
+    """Tick structures, set their orders and maps, and fit them all."""
+
+    title = "3  Fit"
+
+    def __init__(self, view: Any) -> None:
+        self._ticked: set[str] = set(FIRST)
+        self._values: dict[str, dict[str, Any]] = {}
+        known = view.desk.session.head.setting
+        self._common: dict[str, Any] = {"starts": known.starts, "seed": known.seed, "split": known.split}
+        super().__init__(view)
+
+    def state(self) -> Any:
+        return tuple(sorted(self._ticked))
+
+    def draw(self) -> None:
+        for name, kind in STRUCTURES.items():
+            ui.checkbox(
+                name.replace("_", " "),
+                value=name in self._ticked,
+                on_change=lambda event, name=name: self._tick(name, event.value),
+            ).props("dense").props(f"data-mark=structure-{name}").tooltip((kind.__doc__ or "").split("\n")[0])
+            if name in self._ticked:
+                self._settings(name, kind)
+        ui.separator()
+        with ui.grid(columns=3).classes("w-full gap-2"):
+            for field, label, options in (
+                ("starts", "starts", {"min": 1, "precision": 0}),
+                ("seed", "seed", {"min": 0, "precision": 0}),
+                ("split", "estimation part", {"min": 0.1, "max": 0.9, "step": 0.05}),
+            ):
+                ui.number(label, **options).bind_value(self._common, field).props(f"dense data-mark={field}")
+        ui.button("Fit", icon="play_arrow", on_click=self._fit).classes("w-full").props("data-mark=fit")
+
+    def _tick(self, name: str, on: bool) -> None:
+        (self._ticked.add if on else self._ticked.discard)(name)
+
+    def _settings(self, name: str, kind: Any) -> None:
+        values = self._values.setdefault(name, {})
+        with ui.grid(columns=3).classes("w-full gap-x-2 gap-y-0 q-pl-md"):
+            for field, option in kind.options().items():
+                default = getattr(kind, field, None)
+                values.setdefault(field, default)
+                if option.kind == "order":
+                    ui.number(field, min=option.least, max=100, precision=0).bind_value(values, field).props(
+                        "dense"
+                    ).tooltip(option.help).props(f"data-mark={name}-{field}")
+                elif option.kind == "number":
+                    unit = f" [{option.unit}]" if option.unit else ""
+                    ui.number(f"{field.replace('_', ' ')}{unit}").bind_value(values, field).props(
+                        "dense clearable"
+                    ).tooltip(option.help)
+                else:
+                    allowed = {each: each.replace("_", " ") for each in option.allowed}
+                    choices: dict[Any, str] = ({None: DEFAULT} if default is None else {}) | allowed
+                    ui.select(choices, label=field.replace("_", " ")).bind_value(values, field).props(
+                        "dense options-dense"
+                    ).classes("min-w-0").tooltip(option.help).props(f"data-mark={name}-{field}")
+
+    def _fit(self) -> None:
+        key = self.view.key
+        if key is None:
+            tell("add a record first: drop a log, or make one with the twin")
+            return
+        if not self._ticked:
+            tell("tick at least one structure")
+        for name in STRUCTURES:
+            if name in self._ticked:
+                said(partial(self._begin, key, name))
+
+    def _begin(self, key: str, name: str) -> None:
+        self.desk.fit(key, self._setting(name))
+
+    def _setting(self, name: str) -> Setting:
+        kind = STRUCTURES[name]
+        settings = {}
+        for field, option in kind.options().items():
+            value = self._values[name].get(field)
+            if value is None:
+                if option.kind == "order":
+                    raise InputError(f"{name} has no {field}; give a whole number of at least {option.least}")
+                continue
+            settings[field] = int(value) if option.kind == "order" else value
+        return self.desk.setting(structure=name, settings=settings, **self._common)
+
+
+class JobsPanel(Panel):
+    """What runs, waits or failed, with a button to cancel."""
+
+    title = "Jobs"
+
+    def __init__(self, view: Any) -> None:
+        self._bars: dict[Job, tuple[ui.linear_progress, ui.label]] = {}
+        super().__init__(view)
+
+    def _shown(self) -> list[Job]:
+        return [job for job in self.desk.jobs.all if not job.over or job.state in (FAILED, CANCELLED)]
+
+    def state(self) -> Any:
+        return tuple((id(job), job.state) for job in self._shown())
+
+    def draw(self) -> None:
+        self._bars = {}
+        shown = self._shown()
+        if not shown:
+            note("Nothing runs.")
+        for job in shown:
+            with ui.row().classes("w-full items-center no-wrap gap-2").props("data-mark=job"):
+                with ui.column().classes("grow gap-0 min-w-0"):
+                    ui.label(job.title).classes("text-body2 break-words")
+                    if job.state == FAILED:
+                        note(job.error, "text-negative")
+                    elif job.state == CANCELLED:
+                        note("cancelled")
+                    else:
+                        bar = ui.linear_progress(value=job.share, show_value=False).props("rounded")
+                        words = ui.label("").classes("text-caption text-grey-8 break-words")
+                        self._bars[job] = bar, words
+                if job.over:
+                    ui.button(icon="close", on_click=lambda job=job: self.desk.jobs.forget(job)).props(
+                        "flat dense round"
+                    ).tooltip("Take it off the list")
+                else:
+                    ui.button("Cancel", on_click=lambda job=job: self.desk.jobs.cancel(job)).props(
+                        "outline dense"
+                    ).classes("q-px-sm").props("data-mark=cancel")
+
+    def refresh(self) -> None:
+        super().refresh()
+        for job, (bar, words) in self._bars.items():
+            bar.set_value(round(job.share, 3))
+            words.set_text(f"{job.seconds:.0f} s, {job.said}")

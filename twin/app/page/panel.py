@@ -1,0 +1,83 @@
+"""A part of the page that draws itself again when what it shows has changed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from nicegui import ui
+
+from sysid.base.errors import InputError
+from twin.app.desk import Desk
+
+
+@dataclass
+class View:
+    """What one browser window looks at: a record, the models in the overlay, and the model or study in the tabs."""
+
+    desk: Desk
+    overlaid: set[str] = field(default_factory=set)
+    known: set[str] = field(default_factory=set)
+    detail: tuple[str, str] | None = None  # ("models" or "studies", id)
+    tab: str = ""
+
+    @property
+    def key(self) -> str | None:
+        """The record that is shown."""
+        shown = self.desk.session.head.shown
+        return shown if shown in self.desk.session.data else next(reversed(self.desk.session.data), None)
+
+
+class Panel:
+    """A card with a title; `state` is everything that `draw` depends on."""
+
+    title = ""
+
+    def __init__(self, view: View) -> None:
+        self.view = view
+        self.desk = view.desk
+        self._seen: Any = self  # equal to no state
+        with ui.card().classes("w-full gap-2 q-pa-md shadow-1"):
+            if self.title:
+                ui.label(self.title).classes("text-h6 text-primary")
+            self.box = ui.column().classes("w-full gap-2")
+            self.foot()
+
+    def state(self) -> Any:
+        """Equal values mean that nothing has to be drawn again."""
+        raise NotImplementedError
+
+    def draw(self) -> None:
+        """Draw the inside of the card."""
+        raise NotImplementedError
+
+    def foot(self) -> None:
+        """Draw what stays below it, once."""
+
+    def refresh(self) -> None:
+        """Draw again if something has changed."""
+        state = self.state()
+        if state != self._seen:
+            self._seen = state
+            self.box.clear()
+            with self.box:
+                said(self.draw)
+
+
+def said(action: Callable[[], Any]) -> Any:
+    """The action's result; bad input becomes a message on the page."""
+    try:
+        return action()
+    except InputError as error:
+        tell(str(error))
+        return None
+
+
+def tell(sentence: str) -> None:
+    """A message that stays until it is closed."""
+    text = sentence[:1].upper() + sentence[1:]
+    ui.notify(text, type="warning", multi_line=True, close_button="OK", timeout=12000, position="top")
+
+
+def note(text: str, tone: str = "text-grey-8") -> None:
+    """A sentence in small letters."""
+    ui.label(text).classes(f"text-caption {tone} whitespace-normal break-words")

@@ -1,0 +1,132 @@
+"""The twin beside the record: comparison and calibration, and the leg that moves as the record says."""
+
+from typing import Any
+
+from nicegui import run, ui
+
+from sysid.base.errors import InputError
+from twin.app.leg import Bar, Leg, angle_at
+from twin.app.page.panel import Panel, note, said
+from twin.parameters import JOINTS
+
+FRAME = 0.08  # [s] between poses while it plays
+
+
+class StudyPanel(Panel):
+    """Compare a record with the twin, or calibrate the twin from it."""
+
+    title = "4  Twin"
+
+    def state(self) -> Any:
+        key = self.view.key
+        joint = None if key is None else self.desk.session.data[key].joint
+        return key, joint, tuple(self.desk.session.studies), self.view.detail
+
+    def draw(self) -> None:
+        key = self.view.key
+        if key is None:
+            note("Add a record of the leg first.")
+            return
+        entry = self.desk.session.data[key]
+        note("The whole log drives the twin, without preparation. Both take a minute or more.")
+        joint = ui.select(list(JOINTS), value=entry.joint or None, label="joint of the log").classes("w-full")
+        joint.props("dense").on_value_change(lambda e: self.desk.session.change_data(key, joint=e.value or ""))
+        with ui.row().classes("gap-2"):
+            for kind, words in (("compare", "Compare"), ("calibrate", "Calibrate")):
+                ui.button(
+                    words, on_click=lambda kind=kind: said(lambda: self.desk.study(key, kind, joint.value or ""))
+                ).props(f"outline dense data-mark={kind}").classes("q-px-md")
+        for name, study in self.desk.session.studies.items():
+            with ui.row().classes("items-center no-wrap w-full"):
+                words = f"{name}  {study.kind} {study.data}, {study.joint}, {study.seconds:.0f} s"
+                ui.button(words, on_click=lambda name=name: self._show(name)).props("flat dense no-caps align=left")
+                ui.button(icon="delete", on_click=lambda name=name: self.desk.remove("studies", name)).props(
+                    "flat dense round size=sm"
+                ).tooltip("Delete this study")
+
+    def _show(self, name: str) -> None:
+        self.view.detail = ("studies", name)
+
+
+class LegPanel(Panel):
+    """The leg in three dimensions at a time of the record."""
+
+    title = "The leg at a time of the record"
+    _leg: Leg | None = None
+
+    def state(self) -> Any:
+        key = self.view.key
+        if key is None:
+            return None
+        entry = self.desk.session.data[key]
+        return key, entry.joint, entry.notes, entry.problem
+
+    def draw(self) -> None:
+        key = self.view.key
+        if key is None:
+            note("The leg moves here as the record says.")
+            return
+        joint = self.desk.session.data[key].joint
+        try:
+            data = self.desk.record(key)
+        except InputError as error:
+            note(str(error))
+            return
+        if not joint or data.y_unit != "rad":
+            note("The leg moves where the output is an angle of a joint: name the joint under 4 Twin.")
+            return
+        inside = ui.column().classes("w-full gap-2")
+        ui.timer(0.01, lambda: self._drawn(inside, joint, data), once=True)
+
+    async def _drawn(self, inside: ui.column, joint: str, data: Any) -> None:
+        """The scene; the first time the model is compiled in a thread, so that the page goes on."""
+        if LegPanel._leg is None:
+            LegPanel._leg = await run.io_bound(Leg)
+        with inside:
+            self._scene(LegPanel._leg or Leg(), joint, data)
+
+    def _scene(self, leg: Leg, joint: str, data: Any) -> None:
+        y, Ts, last = data.y[:, 0], data.Ts, (data.N - 1) * data.Ts
+        first = leg.bars({joint: float(y[0])})
+        with ui.scene(height=300, grid=(2, 20), background_color="#f5f7fa", fps=15).classes("w-full") as scene:
+            shapes = [_shape(scene, bar) for bar in first]
+        scene.move_camera(x=0.72, y=0.72, z=0.5, look_at_x=0.12, look_at_y=0.2, look_at_z=0.27, duration=0)
+
+        def pose(t: float) -> None:
+            for bar, shape in zip(leg.bars({joint: angle_at(t, y, Ts)}), shapes, strict=True):
+                _place(shape, bar)
+            angle = angle_at(t, y, Ts) * 57.29577951308232
+            words.set_text(f"{t:.1f} of {last:.1f} s, {joint} {angle:.1f} deg")
+
+        with ui.row().classes("w-full items-center no-wrap gap-2"):
+            play = ui.button(icon="play_arrow").props("flat dense round").props("data-mark=play")
+            slider = ui.slider(min=0, max=last, step=Ts, value=0).classes("grow").props("data-mark=time")
+            words = ui.label("").classes("text-caption whitespace-nowrap tabular-nums")
+        slider.on_value_change(lambda event: pose(float(event.value)))
+
+        def step() -> None:
+            now = slider.value + FRAME
+            slider.set_value(0.0 if now > last else now)
+
+        timer = ui.timer(FRAME, step, active=False)
+
+        def toggle() -> None:
+            timer.active = not timer.active
+            play.props(f"icon={'pause' if timer.active else 'play_arrow'}")
+
+        play.on_click(toggle)
+        pose(0.0)
+
+
+def _shape(scene: ui.scene, bar: Bar) -> Any:
+    if bar.length < 1e-9:
+        return scene.sphere(bar.radius).material(bar.colour)
+    return scene.cylinder(bar.radius, bar.radius, 1.0, 16).material(bar.colour)
+
+
+def _place(shape: Any, bar: Bar) -> None:
+    middle = (bar.start + bar.stop) / 2
+    shape.move(*(float(each) for each in middle))
+    if bar.length >= 1e-9:
+        shape.rotate_R(bar.turn().tolist())
+        shape.scale(1.0, bar.length, 1.0)

@@ -1,0 +1,221 @@
+"""A session: a folder of records, models and studies. What is damaged becomes a sentence, and the rest opens.
+
+    session.json        settings (`entries.Head`)
+    data/d1/            entry.json (`entries.Data`), the log as it came, record.npz as it was read
+    models/m1/          entry.json (`entries.Model`), model.json, runs.npz, figures.json, report.html, ...
+    studies/s1/         entry.json (`entries.Study`), report.html, figures.json, ...
+
+Names of files and folders are made here: no text from a browser becomes a path.
+"""
+
+import json
+import os
+import re
+import shutil
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from sysid.base.errors import InputError
+from sysid.base.files import write_text
+from twin.app.entries import DATA_ID, MODEL_ID, STUDY_ID, Data, Entry, Head, Model, Study, sentence
+
+HEAD, ENTRY, LOCK = "session.json", "entry.json", ".lock"
+NEW = ".new-"  # folders that are being written
+E = TypeVar("E", bound=Entry)
+KINDS: dict[str, tuple[str, str, type[Entry]]] = {
+    "data": ("d", DATA_ID, Data),
+    "models": ("m", MODEL_ID, Model),
+    "studies": ("s", STUDY_ID, Study),
+}
+
+
+class Session:
+    """An open session; `complaints` says what could not be opened, and `version` rises with every change."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.head = Head()
+        self.data: dict[str, Data] = {}
+        self.models: dict[str, Model] = {}
+        self.studies: dict[str, Study] = {}
+        self.complaints: list[str] = []
+        self.version = 0
+        self._lock: Any = None
+        self._turn = threading.RLock()  # jobs and pages change it from their own threads
+
+    @classmethod
+    def open(cls, folder: str | os.PathLike[str]) -> "Session":
+        """The session in `folder`, which is made if it is missing.
+
+        Raises InputError for a folder of other files, one that cannot be written to, one that another app has open,
+        and a session of a newer version.
+        """
+        found = cls(Path(folder).resolve())
+        try:
+            if found.folder.exists() and not found.folder.is_dir():
+                raise InputError(f"{folder} is a file; give a folder for --session")
+            if found.folder.is_dir() and any(found.folder.iterdir()) and not _is_session(found.folder):
+                raise InputError(f"{folder} holds other files and no session; give a new folder for --session")
+            found.folder.mkdir(parents=True, exist_ok=True)
+            found._lock = _locked(found.folder / LOCK)
+            for name in KINDS:
+                (found.folder / name).mkdir(exist_ok=True)
+                for left in (found.folder / name).glob(f"{NEW}*"):  # a kill left it
+                    shutil.rmtree(left, ignore_errors=True)
+        except OSError as error:
+            raise InputError(f"{folder} cannot be a session: {error.strerror or error}; give another folder") from None
+        try:
+            found._read()
+        except InputError:
+            found.close()
+            raise
+        return found
+
+    def close(self) -> None:
+        """Another app may open the folder."""
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def change(self, **fields: Any) -> None:
+        """Change fields of `head` and write it."""
+        with self._turn:
+            self.head = Head.model_validate({**self.head.model_dump(), **fields})
+            write_text(self.folder / HEAD, self.head.model_dump_json(indent=2) + "\n")
+            self.version += 1
+
+    def add(self, entry: Entry, fill: Callable[[Path], None]) -> str:
+        """A new entry's id; `fill` writes its files into a folder that appears only when it is whole."""
+        kind = next(name for name, (_, _, cls) in KINDS.items() if isinstance(entry, cls))
+        with self._turn, self._new(kind) as folder:
+            fill(folder)
+            write_text(folder / ENTRY, entry.model_dump_json(indent=2) + "\n")
+            key = self._free_id(kind)
+            os.rename(folder, self.folder / kind / key)
+            getattr(self, kind)[key] = entry
+            self.version += 1
+        return key
+
+    def change_data(self, key: str, **fields: Any) -> Data:
+        """Change fields of a record's entry and write it."""
+        with self._turn:
+            if key not in self.data:
+                raise InputError(f"this session has no record {key!r} any more")
+            entry = Data.model_validate({**self.data[key].model_dump(), **fields})
+            write_text(self.folder / "data" / key / ENTRY, entry.model_dump_json(indent=2) + "\n")
+            self.data[key] = entry
+            self.version += 1
+        return entry
+
+    def put(self, kind: str, key: str, file: Path) -> None:
+        """Move a whole file into the folder of an entry, if the entry is still there."""
+        with self._turn:
+            if key not in getattr(self, kind):
+                return
+            shutil.move(file, self.folder / kind / key / f"{NEW}{file.name}")  # it may come from another disk
+            os.replace(self.folder / kind / key / f"{NEW}{file.name}", self.folder / kind / key / file.name)
+            self.version += 1
+
+    def remove(self, kind: str, key: str) -> None:
+        """Delete an entry and its files."""
+        with self._turn:
+            if getattr(self, kind).pop(key, None) is None:
+                return
+            gone = self.folder / kind / f"{NEW}{key}-gone"  # at once for a reader, whatever deleting takes
+            os.rename(self.folder / kind / key, gone)
+            shutil.rmtree(gone, ignore_errors=True)
+            self.version += 1
+
+    def file(self, kind: str, key: str, name: str) -> Path:
+        """A file of an entry; raises InputError for an entry that is not there."""
+        if key not in getattr(self, kind):
+            raise InputError(f"this session has no {key[:20]!r}; it has {', '.join(getattr(self, kind)) or 'none yet'}")
+        return self.folder / kind / key / name
+
+    def log(self, key: str) -> Path:
+        """The log of a record."""
+        return self.file("data", key, self.data[key].file if key in self.data else "")
+
+    @contextmanager
+    def _new(self, kind: str) -> Iterator[Path]:
+        folder = Path(tempfile.mkdtemp(prefix=NEW, dir=self.folder / kind))
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def _free_id(self, kind: str) -> str:
+        letter = KINDS[kind][0]
+        taken = [int(path.name[1:]) for path in (self.folder / kind).glob(f"{letter}[0-9]*") if path.name[1:].isdigit()]
+        return f"{letter}{max(taken, default=0) + 1}"
+
+    def _read(self) -> None:
+        path = self.folder / HEAD
+        if path.exists():
+            try:
+                self.head = _entry(path, Head)
+            except InputError as error:
+                _refuse_newer(path)
+                os.replace(path, self.folder / "session.damaged.json")
+                self.complaints.append(
+                    f"{error}; the settings start afresh, and the file is kept as session.damaged.json"
+                )
+        else:
+            self.change()
+        for kind, (_, pattern, cls) in KINDS.items():
+            keys = [path.name for path in (self.folder / kind).iterdir() if re.fullmatch(pattern, path.name)]
+            for key in sorted(keys, key=lambda key: int(key[1:])):
+                try:
+                    entry = _entry(self.folder / kind / key / ENTRY, cls)
+                    if isinstance(entry, Data) and not (self.folder / kind / key / entry.file).is_file():
+                        raise InputError(f"{kind}/{key}/{entry.file} is missing")
+                except InputError as error:
+                    self.complaints.append(f"{error}; {key} is left out, and its files are as they were")
+                    continue
+                getattr(self, kind)[key] = entry
+
+
+def _entry(path: Path, cls: type[E]) -> E:
+    name = "/".join(path.parts[-3:]) if path.name == ENTRY else path.name
+    try:
+        return cls.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{name} cannot be read: {error.strerror}") from None
+    except ValidationError as error:
+        raise InputError(f"{name} is damaged: {sentence(error)}") from None
+
+
+def _refuse_newer(path: Path) -> None:
+    try:
+        version = json.loads(path.read_bytes()).get("version")
+    except (ValueError, AttributeError, RecursionError):
+        return
+    if isinstance(version, int) and version > Head().version:
+        raise InputError(f"{path} has version {version}; this qpal reads up to {Head().version}: install a newer one")
+
+
+def _is_session(folder: Path) -> bool:
+    return (folder / HEAD).is_file() or (folder / LOCK).is_file() or (folder / "session.damaged.json").is_file()
+
+
+def _locked(path: Path) -> Any:
+    """An open file that no second app can lock; where the system has no such locks, an open file."""
+    file = path.open("w")
+    try:
+        import fcntl
+    except ImportError:
+        return file
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        file.close()
+        raise InputError(
+            f"{path.parent} is open in another qpal app; close that one, or give another folder for --session"
+        ) from None
+    return file

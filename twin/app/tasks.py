@@ -1,0 +1,244 @@
+"""The work that jobs do, in their own process: read, simulate, advise, fit, compare, calibrate.
+
+Each task writes whole files into the folder "out" of its request, tells how far it is, and says {"ready": entry} when
+the files can be taken. Raises InputError, which the page shows as it is.
+"""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.base.files import whole_file, write_text
+from sysid.base.json_values import plain
+from sysid.data.record import IOData
+from sysid.workflow.record import Record, read_record
+from twin.app.entries import Data, Finding, Model, Setting, Study, Twin
+
+Tell = Callable[..., None]
+USUAL = 20  # searches of a fit, of which nobody knows the number: the bar moves ever more slowly
+COMPARED = ("signs", "effects", "alignment", "joint")  # steps of a comparison, about
+SEARCHED = 24  # steps of a calibration; it rarely has more
+
+
+def open_record(log: Path, entry: Data) -> Record:
+    """The record in a log, by the columns that the entry names; raises InputError as `read_record` does."""
+    return read_record(log, entry.input, entry.output, entry.Ts, entry.time)
+
+
+def prepared(record: Record, entry: Data, setting: Setting) -> tuple[IOData, IOData, tuple[str, ...]]:
+    """Estimation and validation data for a fit, and what was done to the record in sentences."""
+    from sysid.workflow.angles import without_wraps
+
+    kind = setting.recipe()
+    if kind.zero:  # absolute angles count on over a turn
+        record = without_wraps(record)
+    steps = entry.prepare.preparation()
+    data, said = replace(steps, detrend=kind.detrend(steps.detrend)).steps(record.data)
+    estimation, validation = data.split(setting.split)
+    return estimation, validation, (*record.remarks, *said)
+
+
+def read(request: dict[str, Any], tell: Tell) -> None:
+    """Reads a log into record.npz; the columns are told first, for a person to choose from where the guess fails."""
+    from sysid.formats import read_table
+    from twin.app.records import save
+
+    entry, log, out = Data.model_validate(request["data"]), Path(request["log"]), Path(request["out"])
+    tell(said="reading the columns", share=0.1)
+    table = read_table(log)
+    columns = [str(name)[:100] for name in table.names][:500]
+    tell(columns=columns, joint=str(table.meta.get("joint", "")))
+    tell(said="sampling", share=0.5)
+    record = open_record(log, entry)
+    save(record.data, out / "record.npz")
+    tell(ready=plain({"notes": list(record.notes), "input": record.input, "output": record.output}))
+
+
+def simulate(request: dict[str, Any], tell: Tell) -> None:
+    """Runs an experiment on the twin and writes its log."""
+    from twin.experiment import Experiment
+
+    asked, out = Twin.model_validate(request["twin"]), Path(request["out"])
+    tell(said=f"{asked.duration:g} s of {asked.excitation} on the {asked.joint}", share=0.2)
+    experiment = Experiment(asked.joint, asked.excitation, asked.duration, asked.Ts, asked.seed, asked.without)
+    experiment.run().save(out / "log.csv")
+    tell(ready={})
+
+
+def advise(request: dict[str, Any], tell: Tell) -> None:
+    """Advice on a record as it is prepared."""
+    from sysid.diagnosis.advice import advise as say
+
+    entry = Data.model_validate(request["data"])
+    tell(said="reading", share=0.1)
+    data = entry.prepare.preparation().apply(open_record(Path(request["log"]), entry).data)
+    tell(said="looking at the record", share=0.4)
+    wanted = set(Finding.model_fields)
+    found = [Finding.model_validate({k: v for k, v in vars(a).items() if k in wanted}) for a in say(data)]
+    tell(ready=[each.model_dump() for each in found])
+
+
+def fit(request: dict[str, Any], tell: Tell) -> None:
+    """Fits a model; its files are ready before the report is drawn."""
+    from sysid.workflow.evaluation import Setting as Settings
+    from sysid.workflow.evaluation import check_parts, evaluate
+    from sysid.workflow.exports import export
+    from twin.app import figures, records
+
+    began = time.perf_counter()
+    entry, setting = Data.model_validate(request["data"]), Setting.model_validate(request["setting"])
+    out = Path(request["out"])
+    files = out / "files"
+    files.mkdir()
+    tell(said="reading", share=0.02)
+    record = open_record(Path(request["log"]), entry)
+    estimation, validation, said = prepared(record, entry, setting)
+    check_parts(estimation, validation)
+    done = 0
+
+    def searched(text: str) -> None:
+        nonlocal done
+        done += 1
+        tell(said=f"search {done}, {text.replace('_', ' ')}", share=0.05 + 0.85 * done / (done + USUAL))
+
+    tell(said="fitting", share=0.05)
+    asked = Settings(setting.recipe(), "auto", setting.starts, setting.seed)
+    found = evaluate(asked, estimation, validation, searched)
+    seconds = time.perf_counter() - began
+    tell(said="drawing", share=0.92)
+    exports = export(found, files)
+    notes = [*said, *found.notes, *exports.notes]
+    notes += _mjcf(found.fit, files)
+    drawn, complaints = figures.of_model(found)
+    write_text(files / "figures.json", json.dumps(plain(drawn), allow_nan=False))
+    records.save_runs(found, entry.prepare.start or 0.0, files / "runs.npz")
+    scored = found.fit.criteria
+    made = Model(
+        name=request["name"],
+        data=request["key"],
+        prepare=entry.prepare,
+        setting=setting,
+        fit_estimation=_finite(found.estimation_fit),
+        fit_validation=_finite(found.validation_fit),
+        d=int(scored.d),
+        N=int(scored.N),
+        seconds=seconds,
+        converged=bool(found.fit.stop.converged),
+        joint=(files / "joint.xml").exists(),
+        notes=(*notes, *complaints),
+    )
+    tell(ready=made.model_dump(mode="json"))
+    tell(said="writing the report", share=0.96)
+    named = replace(record, path=Path(entry.name))
+    _report(named, setting, found, exports, out / "report.html")
+    tell(report=True)
+
+
+def compare(request: dict[str, Any], tell: Tell) -> None:
+    """Puts a log beside the twin under the same input."""
+    from twin.app import figures
+    from twin.compare.comparison import compare as run
+    from twin.report import compare as report
+
+    began, done = time.perf_counter(), 0
+    log, name, joint = _twin_log(request)
+
+    def step(text: str) -> None:
+        nonlocal done
+        done += 1
+        tell(said=text, share=done / (done + len(COMPARED)))
+
+    result = run(log, joint, pot_side=str(log.meta.get("pot_side", "link")), threads=1, tell=step)
+    page, said = report.page(result, name), report.sentences(result, name)
+    _study(request, "compare", said, began, page, figures.of_comparison(result), tell)
+
+
+def calibrate(request: dict[str, Any], tell: Tell) -> None:
+    """Fits the twin's parameters to a log, and writes them as a file for --params."""
+    from twin.app import figures
+    from twin.calibrate.calibration import calibrate as run
+    from twin.calibrate.written import write
+    from twin.report import calibrate as report
+
+    began, done = time.perf_counter(), 0
+    log, name, joint = _twin_log(request)
+
+    def step(text: str) -> None:
+        nonlocal done
+        done += 1
+        tell(said=text, share=min(done / SEARCHED, 0.95))
+
+    result = run([log], joint, labels=[name], threads=1, progress=step)
+    write(result, Path(request["out"]) / "parameters.toml")
+    said = [*report.verdict(result), *report.sentences(result)]
+    _study(request, "calibrate", said, began, report.page(result), figures.of_calibration(result), tell)
+
+
+TABLE: dict[str, Callable[[dict[str, Any], Tell], None]] = {
+    each.__name__: each for each in (read, simulate, advise, fit, compare, calibrate)
+}
+
+
+def _study(
+    request: dict[str, Any], kind: Any, said: list[str], began: float, page: Any, drawn: dict[str, Any], tell: Tell
+) -> None:
+    out = Path(request["out"])
+    write_text(out / "report.html", page.html())
+    write_text(out / "figures.json", json.dumps(plain(drawn), allow_nan=False))
+    made = Study(
+        kind=kind,
+        data=request["key"],
+        joint=request["joint"],
+        sentences=tuple(said),
+        seconds=time.perf_counter() - began,
+    )
+    tell(ready=made.model_dump(mode="json"))
+
+
+def _twin_log(request: dict[str, Any]) -> tuple[Any, str, str]:
+    """The log of a record for the twin, with its name and joint."""
+    from twin.log import Log
+
+    entry = Data.model_validate(request["data"])
+    if entry.input or entry.output or entry.time or entry.Ts:
+        raise InputError(
+            "the twin reads columns by their names and units, and this record's were chosen by hand; write a mapping: "
+            "qpal info FILE --write-map MAP.toml, then qpal compare FILE --map MAP.toml"
+        )
+    return Log.load(Path(request["log"]), None, request["joint"]), entry.name, request["joint"]
+
+
+def _mjcf(found: Any, folder: Path) -> list[str]:
+    """joint.xml where MJCF has elements for all of an actuated joint; else why not, for a joint."""
+    from sysid.estimation.joint_parts import is_joint
+    from sysid.estimation.result import Fit
+    from sysid.export import mjcf
+
+    if not isinstance(found, Fit) or not is_joint(found.model):
+        return []
+    try:
+        write_text(folder / "joint.xml", mjcf.fragment(found, "joint").model())
+    except InputError as error:
+        return [f"no MJCF: {error}"]
+    return []
+
+
+def _report(record: Record, setting: Setting, found: Any, exports: Any, path: Path) -> None:
+    from sysid.report import identify as report
+    from sysid.workflow.identified import Identification
+    from sysid.workflow.next_step import next_step
+
+    detrended = "none" if setting.recipe().zero else "mean"
+    whole = Identification(record, setting.split, detrended, found, ())
+    with whole_file(path) as temporary:
+        temporary.write_text(report.page(replace(whole, next=next_step(whole)), exports).html(), encoding="utf-8")
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
