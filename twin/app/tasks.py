@@ -136,7 +136,7 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
     tell(ready=made.model_dump(mode="json"))
     tell(said="writing the report", share=0.96)
     named = replace(record, path=Path(entry.name))
-    _report(named, setting, found, exports, out / "report.html")
+    _report(named, entry, setting, found, exports, out / "report.html")
     tell(report=True)
 
 
@@ -229,13 +229,15 @@ def _mjcf(found: Any, folder: Path) -> list[str]:
     return []
 
 
-def _report(record: Record, setting: Setting, found: Any, exports: Any, path: Path) -> None:
+def _report(record: Record, entry: Data, setting: Setting, found: Any, exports: Any, path: Path) -> None:
     from sysid.report import identify as report
     from sysid.workflow.identified import Identification
     from sysid.workflow.next_step import next_step
+    from sysid.workflow.records import Plan
 
-    detrended = "none" if setting.recipe().zero else "mean"
-    whole = Identification(record, setting.split, detrended, found, ())
+    steps = entry.prepare.preparation()
+    plan = Plan(split=setting.split, detrend=setting.recipe().detrend(steps.detrend), preparation=steps)
+    whole = Identification(record, plan, found, ())
     with whole_file(path) as temporary:
         temporary.write_text(report.page(replace(whole, next=next_step(whole)), exports).html(), encoding="utf-8")
 
