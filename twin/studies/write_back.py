@@ -125,12 +125,33 @@ def _drawn(fit: Fit | NlarxFit) -> IOData:
     motor = motor_of(fit.model)
     own = fit.model.part(fit.theta, motor)
     value = {name: motor.value(own, name) for name in ("gain", "rise", "fall", "stick", "lower", "upper")}
-    stroke = value["upper"] - value["lower"] if motor.stops else 1.0
+    stroke = value["upper"] - value["lower"]
+    if not np.isfinite(stroke):  # a joint without stops, or with one
+        stroke = 1.0
     crossing = 50  # samples
     amplitude = max(value["rise"], value["fall"]) + value["stick"] + stroke / (crossing * value["gain"])
     signal = Aprbs(amplitude, hold_min=0.2 * crossing * fit.Ts, hold_max=2 * crossing * fit.Ts)
     u = signal.generate(TURNS * crossing, fit.Ts, np.random.default_rng(0))
-    return IOData(u, fit.model.simulate(fit.theta, u[:, None]).ravel(), fit.Ts)
+    y = fit.model.simulate(fit.theta, u[:, None]).ravel()
+    stay = len(u) if motor.stops == "both" else _stay(y, _span(fit))
+    if stay < crossing:
+        raise InputError(
+            "this joint has no stop that keeps a drawn input in its range; fit one to a log that meets both ends, or "
+            "give the log itself: qpal export LOG --mjcf"
+        )
+    return IOData(u[:stay], y[:stay], fit.Ts)
+
+
+def _span(fit: Fit) -> float:
+    """The way of the joint in units of the output: what its map covers, or a motor's unit where there is no map."""
+    values = dict(zip(fit.model.names, fit.theta, strict=True))
+    return abs(values.get("map.high", 1.0) - values.get("map.low", 0.0))
+
+
+def _stay(y: np.ndarray, span: float) -> int:
+    """Samples before a joint that nothing stops has gone its whole way from where it began, or is lost."""
+    left = ~(np.abs(y - y[0]) < span)
+    return int(np.argmax(left)) if left.any() else len(y)
 
 
 def write_back(
