@@ -169,6 +169,8 @@ def test_identify_auto_finds_a_linear_plant_and_goes_on_from_its_journal(tmp_pat
         "1",
         "--detrend",
         "none",
+        "--seconds",
+        "3600",  # on a busy machine the budget would end one of the two searches earlier
     ]
     arguments += ["--resume", str(journal), "--out", str(tmp_path / "out")]
     summaries = []
