@@ -1,5 +1,7 @@
 """An actuated joint with known parameters, found again from noisy records and starts made of data alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -90,7 +92,7 @@ def test_physical_values_are_what_the_parameters_say():
     chain = actuated_joint()
     data, _ = record(chain, 0)
     fit = sysid.fit(chain, data, search="lm", start=theta_of(chain))
-    at_truth = {v.name: v for v in joint_values(fit.__class__(**{**vars(fit), "theta": theta_of(chain)}))}
+    at_truth = {v.name: v for v in joint_values(replace(fit, theta=theta_of(chain)))}
     for name, value in expected(chain).items():
         assert at_truth[name].value == pytest.approx(value, rel=1e-9), name
         assert at_truth[name].low < value < at_truth[name].high
@@ -102,7 +104,7 @@ def test_a_driver_moves_the_break_away_voltage_by_its_dead_zone():
     theta = theta_of(chain)
     theta[:2] = -0.4, 0.7
     fit = sysid.fit(chain, data, search="lm", start=theta, options=sysid.Options(max_iterations=1))
-    moved = fit.__class__(**{**vars(fit), "theta": theta})
+    moved = replace(fit, theta=theta)
     values = {v.name: v.value for v in joint_values(moved)}
     assert values["breakaway_up"] == pytest.approx(1.9 + 0.7)
     assert values["breakaway_down"] == pytest.approx(-2.6 - 0.4)
