@@ -77,7 +77,8 @@ def gain(fit: Fit, u: float | None = None, data: IOData | None = None) -> Gain:
     """The DC gain of the tangent at the constant input `u`, by default 0, or the middle of the input's range where that
     does not hold 0.
 
-    Raises InputError for a model without a tangent, such as a motor with friction.
+    The deviation takes the residuals as white and is too small where they are coloured; with the estimation `data` it
+    allows for their colour. Raises InputError for a model without a tangent, such as a motor with friction.
     """
     low, high = fit.u_span
     level = float(u) if u is not None else 0.0 if low <= 0.0 <= high else 0.5 * (low + high)

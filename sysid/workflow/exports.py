@@ -34,5 +34,8 @@ def export(evaluation: Evaluation, folder: Path) -> Exports:
             SAVED,
             ("model.c", "C99 with a state and a step function, on the scales of the recorded input and output"),
             ("model.py", "the same in Python; imports only math"),
-        )
+        ),
+        ()
+        if fit.u_offset is not None
+        else ("model.c and model.py take signals that are prepared as those of the fit: no offset undoes that",),
     )

@@ -87,6 +87,7 @@ def identify_file(
     def read(path: str | os.PathLike[str]) -> Record:
         return read_record(path, input, output, Ts, time, mapping, range, time_unit, preparation.missing)
 
+    _check_once(paths, validation)
     records, others = [read(p) for p in paths], [read(p) for p in validation]
     check_channels(setting, records[0])
     name = records[0].path
@@ -112,10 +113,23 @@ def identify_file(
             selection, evaluation = None, evaluate(setting, estimation, held_back, progress)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
+    if detrend == "linear" or (preparation.filter or (None,))[0]:
+        # No offset undoes a line or a high-pass filter: a raw record has to be prepared alike.
+        evaluation = replace(evaluation, fit=replace(evaluation.fit, u_offset=None, y_offset=None))
     evaluation = named(evaluation, record.signals)
     plan = replace(plan, detrend="none" if evaluation.setting.recipe.zero else detrend)
     found = Identification(record, plan, evaluation, advice, selection)
     return replace(found, next=next_step(found))
+
+
+def _check_once(paths: Sequence[str | os.PathLike[str]], validation: Sequence[str | os.PathLike[str]]) -> None:
+    """Raises InputError for a file that is given twice: it would count double, or be no unseen data."""
+    seen: set[Path] = set()
+    for path in (*paths, *validation):
+        place = Path(path).resolve()
+        if place in seen:
+            raise InputError(f"{path} is given twice; name each file once, for the fit or with --validation")
+        seen.add(place)
 
 
 def _merged(records: Sequence[Record], absolute: bool, preparation: Preparation) -> Record:

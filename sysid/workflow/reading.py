@@ -22,18 +22,20 @@ def read(
     start: float | None = None,
     stop: float | None = None,
     time_unit: str | None = None,
+    missing: str = "mark",
 ) -> IOData:
     """The record in a file: CSV, Parquet, MAT, NumPy, JSON, a serial capture, and with their extra MCAP and ROS bags.
 
     `input` and `output` name columns; what is not named is found by name, unit and numbers where that is beyond doubt.
     Ts [s] comes from `Ts` or from the column `time`, in `time_unit`. `map`, a `ChannelMap` or the path of one, says
     instead how the file is read, with several channels, scales and repairs. `start` and `stop` [s] after the first
-    stamp cut the record. Names stay, units become SI (degrees become rad). What was assumed and repaired:
+    stamp cut the record. `missing` says what becomes of outputs without a value, such as empty cells: "mark" (missing
+    samples), "fill" or "refuse". Names stay, units become SI (degrees become rad). What was assumed and repaired:
     `sysid.workflow.record.read_record(path).notes`. Raises InputError that names the file and the place.
     """
     cut = Range(start=start, stop=stop)
     try:
-        return read_record(path, input, output, Ts, time, map, cut, time_unit).data
+        return read_record(path, input, output, Ts, time, map, cut, time_unit, missing).data
     except InputError as error:
         raise InputError(in_python(str(error))) from None
 

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from sysid.base.errors import InputError
 from sysid.data.preparation import Preparation
 from sysid.data.preprocess import quick_start
@@ -11,6 +13,7 @@ from sysid.data.record import IOData
 from sysid.data.trends import CONSTANT, Trend
 from sysid.workflow.record import Record
 
+APART = 2.0  # deviations within a file, by which the means of files differ that may have zeros of their own
 SAME = 1e-4  # of a sampling time, by which two clocks of one rate may differ
 
 
@@ -64,8 +67,26 @@ def merged(records: Sequence[Record]) -> Record:
     files = tuple(record.path for record in records)
     sizes = " and ".join(f"{record.path.name} ({record.data.N} samples)" for record in records)
     said = f"{len(files)} files are {len(files)} experiments, each with its own initial state: {sizes}"
+    levels = _levels(records)
     theirs = (f"{record.path.name}: {note}" for record in others for note in record.notes if note not in first.notes)
-    return replace(first, data=data, files=files, remarks=(*first.remarks, said, *theirs))
+    return replace(first, data=data, files=files, remarks=(*first.remarks, said, *levels, *theirs))
+
+
+def _levels(records: Sequence[Record]) -> tuple[str, ...]:
+    """A remark if the levels of the files differ so much that they may count from different zeros."""
+    found = []
+    for role in ("u", "y"):
+        values = [getattr(record.data, role) for record in records]
+        means = np.array([np.nanmean(each, axis=0) for each in values])
+        inside = np.sqrt(np.mean([np.nanvar(each, axis=0) for each in values], axis=0))
+        if (np.ptp(means, axis=0) > APART * np.maximum(inside, 1e-300)).any():
+            found.append("inputs" if role == "u" else "outputs")
+    if not found:
+        return ()
+    return (
+        f"the levels of the {' and '.join(found)} differ from file to file by more than they move within one, and one "
+        "zero is taken from all; where each file has a zero of its own, subtract it from each file first",
+    )
 
 
 def check_same_channels(first: Record, other: Record) -> None:

@@ -125,10 +125,10 @@ def data_for(fit: AnyFit, record: Record, reading: Reading) -> tuple[IOData, tup
         data = detrend(data, reading.detrend)
         notes.append("means removed from the record")
     if fit.u_offset is None:
-        what = "" if reading.detrend != "none" else "; if it was fitted to mean-free data, add --detrend mean"
+        what = "" if reading.detrend != "none" else "; prepare the record alike, with --detrend mean or linear"
         notes.append(
-            "the model's file does not say which offsets were removed from its estimation data (an earlier version "
-            f"saved it), so it runs on the record as it is{what}"
+            "the model's file has no offsets (a line or what is slow was removed from its estimation data, or an "
+            f"earlier version saved it), so it runs on the record as it is{what}"
         )
     return data, tuple(notes)
 

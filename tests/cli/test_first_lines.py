@@ -30,17 +30,17 @@ def test_the_page_and_the_console_begin_with_what_a_bad_model_is_good_for(tmp_pa
     out = " ".join(capsys.readouterr().out.split())
     html = re.sub(r"<[^>]+>", " ", Path("out/report.html").read_text(encoding="utf-8").replace("&#39;", "'"))
     text = " ".join(html.split())
-    assert text.index("Do NOT use this model: the free run fits the validation data to") < text.index(command)
+    assert text.index("This model is not good enough to use: its free run has a fit of") < text.index(command)
     assert text.index(command) < text.index("has a free-run fit on the validation data")
     assert text.count(command) == 1
     assert out.index("Do NOT use this model") < out.index("The residuals are") < out.index(command)
     assert main([*given, "--orders", "1,1,20"]) == 0
     assert "Do NOT" not in capsys.readouterr().out
-    assert "Do NOT" not in Path("out/report.html").read_text(encoding="utf-8")
+    assert "not good enough to use" not in Path("out/report.html").read_text(encoding="utf-8")
 
 
 def test_commands_in_sentences_name_this_record():
-    record = SimpleNamespace(path=Path("my log.csv"), options=("--ts", "0.1"))
+    record = SimpleNamespace(path=Path("my log.csv"), options=("--ts", "0.1"), files=())
     assert _named("record pulses (qpal design --for breakaway FILE).", record) == (
         "record pulses (qpal design --for breakaway 'my log.csv' --ts 0.1)."
     )

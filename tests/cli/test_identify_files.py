@@ -152,3 +152,29 @@ def test_the_next_command_says_all_that_was_given(three, capsys):
     assert main([*words[1:], "--json", "--out", "again"]) == 0
     again = json.loads(capsys.readouterr().out)
     assert again["fit_percent"]["validation"] == result.evaluation.validation_fit
+
+
+def test_a_file_counts_once(three, capsys):
+    assert "b.csv is given twice" in refused(["a.csv", "b.csv", "./b.csv", *LINE], capsys)
+    assert "a.csv is given twice" in refused(["a.csv", "--validation", "a.csv", *LINE], capsys)
+
+
+def test_files_with_zeros_of_their_own_are_told(tmp_path, monkeypatch):
+    """One zero is taken from all files; where that is wrong, somebody has to be told."""
+    monkeypatch.chdir(tmp_path)
+    for k, (name, zero) in enumerate((("a", -20.0), ("b", 40.0), ("c", -20.5))):
+        u, y = plant(k)
+        save(tmp_path / f"{name}.csv", u, y + zero)
+    apart, alike = identify_file(["a.csv", "b.csv"], OE), identify_file(["a.csv", "c.csv"], OE)
+    assert any("levels of the outputs differ" in note for note in apart.record.notes)
+    assert not any("levels" in note for note in alike.record.notes)
+
+
+@pytest.mark.parametrize("option", [["--detrend", "linear"], ["--filter", "0.02:"]], ids=["line", "slow"])
+def test_a_model_of_what_no_offset_undoes_says_so(option, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    u, y = plant(0)
+    save(tmp_path / "a.csv", u, y + np.linspace(0.0, 20.0, len(y)))
+    assert main(["identify", "a.csv", *LINE, *option, "--out", "o"]) == 0
+    assert main(["run", "o/model.json", "a.csv", "--out", "r"]) == 0
+    assert "has no offsets (a line or what is slow was removed" in " ".join(capsys.readouterr().out.split())

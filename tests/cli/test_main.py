@@ -110,3 +110,21 @@ def test_completion_names_verbs_and_options(monkeypatch, capsys):
         monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
         assert main([]) == 0
         assert set(capsys.readouterr().out.split()) == found
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
+def test_a_request_to_stop_while_modules_load_is_a_sentence():
+    code = """
+import os, signal, sys
+from twin.cli import main
+
+class Late:
+    def find_spec(self, name, *more):
+        if name == "typer":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Late())
+sys.exit(main(["info"]))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (130, "qpal: stopped; nothing was written\n")

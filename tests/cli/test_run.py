@@ -86,7 +86,7 @@ def test_wrong_offsets_show(place, change, monkeypatch, tmp_path):
     found = plain(run_file(str(tmp_path / "wrong.json"), Reading("second.csv")).as_dict())
     right = json.loads((place / "fit" / "summary.json").read_text())["fit_percent"]["validation"]
     assert not (found["fit_percent"]["free_run"] or -math.inf) > right - 5.0
-    unknown = [note for note in found["notes"] if "does not say which offsets" in note]
+    unknown = [note for note in found["notes"] if "has no offsets" in note]
     assert bool(unknown) == (change["u_offset"] is None if "u_offset" in change else False)
     assert all("--detrend mean" in note for note in unknown)
 

@@ -11,12 +11,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     0: done. 1: a check of the verb failed. 2: bad input, reported in one line on standard error. 130: stopped.
     """
-    from typer.exceptions import TyperException
-
-    from sysid.base.errors import InputError
-    from twin.cli.app import build
-    from twin.cli.console import Stopped
     from twin.cli.stopping import Stopping
+
+    try:  # importing takes most of a second, in which a person may change their mind
+        from typer.exceptions import TyperException
+
+        from sysid.base.errors import InputError
+        from twin.cli.app import build
+        from twin.cli.console import Stopped
+    except KeyboardInterrupt:
+        print("qpal: stopped; nothing was written", file=sys.stderr)
+        return 130
 
     kept = "nothing was written"
     given = list(sys.argv[1:] if arguments is None else arguments)
