@@ -52,8 +52,8 @@ def _levels(result: Written) -> list[str]:
         return []
     if fit.u_offset is None or fit.y_offset is None:
         return [
-            "The model's file has no offsets (a line or what is slow was removed before the fit, or it is of an "
-            "earlier version): the files take and give what the fit was made from, and you add and remove means yourself."
+            "The model's file has no offsets (a line or what is slow was removed before the fit, or an earlier "
+            "version saved it): the files take and give what the fit was made from; remove and add means yourself."
         ]
     if not (fit.u_offset.any() or fit.y_offset.any()):
         return []

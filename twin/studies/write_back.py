@@ -25,6 +25,7 @@ from twin.fragment import Check, check, put_into
 
 PARTS = ("stribeck", "plays")  # of a joint that grows, those that MJCF has elements for
 CLOSE = 0.005  # of the stroke: RMS up to which fragment and fit count as the same
+LEAST = 50  # samples of a record on which a fragment is checked
 TURNS = 40  # of a drawn input: crossings of the stroke, about
 
 
@@ -132,14 +133,9 @@ def _drawn(fit: Fit | NlarxFit) -> IOData:
     amplitude = max(value["rise"], value["fall"]) + value["stick"] + stroke / (crossing * value["gain"])
     signal = Aprbs(amplitude, hold_min=0.2 * crossing * fit.Ts, hold_max=2 * crossing * fit.Ts)
     u = signal.generate(TURNS * crossing, fit.Ts, np.random.default_rng(0))
-    y = fit.model.simulate(fit.theta, u[:, None]).ravel()
-    stay = len(u) if motor.stops == "both" else _stay(y, _span(fit))
-    if stay < crossing:
-        raise InputError(
-            "this joint has no stop that keeps a drawn input in its range; fit one to a log that meets both ends, or "
-            "give the log itself: qpal export LOG --mjcf"
-        )
-    return IOData(u[:stay], y[:stay], fit.Ts)
+    run = fit.model.simulate(fit.theta, u[:, None]).ravel()
+    stay = len(u) if motor.stops == "both" else max(_stay(run, _span(fit)), 2)
+    return IOData(u[:stay], run[:stay], fit.Ts)
 
 
 def _span(fit: Fit) -> float:
@@ -184,6 +180,11 @@ def write_back(
         files.append((f"{name}_control.py", "the linear model at an operating point, as a control.TransferFunction"))
     if "mjcf" not in ways:
         return Written(source, tuple(files), tangent=tangent)
+    if source.data.N < LEAST:
+        raise InputError(
+            "this joint has no stop that keeps a drawn input in its range; fit one to a log that meets both ends, or "
+            "give the log itself: qpal export LOG --mjcf"
+        )
     if isinstance(fit, NlarxFit):
         raise InputError("a nonlinear ARX model has no motor, so it has no MJCF; fit an actuated_joint")
     if any(offset is not None and offset.any() for offset in (fit.u_offset, fit.y_offset)):
