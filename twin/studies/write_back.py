@@ -134,7 +134,7 @@ def _drawn(fit: Fit | NlarxFit) -> IOData:
     signal = Aprbs(amplitude, hold_min=0.2 * crossing * fit.Ts, hold_max=2 * crossing * fit.Ts)
     u = signal.generate(TURNS * crossing, fit.Ts, np.random.default_rng(0))
     run = fit.model.simulate(fit.theta, u[:, None]).ravel()
-    stay = len(u) if motor.stops == "both" else max(_stay(run, _span(fit)), 2)
+    stay = len(u) if motor.stops is True else max(_stay(run, _span(fit)), 2)
     return IOData(u[:stay], run[:stay], fit.Ts)
 
 
