@@ -7,6 +7,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from app_served import PATIENCE, write_log
 
@@ -75,6 +76,34 @@ def test_the_model_has_its_numbers_figures_and_files(desk):
     assert abs(runs.t[-1] - 18.0) < 1e-9
     assert {"script.py", "report.html", "model.json", "model.c", "model.py"} == set(desk.files("models", "m1"))
     assert sysid.load(desk.session.file("models", "m1", "model.json")).criteria.d == 3
+
+
+def test_results_and_overlay_show_the_record_on_its_own_levels_and_at_its_own_times(desk):
+    data = desk.prepared("d1")[0]
+    assert np.abs(data.y.mean()) > 1e-3  # it is removed before this fit
+    figure, runs = desk.figures("models", "m1")["free-run"]["figure"], desk.runs("m1")
+    measured, model, *_, volts = figure["data"]
+    degrees = 180.0 / np.pi
+    for line, expected in ((measured, data.y[:, 0] * degrees), (volts, data.u[:, 0]), (model, runs.run * degrees)):
+        x, y = (np.array(line[axis], dtype=float) for axis in ("x", "y"))
+        kept = ~np.isnan(y)
+        np.testing.assert_allclose(x[kept], 1.0 + data.t, atol=1e-9)
+        np.testing.assert_allclose(y[kept], expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(runs.y, data.y[:, 0])
+    (border,) = (each["x0"] for each in figure["layout"]["shapes"])
+    assert border == pytest.approx(runs.border)
+    assert {each["x"] for each in figure["layout"]["annotations"] if each["xref"] == "x"} == {border}
+
+
+def test_the_overlay_follows_the_chosen_record(desk):
+    models = desk.session.models
+    models["m2"] = models["m1"].model_copy(update={"data": "d2"})
+    try:
+        assert desk.overlaid({"m1", "m2"}, "d1") == (["m1"], ["m2"])
+        assert desk.overlaid({"m1", "m2"}, "d2") == (["m2"], ["m1"])
+        assert desk.overlaid({"m1"}, "d2") == ([], ["m1"])
+    finally:
+        del models["m2"]
 
 
 def test_the_script_gives_the_same_fit_to_the_last_bit(desk, tmp_path):

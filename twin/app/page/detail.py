@@ -57,7 +57,7 @@ class DetailPanel(Panel):
         if not found:
             return
         first = self.view.tab if self.view.tab in found else next(iter(found))
-        with ui.tabs().classes("w-full").props("dense no-caps mobile-arrows outside-arrows") as tabs:
+        with ui.tabs().classes("w-full qpal-tabs").props("dense no-caps align=left") as tabs:
             for name in found:
                 ui.tab(name, figures.TITLES.get(name, "Run")).props(f"data-mark=tab-{name}")
         with ui.tab_panels(tabs, value=first, animated=False).classes("w-full") as panels:
