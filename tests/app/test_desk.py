@@ -13,9 +13,11 @@ from app_served import PATIENCE, write_log
 
 import sysid
 from sysid.base.errors import InputError
+from sysid.report.zoom import _parts as parts
 from twin.app import tasks
 from twin.app.desk import Desk
 from twin.app.entries import Data, Model, Prepare, Setting
+from twin.app.figures import below
 from twin.app.jobs import CANCELLED, DONE, FAILED, Jobs
 from twin.app.script import script
 from twin.app.session import Session
@@ -93,6 +95,19 @@ def test_results_and_overlay_show_the_record_on_its_own_levels_and_at_its_own_ti
     (border,) = (each["x0"] for each in figure["layout"]["shapes"])
     assert border == pytest.approx(runs.border)
     assert {each["x"] for each in figure["layout"]["annotations"] if each["xref"] == "x"} == {border}
+
+
+def test_in_a_narrow_window_panels_stand_below_each_other():
+    layout = parts.base("", height=330) | {"meta": {"beside": 2}}
+    layout |= {"xaxis2": {}, "yaxis": {}, "yaxis2": {}, "annotations": [{"text": "a"}, {"text": "b"}]}
+    assert below({"data": [], "layout": {**layout, "meta": {"beside": 1}}}) is None
+    found = below({"data": [], "layout": layout})["layout"]
+    (_, gap), (low, high) = found["yaxis2"]["domain"], found["yaxis"]["domain"]
+    assert (high, found["yaxis2"]["domain"][0]) == (1.0, pytest.approx(0.0, abs=1e-12))
+    assert (low - gap) * (found["height"] - 110) > 60.0  # room for numbers, label and title
+    assert found["xaxis"]["domain"] == found["xaxis2"]["domain"] == [0.0, 1.0]
+    assert [each["y"] for each in found["annotations"]] == [high, gap]
+    assert layout["yaxis2"] == {}  # the wide one is as it was
 
 
 def test_the_overlay_follows_the_chosen_record(desk):

@@ -174,6 +174,17 @@ def test_residuals_have_their_own_lags_in_each_panel_and_the_legend_names_the_bo
     assert (upper["name"], upper["showlegend"], lower["showlegend"]) == ("99 % bound for one lag", True, False)
 
 
+@pytest.mark.parametrize("name", ["static_maps", "free_run", "residual_tests"])
+def test_the_legend_stands_over_the_titles_of_the_first_row(figures, name):
+    """On a phone it is as wide as the figure, and a title of 12 px stands over the upper edge."""
+    layout = figures[name]["layout"]
+    titles = [a for a in layout["annotations"] if a["text"].startswith("<b>") and a["y"] == 1.0]
+    height = layout["height"] - layout["margin"]["t"] - layout["margin"]["b"]
+    assert titles
+    assert (layout["legend"]["y"] - 1.0) * height >= 18.0
+    assert layout["margin"]["t"] >= 18.0 + 40.0  # two lines of a legend
+
+
 def test_several_outputs_and_experiments_stand_apart():
     rng = np.random.default_rng(1)
     parts = [IOData(rng.normal(size=(n, 2)), rng.normal(size=(n, 3)), 0.5) for n in (40, 60)]

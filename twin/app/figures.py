@@ -2,6 +2,7 @@
 
 from base64 import b64encode
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import replace
 from html import escape
 from typing import Any
@@ -165,6 +166,24 @@ def _packed(trace: Figure) -> Figure:
             doubles = np.array([np.nan if v is None else v for v in values], dtype="<f8")
             found[axis] = {"dtype": "f8", "bdata": b64encode(doubles.tobytes()).decode("ascii")}
     return found
+
+
+def below(figure: Figure) -> Figure | None:
+    """A figure with its panels below instead of beside each other, for a narrow window; None if it has one panel."""
+    n = figure["layout"].get("meta", {}).get("beside", 1)
+    if n < 2:
+        return None
+    layout = deepcopy(figure["layout"])
+    space, height = 0.35, layout["height"]
+    panel = 1.0 / (n + space * (n - 1))
+    for k in range(n):
+        suffix, top = "" if k == 0 else str(k + 1), 1.0 - k * (1.0 + space) * panel
+        layout[f"xaxis{suffix}"]["domain"] = [0.0, 1.0]
+        layout[f"yaxis{suffix}"]["domain"] = [max(top - panel, 0.0), top]
+        layout["annotations"][k] |= {"x": 0.0, "y": top}
+    layout["height"] = round(0.8 * n * height)
+    layout["legend"]["y"] = 1.0 + (layout["legend"]["y"] - 1.0) * height / layout["height"]
+    return {"data": figure["data"], "layout": layout}
 
 
 def said(figure: Figure) -> str:

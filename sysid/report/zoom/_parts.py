@@ -162,14 +162,19 @@ def stacked(traces: list[Trace], rows: Sequence[Row], x_label: str, notes: Seque
             layout["annotations"].append(_text(f"<b>{row.title}</b>", 0.0, top, "left", "bottom"))
         top = bottom - gap
     if rows[0].title:  # which stands where a narrow legend begins
-        layout["margin"]["t"] += TITLE
-        layout["height"] += TITLE
-        layout["legend"]["y"] = 1.0 + TITLE / (layout["height"] - layout["margin"]["t"] - layout["margin"]["b"])
+        over_titles(layout)
     layout["xaxis"]["anchor"] = axis(len(rows) - 1)
     layout |= {"hovermode": "x unified", "hoversubplots": "axis"}
     for note in notes:
         layout["annotations"].append(_text(note, 0.0, 0.0, "left", "bottom") | {"font": {"size": 11}})
     return {"data": traces, "layout": layout}
+
+
+def over_titles(layout: Figure) -> None:
+    """Move the legend over the titles of the first row, and make room for it."""
+    layout["margin"]["t"] += TITLE
+    layout["height"] += TITLE
+    layout["legend"]["y"] = 1.0 + TITLE / (layout["height"] - layout["margin"]["t"] - layout["margin"]["b"])
 
 
 def base(x_label: str, y_label: str | None = None, height: int = 360) -> Figure:

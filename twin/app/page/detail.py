@@ -63,6 +63,10 @@ class DetailPanel(Panel):
         with ui.tab_panels(tabs, value=first, animated=False).classes("w-full") as panels:
             for name, each in found.items():
                 with ui.tab_panel(name).classes("q-pa-none"):
-                    ui.plotly(figures.ready(each["figure"])).classes("w-full").props(f"data-mark=figure-{name}")
+                    narrow = figures.below(each["figure"])
+                    plot = ui.plotly(figures.ready(each["figure"])).classes("w-full").props(f"data-mark=figure-{name}")
+                    if narrow is not None:
+                        plot.classes("qpal-wide")
+                        ui.plotly(figures.ready(narrow)).classes("w-full qpal-narrow")
                     note(" ".join(filter(None, (each["caption"], figures.said(each["figure"])))))
         panels.on_value_change(lambda event: setattr(self.view, "tab", str(event.value)))
