@@ -107,7 +107,7 @@ def request(
     text = f"{method} {path} HTTP/1.1\r\n{head}{length}{close}\r\n".encode() + body
     received = b""
     try:
-        with socket.create_connection(("127.0.0.1", port), timeout=20) as line:
+        with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) as line:
             line.sendall(text)
             while part := line.recv(65536):
                 received += part

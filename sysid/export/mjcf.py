@@ -31,6 +31,7 @@ DRAG = 0.05  # of the motor's friction: what holds a link that lies within its p
 # LuGre's bristles: deflection at break-away as a share of the stroke, and damping ratio with the rotor. Of 1e-3 to 3e-5
 # and 0 to 1 these come closest to the chain on four records of shoulder and shank (0.25 % of the stroke RMS).
 BEND, RATIO = 1e-4, 0.1
+FAR = 1e6  # from the one stop that is known: a stop that is never met
 FLAT = 1e-4  # of the load: what the cubic term that gives it a zero adds at the end of the stroke
 
 
@@ -131,6 +132,8 @@ class _Parts:
         self.lag, self.delay = value["lag"] * Ts, value["delay"] * Ts
         self.friction = 0.5 * (value["rise"] + value["fall"])
         self.lower, self.upper = (value["lower"], value["upper"]) if self.motor.stops else (-np.inf, np.inf)
+        stroke = self.upper - self.lower
+        self.stroke = stroke if np.isfinite(stroke) else 1.0  # a map's motor goes from 0 to 1
         tilt = 0.5 * (value["rise"] - value["fall"])  # friction that differs by direction acts as a constant load
         self.load = np.array([value["load0"] + tilt, value["load1"], value["load2"]])
         self.stick, self.stick_speed = value["stick"], value["stick_speed"] / Ts
@@ -147,7 +150,8 @@ class _Parts:
     def _missing(self, chain, value: dict[str, float]) -> tuple[str, ...]:
         found = []
         if value["loss"] > 0.0:
-            ends = (self.lower, self.upper) if np.isfinite(self.lower) else (self.first - 1.0, self.first + 1.0)
+            low = self.lower if np.isfinite(self.lower) else min(self.first, self.upper) - self.stroke
+            ends = (low, self.upper if np.isfinite(self.upper) else max(self.first, low) + self.stroke)
             x = np.linspace(*ends, 101)
             share = value["loss"] * float(np.mean(np.abs(self._load_at(x))))
             self.friction += share
@@ -159,7 +163,8 @@ class _Parts:
         if self.motor.periodic:
             found.append("the periodic load over the angle: your link's weight takes its place")
         if len(self.motor.ends) == 1:
-            found.append(f"the {self.motor.ends[0]} stop: give the joint a range of your own")
+            other = "upper" if self.motor.ends == ("lower",) else "lower"
+            found.append(f"the {other} stop, which the fit does not know: give the joint a range of your own")
         if isinstance(self.play, CoastingPlay):
             found.append("the flight of the link within its play: the inertia and weight of your link take its place")
         known = (Motor, TravelMap, Play, CoastingPlay)
@@ -269,8 +274,10 @@ class _Parts:
         found: dict[str, str] = {}
         if self.stick == 0.0:  # else LuGre has all of it
             found |= {"frictionloss": f"{self._of_drive() * per_volt:.9g}", **STIFF}
-        if np.isfinite(self.lower):
-            found |= {"range": f"{self.lower:.9g} {self.upper:.9g}", **STOP}
+        if self.motor.ends:  # a side without a stop gets one that it never meets
+            low = self.lower if np.isfinite(self.lower) else self.upper - FAR
+            high = self.upper if np.isfinite(self.upper) else self.lower + FAR
+            found |= {"range": f"{low:.9g} {high:.9g}", **STOP}
         if np.any(self.load):
             found |= self._spring(per_volt)
         return found
@@ -281,8 +288,7 @@ class _Parts:
 
     def _bristles(self, per_volt: float, inertia: float) -> str:
         moving, still = self._of_drive() * per_volt, (self._of_drive() + self.stick) * per_volt
-        stroke = self.upper - self.lower if np.isfinite(self.lower) else 1.0
-        stiffness = max(moving, still) / (BEND * stroke)
+        stiffness = max(moving, still) / (BEND * self.stroke)
         damping = 2.0 * RATIO * np.sqrt(stiffness * inertia)
         return f"{stiffness:.6g} {damping:.6g} {moving:.9g} {still:.9g} {self.stick_speed:.9g}"
 
@@ -292,11 +298,10 @@ class _Parts:
         A load without a zero gets a cubic term so small that it adds nothing within the stroke, and so a zero far away.
         """
         force = np.polynomial.Polynomial([*(self.load * per_volt), 0.0])
-        stroke = self.upper - self.lower if np.isfinite(self.lower) else 1.0
         roots = _real(force)
         if not len(roots):
             size = float(np.abs(force.coef).max())
-            force = force + np.polynomial.Polynomial([0, 0, 0, FLAT * size / stroke**3])
+            force = force + np.polynomial.Polynomial([0, 0, 0, FLAT * size / self.stroke**3])
             roots = _real(force)
         root = roots[np.abs(roots).argmin()]
         about = force(np.polynomial.Polynomial([root, 1.0])).coef

@@ -7,14 +7,17 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
-from app_served import write_log
+from app_served import PATIENCE, write_log
 
 import sysid
 from sysid.base.errors import InputError
+from sysid.report.zoom import _parts as parts
 from twin.app import tasks
 from twin.app.desk import Desk
 from twin.app.entries import Data, Model, Prepare, Setting
+from twin.app.figures import below
 from twin.app.jobs import CANCELLED, DONE, FAILED, Jobs
 from twin.app.script import script
 from twin.app.session import Session
@@ -22,7 +25,7 @@ from twin.app.session import Session
 LINEAR = {"structure": "output_error", "settings": {"nb": 1, "nf": 1, "nk": 1}, "starts": 1}
 
 
-def wait(desk, seconds=60.0):
+def wait(desk, seconds=PATIENCE):
     end = time.monotonic() + seconds
     while any(not job.over for job in desk.jobs.all):
         assert time.monotonic() < end, [(job.title, job.said) for job in desk.jobs.all]
@@ -75,6 +78,47 @@ def test_the_model_has_its_numbers_figures_and_files(desk):
     assert abs(runs.t[-1] - 18.0) < 1e-9
     assert {"script.py", "report.html", "model.json", "model.c", "model.py"} == set(desk.files("models", "m1"))
     assert sysid.load(desk.session.file("models", "m1", "model.json")).criteria.d == 3
+
+
+def test_results_and_overlay_show_the_record_on_its_own_levels_and_at_its_own_times(desk):
+    data = desk.prepared("d1")[0]
+    assert np.abs(data.y.mean()) > 1e-3  # it is removed before this fit
+    figure, runs = desk.figures("models", "m1")["free-run"]["figure"], desk.runs("m1")
+    measured, model, *_, volts = figure["data"]
+    degrees = 180.0 / np.pi
+    for line, expected in ((measured, data.y[:, 0] * degrees), (volts, data.u[:, 0]), (model, runs.run * degrees)):
+        x, y = (np.array(line[axis], dtype=float) for axis in ("x", "y"))
+        kept = ~np.isnan(y)
+        np.testing.assert_allclose(x[kept], 1.0 + data.t, atol=1e-9)
+        np.testing.assert_allclose(y[kept], expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(runs.y, data.y[:, 0])
+    (border,) = (each["x0"] for each in figure["layout"]["shapes"])
+    assert border == pytest.approx(runs.border)
+    assert {each["x"] for each in figure["layout"]["annotations"] if each["xref"] == "x"} == {border}
+
+
+def test_in_a_narrow_window_panels_stand_below_each_other():
+    layout = parts.base("", height=330) | {"meta": {"beside": 2}}
+    layout |= {"xaxis2": {}, "yaxis": {}, "yaxis2": {}, "annotations": [{"text": "a"}, {"text": "b"}]}
+    assert below({"data": [], "layout": {**layout, "meta": {"beside": 1}}}) is None
+    found = below({"data": [], "layout": layout})["layout"]
+    (_, gap), (low, high) = found["yaxis2"]["domain"], found["yaxis"]["domain"]
+    assert (high, found["yaxis2"]["domain"][0]) == (1.0, pytest.approx(0.0, abs=1e-12))
+    assert (low - gap) * (found["height"] - 110) > 60.0  # room for numbers, label and title
+    assert found["xaxis"]["domain"] == found["xaxis2"]["domain"] == [0.0, 1.0]
+    assert [each["y"] for each in found["annotations"]] == [high, gap]
+    assert layout["yaxis2"] == {}  # the wide one is as it was
+
+
+def test_the_overlay_follows_the_chosen_record(desk):
+    models = desk.session.models
+    models["m2"] = models["m1"].model_copy(update={"data": "d2"})
+    try:
+        assert desk.overlaid({"m1", "m2"}, "d1") == (["m1"], ["m2"])
+        assert desk.overlaid({"m1", "m2"}, "d2") == (["m2"], ["m1"])
+        assert desk.overlaid({"m1"}, "d2") == ([], ["m1"])
+    finally:
+        del models["m2"]
 
 
 def test_the_script_gives_the_same_fit_to_the_last_bit(desk, tmp_path):
@@ -165,7 +209,7 @@ def alive(pid):
 def test_cancel_ends_a_fit_at_once_and_leaves_no_process_and_no_model(desk):
     before = dict(desk.session.models)
     job = desk.fit("d1", Setting(structure="hammerstein_wiener", starts=1000))
-    end = time.monotonic() + 40
+    end = time.monotonic() + PATIENCE
     while not job.said.startswith(("fitting", "search")) and time.monotonic() < end:
         time.sleep(0.05)
     assert job.process is not None
@@ -173,7 +217,7 @@ def test_cancel_ends_a_fit_at_once_and_leaves_no_process_and_no_model(desk):
     assert alive(pid)
     began = time.monotonic()
     desk.jobs.cancel(job)
-    assert time.monotonic() - began < 2.0
+    assert time.monotonic() - began < 30.0  # of a search that would last for hours
     assert job.state == CANCELLED
     assert not alive(pid)
     time.sleep(0.2)
@@ -190,7 +234,7 @@ def test_no_job_outlives_an_app_that_is_killed(desk, tmp_path):
         "p = subprocess.Popen([sys.executable, '-m', 'twin.app.worker'], stdin=-1, stdout=-1, text=True,"
         " start_new_session=True)\n"
         "p.stdin.write(sys.argv[1] + chr(10)); p.stdin.flush()\n"
-        "p.stdout.readline(); print(p.pid, flush=True); time.sleep(60)\n"
+        "p.stdout.readline(); print(p.pid, flush=True); time.sleep(600)\n"
     )
     parent = subprocess.Popen([sys.executable, "-c", code, json.dumps(request)], stdout=subprocess.PIPE, text=True)
     assert parent.stdout is not None
@@ -199,7 +243,7 @@ def test_no_job_outlives_an_app_that_is_killed(desk, tmp_path):
     parent.kill()
     parent.wait()
     parent.stdout.close()
-    end = time.monotonic() + 20
+    end = time.monotonic() + PATIENCE
     while alive(pid) and time.monotonic() < end:
         time.sleep(0.1)
     assert not alive(pid)
@@ -223,7 +267,7 @@ def test_jobs_wait_for_a_core_and_closing_ends_them_all(desk):
 
 def test_a_process_that_dies_is_a_sentence(desk):
     job = desk.fit("d1", Setting(structure="hammerstein_wiener", starts=1000))
-    end = time.monotonic() + 40
+    end = time.monotonic() + PATIENCE
     while not job.said.startswith(("fitting", "search", "reading")) and time.monotonic() < end:
         time.sleep(0.05)
     assert job.process is not None
@@ -231,8 +275,38 @@ def test_a_process_that_dies_is_a_sentence(desk):
     while not job.over:
         time.sleep(0.05)
     assert job.state == FAILED
-    assert "ended with code -9" in job.error
+    assert "ended the process of this job (signal 9)" in job.error
+    assert "resample" in job.error
     desk.jobs.forget(job)
+
+
+def test_an_error_that_nobody_foresaw_is_named_without_advice_that_does_not_help(desk):
+    job = desk.jobs.submit("x", {"task": "nothing"}, lambda job, said: None)
+    wait(desk)
+    assert job.state == FAILED
+    assert job.error.startswith("an error of qpal itself ended this job: KeyError: 'nothing'; ")
+    assert not any(word in job.error for word in ("shorter", "starts", "resample"))
+    desk.jobs.forget(job)
+
+
+def test_a_joint_is_fitted_to_the_log_that_the_page_makes_and_all_its_files_come(tmp_path):
+    """The joint meets one end of its way in this log, so only one stop is known."""
+    own = Desk(Session.open(tmp_path / "session"), Jobs(1))
+    try:
+        own.make()
+        wait(own)
+        own.fit("d1", Setting(structure="actuated_joint", starts=1))
+        wait(own)
+        assert [job.error for job in own.jobs.all] == [""] * len(own.jobs.all)
+        model = own.session.models["m1"]
+        assert model.fit_estimation is not None
+        assert model.fit_estimation > 90.0
+        assert model.joint
+        files = own.files("models", "m1")
+        assert {"script.py", "report.html", "model.json", "model.c", "model.py", "joint.xml"} == set(files)
+        assert ' inf"' not in own.content("models", "m1", "joint.xml").decode()
+    finally:
+        own.close()
 
 
 def test_settings_out_of_their_limits_are_sentences(desk):

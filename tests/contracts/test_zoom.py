@@ -161,6 +161,30 @@ def test_panels_share_one_time_axis_and_the_legend_hides_a_model_in_all(figures)
     assert all(low > high for (low, _), (_, high) in pairwise(domains))  # none overlap
 
 
+def test_residuals_have_their_own_lags_in_each_panel_and_the_legend_names_the_bound(figures):
+    figure = figures["residual_tests"]
+    layout, bars = figure["layout"], figure["data"]
+    alone, with_input = ([t for t in bars if t["yaxis"] == axis] for axis in ("y", "y2"))
+    assert ({t["xaxis"] for t in alone}, {t["xaxis"] for t in with_input}) == ({"x2"}, {"x"})
+    assert (layout["xaxis2"]["anchor"], layout["xaxis"]["anchor"]) == ("y", "y2")
+    last = max(max(t["x"]) for t in alone if t["x"])
+    assert layout["xaxis2"]["range"] == [0.0, last + 0.5]
+    assert min(min(t["x"]) for t in with_input if t["x"]) == -last
+    upper, lower = layout["shapes"]
+    assert (upper["name"], upper["showlegend"], lower["showlegend"]) == ("99 % bound for one lag", True, False)
+
+
+@pytest.mark.parametrize("name", ["static_maps", "free_run", "residual_tests"])
+def test_the_legend_stands_over_the_titles_of_the_first_row(figures, name):
+    """On a phone it is as wide as the figure, and a title of 12 px stands over the upper edge."""
+    layout = figures[name]["layout"]
+    titles = [a for a in layout["annotations"] if a["text"].startswith("<b>") and a["y"] == 1.0]
+    height = layout["height"] - layout["margin"]["t"] - layout["margin"]["b"]
+    assert titles
+    assert (layout["legend"]["y"] - 1.0) * height >= 18.0
+    assert layout["margin"]["t"] >= 18.0 + 40.0  # two lines of a legend
+
+
 def test_several_outputs_and_experiments_stand_apart():
     rng = np.random.default_rng(1)
     parts = [IOData(rng.normal(size=(n, 2)), rng.normal(size=(n, 3)), 0.5) for n in (40, 60)]

@@ -6,6 +6,7 @@ Records and models are in the session, work is in jobs; what a job has made is t
 import json
 import re
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -188,6 +189,12 @@ class Desk:
     def runs(self, key: str) -> Runs:
         """The free runs of a model."""
         return records.load_runs(self.session.file("models", key, "runs.npz"))
+
+    def overlaid(self, ticked: Iterable[str], key: str | None) -> tuple[list[str], list[str]]:
+        """Of the ticked models those of the record `key`, and those of other records."""
+        known = [model for model in self.session.models if model in set(ticked)]
+        of_it = [model for model in known if self.session.models[model].data == key]
+        return of_it, [model for model in known if model not in of_it]
 
     def figures(self, kind: str, key: str) -> dict[str, Any]:
         """The figures of a model or a study, each with its caption; raises InputError for a damaged file."""

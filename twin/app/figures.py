@@ -2,6 +2,8 @@
 
 from base64 import b64encode
 from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import replace
 from html import escape
 from typing import Any
 
@@ -30,18 +32,46 @@ TITLES = {  # of the tabs, in their order; names of `sysid.report.figures.TABLE`
 }
 
 
-def of_model(e: Evaluation) -> tuple[dict[str, Figure], list[str]]:
-    """Every zoomable figure of the report that this model has, with its caption, and why a figure is missing."""
+def of_model(e: Evaluation, start: float = 0.0) -> tuple[dict[str, Figure], list[str]]:
+    """Every zoomable figure of the report that this model has, with its caption, and why a figure is missing.
+
+    Free runs are on the record's own levels, over the time of the log, in which the fitted range begins at `start` [s].
+    """
+    own = _own_levels(e)
     drawn, complaints = dict[str, Figure](), list[str]()
     for name, title in TITLES.items():
         figure = TABLE[name]
         if figure.zoom is None or not figure.applies(e):
             continue
         try:
-            drawn[name] = {"figure": figure.zoom(e), "caption": figure.caption(e)}
+            found = _later(figure.zoom(own), start) if name == "free-run" else figure.zoom(e)
+            drawn[name] = {"figure": found, "caption": figure.caption(e)}
         except (InputError, np.linalg.LinAlgError) as error:
             complaints.append(f"no figure '{title}': {error}")
     return drawn, complaints
+
+
+def _own_levels(e: Evaluation) -> Evaluation:
+    """The records and runs with the offsets that were removed before the fit."""
+    parts = [(e.estimation, e.estimation_output), (e.validation, e.validation_output)]
+    records = [
+        replace(d, u=d.u + d.u_offset, y=d.y + d.y_offset, u_offset=0 * d.u_offset, y_offset=0 * d.y_offset)
+        for d, _ in parts
+    ]
+    runs = [np.asarray(run) + (d.y_offset if np.ndim(run) > 1 else d.y_offset[0]) for d, run in parts]
+    return replace(
+        e, estimation=records[0], validation=records[1], estimation_output=runs[0], validation_output=runs[1]
+    )
+
+
+def _later(figure: Figure, start: float) -> Figure:
+    """A figure over time, all of it `start` [s] later."""
+    for trace in figure["data"]:
+        trace["x"] = [None if x is None else x + start for x in trace["x"]]
+    for each in (*figure["layout"]["shapes"], *figure["layout"]["annotations"]):
+        if each.get("xref") == "x":
+            each |= {name: each[name] + start for name in ("x", "x0", "x1") if name in each}
+    return figure
 
 
 def of_record(data: IOData, start: float | None, stop: float | None, height: int = 360) -> Figure:
@@ -136,6 +166,24 @@ def _packed(trace: Figure) -> Figure:
             doubles = np.array([np.nan if v is None else v for v in values], dtype="<f8")
             found[axis] = {"dtype": "f8", "bdata": b64encode(doubles.tobytes()).decode("ascii")}
     return found
+
+
+def below(figure: Figure) -> Figure | None:
+    """A figure with its panels below instead of beside each other, for a narrow window; None if it has one panel."""
+    n = figure["layout"].get("meta", {}).get("beside", 1)
+    if n < 2:
+        return None
+    layout = deepcopy(figure["layout"])
+    space, height = 0.35, layout["height"]
+    panel = 1.0 / (n + space * (n - 1))
+    for k in range(n):
+        suffix, top = "" if k == 0 else str(k + 1), 1.0 - k * (1.0 + space) * panel
+        layout[f"xaxis{suffix}"]["domain"] = [0.0, 1.0]
+        layout[f"yaxis{suffix}"]["domain"] = [max(top - panel, 0.0), top]
+        layout["annotations"][k] |= {"x": 0.0, "y": top}
+    layout["height"] = round(0.8 * n * height)
+    layout["legend"]["y"] = 1.0 + (layout["legend"]["y"] - 1.0) * height / layout["height"]
+    return {"data": figure["data"], "layout": layout}
 
 
 def said(figure: Figure) -> str:

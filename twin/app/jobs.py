@@ -23,6 +23,7 @@ from sysid.base.threads import available
 
 WAITING, RUNNING, DONE, FAILED, CANCELLED = "waiting", "running", "done", "failed", "cancelled"
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+LESS = "choose a shorter range, or resample"
 Hear = Callable[["Job", dict[str, Any]], None]
 
 
@@ -205,5 +206,7 @@ def _last_words(out: Path, code: int) -> str:
         lines = (out / "stderr.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()
     except OSError:
         lines = []
-    why = f": {lines[-1][:200]}" if lines else ""
-    return f"the process of this job ended with code {code}{why}; try again with a shorter record or fewer starts"
+    if code < 0:
+        return f"the system ended the process of this job (signal {-code}), as it does where memory runs out; {LESS}"
+    why = lines[-1][:200] if lines else f"code {code}"
+    return f"an error of qpal itself ended this job: {why}; the other models and the record are as they were"

@@ -115,9 +115,10 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
     exports = export(found, files)
     notes = [*said, *found.notes, *exports.notes]
     notes += _mjcf(found.fit, files)
-    drawn, complaints = figures.of_model(found)
+    start = entry.prepare.start or 0.0
+    drawn, complaints = figures.of_model(found, start)
     write_text(files / "figures.json", json.dumps(plain(drawn), allow_nan=False))
-    records.save_runs(found, entry.prepare.start or 0.0, files / "runs.npz")
+    records.save_runs(found, start, files / "runs.npz")
     scored = found.fit.criteria
     made = Model(
         name=request["name"],

@@ -22,6 +22,7 @@ BAND = "rgba(194,65,12,0.22)"  # style.MODEL, transparent
 BOUND = "rgba(47,111,143,0.16)"  # the area within which nothing is to be seen
 COLOURS = (style.MODEL, style.INPUT, "#2f855a", "#805ad5", "#b7791f", "#d53f8c")  # of several models or channels
 ROW = 165  # height of a panel [px]
+TITLE = 20  # of a title [px]
 DASHED = {"color": style.SECOND, "width": 1, "dash": "dash"}
 
 
@@ -160,11 +161,20 @@ def stacked(traces: list[Trace], rows: Sequence[Row], x_label: str, notes: Seque
         if row.title:
             layout["annotations"].append(_text(f"<b>{row.title}</b>", 0.0, top, "left", "bottom"))
         top = bottom - gap
+    if rows[0].title:  # which stands where a narrow legend begins
+        over_titles(layout)
     layout["xaxis"]["anchor"] = axis(len(rows) - 1)
     layout |= {"hovermode": "x unified", "hoversubplots": "axis"}
     for note in notes:
         layout["annotations"].append(_text(note, 0.0, 0.0, "left", "bottom") | {"font": {"size": 11}})
     return {"data": traces, "layout": layout}
+
+
+def over_titles(layout: Figure) -> None:
+    """Move the legend over the titles of the first row, and make room for it."""
+    layout["margin"]["t"] += TITLE
+    layout["height"] += TITLE
+    layout["legend"]["y"] = 1.0 + TITLE / (layout["height"] - layout["margin"]["t"] - layout["margin"]["b"])
 
 
 def base(x_label: str, y_label: str | None = None, height: int = 360) -> Figure:

@@ -22,6 +22,7 @@ def static_maps(curves: Sequence[Curve], words: Mapping[str, Words] | None = Non
     n = len(curves)
     wide = (1.0 - GAP * (n - 1)) / n
     layout = parts.base("", height=330) | {"meta": {"beside": n}}
+    parts.over_titles(layout)
     traces = list[Trace]()
     for k, curve in enumerate(curves):
         title, before, after = (words or {}).get(curve.role) or words_of(curve)

@@ -29,7 +29,7 @@ class BoardPanel(Panel):
     title = "Models"
 
     def state(self) -> Any:
-        return tuple(self.desk.session.models), frozenset(self.view.overlaid), self.view.detail
+        return tuple(self.desk.session.models), frozenset(self.view.overlaid), self.view.detail, self.view.key
 
     def draw(self) -> None:
         models = self.desk.session.models
@@ -79,24 +79,22 @@ class BoardPanel(Panel):
         self.view.detail = ("models", key)
 
     def _overlay(self) -> None:
-        shown, lost = dict[tuple[str, str], Runs](), list[str]()
-        for key in (key for key in self.desk.session.models if key in self.view.overlaid):
-            model = self.desk.session.models[key]
-            if shown and model.data != next(iter(shown))[1]:
-                lost.append(key)
-                continue
+        models = self.desk.session.models
+        record = self.view.key or next(iter(models.values())).data  # models stay where every record was deleted
+        chosen, others = self.desk.overlaid(self.view.overlaid, record)
+        shown = dict[str, Runs]()
+        for key in chosen:
             try:
-                name = figures.name_of(key, model.fit_validation)
-                shown[name, model.data] = self.desk.runs(key)
+                shown[figures.name_of(key, models[key].fit_validation)] = self.desk.runs(key)
             except InputError as error:
                 tell(str(error))
+        if others:
+            note(f"Not shown below, because fitted to another record than {record}: {', '.join(others)}.")
         if not shown:
-            note("Tick models to lay their free runs over the measured output.")
+            note(f"Tick models of {record} to lay their free runs over its measured output.")
             return
-        if lost:
-            note(f"Not shown, because fitted to another record: {', '.join(lost)}.")
-        figure = figures.overlay({name: runs for (name, _), runs in shown.items()})
-        ui.plotly(figure).classes("w-full").props("data-mark=overlay")
+        note(f"Record {record}:")
+        ui.plotly(figures.overlay(shown)).classes("w-full").props("data-mark=overlay")
         note("Measured output and free runs; validation begins at the dotted line, and the legend has its fit.")
 
 

@@ -57,12 +57,16 @@ class DetailPanel(Panel):
         if not found:
             return
         first = self.view.tab if self.view.tab in found else next(iter(found))
-        with ui.tabs().classes("w-full").props("dense no-caps mobile-arrows outside-arrows") as tabs:
+        with ui.tabs().classes("w-full qpal-tabs").props("dense no-caps align=left") as tabs:
             for name in found:
                 ui.tab(name, figures.TITLES.get(name, "Run")).props(f"data-mark=tab-{name}")
         with ui.tab_panels(tabs, value=first, animated=False).classes("w-full") as panels:
             for name, each in found.items():
                 with ui.tab_panel(name).classes("q-pa-none"):
-                    ui.plotly(figures.ready(each["figure"])).classes("w-full").props(f"data-mark=figure-{name}")
+                    narrow = figures.below(each["figure"])
+                    plot = ui.plotly(figures.ready(each["figure"])).classes("w-full").props(f"data-mark=figure-{name}")
+                    if narrow is not None:
+                        plot.classes("qpal-wide")
+                        ui.plotly(figures.ready(narrow)).classes("w-full qpal-narrow")
                     note(" ".join(filter(None, (each["caption"], figures.said(each["figure"])))))
         panels.on_value_change(lambda event: setattr(self.view, "tab", str(event.value)))

@@ -29,6 +29,9 @@ body { background: #eef2f5; }
 .qpal-file:hover { background: #dbe7ee; }
 .qpal-download::before { content: "\\2193\\00a0"; }
 .qpal-open::before { content: "\\2197\\00a0"; }
+.qpal-tabs .q-tabs__content { flex-wrap: wrap; }
+@media (max-width: 700px) { .qpal-wide { display: none; } }
+@media (min-width: 701px) { .qpal-narrow { display: none; } }
 .qpal-table { border-collapse: collapse; width: 100%; font-size: 14px; }
 .qpal-table th, .qpal-table td { padding: 2px 8px; border-bottom: 1px solid #e4e7eb; white-space: nowrap; }
 @media (max-width: 700px) {
