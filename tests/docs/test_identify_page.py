@@ -34,7 +34,10 @@ def test_every_command_runs_and_says_what_the_page_says(folder, capsys):
     files, channels, part, known, linear, wiener, held = found
     np.testing.assert_allclose(sorted(pole["re"] for pole in files["poles"]), [0.6, 0.9], atol=0.02)
     assert files["read"]["validation"]["file"] == "friday.csv"
-    assert set(channels["fit_percent"]["outputs"]) == {"level", "flow"}
+    fits = channels["fit_percent"]["outputs"]
+    assert set(fits) == {"level", "flow"}
+    assert min(value for each in fits.values() for value in each.values()) > 95.0
+    np.testing.assert_allclose(sorted(pole["re"] for pole in channels["poles"]), [0.6, 0.6, 0.8, 0.8], atol=0.02)
     assert part["read"]["Ts"] == 0.2
     values = {p["name"]: p["value"] for p in known["parameters"]}
     assert values["linear.f1"] == -1.5
