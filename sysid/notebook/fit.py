@@ -18,9 +18,11 @@ from sysid.linear.modes import modes as modes_of
 from sysid.linear.noise import Noise
 from sysid.linear.noise import noise_model as noise_model_of
 from sysid.nlarx.dispatch import fit as fit_model
+from sysid.notebook.doubts import doubts
 from sysid.notebook.figures import figure
 from sysid.notebook.page import write_page
 from sysid.notebook.poles import gain_fact, noise_of, pole_table
+from sysid.notebook.poles import modes_of as modes_with_words
 from sysid.notebook.words import criteria_in_words, rmse_in_words, search_in_words, structure_in_words
 from sysid.plots.bode import bode
 from sysid.plots.fitted import fitted
@@ -74,7 +76,8 @@ def card(fit: Fit) -> Card:
     if score is not None:
         facts.append(("fit, free run", f"{percent(score)} on its own record"))
     elif data is not None and data.y.shape[1] > 1:
-        each = ", ".join(percent(float(value)) for value in fit.fit_percents(data)[:6])
+        fits = fit.fit_percents(data)
+        score, each = float(np.mean(fits)), ", ".join(percent(float(value)) for value in fits[:6])
         facts.append(("fit, free run", f"{each} of its own outputs in turn"))
     facts += [
         ("RMSE", rmse_in_words(fit)),
@@ -86,7 +89,8 @@ def card(fit: Fit) -> Card:
     noise = noise_of(fit, data)
     sentences = [] if noise is None else [noise.sentence()]
     sentences += [f"Warning: {text}." for text in fit.warnings[:WARNINGS]]
-    table = pole_table(fit, data)
+    found, how = modes_with_words(fit, data)
+    table = pole_table(found, how)
     calls = "fit.plot(), fit.parameters, fit.residual_tests(data), fit.refine(), fit.report('fit.html')"
     return Card(
         structure_in_words(fit),
@@ -95,6 +99,7 @@ def card(fit: Fit) -> Card:
         sentences,
         [parameter_table(fit)],
         call=f"Next: {calls}",
+        first=doubts(fit, data, score, found),
     )
 
 

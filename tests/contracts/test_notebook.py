@@ -174,6 +174,61 @@ def test_a_fit_of_a_nonlinear_plant_by_a_line_says_that_its_residuals_are_colour
     assert "try higher orders, or sysid.select(data)" in said
 
 
+def test_a_poor_fit_begins_with_a_warning_and_the_call_to_try(data, fit, linear):
+    assert "Warning" not in str(fit).partition("sampling")[0]
+    first = str(linear).partition("sampling")[0]
+    assert re.search(r"^Warning: the free run explains only \d\d\.\d\d % of", first, flags=re.MULTILINE)
+    assert "Next: sysid.select(data).fit" in first
+    assert "Warning: the free run explains only" in "".join(parsed(linear).shown).partition("sampling")[0]
+    stopped = replace(fit, stop=replace(fit.stop, converged=False))
+    assert "the search did not converge; go on with fit.refine(" in str(stopped).partition("sampling")[0]
+
+
+def test_noise_alone_is_no_reason_for_a_warning():
+    rng = np.random.default_rng(3)
+    u = rng.normal(size=(400, 1))
+    noisy = sysid.IOData(u, np.r_[[[0.0]], u[:-1]] + 2.0 * rng.normal(size=(400, 1)), 0.1)
+    found = sysid.fit(sysid.structures.output_error(nb=1, nf=1, nk=1, fixed={"linear.f1": 0.0}), noisy, starts=1)
+    assert found.fit_percent(noisy) < 30.0
+    assert "explains only" not in str(found)
+
+
+def test_an_output_that_rests_at_its_ends_leads_to_a_joint():
+    u = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, 25), 20)
+    y = np.empty(500)
+    for k in range(500):  # a motor between two stops
+        y[k] = np.clip((y[k - 1] if k else 0.0) + 0.1 * u[k], -0.2, 0.5)
+    stops = sysid.IOData(u, y, 0.1, y_unit="rad")
+    for record, named in ((stops, "actuated_joint(), data)"), (detrend(stops), "retrend(data))")):
+        found = sysid.fit(sysid.structures.output_error(nb=1, nf=1, nk=1), record, search="lm", starts=1)
+        assert named in str(found).replace("\n", " ").partition("sampling")[0]
+    np.testing.assert_allclose(sysid.data.preprocess.retrend(detrend(stops)).y, stops.y)
+
+
+def test_what_is_not_determined_has_no_number():
+    from sysid.linear.modes import Mode
+    from sysid.notebook.doubts import determined
+    from sysid.notebook.poles import pole_table
+
+    wide = Mode(1.0 - 2.6e-9, 7e-3, 2.6e-8, 0.07, 1.0, 0.1, 3.8e7, 1e14)
+    sharp = Mode(0.5 + 0j, 0.01, 6.9, 0.2, 1.0, 0.0, 0.144, 0.004)
+    assert [determined(m) for m in (wide, sharp)] == [False, True]
+    rows = pole_table((wide, sharp)).rows
+    assert rows[0][2:4] == rows[0][6:8] == ("not determined", "–")
+    assert rows[1][6:8] == ("0.1440", "0.0040")
+
+
+def test_a_gain_where_the_maps_are_flat_is_not_determined(data, fit, monkeypatch):
+    from sysid.linear.modes import Gain
+    from sysid.notebook import poles
+
+    for value, std, said in ((0.0, 0.0, "the maps are flat there"), (1.0, 2.0, "larger than the value")):
+        monkeypatch.setattr(poles, "gain", lambda *_, g=Gain(value, std, 0.0), **__: g)
+        name, text = poles.gain_fact(fit, data)
+        assert text.startswith("not determined at u = 0: ")
+        assert said in text
+
+
 def test_warnings_are_told_and_at_most_three(fit, growth):
     warned = replace(fit, warnings=tuple(f"number {k}" for k in range(5)))
     assert str(warned).count("Warning: number") == 3
