@@ -11,6 +11,7 @@ import numpy as np
 from sysid.base.card import Card, Table
 from sysid.base.errors import InputError, unknown
 from sysid.base.units import number, percent
+from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.linear.modes import Mode
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FIGURES = ("output", "residuals", "poles", "bode", "step", "maps")
+TANGENTS = ("bode", "step")
 WARNINGS = 3  # on a card
 SAY = {
     "output": "What to see: the free run (only the input, no measured outputs) covers the measured output, and the "
@@ -112,16 +114,18 @@ def parameter_table(fit: Any) -> Table:
     return Table(("parameter", "value", "std", "unit", ""), rows, f"{len(rows)} parameters with standard deviations")
 
 
-def plot(fit: Fit, data: IOData | None, what: str) -> Figure:
-    """The figure `what`."""
+def plot(fit: Fit, data: IOData | None, what: str, at: float | None = None) -> Figure:
+    """The figure `what`, of a tangent at the constant input `at`."""
     if what not in FIGURES:
         raise unknown("figure", what, FIGURES)
+    if at is not None and what not in TANGENTS:
+        raise InputError(f"at= chooses the operating point of {' and '.join(TANGENTS)}; leave it out for {what}")
     if what == "poles" and data is None and fit.record is None:
         return figure(pole_zero_map, fit.poles, fit.zeros, say=SAY[what])
     data = fit.record_or(data)
     if what == "output":
-        run, fits = fit.simulate(data), fit.fit_percents(data)
-        return figure(fitted, data, run, fits, skipped=fit.n_init, say=SAY[what])
+        run, fits = fit.simulate(data) + data.y_offset, fit.fit_percents(data)
+        return figure(fitted, retrend(data), run, fits, skipped=fit.n_init, say=SAY[what])
     if what == "residuals":
         return figure(residual_tests, fit.residual_tests(data), say=SAY[what])
     info = information(fit, data, lags="tested")
@@ -132,10 +136,11 @@ def plot(fit: Fit, data: IOData | None, what: str) -> Figure:
         if not found:
             raise InputError("this model has no static map; choose another figure, for example fit.plot(data, 'bode')")
         return figure(static_maps, found, say=SAY[what])
+    point = _level(info) if at is None else float(at)
     units = {"y_unit": data.y_unit, "u_unit": data.u_unit}
     if what == "bode":
-        return figure(bode, responses.frequency(info, _level(info)), **units, say=SAY[what])
-    return figure(step, responses.step(info, _level(info)), **units, y_name=data.y_name, say=SAY[what])
+        return figure(bode, responses.frequency(info, point), **units, say=SAY[what])
+    return figure(step, responses.step(info, point), **units, y_name=data.y_name, say=SAY[what])
 
 
 def _level(info: Information) -> float:

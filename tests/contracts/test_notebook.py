@@ -223,8 +223,9 @@ def test_a_gain_where_the_maps_are_flat_is_not_determined(data, fit, monkeypatch
     from sysid.notebook import poles
 
     for value, std, said in ((0.0, 0.0, "the maps are flat there"), (1.0, 2.0, "larger than the value")):
-        monkeypatch.setattr(poles, "gain", lambda *_, g=Gain(value, std, 0.0), **__: g)
-        name, text = poles.gain_fact(fit, data)
+        found = Gain(value, std, 0.0)
+        monkeypatch.setattr(poles, "gain", lambda *_, g=found, **__: g)
+        text = poles.gain_fact(fit, data)[1]
         assert text.startswith("not determined at u = 0: ")
         assert said in text
 
@@ -275,6 +276,29 @@ def test_the_figure_of_the_output_shows_run_and_error(data, fit):
     low, high = under.get_ylim()
     assert low < np.degrees(data.y[:, 0] - fit.simulate(data)).min()
     assert high < np.degrees(np.ptp(data.y))
+
+
+def test_the_output_is_drawn_at_the_level_of_the_record(data, fit, network):
+    moved = replace(data, y=data.y + 0.5)
+    for made in (fit, network):
+        there, away = made.plot(moved).axes[0], made.plot(detrend(moved)).axes[0]
+        for a, b in zip(there.lines[:2], away.lines[:2], strict=True):
+            np.testing.assert_allclose(a.get_ydata(), b.get_ydata(), atol=1e-6)
+        np.testing.assert_allclose(away.lines[0].get_ydata(), np.degrees(moved.y[:, 0]))
+
+
+def test_an_operating_point_is_chosen_where_the_tangent_is_flat(data):
+    model = sysid.structures.hammerstein_wiener(nb=2, nf=2, nk=1, input="saturation", fixed={"input": (-1.0, 0.0)})
+    held = sysid.fit(model, data, search="lm", starts=1)
+    with pytest.raises(sysid.InputError, match=r"fit\.plot\(data, \"bode\", at=u\)"):
+        held.plot(data, "bode", at=0.5)
+    lines = [held.plot(data, "bode", at=u).axes[0].lines[0].get_ydata() for u in (-0.5, -0.2)]
+    assert all(np.isfinite(line).all() for line in lines)
+    assert not np.allclose(*lines)  # the output map has another slope there
+    steps = [held.plot(data, "step", at=u).axes[0].lines[0].get_ydata()[-1] for u in (-0.5, 0.5)]
+    assert abs(steps[1]) < 1e-9 < abs(steps[0])
+    with pytest.raises(sysid.InputError, match="at= chooses the operating point of bode and step"):
+        held.plot(data, "output", at=0.5)
 
 
 def test_a_run_that_leaves_the_frame_does_not_flatten_its_error(data):
