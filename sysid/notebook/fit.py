@@ -14,7 +14,7 @@ from sysid.base.units import number, percent
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
-from sysid.linear.modes import Mode
+from sysid.linear.modes import Modes
 from sysid.linear.modes import modes as modes_of
 from sysid.linear.noise import Noise
 from sysid.linear.noise import noise_model as noise_model_of
@@ -166,7 +166,7 @@ def noise_model(fit: Fit, data: IOData | None) -> Noise:
     return noise_model_of(fit, fit.record_or(data))
 
 
-def modes(fit: Fit, data: IOData | None) -> tuple[Mode, ...]:
+def modes(fit: Fit, data: IOData | None) -> Modes:
     """The poles; without any record with the fit's own covariance."""
     if data is None and fit.record is not None and fit.model.channels == (1, 1):
         data = fit.record  # a robust covariance is that of one input and output

@@ -78,6 +78,8 @@ def things(data, fit, linear, network, growth, selection):
         "growth": growth,
         "selection": selection,
         "comparison": sysid.compare(data, fit, linear, network),
+        "tests": linear.residual_tests(data),
+        "modes": fit.modes(data),
     }
 
 
@@ -109,7 +111,19 @@ def parsed(thing):
     return reader
 
 
-KINDS = ("record", "experiments", "channels", "fit", "linear", "nlarx", "growth", "selection", "comparison")
+KINDS = (
+    "record",
+    "experiments",
+    "channels",
+    "fit",
+    "linear",
+    "nlarx",
+    "growth",
+    "selection",
+    "comparison",
+    "tests",
+    "modes",
+)
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -203,6 +217,29 @@ def test_an_output_that_rests_at_its_ends_leads_to_a_joint():
         found = sysid.fit(sysid.structures.output_error(nb=1, nf=1, nk=1), record, search="lm", starts=1)
         assert named in str(found).replace("\n", " ").partition("sampling")[0]
     np.testing.assert_allclose(sysid.data.preprocess.retrend(detrend(stops)).y, stops.y)
+
+
+def test_residual_tests_say_their_verdicts(data, fit, linear):
+    for made in (fit, linear):
+        tests = made.residual_tests(data)
+        for text in (str(tests), tests._repr_html_()):
+            assert ("not white" in text) is not tests.white
+            assert ("not independent" in text) is not tests.independent
+            assert f"{tests.whiteness_outside} of 25" in text
+            assert f"{tests.independence_outside} of 51" in text
+    white = sysid.residual_tests(*np.random.default_rng(0).normal(size=(2, 500)))
+    assert "What the model leaves is noise" in str(white)
+
+
+def test_modes_are_a_tuple_and_a_table(data, fit):
+    found = fit.modes(data)
+    assert isinstance(found, tuple)
+    assert len(found) == 2
+    for text in (str(found), found._repr_html_()):
+        assert f"{found[0].hertz:.4f}" in text
+        assert f"{found[0].time_constant_std:.2g}"[:4] in text
+    assert "0 poles" in repr(type(found)())
+    assert "no linear block" in str(type(found)())
 
 
 def test_what_is_not_determined_has_no_number():
