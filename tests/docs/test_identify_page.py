@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import sysid
 from twin.cli import main
 
 PAGE = (Path(__file__).parents[2] / "docs" / "identify.md").read_text(encoding="utf-8")
@@ -44,6 +45,8 @@ def test_every_command_runs_and_says_what_the_page_says(folder, capsys):
     assert values["linear.f2"] == pytest.approx(0.54, abs=0.01)
     assert min(wiener["fit_percent"]["estimation"], held["fit_percent"]["estimation"]) > 95.0
     assert linear["fit_percent"]["estimation"] < 90.0
+    for folder_of, summary in (("run1", channels), ("linear", linear)):  # the model tells the fit that was printed
+        assert sysid.load(f"{folder_of}/model.json").origin.fit == summary["fit_percent"]["estimation"]
     filters = [[p["value"] for p in each["parameters"][:4]] for each in (linear, held)]
     assert filters[0] == filters[1]
 
