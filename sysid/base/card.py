@@ -62,7 +62,8 @@ class Table:
 
 @dataclass(frozen=True)
 class Card:
-    """A title, facts (name and value), tables, sentences, and tables that a notebook folds away behind their caption.
+    """A title, sentences to read `first`, facts (name and value), tables, sentences, and tables that a notebook folds
+    away behind their caption.
 
     `call` says in the terminal how what is folded away can be had.
     """
@@ -73,11 +74,13 @@ class Card:
     sentences: Sequence[str] = ()
     folded: Sequence[Table] = ()
     call: str = ""
+    first: Sequence[str] = ()
 
     def text(self) -> str:
         """At most `LINES` lines."""
         width = max((len(name) for name, _ in self.facts), default=0)
-        lines = [self.title, *(f"  {name.ljust(width)}  {value}" for name, value in self.facts)]
+        lines = [self.title, *(part for sentence in self.first for part in _wrapped(sentence))]
+        lines += [f"  {name.ljust(width)}  {value}" for name, value in self.facts]
         for table in self.tables:
             lines += table.text()
         lines += [part for sentence in self.sentences for part in _wrapped(sentence)]
@@ -92,7 +95,7 @@ class Card:
             f'<td style="{_CELL.format("left")}">{escape(value)}</td></tr>'
             for name, value in self.facts
         )
-        parts = [f"<div><b>{escape(self.title)}</b></div>"]
+        parts = [f"<div><b>{escape(self.title)}</b></div>", *(f"<div>{escape(text)}</div>" for text in self.first)]
         parts += (
             [f'<table style="border-collapse:collapse;margin:0;font-size:inherit"><tbody>{facts}</tbody></table>']
             if facts

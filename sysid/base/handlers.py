@@ -15,6 +15,8 @@ MODULES = {
     "Growth": "growth",
     "Selection": "selection",
     "Comparison": "comparison",
+    "ResidualTests": "residual_tests",
+    "Modes": "modes",
 }
 
 

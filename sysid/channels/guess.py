@@ -1,5 +1,6 @@
 """A mapping from what a table shows, with the reason for each entry and what remains unclear."""
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -13,6 +14,7 @@ from sysid.channels.names import ASIDE, COUNTERS, INPUT, NEVER, OUTPUT, REFERENC
 from sysid.channels.units import COUNTS, convert, seconds
 from sysid.channels.values import numbers
 from sysid.data.table import Table
+from sysid.formats import read_table
 
 OWN = ("voltage_V", "angle_rad")  # input and output of the logs that this program writes
 PLAIN_VOLTS = {"voltage", "volt", "volts"}  # of which quantity, another word says: pot_voltage
@@ -54,12 +56,15 @@ class Given:
     more: Mapping[str, tuple[str, ...]] | None = None
 
 
-def guess(table: Table, given: Given = Given()) -> Guess:
-    """Clock, input and output of a table by names, units and numbers, as far as they are not `given`.
+def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Guess:
+    """Clock, input and output of a table, or of the file at this path, by names, units and numbers, as far as they are
+    not `given`.
 
     It never picks one of two readings that are equally plausible: it says what is unclear. Raises InputError for a
-    table without columns of numbers and for a given column that it lacks.
+    table without columns of numbers, for a given column that it lacks, and for a file that cannot be read.
     """
+    if not isinstance(table, Table):
+        table = read_table(table)
     columns = looks(table)
     if not columns:
         raise InputError(f"{table.path}: no column holds numbers; found {', '.join(table.names) or 'none'}")

@@ -8,11 +8,12 @@ from scipy.linalg import solve_toeplitz, toeplitz
 from scipy.special import bdtr, chdtrc, ndtri
 
 from sysid.base.errors import InputError
+from sysid.base.handlers import Shown
 from sysid.base.json_values import plain
 
 
-@dataclass(frozen=True)
-class ResidualTests:
+@dataclass(frozen=True, repr=False)
+class ResidualTests(Shown):
     """Correlations of the residuals e with themselves (lags 0..L) and with the input (lags -L..L), with their bounds.
 
     Whiteness: |r_e(k)| <= z / sqrt(N) for lags 1..L. Independence: |r_eu(k)| within z sqrt(sum R_e R_u / N), in the

@@ -19,14 +19,17 @@ class FitMethods(Shown, Remembered):
     read from a file has none, and each method raises InputError without `data`.
     """
 
-    def plot(self, data: IOData | None = None, what: str = "output") -> "Figure":
+    def plot(self, data: IOData | None = None, what: str = "output", at: float | None = None) -> "Figure":
         """A figure: "output" (free run and error), "residuals", "poles", "bode", "step" or "maps".
 
         Bands are 95 % intervals from the information of `data`, which must be the record of the fit for them; they
-        allow for coloured residuals. The figure is pyplot's where matplotlib.pyplot is loaded. Raises InputError for
-        another name and for a figure that this kind of model has not.
+        allow for coloured residuals. `at` is the constant input [unit of u, counted as in `data`] of the tangent that
+        "bode" and "step" show, by default 0, or the middle of the input's range where that does not hold 0. The output
+        is drawn at the record's own level: what detrending removed is added again. The figure is pyplot's where
+        matplotlib.pyplot is loaded. Raises InputError for another name, for a figure that this kind of model has not,
+        and for `at` in a figure that has no operating point.
         """
-        figure: Figure = handler(self).plot(self, data, what)
+        figure: Figure = handler(self).plot(self, data, what, at)
         return figure
 
     def report(self, path: str | PathLike, data: IOData | None = None, validation: IOData | None = None) -> Path:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.handlers import Shown
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.model.tangents import tangent
@@ -46,6 +47,10 @@ class Mode:
         return self.frequency_std / (2.0 * np.pi)
 
 
+class Modes(Shown, tuple[Mode, ...]):
+    """The modes in the order of `Fit.poles`, a tuple that shows itself as a table."""
+
+
 @dataclass(frozen=True)
 class Gain:
     """Steady-state gain dy/du of the tangent at a constant input u, infinite where the model integrates."""
@@ -55,7 +60,7 @@ class Gain:
     u: float
 
 
-def modes(fit: Fit, data: IOData | None = None) -> tuple[Mode, ...]:
+def modes(fit: Fit, data: IOData | None = None) -> Modes:
     """The poles of a fit, in the order of `Fit.poles`; of a pair both.
 
     `data`, the record of the fit, makes the standard deviations allow for coloured residuals; without it they assume
@@ -70,7 +75,7 @@ def modes(fit: Fit, data: IOData | None = None) -> tuple[Mode, ...]:
             multiple = abs(d) < _MULTIPLE * max(1.0, float(np.abs(F).max()))
             dz = None if multiple else -(z ** np.arange(len(F) - 1, -1, -1)) @ gradient / d
             found.append(_mode(z, dz, fit.Ts, deviation))
-    return tuple(found)
+    return Modes(found)
 
 
 def gain(fit: Fit, u: float | None = None, data: IOData | None = None) -> Gain:

@@ -39,6 +39,8 @@ def card(table: Comparison) -> Card:
     ]
     headings = ("", "model", "search", "free run", q.label, "one step ahead", "d", "AICc", "BIC")
     facts = [("scored", f"{table.scored} samples; the first {table.n_init} of each experiment give the initial state")]
+    if table.numbered:
+        facts.append(("model", table.numbered))
     return Card("Comparison", facts, [Table(headings, rows, text_columns=3, most=20)], call="Next: comparison.plot()")
 
 

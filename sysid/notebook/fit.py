@@ -11,16 +11,19 @@ import numpy as np
 from sysid.base.card import Card, Table
 from sysid.base.errors import InputError, unknown
 from sysid.base.units import number, percent
+from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
-from sysid.linear.modes import Mode
+from sysid.linear.modes import Modes
 from sysid.linear.modes import modes as modes_of
 from sysid.linear.noise import Noise
 from sysid.linear.noise import noise_model as noise_model_of
 from sysid.nlarx.dispatch import fit as fit_model
+from sysid.notebook.doubts import doubts
 from sysid.notebook.figures import figure
 from sysid.notebook.page import write_page
 from sysid.notebook.poles import gain_fact, noise_of, pole_table
+from sysid.notebook.poles import modes_of as modes_with_words
 from sysid.notebook.words import criteria_in_words, rmse_in_words, search_in_words, structure_in_words
 from sysid.plots.bode import bode
 from sysid.plots.fitted import fitted
@@ -35,6 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FIGURES = ("output", "residuals", "poles", "bode", "step", "maps")
+TANGENTS = ("bode", "step")
 WARNINGS = 3  # on a card
 SAY = {
     "output": "What to see: the free run (only the input, no measured outputs) covers the measured output, and the "
@@ -74,7 +78,8 @@ def card(fit: Fit) -> Card:
     if score is not None:
         facts.append(("fit, free run", f"{percent(score)} on its own record"))
     elif data is not None and data.y.shape[1] > 1:
-        each = ", ".join(percent(float(value)) for value in fit.fit_percents(data)[:6])
+        fits = fit.fit_percents(data)
+        score, each = float(np.mean(fits)), ", ".join(percent(float(value)) for value in fits[:6])
         facts.append(("fit, free run", f"{each} of its own outputs in turn"))
     facts += [
         ("RMSE", rmse_in_words(fit)),
@@ -86,7 +91,8 @@ def card(fit: Fit) -> Card:
     noise = noise_of(fit, data)
     sentences = [] if noise is None else [noise.sentence()]
     sentences += [f"Warning: {text}." for text in fit.warnings[:WARNINGS]]
-    table = pole_table(fit, data)
+    found, how = modes_with_words(fit, data)
+    table = pole_table(found, how)
     calls = "fit.plot(), fit.parameters, fit.residual_tests(data), fit.refine(), fit.report('fit.html')"
     return Card(
         structure_in_words(fit),
@@ -95,6 +101,7 @@ def card(fit: Fit) -> Card:
         sentences,
         [parameter_table(fit)],
         call=f"Next: {calls}",
+        first=doubts(fit, data, score, found),
     )
 
 
@@ -107,16 +114,18 @@ def parameter_table(fit: Any) -> Table:
     return Table(("parameter", "value", "std", "unit", ""), rows, f"{len(rows)} parameters with standard deviations")
 
 
-def plot(fit: Fit, data: IOData | None, what: str) -> Figure:
-    """The figure `what`."""
+def plot(fit: Fit, data: IOData | None, what: str, at: float | None = None) -> Figure:
+    """The figure `what`, of a tangent at the constant input `at`."""
     if what not in FIGURES:
         raise unknown("figure", what, FIGURES)
+    if at is not None and what not in TANGENTS:
+        raise InputError(f"at= chooses the operating point of {' and '.join(TANGENTS)}; leave it out for {what}")
     if what == "poles" and data is None and fit.record is None:
         return figure(pole_zero_map, fit.poles, fit.zeros, say=SAY[what])
     data = fit.record_or(data)
     if what == "output":
-        run, fits = fit.simulate(data), fit.fit_percents(data)
-        return figure(fitted, data, run, fits, skipped=fit.n_init, say=SAY[what])
+        run, fits = fit.simulate(data) + data.y_offset, fit.fit_percents(data)
+        return figure(fitted, retrend(data), run, fits, skipped=fit.n_init, say=SAY[what])
     if what == "residuals":
         return figure(residual_tests, fit.residual_tests(data), say=SAY[what])
     info = information(fit, data, lags="tested")
@@ -127,10 +136,11 @@ def plot(fit: Fit, data: IOData | None, what: str) -> Figure:
         if not found:
             raise InputError("this model has no static map; choose another figure, for example fit.plot(data, 'bode')")
         return figure(static_maps, found, say=SAY[what])
+    point = _level(info) if at is None else float(at)
     units = {"y_unit": data.y_unit, "u_unit": data.u_unit}
     if what == "bode":
-        return figure(bode, responses.frequency(info, _level(info)), **units, say=SAY[what])
-    return figure(step, responses.step(info, _level(info)), **units, y_name=data.y_name, say=SAY[what])
+        return figure(bode, responses.frequency(info, point), **units, say=SAY[what])
+    return figure(step, responses.step(info, point), **units, y_name=data.y_name, say=SAY[what])
 
 
 def _level(info: Information) -> float:
@@ -156,7 +166,7 @@ def noise_model(fit: Fit, data: IOData | None) -> Noise:
     return noise_model_of(fit, fit.record_or(data))
 
 
-def modes(fit: Fit, data: IOData | None) -> tuple[Mode, ...]:
+def modes(fit: Fit, data: IOData | None) -> Modes:
     """The poles; without any record with the fit's own covariance."""
     if data is None and fit.record is not None and fit.model.channels == (1, 1):
         data = fit.record  # a robust covariance is that of one input and output

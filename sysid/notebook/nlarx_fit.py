@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from sysid.base.card import Card
 from sysid.base.errors import InputError, unknown
 from sysid.base.units import percent
+from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.nlarx.result import NlarxFit
 from sysid.notebook.figures import figure
@@ -52,15 +53,17 @@ def card(fit: NlarxFit) -> Card:
     return Card(structure_in_words(fit), facts, (), sentences, [parameter_table(fit)], call=f"Next: {calls}")
 
 
-def plot(fit: NlarxFit, data: IOData | None, what: str) -> Figure:
-    """The figure `what`."""
+def plot(fit: NlarxFit, data: IOData | None, what: str, at: float | None = None) -> Figure:
+    """The figure `what`; it has no operating point."""
     if what not in FIGURES:
         raise unknown("figure of a nonlinear ARX model", what, FIGURES)
+    if at is not None:
+        raise InputError("figures of a nonlinear ARX model have no operating point; see sysid.linear.tangent(fit, u)")
     data = fit.record_or(data)
     if what == "residuals":
         return figure(residual_tests, fit.residual_tests(data), say=SAY[what])
-    run = fit.simulate(data)
-    return figure(fitted, data, run, [fit.fit_percent(data)], skipped=max(fit.n_init, fit.model.lag), say=SAY[what])
+    run, fits = fit.simulate(data) + data.y_offset, [fit.fit_percent(data)]
+    return figure(fitted, retrend(data), run, fits, skipped=max(fit.n_init, fit.model.lag), say=SAY[what])
 
 
 def report(fit: NlarxFit, path: str | PathLike, data: IOData | None, validation: IOData | None) -> Path:

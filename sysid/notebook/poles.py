@@ -1,6 +1,7 @@
 """The table of poles of a card, and the facts about gain and noise."""
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -12,21 +13,27 @@ from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.linear.modes import Mode, gain, modes
 from sysid.linear.noise import Noise, noise_model
+from sysid.notebook.doubts import LONGEST, lost
 
-LONGEST = 20_000  # samples; what a card computes must not keep its reader waiting
+UNKNOWN = "not determined"
 HEADINGS = ("pole", "std", "frequency [Hz]", "std", "damping", "std", "time constant [s]", "std")
 
 
-def pole_table(fit: Fit, data: IOData | None) -> Table | None:
-    """Every pole with its deviations, each pair once; None for a model without a linear block."""
+def modes_of(fit: Fit, data: IOData | None) -> tuple[tuple[Mode, ...], str]:
+    """The poles, and what their deviations assume about the residuals."""
     if not len(fit.poles):
-        return None
-    found, how = modes(fit), "white residuals assumed"
+        return (), ""
     if data is not None and data.N <= LONGEST:
         with suppress(InputError, np.linalg.LinAlgError):
-            found, how = modes(fit, data), "coloured residuals allowed for"
+            return modes(fit, data), "coloured residuals allowed for"
+    return modes(fit), "white residuals assumed"
+
+
+def pole_table(found: Sequence[Mode], how: str = "") -> Table | None:
+    """Every pole with its deviations, each pair once; None for a model without a linear block."""
     rows = [_row(m) for m in found if m.pole.imag > -1e-9]
-    return Table(HEADINGS, rows, f"Poles with standard deviations, {how}")
+    caption = "Poles with standard deviations"
+    return Table(HEADINGS, rows, f"{caption}, {how}" if how else caption) if rows else None
 
 
 def gain_fact(fit: Fit, data: IOData | None) -> tuple[str, str] | None:
@@ -39,6 +46,9 @@ def gain_fact(fit: Fit, data: IOData | None) -> tuple[str, str] | None:
         return "DC gain", "infinite: the model integrates"
     unit = shown("", data.y_unit).per(shown("", data.u_unit)) if data is not None else shown("", "")
     at = f" at u = {number(g.u)}" if g.u else ""
+    if lost(g.value, g.std) or (g.value == 0.0 and g.std == 0.0):
+        why = "the maps are flat there" if g.value == 0.0 else "its standard deviation is larger than the value"
+        return "DC gain", f"{UNKNOWN} at u = {number(g.u)}: {why}"
     spread = f" ± {number(g.std * unit.factor, 2)}" if math.isfinite(g.std) else ", std not determined"
     return "DC gain", f"{number(g.value * unit.factor)}{spread}{f' {unit.unit}' if unit.unit else ''}{at}"
 
@@ -56,5 +66,11 @@ def noise_of(fit: Fit, data: IOData | None) -> Noise | None:
 def _row(m: Mode) -> tuple[str, ...]:
     real, imag = m.pole.real, abs(m.pole.imag)
     text = number(real) if imag < 1e-9 else f"{number(real)} ± {number(imag)}i"
-    pairs = ((m.hertz, m.hertz_std), (m.damping, m.damping_std), (m.time_constant, m.time_constant_std))
-    return (text, number(m.pole_std, 2), *(cell for v, s in pairs for cell in (number(v), number(s, 2))))
+    damping = (number(m.damping), number(m.damping_std, 2))
+    lasting = _cells(m.time_constant, m.time_constant_std)
+    return text, number(m.pole_std, 2), *_cells(m.hertz, m.hertz_std), *damping, *lasting
+
+
+def _cells(value: float, std: float) -> tuple[str, str]:
+    """A value and its deviation; without numbers where the deviation is larger than the value."""
+    return (UNKNOWN, "–") if lost(value, std) else (number(value), number(std, 2))

@@ -42,7 +42,8 @@ def frequency(info: Information, u: float = 0.0, w: np.ndarray | None = None, le
     F, dF = _at(G.F, G.F_gradient, w * info.Ts)
     if np.any(B == 0) or not np.any(G.B):
         raise InputError(
-            "the tangent's gain is 0 at this operating point; choose a u where the slopes of the maps are not zero"
+            f"the tangent's gain is 0 at the operating point u = {u:.4g}; choose a u where the slopes of the maps are "
+            'not zero, in fit.plot with at=, for example fit.plot(data, "bode", at=u)'
         )
     value = B / F
     d_log = dB / B[:, None] - dF / F[:, None]

@@ -11,6 +11,7 @@ from sysid.base.criteria import Criteria
 from sysid.base.errors import InputError
 from sysid.base.handlers import Shown, handler
 from sysid.base.json_values import plain
+from sysid.base.units import shown
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
 
@@ -53,15 +54,22 @@ class Comparison(Shown):
         rows = [{**asdict(r), "criteria": r.criteria.as_dict()} for r in self.rows]
         return plain({**asdict(self), "rows": rows})
 
+    @property
+    def numbered(self) -> str:
+        """What the numbers of the labels are; nothing where each model has a name of its own."""
+        if all(r.label == r.structure or not r.label.startswith(f"{r.structure} (") for r in self.rows):
+            return ""
+        return 'the number in brackets is the place of the model in the call; name them with labels=("first", ...)'
+
     def plot(self) -> "Figure":
         """A figure of the free-run fits as bars, best on top."""
         figure: Figure = handler(self).plot(self)
         return figure
 
     def __str__(self) -> str:
-        unit = f" [{self.y_unit}]" if self.y_unit else ""
-        head = ("", "model", "free run %", "RMSE" + unit, "one step %", "d", "AICc", "BIC", "FPE", "s", "search")
-        table = [head, *(_cells(r) for r in self.rows)]
+        q = shown("RMSE", self.y_unit)
+        head = ("", "model", "free run %", q.label, "one step %", "d", "AICc", "BIC", "FPE", "s", "search")
+        table = [head, *(_cells(r, q.factor) for r in self.rows)]
         widths = [max(len(row[i]) for row in table) for i in range(len(head))]
         lines = []
         for row in table:
@@ -69,14 +77,16 @@ class Comparison(Shown):
                 c.ljust(w) if i in (1, 10) else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True))
             ]
             lines.append("  ".join(cells).rstrip())
-        return "\n".join([*lines, f"{self.scored} samples scored, {self.n_init} not"])
+        said = [self.numbered] if self.numbered else []
+        return "\n".join([*lines, f"{self.scored} samples scored, {self.n_init} not", *said])
 
 
 def compare(data: IOData, *fits: Any, labels: Sequence[str] | None = None) -> Comparison:
     """Free-run scores of fits on one record, best first; all on the same samples.
 
     All fits leave out the same number of first samples, the largest that one needs. A run that diverges ranks last, at
-    -inf. labels: names in the order of the fits; by default their structures, numbered if two are equal.
+    -inf. labels: names in the order of the fits; by default their structures, with their place in the call in brackets
+    where two are equal.
     """
     if not fits:
         raise InputError("nothing to compare; give at least one fit")
@@ -190,9 +200,17 @@ def _numbered(names: list[str]) -> list[str]:
     return [f"{name} ({k})" if names.count(name) > 1 else name for k, name in enumerate(names, 1)]
 
 
-def _cells(r: Row) -> tuple[str, ...]:
+def _cells(r: Row, factor: float) -> tuple[str, ...]:
     c = r.criteria
     one_step = "-" if r.one_step is None else f"{r.one_step:.2f}"
     end = "converged" if r.converged else "not converged"
-    numbers = (f"{r.fit:.2f}", f"{r.rmse:.4g}", one_step, str(c.d), f"{c.aicc:.1f}", f"{c.bic:.1f}", f"{c.fpe:.4g}")
+    numbers = (
+        f"{r.fit:.2f}",
+        f"{r.rmse * factor:.4g}",
+        one_step,
+        str(c.d),
+        f"{c.aicc:.1f}",
+        f"{c.bic:.1f}",
+        f"{c.fpe:.4g}",
+    )
     return (str(r.rank), r.label, *numbers, f"{r.seconds:.2f}", end)

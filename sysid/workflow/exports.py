@@ -1,12 +1,15 @@
 """A fitted model as files: to load again, to compile, to import."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 
 from sysid.base.errors import InputError
+from sysid.estimation.result import Fit
 from sysid.export import c as export_c
 from sysid.export import python as export_python
 from sysid.nlarx.dispatch import save
+from sysid.nlarx.result import NlarxFit
 from sysid.workflow.evaluation import Evaluation
 
 SAVED = ("model.json", "the fit for sysid.load, qpal run and qpal export; it runs on raw records")
@@ -22,7 +25,7 @@ class Exports:
 
 def export(evaluation: Evaluation, folder: Path) -> Exports:
     """model.json, model.c and model.py in `folder`; the last two use the levels of the record, means included."""
-    fit = evaluation.fit
+    fit = _as_told(evaluation)
     try:
         save(fit, folder / "model.json")
         export_c.write(fit, folder / "model.c")
@@ -39,3 +42,11 @@ def export(evaluation: Evaluation, folder: Path) -> Exports:
         if fit.u_offset is not None
         else ("model.c and model.py take signals that are prepared as those of the fit: no offset undoes that",),
     )
+
+
+def _as_told(evaluation: Evaluation) -> Fit | NlarxFit:
+    """The fit with the percentage that the summary names, so that `qpal run` repeats it to the last digit."""
+    fit, told = evaluation.fit, evaluation.estimation_fit
+    if fit.origin is None or not isfinite(told):
+        return fit
+    return replace(fit, origin=replace(fit.origin, fit=told))

@@ -408,6 +408,17 @@ def test_roles_by_name_unit_and_elimination(names, units, input, output):
     assert (found.mapping.input[0].column, found.mapping.output[0].column) == (input, output)
 
 
+def test_a_path_is_read_first(tmp_path):
+    path = tmp_path / "rig.csv"
+    np.savetxt(path, np.column_stack([0.01 * K, np.sin(K), np.cos(K)]), delimiter=",", header="t,y,u", comments="")
+    for named in (path, str(path)):
+        found = guess(named)
+        assert not found.unclear
+        assert (found.mapping.input[0].column, found.mapping.output[0].column) == ("u", "y")
+    with pytest.raises(InputError, match=r"none\.csv"):
+        guess(tmp_path / "none.csv")
+
+
 def test_a_supply_is_no_input():
     goal, volts = np.sin(0.1 * K), 7.4 + 0.3 * np.sin(K)
     found = guess(table(timestamp=0.005 * K, goal_position=goal, position=goal, input_volts=volts))

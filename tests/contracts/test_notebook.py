@@ -78,6 +78,8 @@ def things(data, fit, linear, network, growth, selection):
         "growth": growth,
         "selection": selection,
         "comparison": sysid.compare(data, fit, linear, network),
+        "tests": linear.residual_tests(data),
+        "modes": fit.modes(data),
     }
 
 
@@ -109,7 +111,19 @@ def parsed(thing):
     return reader
 
 
-KINDS = ("record", "experiments", "channels", "fit", "linear", "nlarx", "growth", "selection", "comparison")
+KINDS = (
+    "record",
+    "experiments",
+    "channels",
+    "fit",
+    "linear",
+    "nlarx",
+    "growth",
+    "selection",
+    "comparison",
+    "tests",
+    "modes",
+)
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -174,6 +188,85 @@ def test_a_fit_of_a_nonlinear_plant_by_a_line_says_that_its_residuals_are_colour
     assert "try higher orders, or sysid.select(data)" in said
 
 
+def test_a_poor_fit_begins_with_a_warning_and_the_call_to_try(data, fit, linear):
+    assert "Warning" not in str(fit).partition("sampling")[0]
+    first = str(linear).partition("sampling")[0]
+    assert re.search(r"^Warning: the free run explains only \d\d\.\d\d % of", first, flags=re.MULTILINE)
+    assert "Next: sysid.select(data).fit" in first
+    assert "Warning: the free run explains only" in "".join(parsed(linear).shown).partition("sampling")[0]
+    stopped = replace(fit, stop=replace(fit.stop, converged=False))
+    assert "the search did not converge; go on with fit.refine(" in str(stopped).partition("sampling")[0]
+
+
+def test_noise_alone_is_no_reason_for_a_warning():
+    rng = np.random.default_rng(3)
+    u = rng.normal(size=(400, 1))
+    noisy = sysid.IOData(u, np.r_[[[0.0]], u[:-1]] + 2.0 * rng.normal(size=(400, 1)), 0.1)
+    found = sysid.fit(sysid.structures.output_error(nb=1, nf=1, nk=1, fixed={"linear.f1": 0.0}), noisy, starts=1)
+    assert found.fit_percent(noisy) < 30.0
+    assert "explains only" not in str(found)
+
+
+def test_an_output_that_rests_at_its_ends_leads_to_a_joint():
+    u = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, 25), 20)
+    y = np.empty(500)
+    for k in range(500):  # a motor between two stops
+        y[k] = np.clip((y[k - 1] if k else 0.0) + 0.1 * u[k], -0.2, 0.5)
+    stops = sysid.IOData(u, y, 0.1, y_unit="rad")
+    for record, named in ((stops, "actuated_joint(), data)"), (detrend(stops), "retrend(data))")):
+        found = sysid.fit(sysid.structures.output_error(nb=1, nf=1, nk=1), record, search="lm", starts=1)
+        assert named in str(found).replace("\n", " ").partition("sampling")[0]
+    np.testing.assert_allclose(sysid.data.preprocess.retrend(detrend(stops)).y, stops.y)
+
+
+def test_residual_tests_say_their_verdicts(data, fit, linear):
+    for made in (fit, linear):
+        tests = made.residual_tests(data)
+        for text in (str(tests), tests._repr_html_()):
+            assert ("not white" in text) is not tests.white
+            assert ("not independent" in text) is not tests.independent
+            assert f"{tests.whiteness_outside} of 25" in text
+            assert f"{tests.independence_outside} of 51" in text
+    white = sysid.residual_tests(*np.random.default_rng(0).normal(size=(2, 500)))
+    assert "What the model leaves is noise" in str(white)
+
+
+def test_modes_are_a_tuple_and_a_table(data, fit):
+    found = fit.modes(data)
+    assert isinstance(found, tuple)
+    assert len(found) == 2
+    for text in (str(found), found._repr_html_()):
+        assert f"{found[0].hertz:.4f}" in text
+        assert f"{found[0].time_constant_std:.2g}"[:4] in text
+    assert "0 poles" in repr(type(found)())
+    assert "no linear block" in str(type(found)())
+
+
+def test_what_is_not_determined_has_no_number():
+    from sysid.linear.modes import Mode
+    from sysid.notebook.doubts import determined
+    from sysid.notebook.poles import pole_table
+
+    wide = Mode(1.0 - 2.6e-9, 7e-3, 2.6e-8, 0.07, 1.0, 0.1, 3.8e7, 1e14)
+    sharp = Mode(0.5 + 0j, 0.01, 6.9, 0.2, 1.0, 0.0, 0.144, 0.004)
+    assert [determined(m) for m in (wide, sharp)] == [False, True]
+    rows = pole_table((wide, sharp)).rows
+    assert rows[0][2:4] == rows[0][6:8] == ("not determined", "–")
+    assert rows[1][6:8] == ("0.1440", "0.0040")
+
+
+def test_a_gain_where_the_maps_are_flat_is_not_determined(data, fit, monkeypatch):
+    from sysid.linear.modes import Gain
+    from sysid.notebook import poles
+
+    for value, std, said in ((0.0, 0.0, "the maps are flat there"), (1.0, 2.0, "larger than the value")):
+        found = Gain(value, std, 0.0)
+        monkeypatch.setattr(poles, "gain", lambda *_, g=found, **__: g)
+        text = poles.gain_fact(fit, data)[1]
+        assert text.startswith("not determined at u = 0: ")
+        assert said in text
+
+
 def test_warnings_are_told_and_at_most_three(fit, growth):
     warned = replace(fit, warnings=tuple(f"number {k}" for k in range(5)))
     assert str(warned).count("Warning: number") == 3
@@ -184,7 +277,8 @@ def test_a_fit_knows_its_record_and_its_file_does_not(data, fit, tmp_path):
     assert fit.record is data
     read = sysid.load(fit.save(tmp_path / "fit.json"))
     assert read.record is None
-    assert "volt" not in (tmp_path / "fit.json").read_text(encoding="utf-8")
+    written = (tmp_path / "fit.json").read_text(encoding="utf-8")
+    assert not any(repr(float(v)) in written for v in data.y[::50, 0])  # names and units are kept, samples are not
     np.testing.assert_array_equal(read.theta, fit.theta)
     assert "on its own record" not in str(read)
     assert len(str(read).splitlines()) < card.LINES
@@ -222,10 +316,35 @@ def test_the_figure_of_the_output_shows_run_and_error(data, fit):
     assert high < np.degrees(np.ptp(data.y))
 
 
+def test_the_output_is_drawn_at_the_level_of_the_record(data, fit, network):
+    moved = replace(data, y=data.y + 0.5)
+    for made in (fit, network):
+        there, away = made.plot(moved).axes[0], made.plot(detrend(moved)).axes[0]
+        for a, b in zip(there.lines[:2], away.lines[:2], strict=True):
+            np.testing.assert_allclose(a.get_ydata(), b.get_ydata(), atol=1e-6)
+        np.testing.assert_allclose(away.lines[0].get_ydata(), np.degrees(moved.y[:, 0]))
+
+
+def test_an_operating_point_is_chosen_where_the_tangent_is_flat(data):
+    model = sysid.structures.hammerstein_wiener(nb=2, nf=2, nk=1, input="saturation", fixed={"input": (-1.0, 0.0)})
+    held = sysid.fit(model, data, search="lm", starts=1)
+    with pytest.raises(sysid.InputError, match=r"fit\.plot\(data, \"bode\", at=u\)"):
+        held.plot(data, "bode", at=0.5)
+    lines = [held.plot(data, "bode", at=u).axes[0].lines[0].get_ydata() for u in (-0.5, -0.2)]
+    assert all(np.isfinite(line).all() for line in lines)
+    assert not np.allclose(*lines)  # the output map has another slope there
+    steps = [held.plot(data, "step", at=u).axes[0].lines[0].get_ydata()[-1] for u in (-0.5, 0.5)]
+    assert abs(steps[1]) < 1e-9 < abs(steps[0])
+    with pytest.raises(sysid.InputError, match="at= chooses the operating point of bode and step"):
+        held.plot(data, "output", at=0.5)
+
+
 def test_a_run_that_leaves_the_frame_does_not_flatten_its_error(data):
     over, under = plots.fitted(data, 1e9 * np.arange(500.0), [-1e9])
-    assert over.get_ylim()[1] < 3 * np.degrees(data.y.max())
-    assert under.get_ylim()[0] >= -np.degrees(np.ptp(data.y)) * 1.01
+    heights = over.transData.transform([(0.0, np.degrees(v)) for v in (data.y.min(), data.y.max())])[:, 1]
+    assert np.ptp(heights) > 0.15 * over.bbox.height  # the data are seen, and so is the whole run
+    assert over.get_ylim()[1] >= np.degrees(1e9 * 499)
+    assert under.get_ylim()[0] <= -np.degrees(1e9 * 498)
 
 
 def test_several_channels_have_a_panel_each_and_experiments_a_border():

@@ -1,5 +1,7 @@
 """Comparison, cross-validation and higher-order residual tests."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -94,6 +96,9 @@ def test_comparison_ranks_free_runs_and_scores_all_on_the_same_samples():
         assert row.criteria == fit.criteria
         assert row.one_step is None
     assert "free run %" in str(table)
+    shown = str(replace(table, y_unit="rad")).splitlines()
+    assert "RMSE [deg]" in shown[0]
+    assert f"{np.degrees(table.rows[0].rmse):.4g}" in shown[1].split()
     assert table.as_dict()["rows"][0]["criteria"]["d"] == fits[1].criteria.d
 
 
@@ -103,6 +108,10 @@ def test_comparison_names_what_is_wrong():
         "output_error (1)",
         "output_error (2)",
     ]
+    both = sysid.compare(validation, fits[0], fits[0])
+    for text in (str(both), both._repr_html_()):
+        assert "is the place of the model in the call" in text
+    assert "in the call" not in str(sysid.compare(validation, *fits))
     with pytest.raises(sysid.InputError, match="a different name"):
         sysid.compare(validation, *fits, labels=("a", "a"))
     with pytest.raises(sysid.InputError, match="at least one fit"):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import sysid
 from twin.cli import main
 
 PAGE = (Path(__file__).parents[2] / "docs" / "identify.md").read_text(encoding="utf-8")
@@ -34,13 +35,18 @@ def test_every_command_runs_and_says_what_the_page_says(folder, capsys):
     files, channels, part, known, linear, wiener, held = found
     np.testing.assert_allclose(sorted(pole["re"] for pole in files["poles"]), [0.6, 0.9], atol=0.02)
     assert files["read"]["validation"]["file"] == "friday.csv"
-    assert set(channels["fit_percent"]["outputs"]) == {"level", "flow"}
+    fits = channels["fit_percent"]["outputs"]
+    assert set(fits) == {"level", "flow"}
+    assert min(value for each in fits.values() for value in each.values()) > 95.0
+    np.testing.assert_allclose(sorted(pole["re"] for pole in channels["poles"]), [0.6, 0.6, 0.8, 0.8], atol=0.02)
     assert part["read"]["Ts"] == 0.2
     values = {p["name"]: p["value"] for p in known["parameters"]}
     assert values["linear.f1"] == -1.5
     assert values["linear.f2"] == pytest.approx(0.54, abs=0.01)
     assert min(wiener["fit_percent"]["estimation"], held["fit_percent"]["estimation"]) > 95.0
     assert linear["fit_percent"]["estimation"] < 90.0
+    for folder_of, summary in (("run1", channels), ("linear", linear)):  # the model tells the fit that was printed
+        assert sysid.load(f"{folder_of}/model.json").origin.fit == summary["fit_percent"]["estimation"]
     filters = [[p["value"] for p in each["parameters"][:4]] for each in (linear, held)]
     assert filters[0] == filters[1]
 
