@@ -10,6 +10,8 @@ from scipy.special import bdtr, chdtrc, ndtri
 from sysid.base.errors import InputError
 from sysid.base.json_values import plain
 
+_SMALLEST = 1e-12  # p-value that is told
+
 
 @dataclass(frozen=True)
 class ResidualTests:
@@ -49,6 +51,13 @@ class ResidualTests:
     def independent(self) -> bool:
         """True if chance explains all lags together."""
         return self.independence_p >= 1.0 - self.level
+
+    @property
+    def verdicts(self) -> tuple[str, str]:
+        """Both verdicts in words: on the residuals with themselves, and with the input by all lags together."""
+        p = f"p = {self.independence_p:.2g}" if self.independence_p >= _SMALLEST else f"p < {_SMALLEST:g}"
+        independent = "independent" if self.independent else "not independent"
+        return "white" if self.white else "coloured", f"all lags together: {independent} ({p})"
 
     def as_dict(self) -> dict[str, Any]:
         """Numbers and verdicts, ready for JSON."""

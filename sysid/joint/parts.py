@@ -51,7 +51,7 @@ class Part:
 # A self-locking screw has load-dependent friction and jams; one of the two alone may not lower BIC.
 PARTS: dict[str, Part] = {
     "stribeck": Part("friction that falls with speed", ("stribeck",)),
-    "sticks": Part("friction that falls with speed, by direction", ("stribeck", "sided")),
+    "sticks": Part("friction that falls with speed and differs by direction", ("stribeck", "sided")),
     "sided": Part("friction at rest that differs by direction", ("sided",)),
     "loss": Part("screw friction proportional to its load", ("loss",)),
     "jams": Part("jamming at struck stops", ("jams",)),

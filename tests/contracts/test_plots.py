@@ -231,12 +231,13 @@ def test_bars_of_residuals_leave_out_lag_zero_and_colour_those_outside():
     e = rng.normal(size=500)
     e[1:] += 0.8 * e[:-1]
     tests = sysid.residual_tests(e, rng.normal(size=500))
-    top, _ = plots.residual_tests(tests)
+    top, bottom = plots.residual_tests(tests)
     lags = np.concatenate([line.get_xdata() for line in top.lines if line.get_marker() == "o"])
     assert sorted(lags) == list(range(1, 26))
     outside = next(line for line in top.lines if line.get_label() == "outside")
     assert len(outside.get_xdata()) == tests.whiteness_outside > 0
-    assert top.get_title("left").endswith("not white")
+    assert top.get_title("left").endswith("coloured")
+    assert bottom.get_title("left").endswith(f"all lags together: independent (p = {tests.independence_p:.2g})")
 
 
 def test_steady_state_and_gain_are_shown_in_degrees(case):

@@ -12,10 +12,10 @@ LABEL = "correlation [1]"
 
 def residual_tests(tests: ResidualTests) -> Figure:
     """Residuals with themselves over with the input; lags outside the bound are orange."""
-    white, independent = "white" if tests.white else "not white", "" if tests.independent else "not "
+    white, independent = tests.verdicts
     rows = [
         Row(LABEL, f"residuals with themselves: {white}"),
-        Row(LABEL, f"residuals with the input: {independent}independent"),
+        Row(LABEL, f"residuals with the input; {independent}"),
     ]
     # Lag 0 of the residuals with themselves is 1 by definition.
     figure = parts.stacked(
