@@ -7,8 +7,8 @@ from sysid.joint.values import JointValue
 from sysid.report.sections import told_once
 
 PARTS = {
-    "stribeck": "falling friction",
-    "sticks": "falling, by direction",
+    "stribeck": "Stribeck",
+    "sticks": "Stribeck by direction",
     "sided": "stick by direction",
     "loss": "screw's loss",
     "jams": "jam at stops",

@@ -15,6 +15,7 @@ import sysid
 from sysid import IOData
 from sysid.diagnosis.advice import Advice, advise
 from sysid.excitations import Prbs
+from sysid.workflow.advised import after
 from twin.cli import main
 from twin.cli.app import build
 
@@ -189,6 +190,26 @@ def test_no_advice_speaks_of_an_input_map_that_the_model_does_not_have(tmp_path,
     np.savetxt("log.csv", np.column_stack([u, lfilter([0, 0.3], [1, -0.7], u) + 0.01 * white(5)]), delimiter=",")
     assert main(["identify", "log.csv", "--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1"]) == 0
     assert "break points" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("named", "fitted", "percent", "kept"),
+    [
+        ("hammerstein_wiener", "hammerstein_wiener", 30.0, False),  # it has just failed
+        ("hammerstein_wiener", "actuated_joint", 98.5, False),  # less than what fits
+        ("hammerstein_wiener", "actuated_joint", 30.0, True),
+        ("hammerstein_wiener", "output_error", 85.0, True),
+        ("actuated_joint", "hammerstein_wiener", 98.0, True),
+        ("output_error", "output_error", 98.0, False),
+        ("output_error", "wiener", 98.0, False),
+    ],
+)
+def test_after_a_fit_no_advice_names_it_or_less(named, fitted, percent, kept):
+    said = Advice("nonlinearity", "found", 0.0, "do it", "note", call="f()", command=("identify", "--structure", named))
+    found = after(said, fitted, percent)
+    assert found.sentence == "found"
+    assert (found == said) == kept
+    assert kept or not (found.action or found.call or found.command)
 
 
 # --- false alarms

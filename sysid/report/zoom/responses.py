@@ -4,9 +4,9 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.units import shown
+from sysid.report.words import noted
 from sysid.report.zoom import _parts as parts
 from sysid.report.zoom._parts import Figure, Row, Trace
-from sysid.report.words import noted
 from sysid.uncertainty.intervals import Band
 from sysid.uncertainty.responses import FrequencyResponse
 
