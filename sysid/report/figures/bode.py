@@ -41,7 +41,7 @@ def caption(e: Evaluation) -> str:
     doubt += "determine the response there."
     what = "Frequency response of the linear model that is tangent to the fit at the mean input"
     if not np.any(np.isfinite(low) & np.isfinite(high)):
-        return f"{what}, up to half the sampling frequency. No band is drawn: the record does not bound the magnitude."
+        return f"{what}, up to half the sampling frequency. The record does not bound the magnitude: it has no band."
     return (
         f"{what}, with its 95 % band, up to half the sampling frequency. The band is wide where the input of the "
         "record has little power." + (doubt if unknown > 0.005 else "")
