@@ -4,6 +4,7 @@ Every line has the number behind it. The tests' false-alarm rates and power are 
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import ndtri
@@ -14,11 +15,12 @@ from sysid.data.record import IOData
 from sysid.diagnosis import signals
 from sysid.diagnosis.finding import LEVEL, Advice, aprbs, channel
 from sysid.diagnosis.relation import between
-from sysid.diagnosis.whitening import Whitened, nonlinearity, whiten
+from sysid.diagnosis.whitening import Whitened, free_run, nonlinearity, whiten
 
 LEAST = 40  # samples for each signal that the tests need
 KNOTS = 10  # break points of the default piecewise linear map
 _FLICKER = 0.005  # of the range of the output
+_FOLLOWED = 0.1  # of the output's standard deviation: the free run's error at a rest that a linear model explains
 ORDER = 10  # twice the order of excitation that a model with nb + nf = 5 needs
 
 
@@ -33,11 +35,13 @@ def advise(data: IOData) -> tuple[Advice, ...]:
         found = [a for i in range(data.u.shape[1]) for a in _input(data, i)]
         for j in range(data.y.shape[1]):
             white = whiten(data, j)
-            found += _output(data, j, white)
+            own = list(_output(data, j, white))
+            found += own
             if white is None:
                 found.append(_too_little(data, j))
             else:
-                found += between(data, j, white)
+                stopped = any(a.topic == "rest" and a.severity != "fine" for a in own)
+                found += [_at_stops(a) if stopped else a for a in between(data, j, white)]
     return tuple(found)
 
 
@@ -73,7 +77,9 @@ def _output(data: IOData, j: int, white: Whitened | None) -> Iterator[Advice]:
     name, unit = channel(data, "y", j), f" {data.y_unit}" if data.y_unit else ""
     y = data.y[data.observed[:, j], j]
     bend = None if white is None else nonlinearity(white)
-    yield _rest(name, y, _noise(y, white), unit, bend is not None and bend.p_value >= LEVEL)
+    noise = _noise(y, white)
+    straight = white is not None and bend is not None and bend.p_value >= LEVEL
+    yield _rest(name, y, noise, unit, white if straight else None)
     q = signals.step(y)
     if q is None:
         yield Advice("resolution", f"{name} shows no converter step", 0.0, "", "fine")
@@ -100,8 +106,20 @@ def _noise(y: np.ndarray, white: Whitened | None) -> float:
     return 1.4826 * min(float(np.median(second)) if len(second) else 0.0, float(np.median(left)))
 
 
-def _rest(name: str, y: np.ndarray, noise: float, unit: str, linear: bool) -> Advice:
-    """Rests at the extremes; where a linear model leaves nothing, the input holds the output there, and no end stop."""
+def _followed(white: Whitened, band: float, noise: float) -> bool:
+    """Whether a linear model's free run follows the output while it is within the band of its extremes."""
+    y = white.y
+    near = (y <= y.min() + band) | (y >= y.max() - band)
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = float(np.sqrt(np.mean((y - free_run(white))[near] ** 2)))
+    return error <= _FOLLOWED * float(y.std()) + 2.0 * noise
+
+
+def _rest(name: str, y: np.ndarray, noise: float, unit: str, linear: Whitened | None) -> Advice:
+    """Rests at the extremes. `linear` is a regression that leaves no nonlinearity; None if there is none.
+
+    One step ahead, a linear model predicts any rest. If its free run follows too, the input holds the output there.
+    """
     rest = signals.rests(y, noise)
     moving = signals.sine_rest(rest.band / (float(np.ptp(y)) or 1.0))
     most = max(rest.low, rest.high)
@@ -110,7 +128,7 @@ def _rest(name: str, y: np.ndarray, noise: float, unit: str, linear: bool) -> Ad
     shares = ((rest.low, "lowest", float(y.min())), (rest.high, "highest", float(y.max())))
     where = [f"{100 * s:.0f} % at its {word} ({v:.4g}{unit})" for s, word, v in shares if s > max(0.08, 1.5 * moving)]
     said = f"{name} rests for {' and '.join(where)}"
-    if linear:
+    if linear is not None and _followed(linear, rest.band, noise):
         return Advice("rest", f"{said}, where the input holds it: a linear model explains that", most, "", "fine")
     return Advice(
         "rest",
@@ -122,6 +140,14 @@ def _rest(name: str, y: np.ndarray, noise: float, unit: str, linear: bool) -> Ad
         call="sysid.grow_joint(data).fit",
         command=("identify", "--structure", "actuated_joint"),
     )
+
+
+def _at_stops(advice: Advice) -> Advice:
+    """The same about an output that rests at end stops: no advice to start linear beside that of the rests."""
+    if advice.topic != "nonlinearity" or advice.severity != "fine":
+        return advice
+    sentence = f"{advice.sentence}, but a linear model does not follow the rests"
+    return replace(advice, sentence=sentence, action="", call="", command=())
 
 
 def _outliers(data: IOData, j: int, white: Whitened | None, name: str) -> Advice:

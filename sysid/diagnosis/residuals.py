@@ -11,6 +11,8 @@ from sysid.base.errors import InputError
 from sysid.base.handlers import Shown
 from sysid.base.json_values import plain
 
+_SMALLEST = 1e-12  # p-value that is told
+
 
 @dataclass(frozen=True, repr=False)
 class ResidualTests(Shown):
@@ -50,6 +52,13 @@ class ResidualTests(Shown):
     def independent(self) -> bool:
         """True if chance explains all lags together."""
         return self.independence_p >= 1.0 - self.level
+
+    @property
+    def verdicts(self) -> tuple[str, str]:
+        """Both verdicts in words: on the residuals with themselves, and with the input by all lags together."""
+        p = f"p = {self.independence_p:.2g}" if self.independence_p >= _SMALLEST else f"p < {_SMALLEST:g}"
+        independent = "independent" if self.independent else "not independent"
+        return "white" if self.white else "coloured", f"all lags together: {independent} ({p})"
 
     def as_dict(self) -> dict[str, Any]:
         """Numbers and verdicts, ready for JSON."""

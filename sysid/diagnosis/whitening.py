@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.signal import lfilter, lfiltic
 from scipy.special import fdtrc
 
 from sysid.data.record import IOData
@@ -134,6 +135,23 @@ def _design(
         rows.append(t)
         start += e.N
     return np.concatenate(blocks), np.concatenate(ys), np.concatenate(times), tuple(rows)
+
+
+def free_run(white: Whitened) -> np.ndarray:
+    """Output (M,) of the regression from the inputs alone, in the rows of `white`; not finite where it runs away.
+
+    Only the first samples of each experiment, which give its initial state, are measured ones.
+    """
+    p, c = white.order, white.regression.c
+    a, found = np.concatenate([[1.0], -c[1 : p + 1]]), []
+    for e, rows in zip(_pieces(white.data), white.rows, strict=True):
+        seen, y = e.observed[:, white.output], e.y[:, white.output]
+        first = np.where(seen, y, y[seen].mean() if seen.any() else 0.0)[:p]
+        forced = c[0] + sum(lfilter(c[white.lags(i)], [1.0], e.u[:, i]) for i in range(e.u.shape[1]))
+        with np.errstate(over="ignore", invalid="ignore"):
+            after = lfilter([1.0], a, forced[p:], zi=lfiltic([1.0], a, first[::-1]))[0]
+        found.append(np.concatenate([first, after])[rows])
+    return np.concatenate(found)
 
 
 def feedback(white: Whitened, i: int = 0, ahead: int = 5) -> float | None:

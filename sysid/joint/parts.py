@@ -50,8 +50,8 @@ class Part:
 
 # A self-locking screw has load-dependent friction and jams; one of the two alone may not lower BIC.
 PARTS: dict[str, Part] = {
-    "stribeck": Part("friction that falls with speed", ("stribeck",)),
-    "sticks": Part("friction that falls with speed, by direction", ("stribeck", "sided")),
+    "stribeck": Part("Stribeck friction (it falls with speed)", ("stribeck",)),
+    "sticks": Part("Stribeck friction by direction (it falls with speed)", ("stribeck", "sided")),
     "sided": Part("friction at rest that differs by direction", ("sided",)),
     "loss": Part("screw friction proportional to its load", ("loss",)),
     "jams": Part("jamming at struck stops", ("jams",)),

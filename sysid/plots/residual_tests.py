@@ -23,9 +23,9 @@ def residual_tests(tests: ResidualTests, axes: Sequence[Axes] | None = None) -> 
     # Lag 0 of the residuals with themselves is 1 by definition.
     _lags(both[0], tests.lags[1:], tests.autocorrelation[1:], tests.whiteness_bound, tests.level)
     _lags(both[1], tests.cross_lags, tests.cross_correlation, tests.independence_bound, tests.level)
-    white, independent = "white" if tests.white else "not white", "" if tests.independent else "not "
+    white, independent = tests.verdicts
     both[0].set(title=f"(a) residuals with themselves: {white}")
-    both[1].set(title=f"(b) residuals with the input: {independent}independent", xlabel="lag [samples]")
+    both[1].set(title=f"(b) residuals with the input; {independent}", xlabel="lag [samples]")
     return both
 
 

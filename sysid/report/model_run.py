@@ -13,6 +13,7 @@ from sysid.base.units import number, percent, shown
 from sysid.base.versions import versions
 from sysid.plots import Run, free_runs, residual_tests
 from sysid.report.page import Grid, Page, Picture, Section
+from sysid.report.words import verdict
 from sysid.workflow.model_run import ModelRun
 from sysid.workflow.saved import one_output
 
@@ -83,8 +84,7 @@ def tests_in_words(result: ModelRun) -> str:
     """Whether the residuals of the free run are noise and tell nothing of the input."""
     t = result.tests
     assert t is not None
-    white, independent = ("" if good else "not " for good in (t.white, t.independent))
-    return f"The residuals of the free run are {white}white and {independent}independent of the input."
+    return f"The residuals of the free run are {verdict(t)}."
 
 
 def tables(result: ModelRun) -> list[Grid]:

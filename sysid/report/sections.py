@@ -9,12 +9,13 @@ from sysid.base.criteria import TABLE as CRITERIA
 from sysid.base.units import number, percent, pole, shown
 from sysid.joint.values import JointValue
 from sysid.report.page import Grid
-from sysid.report.words import one_step
+from sysid.report.words import noted, one_step
 from sysid.uncertainty.intervals import Interval, Root
 from sysid.workflow.evaluation import Evaluation
 
 T = TypeVar("T")
 NOT_KNOWN = "not determined"
+FIXED = "fixed"
 WORDS = {  # the physical values of an actuated joint as people call them
     "speed_per_volt": "speed per volt, mid stroke",
     "speed_full_drive": "speed at full drive",
@@ -70,6 +71,8 @@ def value_cells(v: JointValue) -> tuple[str, str, str]:
     if v.low is None or v.high is None:
         return number(v.value * factor, 4), NOT_KNOWN, unit
     digits = max(decimals(v.high * factor - v.low * factor), decimals(v.value * factor) if v.value else 0)
+    if v.low == v.high == v.value:
+        return number(v.value * factor, 4), FIXED, unit
     low, high = (f"{x * factor:.{digits}f}".replace("-", "−") for x in (v.low, v.high))
     return f"{v.value * factor:.{digits}f}".replace("-", "−"), f"{low} to {high}", unit
 
@@ -126,13 +129,15 @@ def intervals_in_words(evaluation: Evaluation) -> str:
     words = (
         f"The intervals apply to this structure on this record and {how}; they do not include errors of the structure."
     )
-    return " ".join([words, *(f"Of a pole: {note}." for note in notes)])
+    return " ".join([words, *(noted("a pole", note) for note in notes)])
 
 
 def _between(interval: Interval | None, digits: int = 4) -> str:
     """The interval of a non-negative quantity."""
     if interval is None or not np.isfinite(interval.std):
         return "not known"
+    if interval.std == 0.0:
+        return FIXED
     return f"{number(max(interval.lower, 0.0), digits)} to {number(interval.upper, digits)}"
 
 

@@ -1,7 +1,9 @@
 """Words shared by the figures and tables of a report."""
 
 from sysid.base.units import percent
+from sysid.diagnosis.residuals import ResidualTests
 from sysid.nlarx.result import ONE_STEP, NlarxFit
+from sysid.uncertainty.information import UNEXCITED
 from sysid.workflow.evaluation import Evaluation
 
 
@@ -15,13 +17,23 @@ def tests_in_words(evaluation: Evaluation) -> str:
     t = evaluation.tests
     if t is None:
         return "The validation data are too short for residual tests."
-    white = "white" if t.white else "not white"
-    independent = "independent of the input" if t.independent else "not independent of the input"
     subject = "The one-step-ahead residuals" if one_step(evaluation) else "The residuals"
-    return (
-        f"{subject} are {white} ({t.whiteness_outside} of {len(t.lags) - 1} lags outside) and {independent} "
-        f"(all lags together: {_likely(t.independence_p)}).{_no_voucher(evaluation)}"
-    )
+    outside = f" ({t.whiteness_outside} of {len(t.lags) - 1} lags outside)"
+    together = f" (all lags together: {_likely(t.independence_p)})"
+    return f"{subject} are {verdict(t, outside, together)}.{_no_voucher(evaluation)}"
+
+
+def verdict(tests: ResidualTests, outside: str = "", together: str = "") -> str:
+    """Colour and dependence of residuals, each with its numbers; no "not" that could be read over both."""
+    colour = f"white{outside}" if tests.white else f"coloured{outside}"
+    if tests.independent:
+        return f"{colour}{' and' if tests.white else ', but'} independent of the input{together}"
+    return f"{colour}, {'but' if tests.white else 'and'} depend on the input{together}"
+
+
+def noted(what: str, note: str) -> str:
+    """A sentence from a note of the intervals of `what`, such as "a pole"."""
+    return f"The record does not excite {what}." if note == UNEXCITED else f"{what[0].upper()}{what[1:]} {note}."
 
 
 NO_VOUCHER = 50.0  # [%] of fit in validation, below which passed tests need a word of warning

@@ -8,7 +8,7 @@ from sysid.blocks import TransferFunction
 from sysid.model.tangents import transfer
 from sysid.uncertainty.information import Information
 
-CANCELLED = "is cancelled by a zero within the accuracy of the record, which then determines neither of them"
+CANCELLED = "is cancelled by a zero within the accuracy of the record, so the record determines neither of the two"
 _RESPONSE = 300  # samples of the impulse response that give the size of a filter
 
 

@@ -50,7 +50,9 @@ def frequency(info: Information, u: float = 0.0, w: np.ndarray | None = None, le
     size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
     # A band of log |G| stays positive when it is transformed back.
     log = band(info, w, np.log(size), d_log.real, level)
-    magnitude = Band(w, size, size * log.std, np.exp(log.lower), np.exp(log.upper), level, log.note)
+    with np.errstate(over="ignore"):  # a bound beyond what a number holds is infinite
+        low, high = np.exp(log.lower), np.exp(log.upper)
+    magnitude = Band(w, size, size * log.std, low, high, level, log.note)
     return FrequencyResponse(magnitude, band(info, w, angle, np.degrees(d_log.imag), level))
 
 

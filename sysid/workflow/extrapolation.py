@@ -25,7 +25,7 @@ def extrapolated_signals(estimation: IOData, validation: IOData) -> list[str]:
             ranges = [f"{a + offset:.4g} to {b + offset:.4g} {unit}".strip() for a, b in ((low, high), _range(new))]
             notes.append(
                 f"{name} was seen from {ranges[0]} and runs from {ranges[1]} in the validation data "
-                f"({100 * outside:.1f} % of the samples outside): the static map extrapolates there"
+                f"({100 * outside:.1f} % of the samples outside): the model extrapolates there"
             )
     return notes
 

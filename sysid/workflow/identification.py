@@ -17,6 +17,7 @@ from sysid.selection.space import Space
 from sysid.selection.table import Selection
 from sysid.solver.searches import TABLE as SEARCHES
 from sysid.structures import TABLE as STRUCTURES
+from sysid.workflow.advised import after
 from sysid.workflow.angles import in_unit_of, without_wraps
 from sysid.workflow.evaluation import Evaluation, check_parts, evaluate, evaluate_fit
 from sysid.workflow.identified import Identification
@@ -104,8 +105,7 @@ def identify_file(
         plan = Plan(preparation, 0.5 if split is None else split, detrend, other)
         estimation, held_back = plan.parts(record.data)
         check_parts(estimation, held_back)
-        first, *more = map(str, record.files or (record.path,))
-        advice = tuple(a.of_file(first, (*more, *record.options)) for a in advise(record.data))
+        found = advise(record.data)
         fitting()
         if isinstance(setting, Auto):
             selection, evaluation = _search(setting, estimation, held_back, candidate, progress)
@@ -118,8 +118,11 @@ def identify_file(
         evaluation = replace(evaluation, fit=replace(evaluation.fit, u_offset=None, y_offset=None))
     evaluation = named(evaluation, record.signals)
     plan = replace(plan, detrend="none" if evaluation.setting.recipe.zero else detrend)
-    found = Identification(record, plan, evaluation, advice, selection)
-    return replace(found, next=next_step(found))
+    first, *more = map(str, record.files or (record.path,))
+    of = evaluation.setting.recipe.name, evaluation.validation_fit
+    advice = tuple(after(a, *of).of_file(first, (*more, *record.options)) for a in found)
+    result = Identification(record, plan, evaluation, advice, selection)
+    return replace(result, next=next_step(result))
 
 
 def _check_once(paths: Sequence[str | os.PathLike[str]], validation: Sequence[str | os.PathLike[str]]) -> None:

@@ -22,6 +22,24 @@ def test_help_of_every_option_is_shown_whole(verb, capsys):
         assert _solid(text) in shown
 
 
+def test_every_verb_has_its_line_whole_at_80_columns(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["-h"]) == 0
+    verbs = capsys.readouterr().out.partition("Commands:")[2].strip().splitlines()
+    assert len(verbs) == len(VERBS) + 1  # and bench
+    for line in verbs:
+        assert line.endswith(".")
+        assert not line.endswith("...")
+
+
+def test_arguments_are_shown_without_python_types(capsys):
+    for verb, usage in (("identify", "{FILE...}"), ("models", "{MODEL... FILE}"), ("design", "{FILE}")):
+        assert main([verb, "-h"]) == 0
+        shown = capsys.readouterr().out
+        assert shown.splitlines()[0].endswith(usage)
+        assert "<" not in shown.partition("Arguments:")[2].partition("Options:")[0]
+
+
 def test_brackets_are_not_swallowed(capsys):
     assert main(["identify", "--help"]) == 0
     shown = _solid(capsys.readouterr().out)

@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,6 +65,7 @@ def test_a_true_parameter_that_is_held_is_exact_and_improves_the_others(logs, ca
     held = {p["name"]: p for p in summary["parameters"]}
     free = parameters(identified("plain", **RAW))
     assert [p["re"] for p in summary["poles"]] == pytest.approx([0.9, 0.6], abs=1e-12)
+    assert Path("o/report.html").read_text(encoding="utf-8").count(">fixed</td>") == 6  # 2 parameters, 2 poles
     assert summary["setting"]["fixed"] == {"linear.f1": -1.5, "linear.f2": 0.54}
     assert (held["linear.f1"]["free"], held["linear.f1"]["std"]) == (False, None)
     for name in ("linear.b0", "linear.b1"):

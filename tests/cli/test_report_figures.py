@@ -1,5 +1,7 @@
 """Every figure of the identify report that applies to a model: on the page, on disk, with a caption and with units."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -7,6 +9,7 @@ from PIL import Image
 import twin
 from sysid.base import style
 from sysid.report import figures, identify, page
+from sysid.report.figures import bode
 from sysid.structures import ActuatedJoint, HammersteinWiener, NonlinearArx, OutputError
 from sysid.workflow.evaluation import Setting
 from sysid.workflow.exports import Exports
@@ -71,6 +74,19 @@ def test_a_caption_is_a_sentence(report):
         assert caption.endswith("."), caption
         assert len(caption.split()) > 5, caption
         assert not {"nan", "None", "inf"} & set(caption.replace(",", " ").split()), caption
+
+
+def test_a_caption_of_a_response_without_a_band_says_so(report, monkeypatch):
+    e, _, _ = report
+    if not bode.applies(e):
+        return
+    found = bode.bands(e)
+    magnitude = replace(found.frequency.magnitude, upper=np.full(len(found.frequency.magnitude.x), np.inf))
+    none = replace(found, frequency=replace(found.frequency, magnitude=magnitude))
+    assert "with its 95 % band" in bode.caption(e)
+    monkeypatch.setattr(bode, "bands", lambda e: none)
+    assert "with its 95 % band" not in bode.caption(e)
+    assert "no band" in bode.caption(e)
 
 
 def test_axes_are_labelled_and_name_their_units_in_degrees(report):

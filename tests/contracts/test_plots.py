@@ -1,5 +1,7 @@
 """Figures show the numbers they are given: axes carry units, bands their edges, bars their verdict."""
 
+from dataclasses import replace
+
 import matplotlib as mpl
 import numpy as np
 import pytest
@@ -7,6 +9,8 @@ import pytest
 import sysid
 from sysid import plots
 from sysid.data.preprocess import detrend
+from sysid.report import zoom
+from sysid.report.words import verdict
 from sysid.systems import system
 from sysid.uncertainty import bands, curves, intervals, responses
 
@@ -49,6 +53,38 @@ def test_bode_keeps_the_curve_in_sight(case):
     assert low < response.magnitude.value.min()
     assert high < 10 * response.magnitude.value.max()
     assert phase.get_ylabel() == "phase [deg]"
+
+
+def test_a_magnitude_without_a_bound_is_infinite_and_quiet(case, monkeypatch):
+    real = responses.band
+
+    def wide(info, x, value, gradient, level):
+        found = real(info, x, value, gradient, level)
+        return replace(found, lower=found.lower - 1e4, upper=found.upper + 1e4)
+
+    monkeypatch.setattr(responses, "band", wide)
+    magnitude = responses.frequency(case[2]).magnitude
+    assert np.all(np.isinf(magnitude.upper))
+    assert np.all(magnitude.lower == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("white", "p", "words"),
+    [
+        (True, 0.5, "white and independent of the input"),
+        (True, 0.0, "white, but depend on the input"),
+        (False, 0.5, "coloured, but independent of the input"),
+        (False, 0.0, "coloured, and depend on the input"),
+    ],
+)
+def test_residuals_are_told_in_words_that_cannot_be_read_two_ways(white, p, words):
+    rng = np.random.default_rng(3)
+    tests = sysid.residual_tests(rng.normal(size=500), rng.normal(size=500))
+    own = np.eye(26)[0] if white else np.ones(26)
+    tests = replace(tests, autocorrelation=own, independence_p=p)
+    assert verdict(tests) == words
+    assert tests.verdicts[0] == ("white" if white else "coloured")
+    assert tests.verdicts[1].endswith("(p = 0.5)" if p else "(p < 1e-12)")
 
 
 def test_pole_map_draws_ellipses_for_pairs_and_bars_for_real_roots(case):
@@ -231,12 +267,14 @@ def test_bars_of_residuals_leave_out_lag_zero_and_colour_those_outside():
     e = rng.normal(size=500)
     e[1:] += 0.8 * e[:-1]
     tests = sysid.residual_tests(e, rng.normal(size=500))
-    top, _ = plots.residual_tests(tests)
+    top, bottom = plots.residual_tests(tests)
     lags = np.concatenate([line.get_xdata() for line in top.lines if line.get_marker() == "o"])
     assert sorted(lags) == list(range(1, 26))
     outside = next(line for line in top.lines if line.get_label() == "outside")
     assert len(outside.get_xdata()) == tests.whiteness_outside > 0
-    assert top.get_title("left").endswith("not white")
+    assert top.get_title("left").endswith("coloured")
+    assert tests.verdicts[1] in str(zoom.residual_tests(tests)["layout"])
+    assert bottom.get_title("left").endswith(f"all lags together: independent (p = {tests.independence_p:.2g})")
 
 
 def test_steady_state_and_gain_are_shown_in_degrees(case):

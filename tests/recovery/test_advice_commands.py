@@ -15,6 +15,7 @@ import sysid
 from sysid import IOData
 from sysid.diagnosis.advice import Advice, advise
 from sysid.excitations import Prbs
+from sysid.workflow.advised import after
 from twin.cli import main
 from twin.cli.app import build
 
@@ -191,6 +192,26 @@ def test_no_advice_speaks_of_an_input_map_that_the_model_does_not_have(tmp_path,
     assert "break points" not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("named", "fitted", "percent", "kept"),
+    [
+        ("hammerstein_wiener", "hammerstein_wiener", 30.0, False),  # it has just failed
+        ("hammerstein_wiener", "actuated_joint", 98.5, False),  # less than what fits
+        ("hammerstein_wiener", "actuated_joint", 30.0, True),
+        ("hammerstein_wiener", "output_error", 85.0, True),
+        ("actuated_joint", "hammerstein_wiener", 98.0, True),
+        ("output_error", "output_error", 98.0, False),
+        ("output_error", "wiener", 98.0, False),
+    ],
+)
+def test_after_a_fit_no_advice_names_it_or_less(named, fitted, percent, kept):
+    said = Advice("nonlinearity", "found", 0.0, "do it", "note", call="f()", command=("identify", "--structure", named))
+    found = after(said, fitted, percent)
+    assert found.sentence == "found"
+    assert (found == said) == kept
+    assert kept or not (found.action or found.call or found.command)
+
+
 # --- false alarms
 
 
@@ -206,6 +227,17 @@ def test_an_output_that_settles_at_the_levels_of_its_input_meets_no_end_stop():
     assert alarms <= 2
     (rest,) = (a for a in advise(IOData(*stopped(13), TS)) if a.topic == "rest")
     assert rest.severity == "note"
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4, 6, 7])
+def test_end_stops_stay_end_stops_where_no_nonlinearity_is_significant(seed):
+    """One step ahead a linear model predicts a rest; its free run does not follow it."""
+    said = {a.topic: a for a in advise(IOData(*stopped(seed, 300), TS))}
+    assert said["nonlinearity"].severity == "fine"
+    assert said["rest"].severity == "note"
+    assert "end stop" in said["rest"].sentence
+    assert not said["nonlinearity"].action
+    assert not said["nonlinearity"].command
 
 
 def test_the_flicker_of_a_converter_and_a_trace_of_drift_are_nothing_to_mend(told):

@@ -207,7 +207,7 @@ def test_growth_tells_what_it_tried_and_what_stayed(stribeck: tuple[IOData, Grow
     assert first[0].bic < growth.plain_bic - MARGIN
     assert all(step.bic >= first[0].bic - MARGIN for step in second)
     said = growth.sentence()
-    assert "friction that falls with speed" in said
+    assert "Stribeck friction (it falls with speed)" in said
     assert f"{growth.plain_bic:.0f}" in said
     assert f"{first[0].bic:.0f}" in said
     assert "play" not in said

@@ -1,8 +1,9 @@
 """The table of verbs."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperArgument, TyperCommand
 
 from twin.cli import bench
 from twin.cli.browser import app as browser
@@ -43,6 +44,26 @@ def whole(
     """Digital twin of a robot leg, and system identification that is checked against it."""
 
 
+class _Verb(TyperCommand):
+    """A verb whose help shows its arguments by name alone, without their Python types."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        found = super().get_params(ctx)
+        for argument in found:
+            if isinstance(argument, TyperArgument):
+                vars(argument)["display_type_rich"] = _untyped
+        return found
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        return [
+            piece.replace("...}...", "...}").replace("FILE}...", "FILE}") for piece in super().collect_usage_pieces(ctx)
+        ]
+
+
+def _untyped(ctx: Any) -> None:
+    return None
+
+
 def build() -> typer.Typer:
     """The command line with every verb."""
     app = typer.Typer(
@@ -53,6 +74,6 @@ def build() -> typer.Typer:
     )
     app.callback()(whole)
     for verb in VERBS:
-        app.command()(verb)
+        app.command(cls=_Verb)(verb)
     app.add_typer(bench.build())
     return app

@@ -20,7 +20,7 @@ def build() -> typer.Typer:
     """The verbs of `qpal bench`."""
     app = typer.Typer(
         name="bench",
-        help="Benchmark of identification methods against truth, peers and real records.",
+        help="Benchmark identification methods.\n\nThey are compared with the truth, with peers, and on real records.",
         no_args_is_help=True,
         rich_markup_mode=None,
     )

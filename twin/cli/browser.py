@@ -21,7 +21,9 @@ def app(
         bool, typer.Option("--no-browser", help="print the address only; open it yourself, token included")
     ] = False,
 ) -> None:
-    """Open the page in the browser: logs, preparation, fits, comparison with the twin; Ctrl-C ends it.
+    """Work on logs and fits in the browser.
+
+    The page has logs, preparation, fits, and the comparison with the twin; Ctrl-C ends it.
 
     Only this machine reaches the page, and only by the address that is printed. The session's folder keeps everything.
     """

@@ -36,7 +36,10 @@ def calibrate(
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> int:
-    """Fit the twin to logs of the leg and write its parameters, with intervals, as a file for --params."""
+    """Fit the twin's parameters to logs of the leg.
+
+    They are written, with intervals, as a file for --params.
+    """
     from sysid.report.page import write
     from twin.calibrate.calibration import calibrate as run
     from twin.calibrate.written import write as write_parameters

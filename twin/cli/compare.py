@@ -45,7 +45,9 @@ def compare(
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Show where a log departs from the twin, and which physical effect explains how much of it.
+    """Show where a log departs from the twin, and why.
+
+    The report says how much of the difference each physical effect explains.
 
     With --against: from a saved model, or from a second log of the same input.
     """

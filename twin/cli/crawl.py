@@ -17,7 +17,10 @@ def crawl(
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Simulate the quadruped standing and walking a slow crawl with its twelve joints in servo mode."""
+    """Simulate the quadruped standing and walking.
+
+    It walks a slow crawl with its twelve joints in servo mode.
+    """
     from sysid.report.page import write
     from twin.report import crawl as report
     from twin.robot import crawl as walking

@@ -39,7 +39,10 @@ def design(
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Design the next experiment on an actuated joint: design.csv has the input and the predicted output."""
+    """Design the next experiment on an actuated joint.
+
+    design.csv has the input and the predicted output.
+    """
     names = options.names(targets)
     for name in names:
         if name not in TARGETS:

@@ -48,7 +48,9 @@ def export(
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Write a fitted model as C99, Python or MATLAB, as a linear model, or as MJCF that is checked against the fit.
+    """Write a fitted model as code, linear model, or MJCF.
+
+    The code is C99, Python or MATLAB; the MJCF is checked against the fit.
 
     The files take and give raw units: they remove the offsets that were removed before the fit.
     """

@@ -47,7 +47,9 @@ def info(
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Show what a recorded FILE holds and how it is read: columns, units, sampling, repairs, the mapping to edit.
+    """Show what a recorded file holds and how it is read.
+
+    That is columns, units, sampling, repairs, and the mapping to edit.
 
     Without FILE, show the twin's parameters with their sources, and the true values that an identification should find.
     """

@@ -32,7 +32,10 @@ def models(
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Compare saved models on one record: their free runs in one figure, a table, and the best one."""
+    """Compare saved models on one record.
+
+    The report has their free runs in one figure, a table, and the best one.
+    """
     *paths, file = files
     if not paths:
         raise InputError(f"only {file} is given; give one or more models and then the record")

@@ -58,8 +58,10 @@ RecordFile = Annotated[str, typer.Argument(metavar="FILE", help=f"a table: {', '
 RecordFiles = Annotated[
     list[str], typer.Argument(metavar="FILE...", help=f"tables ({', '.join(FORMATS)}); each is one experiment")
 ]
-Input = Annotated[str | None, typer.Option("--input", metavar="COL", help="column of the input; identify takes a,b")]
-Output = Annotated[str | None, typer.Option("--output", metavar="COL", help="column of the output; identify takes a,b")]
+Input = Annotated[str | None, typer.Option("--input", metavar="COL", help="column of the input")]
+Output = Annotated[str | None, typer.Option("--output", metavar="COL", help="column of the output")]
+Inputs = Annotated[str | None, typer.Option("--input", metavar="COL", help="column of the input; a,b for two")]
+Outputs = Annotated[str | None, typer.Option("--output", metavar="COL", help="column of the output; a,b for two")]
 Ts = Annotated[float | None, number("S", "sampling time in seconds")]
 Time = Annotated[str | None, typer.Option("--time", metavar="COL", help="time column, instead of --ts")]
 TimeUnit = Annotated[

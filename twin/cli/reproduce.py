@@ -18,7 +18,10 @@ def reproduce(
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Run the paper's protocol on the three joints and compare with the paper and the true values."""
+    """Repeat the paper's protocol on the three joints.
+
+    The results are compared with the paper and with the true values.
+    """
     from sysid.report.page import write
     from twin.report import reproduce as report
     from twin.report.reproduce import Stills

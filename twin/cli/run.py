@@ -34,7 +34,9 @@ def run(
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Run a saved model on a new record: its free run, its fit, and the outputs as simulated.csv.
+    """Run a saved model on a new record.
+
+    The report has its free run and its fit; simulated.csv has the outputs.
 
     The record stays raw: the model knows the offsets that were removed from its estimation data.
     """

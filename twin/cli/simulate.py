@@ -55,7 +55,10 @@ def simulate(
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
-    """Run an excitation experiment on one joint of the twin, or on all three, and write its log."""
+    """Simulate an experiment on the twin and write its log.
+
+    The excitation is of one joint, or of all three.
+    """
     from sysid.report.page import write
     from twin.report import simulate as report
     from twin.studies.simulation import follow

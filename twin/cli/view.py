@@ -53,7 +53,10 @@ def view(
     gif: Gif = None,
     mcap: Mcap = None,
 ) -> None:
-    """Show the robot, or replay a log; in a window, a browser (--web), or as pictures (--strip, --frames, --gif)."""
+    """Show the robot, or replay a log.
+
+    It is shown in a window, in a browser (--web), or as pictures (--strip, --frames, --gif).
+    """
     ways = {"--web": web, "--strip": strip, "--frames": frames, "--gif": gif, "--mcap": mcap}
     asked = [way for way, given in ways.items() if given]
     if len(asked) > 1:

@@ -39,10 +39,12 @@ def caption(e: Evaluation) -> str:
     unknown = np.mean(~(np.isfinite(low) & np.isfinite(high) & (high < 10.0 * low)))
     doubt = f" At {100 * unknown:.0f} % of the frequencies shown it is wider than a factor of 10: the record does not "
     doubt += "determine the response there."
+    what = "Frequency response of the linear model that is tangent to the fit at the mean input"
+    if not np.any(np.isfinite(low) & np.isfinite(high)):
+        return f"{what}, up to half the sampling frequency. The record does not bound the magnitude: it has no band."
     return (
-        "Frequency response of the linear model that is tangent to the fit at the mean input, with its 95 % band, up "
-        "to half the sampling frequency. The band is wide where the input of the record has little power."
-        + (doubt if unknown > 0.005 else "")
+        f"{what}, with its 95 % band, up to half the sampling frequency. The band is wide where the input of the "
+        "record has little power." + (doubt if unknown > 0.005 else "")
     )
 
 

@@ -13,10 +13,10 @@ UPPER, LOWER = [0.58, 1.0], [0.0, 0.42]  # of the height: each panel has lags of
 
 def residual_tests(tests: ResidualTests) -> Figure:
     """Residuals with themselves over with the input; lags outside the bound are orange."""
-    white, independent = "white" if tests.white else "not white", "" if tests.independent else "not "
+    white, independent = tests.verdicts
     rows = [
         Row(LABEL, f"residuals with themselves: {white}"),
-        Row(LABEL, f"residuals with the input: {independent}independent"),
+        Row(LABEL, f"residuals with the input; {independent}"),
     ]
     # Lag 0 of the residuals with themselves is 1 by definition.
     figure = parts.stacked(

@@ -4,6 +4,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.units import shown
+from sysid.report.words import noted
 from sysid.report.zoom import _parts as parts
 from sysid.report.zoom._parts import Figure, Row, Trace
 from sysid.uncertainty.intervals import Band
@@ -56,5 +57,5 @@ def _with_band(
 def _noted(figure: Figure, note: str) -> Figure:
     """The figure with the warning of its band, for the page to say."""
     if note:
-        figure["layout"]["meta"] = {"said": f"The band: {note}."}
+        figure["layout"]["meta"] = {"said": noted("all of the response", note)}
     return figure
