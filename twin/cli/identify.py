@@ -29,8 +29,8 @@ SECONDS = 110.0  # `sysid.selection.select.SECONDS`, whose import would cost the
 @recipes.takes_recipes
 def identify(
     files: options.RecordFiles,
-    input: options.Inputs = None,
-    output: options.Outputs = None,
+    input: options.Input = None,
+    output: options.Output = None,
     ts: options.Ts = None,
     time: options.Time = None,
     time_unit: options.TimeUnit = None,

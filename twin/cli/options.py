@@ -58,10 +58,12 @@ RecordFile = Annotated[str, typer.Argument(metavar="FILE", help=f"a table: {', '
 RecordFiles = Annotated[
     list[str], typer.Argument(metavar="FILE...", help=f"tables ({', '.join(FORMATS)}); each is one experiment")
 ]
-Input = Annotated[str | None, typer.Option("--input", metavar="COL", help="column of the input")]
-Output = Annotated[str | None, typer.Option("--output", metavar="COL", help="column of the output")]
-Inputs = Annotated[str | None, typer.Option("--input", metavar="COL", help="column of the input; a,b for two")]
-Outputs = Annotated[str | None, typer.Option("--output", metavar="COL", help="column of the output; a,b for two")]
+Input = Annotated[
+    str | None, typer.Option("--input", metavar="COL", help="column of the input; a,b where a model has two")
+]
+Output = Annotated[
+    str | None, typer.Option("--output", metavar="COL", help="column of the output; a,b where a model has two")
+]
 Ts = Annotated[float | None, number("S", "sampling time in seconds")]
 Time = Annotated[str | None, typer.Option("--time", metavar="COL", help="time column, instead of --ts")]
 TimeUnit = Annotated[
