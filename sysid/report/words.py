@@ -53,6 +53,9 @@ def _no_voucher(evaluation: Evaluation) -> str:
 
 def _likely(p: float) -> str:
     """How often chance alone gives such correlations."""
-    return (
-        f"chance gives such correlations in {100.0 * p:.2g} % of records" if p >= 1e-4 else "chance does not explain it"
-    )
+    return f"chance gives such correlations in {_share(p)} of records" if p >= 1e-4 else "chance does not explain it"
+
+
+def _share(p: float) -> str:
+    """A probability in percent with two digits that count."""
+    return f"{100.0 * p:.0f} %" if p >= 0.095 else f"{100.0 * p:.2g} %"

@@ -10,6 +10,7 @@ from sysid import IOData
 from sysid.data.preprocess import quick_start
 from sysid.diagnosis.direction import confirmed, direction
 from sysid.diagnosis.residuals import residual_tests
+from sysid.report import words
 from sysid.report.words import tests_in_words as in_words
 from sysid.structures import OutputError
 from sysid.systems import system
@@ -105,3 +106,11 @@ def test_passed_tests_do_not_vouch_for_a_model_that_fits_nothing():
     assert "does not vouch" in in_words(replace(e, tests=slow, validation_fit=30.0))
     neither = residual_tests(lfilter([1], [1, -0.95], noise(2)), noise(2))
     assert "vouch" not in in_words(replace(e, tests=neither, validation_fit=-212.0))
+
+
+def test_a_probability_is_a_number_that_people_write():
+    assert [words._likely(p).split(" in ")[-1] for p in (1.0, 0.123, 0.012)] == [
+        "100 % of records",
+        "12 % of records",
+        "1.2 % of records",
+    ]
