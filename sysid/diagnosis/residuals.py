@@ -11,6 +11,7 @@ from sysid.base.errors import InputError
 from sysid.base.handlers import Shown
 from sysid.base.json_values import plain
 
+POOR = 80.0  # [%] of fit; below it a free run that leaves more than noise should be tried again
 _SMALLEST = 1e-12  # p-value that is told
 
 
@@ -82,6 +83,14 @@ def _allowed(n: int, level: float) -> int:
     """Smallest k with P(at most k of n lags outside) >= 0.99."""
     counts = np.arange(n + 1)
     return int(np.argmax(bdtr(counts, n, 1.0 - level) >= 0.99))
+
+
+def poor(percent: float, tests: "ResidualTests | None") -> bool:
+    """Whether a free run with this fit [%] misses its data by more than noise explains.
+
+    A fit below POOR is poor, unless its residuals are white and independent of the input: then noise limits the fit.
+    """
+    return not percent >= POOR and not (tests is not None and tests.white and tests.independent)
 
 
 def residual_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float = 0.99) -> ResidualTests:

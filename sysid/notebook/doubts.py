@@ -8,9 +8,9 @@ from sysid.base.errors import InputError
 from sysid.base.units import number, percent
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import advise
+from sysid.diagnosis.residuals import POOR, ResidualTests, poor
 from sysid.estimation.result import Fit
 from sysid.linear.modes import Mode
-from sysid.notebook.page import GOOD
 
 LONGEST = 20_000  # samples; what a card computes must not keep its reader waiting
 JOINTS = ("actuated_joint", "servo_joint")
@@ -19,8 +19,9 @@ JOINTS = ("actuated_joint", "servo_joint")
 def doubts(fit: Fit, data: IOData | None, score: float | None, found: Sequence[Mode]) -> list[str]:
     """Sentences about a fit of `score` [%] on its record `data` and with the poles `found`; none about a good fit."""
     said, open_ = [], [m for m in found if not determined(m) and m.pole.imag > -1e-9]
-    poor = score is not None and not score >= GOOD and not noise_alone(fit, data)
-    if poor and score is not None:
+    # The tests of a good fit are not asked for: they take time.
+    bad = score is not None and not score >= POOR and poor(score, _tests(fit, data))
+    if bad and score is not None:
         said.append(f"Warning: the free run explains only {percent(score)} of the model's own record.")
     if not fit.stop.converged:
         call = "fit.refine(options=sysid.Options(max_iterations=500))"
@@ -31,7 +32,7 @@ def doubts(fit: Fit, data: IOData | None, score: float | None, found: Sequence[M
             f"Warning: the record does not determine how fast the pole at {which} is: the standard deviation is larger "
             "than the value."
         )
-    if poor or open_:
+    if bad or open_:
         said.append(_next(fit, data))
     return said
 
@@ -46,15 +47,14 @@ def lost(value: float, std: float) -> bool:
     return bool(np.isfinite(value) and std > abs(value))
 
 
-def noise_alone(fit: Fit, data: IOData | None) -> bool:
-    """Whether the errors are white and independent of the input: then noise limits the fit, and not the model."""
+def _tests(fit: Fit, data: IOData | None) -> ResidualTests | None:
+    """The tests of the residuals; None without a record, for a long one, and where there are no residuals."""
     if data is None or data.N > LONGEST:
-        return False
+        return None
     try:
-        tests = fit.residual_tests(data)
+        return fit.residual_tests(data)
     except InputError:
-        return False
-    return tests.white and tests.independent
+        return None
 
 
 def _next(fit: Fit, data: IOData | None) -> str:

@@ -12,7 +12,7 @@ from sysid.joint.growth import MARGIN, WORDS, Growth
 from sysid.notebook import fit as of_fit
 from sysid.notebook.figures import figure
 from sysid.plots.earned import earned
-from sysid.report.joint_words import PARTS
+from sysid.report.joint_words import bars
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,7 +56,4 @@ def plot(growth: Growth) -> Figure:
     """The parts tried, round by round."""
     if not growth.steps:
         raise InputError("no part was tried in this growth, so there is nothing to draw; see growth.fit.plot()")
-    last = 1 + max(s.round for s in growth.steps)
-    tried = [[s for s in growth.steps if s.round == k] for k in range(last)]
-    bars = [[(PARTS.get(s.part, s.part), s.earned, s.kept) for s in steps] for steps in tried]
-    return figure(earned, bars, MARGIN, say=SAY)
+    return figure(earned, bars(growth), MARGIN, say=SAY)

@@ -10,6 +10,7 @@ from sysid.channels.mapping import ChannelMap
 from sysid.channels.signals import Signals
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.advice import advise
+from sysid.diagnosis.residuals import poor
 from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
 from sysid.notebook.words import recipe_of
@@ -20,7 +21,6 @@ from sysid.workflow.identified import Identification, NextStep
 from sysid.workflow.record import Record
 from sysid.workflow.records import Plan
 
-GOOD = 80.0  # [%] in validation: the limit of `qpal identify`
 NO_VALIDATION = (
     "no validation record was given, so what is called validation here is the record of the fit itself and says "
     "nothing of new data; give one: fit.report(path, validation=other)"
@@ -52,9 +52,8 @@ def identified(fit: Fit | NlarxFit, data: IOData, validation: IOData | None) -> 
 
 def _next(e: Evaluation) -> NextStep | None:
     """The call to try next after a poor fit; None after a good one."""
-    noise_alone = e.tests is not None and e.tests.white and e.tests.independent
     if not e.fit.stop.converged:
         return NextStep("the search did not converge", "fit.refine(options=sysid.Options(max_iterations=500))")
-    if e.validation_fit >= GOOD or noise_alone:
+    if not poor(e.validation_fit, e.tests):
         return None
     return NextStep("this structure does not explain the record", "sysid.select(data, seconds=120).fit")

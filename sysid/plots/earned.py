@@ -13,17 +13,21 @@ from sysid.base.style import styled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Bar = tuple[str, float, bool]  # name of the part, fall of BIC, whether it stayed
+Bar = tuple[str, float, bool, bool]  # name of the part, fall of BIC, kept in its round, still in the final joint
 
 
 @styled
 def earned(rounds: Sequence[Sequence[Bar]], margin: float, axes: Sequence[Axes] | None = None) -> list[Axes]:
-    """One panel for each round: a bar to the right of the dashed line earned its place, and the filled one stayed."""
+    """One panel for each round: a bar to the right of the dashed line earned its place, and the filled one stayed.
+
+    A hatched bar is a part that was kept in its round and dropped at the end.
+    """
     row = style.panels(axes, 1, max(len(rounds), 1), height=2.8)
     for k, (ax, bars) in enumerate(zip(row, rounds, strict=False)):
         places = np.arange(len(bars))
-        for place, (_, fall, kept) in zip(places, bars, strict=True):
-            ax.barh(place, fall, 0.6, color=style.MODEL if kept else "none", edgecolor=style.MODEL, linewidth=1.0)
+        for place, (_, fall, kept, stayed) in zip(places, bars, strict=True):
+            colour, hatch = style.MODEL if stayed else "none", "////" if kept else ""
+            ax.barh(place, fall, 0.6, color=colour, hatch=hatch, edgecolor=style.MODEL, linewidth=1.0)
         ax.axvline(0, color=style.SECOND, linewidth=0.8)
         ax.axvline(margin, color=style.INK, linewidth=0.8, linestyle="--")
         ax.set_xscale("symlog", linthresh=10.0)

@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 
 from sysid.base.units import shown
+from sysid.joint.growth import Growth
+from sysid.joint.pruning import remaining
 from sysid.joint.values import JointValue
+from sysid.plots.earned import Bar
 from sysid.report.sections import told_once
 
 PARTS = {
@@ -37,6 +40,15 @@ SHORT = {
 def short(value: JointValue) -> str:
     """A name that fits beside a bar."""
     return SHORT.get(value.name, value.name.replace("_", " "))
+
+
+def bars(growth: Growth) -> list[list[Bar]]:
+    """Every part that was tried, round by round."""
+    found: list[list[Bar]] = [[] for _ in range(1 + max(s.round for s in growth.steps))]
+    for s in growth.steps:
+        stayed = s.kept and remaining((s.part,), growth.dropped) == (s.part,)
+        found[s.round].append((PARTS[s.part], s.earned, s.kept, stayed))
+    return found
 
 
 def groups(values: Sequence[JointValue]) -> dict[tuple[str, bool], list[JointValue]]:

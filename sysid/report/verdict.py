@@ -3,12 +3,12 @@
 import numpy as np
 
 from sysid.base.units import percent, poles, shown
+from sysid.diagnosis.residuals import poor
 from sysid.plots._departure import departure
 from sysid.report.sections import capital, model_in_words
 from sysid.report.words import tests_in_words
 from sysid.workflow.evaluation import APART, OVERFITTED, Evaluation
 from sysid.workflow.identified import Identification
-from sysid.workflow.next_step import POOR
 
 CLOSE = 90.0  # [%] fit of a free run that is close to the data
 
@@ -31,8 +31,7 @@ def no_joint(e: Evaluation) -> bool:
 
 def bad(e: Evaluation) -> bool:
     """Whether the free run misses the validation data by more than noise explains."""
-    noise_alone = e.tests is not None and e.tests.white and e.tests.independent
-    return not e.validation_fit >= POOR and not noise_alone
+    return poor(e.validation_fit, e.tests)
 
 
 def too_narrow(e: Evaluation) -> str:

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from sysid.diagnosis.finding import Advice
+from sysid.diagnosis.residuals import POOR
 from sysid.structures import Hammerstein, HammersteinWiener, OutputError, Wiener
-from sysid.workflow.next_step import POOR
 
 _CLASSES = {OutputError.name: 0, Hammerstein.name: 1, Wiener.name: 1, HammersteinWiener.name: 2}
 _RICHER = 3  # every other structure

@@ -12,13 +12,11 @@ from sysid.base.errors import InputError
 from sysid.base.files import write_text
 from sysid.base.versions import versions
 from sysid.data.record import IOData
-from sysid.diagnosis.residuals import ResidualTests
+from sysid.diagnosis.residuals import ResidualTests, poor
 from sysid.nlarx.result import NlarxFit
 from sysid.workflow.identified import NextStep
 from sysid.workflow.record import Record
 from sysid.workflow.saved import Reading, Saved, data_for, fell, load_models, remarks
-
-POOR = 80.0  # [%] below which a free run has a next step
 
 
 @dataclass(frozen=True)
@@ -173,7 +171,7 @@ def _ahead(saved: Saved, data: IOData, counts: np.ndarray, horizon: int) -> Ahea
 
 def _next(result: ModelRun, reading: Reading) -> NextStep | None:
     """A fit of the same structure to this record, where the model does not follow it."""
-    if result.percent >= POOR or (result.tests is not None and result.tests.white and result.tests.independent):
+    if not poor(result.percent, result.tests):
         return None
     structure = result.model.fit.model.structure
     words = ["qpal", "identify", reading.path, *result.record.options]

@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
+from sysid.diagnosis.residuals import POOR, poor
 from sysid.model.recipes import Recipe
 from sysid.structures import ActuatedJoint, HammersteinWiener, NonlinearArx, NonlinearStateSpace, OutputError
 from sysid.workflow.evaluation import OVERFITTED, Evaluation, ample
@@ -17,7 +18,6 @@ from sysid.workflow.gain_sign import gain_remarks
 from sysid.workflow.identified import Identification, NextStep
 from sysid.workflow.records import Plan
 
-POOR = 80.0  # [%] in validation; a fit below it that leaves more than noise should be tried again
 STARTS, MOST_STARTS = 5, 10  # with fewer, another start may find more; from the second on it rarely does
 MUCH = 0.2  # of the validation part
 SPLITS = (0.6, 0.7, 0.8)
@@ -26,19 +26,18 @@ SPLITS = (0.6, 0.7, 0.8)
 def next_step(result: Identification) -> NextStep | None:
     """The next step; None if the fit is good or the residuals are noise, and the record is what the model says.
 
-    A fit is poor below POOR in validation, unless its residuals are white and independent of the input: then noise
-    limits the fit. A better fit has a next step if its search did not converge or its residuals are coloured, except
-    for an actuated joint: its residuals are rarely white, and no other structure fits better.
+    A fit is poor in validation by `sysid.diagnosis.residuals.poor`. A better fit has a next step if its search did not
+    converge or its residuals are coloured, except for an actuated joint: its residuals are rarely white, and no other
+    structure fits better.
     """
     e = result.evaluation
-    noise_alone = e.tests is not None and e.tests.white and e.tests.independent
-    poor = (not e.validation_fit >= POOR and not noise_alone) or against_the_record(e)
+    again = poor(e.validation_fit, e.tests) or against_the_record(e)
     rules: tuple[_Rule, ...] = ()
     if e.joint is not None and not e.joint.joint:
         rules = (_no_joint,)
     elif e.outputs:
-        rules = (_unseen, _coverage, _nonlinear, _more_starts, _general) if poor else ()
-    elif poor:
+        rules = (_unseen, _coverage, _nonlinear, _more_starts, _general) if again else ()
+    elif again:
         rules = (_unseen, _ends, _delay, _focus, _coverage, _nonlinear, _more_starts, _search_structures, _other_kind)
     elif not e.fit.stop.converged:
         rules = (_more_starts,)

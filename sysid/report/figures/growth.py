@@ -5,41 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from sysid.base import style
-from sysid.base.style import styled
 from sysid.joint.growth import MARGIN
-from sysid.joint.pruning import remaining
+from sysid.plots.earned import earned
 from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
-from sysid.report.joint_words import PARTS
+from sysid.report.joint_words import bars
 from sysid.workflow.evaluation import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@styled
 def draw(e: Evaluation) -> Sequence[Axes]:
     """One panel per round, one bar per part: the reduction of BIC on a symmetric logarithmic axis."""
     assert e.growth is not None
-    steps = e.growth.steps
-    row = style.panels(None, 1, 1 + max(step.round for step in steps), height=2.8)
-    for k, ax in enumerate(row):
-        shown = [step for step in steps if step.round == k]
-        places = np.arange(len(shown))
-        for place, step in zip(places, shown, strict=True):
-            left = remaining((step.part,), e.growth.dropped) if step.kept else ()
-            colour, hatch = style.MODEL if left == (step.part,) else "none", "////" if step.kept else ""
-            ax.barh(place, step.earned, 0.6, color=colour, hatch=hatch, edgecolor=style.MODEL, linewidth=1.0)
-        ax.axvline(0, color=style.SECOND, linewidth=0.8)
-        ax.axvline(MARGIN, color=style.INK, linewidth=0.8, linestyle="--")
-        ax.set_xscale("symlog", linthresh=10.0)
-        ax.set_yticks(places, [PARTS[step.part] for step in shown])
-        ax.set(title=f"round {k + 1}", xlabel="fall of BIC")
-        ax.invert_yaxis()
-    return row
+    return earned(bars(e.growth), MARGIN)
 
 
 def caption(e: Evaluation) -> str:
