@@ -158,7 +158,7 @@ def drawings(case):
         "bode": ((responses.frequency(info),), 2),
         "close_ups": ((data, fit.simulate(data)), 2),
         "comparison": ((sysid.compare(data, fit),), 1),
-        "earned": (([[("Stribeck", 50.0, True), ("play", -3.0, False)]], 30.0), 1),
+        "earned": (([[("Stribeck", 50.0, True, True), ("play", -3.0, False, False)]], 30.0), 1),
         "fitted": ((data, fit.simulate(data), [90.0]), 2),
         "free_run": ((runs[0], runs[1], runs[1]), 4),
         "free_runs": ((runs,), 2),
