@@ -29,7 +29,7 @@ from pathlib import Path
 from executed import PACKAGES, ROOT, Map, record, tree
 from mutations import sites, spliced, variants
 
-COMPILED = re.compile(r"^\s*@(njit|jit|cfunc|vectorize|guvectorize|intrinsic)\b", re.MULTILINE)
+COMPILED = re.compile(r"^\s*@(njit|jit|cfunc|kernel|callback|vectorize|guvectorize|intrinsic)\b", re.MULTILINE)
 
 
 def mutants(path: Path, rng: random.Random, count: int) -> list[dict]:

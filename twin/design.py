@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from twin.experiment import Experiment
 from twin.imperfections import of_group
@@ -26,6 +27,7 @@ SMALLEST = 0.01  # share of a setting at which the search gives up
 STRETCHES = (1.5, 2.25, 3.4, 5.0)
 
 
+@checked(late=True)
 def fit_stroke(experiment: Experiment, where: str = "inside", margin: float = 0.05) -> Experiment:
     """`experiment` with options changed so that its joint stays inside its stroke or reaches both ends.
 

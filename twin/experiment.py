@@ -11,7 +11,9 @@ import mujoco
 import numpy as np
 
 from sysid import excitations
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
+from sysid.base.limits import STEPS
 from twin.hardware.drive import MODES
 from twin.hardware.linkage import clearance, end_angles, middle
 from twin.hardware.motor import check_rotor
@@ -32,6 +34,7 @@ SETTLE = 0.5  # [s] at rest before the record starts, for the link to lie agains
 SHORTEST = 10  # samples; a shorter record identifies nothing
 
 
+@checked(own=("parameters", "duration", "Ts"))
 @dataclass(frozen=True)
 class Experiment:
     """Drive `joint` with `excitation` for `duration` [s], sampled every `Ts` [s]; the other joints are held rigidly.
@@ -92,6 +95,8 @@ class Experiment:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) < np.inf:
                 raise InputError(f"{name} is {value!r}; give a positive number of seconds")
+        if self.duration > STEPS * TIMESTEP:
+            raise InputError(f"duration is {self.duration:g} s; give at most {STEPS * TIMESTEP:g} s, {STEPS:,} steps")
         steps = self.Ts / TIMESTEP
         if round(steps) < 1 or abs(steps - round(steps)) > 1e-6 * steps:
             raise InputError(f"Ts is {self.Ts} s; give a whole number of milliseconds, the step of the simulation")
@@ -164,6 +169,7 @@ class Experiment:
         pairs = zip(self.signals(), draws, strict=True)
         return np.column_stack([signal.generate(self.N, self.Ts, rng) for signal, rng in pairs])
 
+    @checked
     def generator(self, what: str) -> np.random.Generator:
         """The generator of the first driven joint's "excitation", "noise" or "sampling"."""
         return self._generators(what)[0]
@@ -175,6 +181,7 @@ class Experiment:
             return [np.random.default_rng(roots)]
         return [np.random.default_rng(s) for s in roots.spawn(len(JOINTS))]
 
+    @checked
     def prepare(
         self,
         model: mujoco.MjModel | None = None,
@@ -203,6 +210,7 @@ class Experiment:
             late,
         )
 
+    @checked(own=("shown",))  # NaN where MuJoCo gave up
     def record(self, run: Run, shown: np.ndarray) -> Log:
         """The log of a finished run from the board outputs (N, joints, COLUMNS)."""
         pot, clean = potentiometer(self.p, self.without), shown[:, :, slots.READING]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from twin.experiment import SETTLE, Experiment, prepared
 from twin.hardware.linkage import end_angles
@@ -20,6 +21,7 @@ QUIET = tuple(name for name in of_group("sensor") if name != "nonlinearity")
 HELD = 1e-9  # of a step: a sample that falls on the end of a simulation step belongs to the next one
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Follower:
     """The twin's `joint` under the input of `log`, which is held from sample to sample.
@@ -53,6 +55,7 @@ class Follower:
                 "resample it first"
             )
 
+    @checked(late=True)
     def readings(
         self,
         parameters: Sequence[Parameters],
@@ -73,6 +76,7 @@ class Follower:
         courses = self.courses(parameters, starts)
         return np.stack([self.at(courses[k], shift) for k, shift in zip(which, shifts, strict=True)])
 
+    @checked(late=True)
     def courses(
         self, parameters: Sequence[Parameters], starts: Sequence[float] | np.ndarray | None = None
     ) -> np.ndarray:
@@ -88,11 +92,13 @@ class Follower:
         shown, _ = attempt(prepared(experiments, commands, places), TIMESTEP, SETTLE, self.threads)
         return shown[:, :, 0, slots.READING]
 
+    @checked(late=True)
     def at(self, course: np.ndarray, shift: float = 0.0) -> np.ndarray:
         """Readings (N,) [rad] at the log's samples from one of `courses` (steps,), `shift` [s] later; the first and
         the last reading stand beyond the ends."""
         return np.interp(self.log.t - shift, np.arange(len(course)) * TIMESTEP, course)
 
+    @checked(late=True)
     def record(self, parameters: Parameters | None = None, seed: int = 1, start: float | None = None) -> Log:
         """The log that the twin itself writes under this input: with noise, ADC, jitter and lost samples of `seed`.
 

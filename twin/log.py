@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
+from sysid.channels.contradictions import other_than_stated, stated
 from sysid.channels.guess import guess
 from sysid.channels.mapping import Channel, ChannelMap, Clock
 from sysid.channels.names import REFERENCE, header
@@ -26,6 +28,7 @@ INPUTS = {"voltage": "voltage", "servo": "reference"}  # name of the input by mo
 UNITS = {"voltage": ("V",), "servo": ("V", "rad")}  # of the input
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Log:
     """A record of one joint: input u (N,) [V], measured angle y (N,) [rad], sampled every Ts [s].
@@ -66,6 +69,7 @@ class Log:
         """Unit of the input: "V", or "rad" for the reference of a servo that takes angles."""
         return str(self.meta.get("u_unit", "V"))
 
+    @checked(late=True)
     def io(self, joint: str | None = None) -> IOData:
         """Input and measured angle, ready to identify; only those of `joint` if the log has all three joints."""
         u, y = self.u, self.y
@@ -78,6 +82,7 @@ class Log:
         missing = filled if filled.any() else None
         return IOData(u, y, self.Ts, INPUTS[self.mode], "angle", self.u_unit, "rad", missing=missing)
 
+    @checked(late=True)
     def save(self, path: str | Path) -> Path:
         """Write a file whose suffix is one of `sysid.formats.WRITTEN`; no half-written file appears.
 
@@ -87,6 +92,7 @@ class Log:
         return write_table(path, _columns(self), json.dumps({**self.meta, "joint": self.joint, "Ts": self.Ts}))
 
     @staticmethod
+    @checked(late=True)
     def load(path: str | Path, mapping: MapOrFile | None = None, joint: str | None = None) -> "Log":
         """Read what `save` wrote, or any log whose input is a voltage or a reference and whose output is an angle.
 
@@ -99,6 +105,8 @@ class Log:
         meta = dict(table.meta) if table.meta.get("joint") in (*JOINTS, LEG, "") else {}
         own = _own_map(table, meta) if mapping is None else None
         if own is not None:
+            if other := other_than_stated(table, own.clock, table.numbers(TIME)):
+                raise InputError(f"{table.path}: {other}; correct the one that is wrong, or read it with a mapping")
             signals = sample(table, own)
         elif mapping is not None:
             signals = sample(table, read_map_of(mapping))
@@ -150,8 +158,8 @@ def _log(signals: Signals, meta: dict[str, Any], table: Table) -> Log:
         said |= {"filled": lost.tolist()}
     if mode != "voltage":
         said |= {"mode": mode} | ({"u_unit": u_unit} if u_unit != "V" else {})
-    stated = meta.get("Ts")
-    Ts = float(stated) if stated is not None and abs(stated - signals.Ts) <= 1e-3 * signals.Ts else signals.Ts
+    Ts = stated(table)
+    Ts = Ts if meta and Ts is not None and abs(Ts - signals.Ts) <= 1e-3 * signals.Ts else signals.Ts
     return Log(
         _joined([signal.values for signal in signals.input]),
         _joined([signal.values for signal in signals.output]),

@@ -18,8 +18,9 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.files import write_text
+from sysid.base.files import ordinary, write_text
 from twin.hardware.linkage import end_angles
 from twin.hardware.motor import check_rotor
 from twin.parameters import JOINTS, TABLE, Parameters, Row
@@ -32,6 +33,7 @@ class _DamagedError(ValueError):
     """The text does not have the format of its suffix; holds the line (0 if unknown) and the sentence."""
 
 
+@checked(late=True)
 def read(path: str | os.PathLike[str]) -> Parameters:
     """The parameters in a .toml or .json file.
 
@@ -56,6 +58,7 @@ def read(path: str | os.PathLike[str]) -> Parameters:
         raise InputError(f"{source}: {error}") from None
 
 
+@checked(late=True)
 def write(parameters: Parameters, path: str | os.PathLike[str], all: bool = False) -> Path:
     """Write the values that differ from nominal, or all of them, so that `read` gives every bit of them back.
 
@@ -93,12 +96,11 @@ def check_together(parameters: Parameters, source: str | os.PathLike[str]) -> No
 
 
 def _text(path: Path) -> str:
+    ordinary(path)
     if path.is_dir():
         raise InputError(f"{path} is a folder; give one file ({', '.join(_FORMATS)})")
     if not path.exists():
         raise InputError(f"{path} does not exist; check the name and the folder you are in")
-    if not path.is_file():
-        raise InputError(f"{path} is not a regular file; give a regular file")
     try:
         with path.open("rb") as file:
             raw = file.read(LARGEST + 1)

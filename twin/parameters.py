@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from twin.declared import GUESS, Row
 from twin.imperfections import TABLE as IMPERFECTIONS
@@ -241,6 +242,7 @@ _ROWS = {row.name: row for row in (*_ROWS_IN_ORDER, *_of(*IMPERFECTIONS))}
 TABLE: tuple[Row, ...] = tuple(_ROWS.values())
 
 
+@checked(own=("values",))
 @dataclass(frozen=True)
 class Parameters:
     """Values of the physical parameters in SI, nominal where not given.
@@ -268,6 +270,7 @@ class Parameters:
     def __getitem__(self, name: str) -> float:
         return self.values[name]
 
+    @checked(late=True)
     def switched_off(self, without: Collection[str]) -> Mapping[str, float]:
         """The values of a leg without the imperfections `without`; these are ideal and may be outside bounds."""
         ideal: dict[str, float] = {}
@@ -276,6 +279,7 @@ class Parameters:
                 ideal |= {row.replace("JOINT", joint): value for joint in JOINTS}
         return {**self.values, **ideal}
 
+    @checked(late=True)
     def replace(self, changes: Mapping[str, float]) -> "Parameters":
         """The same parameters with some values changed."""
         return Parameters({**self.values, **changes})

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from twin.imperfections import IMPERFECTIONS
 from twin.parameters import Parameters
@@ -20,6 +21,7 @@ NO_SWITCH = 1e9  # [rad]: a servo without end stops turns on
 GEAR = 288.4  # of an XL330-M288-T; only the rotor's inertia at the output counts
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Pendulum:
     """`mass` [kg] at `length` [m] on a servo's horn; angle 0 hangs down.
@@ -69,6 +71,7 @@ class Pendulum:
             }
         )
 
+    @checked(late=True)
     def replace(self, **changes: float) -> "Pendulum":
         """The same pendulum with some values changed; raises InputError for an unknown name."""
         known = [field.name for field in fields(self)]
@@ -78,6 +81,7 @@ class Pendulum:
         return replace(self, **changes)
 
 
+@checked(late=True)
 def respond(
     pendulums: Sequence[Pendulum],
     u: np.ndarray,

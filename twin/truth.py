@@ -7,6 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.base.json_values import plain
 from twin.hardware.drive import MODES, drive
@@ -73,6 +74,7 @@ class Truth:
         return plain(asdict(self))
 
 
+@checked(own=("Ts",))
 def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mode: str = "voltage") -> Truth:
     """The truth about `joint` sampled every `Ts` [s]; raises InputError for an invalid joint, Ts or mode."""
     check_joint(joint)

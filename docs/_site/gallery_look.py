@@ -2,7 +2,7 @@
 
 import matplotlib as mpl
 
-from sysid.base.style import RC
+from sysid.base.looks import RC
 
 
 def apply(gallery_conf: dict, fname: str) -> None:

@@ -104,7 +104,12 @@ def fit_percent(y: np.ndarray, yhat: np.ndarray) -> float:
 
     A constant y has no scale: the fit is then 100 if yhat equals it and -inf otherwise.
     """
-    error, spread = float(np.linalg.norm(y - yhat)), float(np.linalg.norm(y - y.mean()))
+    apart = y - y.mean()
+    # The squares of very small or large numbers are 0 or infinite; a power of two changes no other digit.
+    unit = 2.0 ** np.floor(np.log2(np.abs(apart).max(initial=0.0) or 1.0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = float(np.linalg.norm((y - yhat) / unit))
+    spread = float(np.linalg.norm(apart / unit))
     if not np.isfinite(error):
         return -np.inf
     if spread == 0.0:

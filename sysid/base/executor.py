@@ -1,5 +1,6 @@
 """The one executor: independent jobs on local cores by joblib, or on a Dask cluster by its scheduler's address."""
 
+import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from time import monotonic, sleep
@@ -7,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from sysid.base.errors import InputError
 from sysid.base.modules import facades_by_name
+from sysid.base.parents import end_with, interrupts_wait
 from sysid.base.threads import available
 
 if TYPE_CHECKING:
@@ -58,7 +60,11 @@ def _on_cores(function: Callable[[J], R], jobs: Sequence[J], count: int) -> Iter
     # would end there and the results would never come.
     warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
     tasks = (delayed(_numbered)(function, k, job) for k, job in enumerate(jobs))
-    yield from Parallel(n_jobs=count, return_as="generator_unordered")(tasks)
+    with interrupts_wait():
+        found = Parallel(n_jobs=count, return_as="generator_unordered", initializer=end_with, initargs=(os.getpid(),))(
+            tasks
+        )
+    yield from found
 
 
 def _numbered(function: Callable[[Any], R], k: int, job: Any) -> tuple[int, R]:

@@ -1,33 +1,68 @@
 """Files written whole or not at all, and files of lines that survive a kill."""
 
+import errno
 import os
-import tempfile
+import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO
 
 from sysid.base.errors import InputError
+from sysid.base.leftovers import beside, sweep_once
+
+_SPECIAL = {
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+_NAMES = {errno.ENAMETOOLONG: "is too long for a name of a file", errno.ELOOP: "is a link to itself"}
+
+
+def ordinary(path: str | os.PathLike[str]) -> Path:
+    """`path`, if it is a regular file, a folder or missing, so that opening it neither waits nor reads without end.
+
+    Raises InputError for a pipe, a socket, a device or a link to one, for a name that no file can have, and for one
+    that is not text, since no report could show it.
+    """
+    found = Path(path)
+    name = ascii(str(path)) if len(str(path)) <= 100 else f"{str(path)[:100]!a}..."
+    if not str(path).isprintable():
+        try:
+            str(path).encode()
+        except UnicodeEncodeError:
+            raise InputError(f"the name {name} is not UTF-8 text; rename the file") from None
+        if "\0" in str(path):
+            raise InputError(f"the name {name} holds a zero byte; give the name of a file")
+    try:
+        kind = _SPECIAL.get(stat.S_IFMT(found.stat().st_mode))
+    except OSError as error:
+        if error.errno in (errno.ENOENT, errno.ENOTDIR):
+            return found
+        why = _NAMES.get(error.errno or 0, f"cannot be read ({error.strerror})")
+        raise InputError(f"{name} {why}; give the name of a file that you may read") from None
+    if kind:
+        raise InputError(f"{found} is {kind}, not a regular file; copy the data to a file and give that")
+    return found
 
 
 @contextmanager
 def whole_file(path: str | os.PathLike) -> Iterator[Path]:
     """A temporary name beside `path` with the same suffix for the block to write to; at its end it becomes `path`.
 
-    A reader never sees half a file, and a block that fails leaves no file. Raises the OSError if the folder or disk
-    cannot be written to, so that the caller can name the cause.
+    What killed processes left in that folder goes first (see `sysid.base.leftovers`). A reader never sees half a file,
+    and a block that fails leaves no file. Raises the OSError if the folder or disk cannot be written to, so that the
+    caller can name the cause.
     """
     target = Path(path)
-    handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent)
-    os.close(handle)
-    temporary = Path(name)
+    sweep_once(target.parent)
+    temporary = beside(target)
     try:
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         yield temporary
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
-        # mkstemp gives 0600; a file from open() follows the user's umask.
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
         os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
@@ -48,6 +83,16 @@ def write_text(path: str | os.PathLike, text: str) -> Path:
     return target
 
 
+@contextmanager
+def _alone(file: IO[bytes]) -> Iterator[None]:
+    """No other process is within this for the same file, on a system that has such locks."""
+    with suppress(OSError, ImportError):  # a file system without locks, or Windows
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX)  # until the file is closed
+    yield
+
+
 class Lines:
     """A text file that grows line by line. Each line is appended in one write and flushed to the disk. A kill
     damages at most the last line, which is left out on reading and removed before the next line is appended.
@@ -59,13 +104,13 @@ class Lines:
 
     def read(self) -> list[str]:
         """The complete lines; none if there is no file."""
-        if not self.path.exists():
+        if not ordinary(self.path).exists():
             return []
-        return self._whole().decode("utf-8").splitlines()
+        return [line.decode("utf-8", "replace") for line in self._whole().split(b"\n")[:-1]]
 
     def append(self, line: str) -> None:
         """Appends one line. Raises OSError if it cannot be written."""
-        with self.path.open("ab") as file:
+        with ordinary(self.path).open("ab") as file, _alone(file):
             if not self._mended:
                 file.truncate(len(self._whole()))
                 self._mended = True

@@ -6,6 +6,7 @@ from numbers import Integral, Real
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from sysid.base.limits import MOST, SAMPLES, SECONDS, check_steps
 
 # Settings for a plant that crosses its range in about 2 s ("fast") and for one that takes about 6 s ("slow").
 Paces = Mapping[str, Mapping[str, float | str]]
@@ -17,9 +18,11 @@ def check(owner: str, positive: dict[str, float], finite: dict[str, float] | Non
     for name, value in positive.items():
         if not _number(value) or not 0 < value < np.inf:
             raise InputError(f"{name} of {owner} is {value!r}; give a number above 0")
+        _check_size(owner, name, value)
     for name, value in (finite or {}).items():
         if not _number(value) or not np.isfinite(value):
             raise InputError(f"{name} of {owner} is {value!r}; give a finite number")
+        _check_size(owner, name, value)
 
 
 def check_from_zero(owner: str, values: dict[str, float]) -> None:
@@ -27,6 +30,7 @@ def check_from_zero(owner: str, values: dict[str, float]) -> None:
     for name, value in values.items():
         if not _number(value) or not 0 <= value < np.inf:
             raise InputError(f"{name} of {owner} is {value!r}; give a number of at least 0")
+        _check_size(owner, name, value)
 
 
 def check_whole(owner: str, name: str, value: float, lowest: int, highest: int) -> None:
@@ -42,7 +46,11 @@ def check_name(owner: str, name: str, value: str, allowed: Iterable[str]) -> Non
 
 
 def samples(owner: str, name: str, seconds: float, Ts: float) -> int:
-    """`seconds` as the nearest whole number of samples of Ts [s]; raises InputError if that is less than one."""
+    """`seconds` as the nearest whole number of samples of Ts [s]; raises InputError if that is less than one.
+
+    A period is computed as a whole, so it may not be longer than a record may be.
+    """
+    check_steps(f"{name} of {owner}", seconds / Ts, SAMPLES if name == "period" else MOST)
     count = round(seconds / Ts)
     if count < 1:
         raise InputError(f"{name} of {owner} is {seconds:g} s, less than one sample of {Ts:g} s; give {Ts:g} s or more")
@@ -77,6 +85,12 @@ def half_way(u: np.ndarray) -> np.ndarray:
     total = np.cumsum(u - u.mean()) - (u - u.mean())
     distance = np.abs(total - (total.min() + total.max()) / 2)
     return np.flatnonzero(distance <= max(distance.min(), np.abs(u).max() / 2))
+
+
+def _check_size(owner: str, name: str, value: float) -> None:
+    """Raises InputError for a setting that no clock and no amplifier has."""
+    if abs(value) > SECONDS:
+        raise InputError(f"{name} of {owner} is {value!r}; give a number up to {SECONDS:g}")
 
 
 def _number(value: object) -> bool:

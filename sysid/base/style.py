@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable, Sequence
 from functools import wraps
 from itertools import pairwise
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.looks import house_look
 from sysid.base.windows import DPI, new_figure
 
 if TYPE_CHECKING:
@@ -26,33 +28,9 @@ INPUT = "#2f6f8f"
 SECOND = "#7a8794"  # bounds, references, the part that is not looked at
 BOUND = "#dbe7ee"  # the area within which nothing is to be seen
 
-RC: Any = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],  # travels with matplotlib: the same letters on every machine
-    "font.size": 9.0,
-    "axes.titlesize": 9.5,
-    "axes.titlelocation": "left",
-    "axes.titleweight": "bold",
-    "axes.titlecolor": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": "#9aa5b1",
-    "axes.linewidth": 0.8,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": "#e4e7eb",
-    "grid.linewidth": 0.7,
-    "xtick.color": "#52606d",
-    "ytick.color": "#52606d",
-    "legend.frameon": False,
-    "legend.fontsize": 8.5,
-    "lines.linewidth": 1.3,
-    "lines.solid_capstyle": "round",
-    "figure.facecolor": "white",
-    "agg.path.chunksize": 20000,
-}
 WIDTH = 8.0  # [inch]
+_UNNAMED = re.compile(r"_child\d+$|_nolegend_$|_container\d+$|_nolabel_$|_collection\d+$|_line\d+$")  # matplotlib's own
+LONGEST = 120  # letters of a line of a label
 POINTS = 4000  # a line gets at most about this many: more than the picture has pixels
 
 
@@ -61,9 +39,7 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> R:
-        from matplotlib import rc_context
-
-        with rc_context(RC):
+        with house_look():
             return draw(*args, **kwargs)
 
     return drawn
@@ -89,25 +65,41 @@ def panels(
 
 def png(drawn: Figure | Axes | Sequence[Axes]) -> bytes:
     """A figure, or the one in which these axes stand, as PNG."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    with house_look():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     figure: Any = drawn[0] if isinstance(drawn, Sequence) else drawn
     if not hasattr(figure, "savefig"):
         figure = figure.figure
     buffer = io.BytesIO()
-    with rc_context(RC):
+    with house_look():
+        _shorten(figure)
         FigureCanvasAgg(figure)
         figure.savefig(buffer, format="png", dpi=DPI)
     return buffer.getvalue()
 
 
+def _shorten(figure: Any) -> None:
+    """Labels that are too long for a figure lose their end: a channel may have a name of hundreds of letters."""
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        words = [axes.title, axes._left_title, axes._right_title, axes.xaxis.label, axes.yaxis.label]
+        for text in [*words, *(legend.get_texts() if legend is not None else ())]:
+            if max(map(len, text.get_text().split("\n"))) > LONGEST:
+                text.set_text("\n".join(_short(line) for line in text.get_text().split("\n")))
+
+
+def _short(words: str) -> str:
+    return words if len(words) <= LONGEST else f"{words[: LONGEST - 1]}…"
+
+
 def image_png(rgb: np.ndarray) -> bytes:
     """An image (height, width, 3) of uint8 as PNG."""
-    from matplotlib.image import imsave
-
     buffer = io.BytesIO()
-    imsave(buffer, rgb, format="png")
+    with house_look():
+        from matplotlib.image import imsave
+
+        imsave(buffer, rgb, format="png")
     return buffer.getvalue()
 
 
@@ -136,4 +128,8 @@ def thin(x: np.ndarray, y: np.ndarray, points: int = POINTS) -> tuple[np.ndarray
 
 def legend(axes: Axes, **kwargs) -> None:
     """A legend above the axes on the right, where it covers no data."""
+    for artist in axes.get_children():
+        name = str(artist.get_label())
+        if name.startswith("_") and not _UNNAMED.match(name):  # a channel: matplotlib hides what begins so
+            artist.set_label(f"\u200b{name}")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1, handlelength=1.6, **kwargs)

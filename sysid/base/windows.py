@@ -15,6 +15,8 @@ from contextvars import ContextVar
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from sysid.base.looks import house_look, load
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -34,6 +36,7 @@ def for_a_person() -> Iterator[None]:
 
 def new_figure(**options: Any) -> Figure:
     """An empty figure; `options` are matplotlib's."""
+    load()
     from matplotlib import figure
 
     if not _ASKED.get():
@@ -52,7 +55,8 @@ def _sheet() -> type[Figure]:
 
     def picture(self: Figure) -> bytes:
         buffer = io.BytesIO()
-        self.savefig(buffer, format="png", dpi=DPI)  # through the canvas that it has: a window stays one
+        with house_look():
+            self.savefig(buffer, format="png", dpi=DPI)  # through the canvas that it has: a window stays one
         return buffer.getvalue()
 
     body = {"_repr_png_": picture, "__module__": __name__, "__doc__": "A figure that shows itself in a notebook."}

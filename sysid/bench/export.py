@@ -23,9 +23,7 @@ def export(task: Task, folder: str | Path) -> Path:
     Ts [s], drop, unit, orders, and the file and length of each record. truth.json, for a known plant: standard
     deviation of the noise, poles in z, structure, parameters by name. Raises InputError for a folder that is in use.
     """
-    where = Path(folder)
-    if where.exists() and (not where.is_dir() or any(where.iterdir())):
-        raise InputError(f"{where} is not empty; give a new folder")
+    where = check_empty(folder)
     try:
         where.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -39,6 +37,14 @@ def export(task: Task, folder: str | Path) -> Path:
     _json(where / "scenario.json", known | {"published": dict(task.published)} | files)
     if task.truth is not None:
         _json(where / "truth.json", _truth(task))
+    return where
+
+
+def check_empty(folder: str | Path) -> Path:
+    """The folder, which is new or empty; raises InputError for one that is in use."""
+    where = Path(folder)
+    if where.exists() and (not where.is_dir() or any(where.iterdir())):
+        raise InputError(f"{where} is not empty; give a new folder")
     return where
 
 

@@ -5,7 +5,6 @@ import json
 import os
 import signal
 import subprocess
-import tempfile
 import time
 import zipfile
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.leftovers import scratch
 from sysid.bench.environments import Environment
 from sysid.bench.method import LIMIT, Outcome, Tests
 from sysid.bench.task import Task
@@ -50,8 +50,7 @@ class Outside:
         """See `Method`. Its clock starts after its imports; at `LIMIT` times the budget it is killed."""
         try:
             python = self.environment.python()
-            with tempfile.TemporaryDirectory(prefix="qpal-") as name:
-                folder = Path(name)
+            with scratch() as folder:
                 _write(folder / "data.npz", task, tests, seconds, seed)
                 status, took = self._run(python, folder, seconds)
                 return Outcome(status, seconds=took) if status else _read(folder, tests)
@@ -63,7 +62,15 @@ class Outside:
     def _run(self, python: Path, folder: Path, seconds: float) -> tuple[str, float]:
         """Run the worker to its end; a sentence if it did not reach one, and the seconds that it then took."""
         worker = Path(__file__).with_name("worker.py")
-        command = [str(python), "-P", str(worker), str(Path(self.path).resolve()), str(folder), self.package]
+        command = [
+            str(python),
+            "-P",
+            str(worker),
+            str(Path(self.path).resolve()),
+            str(folder),
+            self.package,
+            str(os.getpid()),
+        ]
         with (folder / "said").open("wb") as said:
             process = subprocess.Popen(
                 command,

@@ -1,12 +1,13 @@
 """The results table: one Parquet file, and a journal beside it that takes each row at once.
 
 A row goes to the journal when its cell ends. Now and then, and at the end, the journal is merged into the Parquet file.
-A kill at any moment leaves both readable: a row that is in both counts once.
+A kill at any moment leaves both readable: a row that is in both counts once. Each row has a check sum: one that was
+changed, or that is there twice with other values, is refused when the table is read, and run again when it goes on.
 """
 
 import json
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,14 @@ from typing import Any
 import polars as pl
 
 from sysid.base.errors import InputError
-from sysid.base.files import Lines, whole_file
+from sysid.base.files import Lines, ordinary, whole_file
+from sysid.base.lock import held
+from sysid.base.parquet import DamagedError
+from sysid.base.parquet import read as whole
+from sysid.base.sealed import CHECK, DAMAGED, check_sum, opened, sealed
 from sysid.bench.columns import COLUMNS, KEY
 
+BELONGS = "qpal bench"  # what a row is part of, for its check sum
 EVERY = 2000  # rows of the journal before they are merged
 
 
@@ -29,29 +35,37 @@ class Table:
             raise InputError(f"the table is {self.path}; give it a name that ends in .parquet")
         self._journal = Lines(self.path.with_suffix(".journal"))
         self._waiting = 0
+        self.notes: tuple[str, ...] = ()
 
     def rows(self) -> pl.DataFrame:
-        """All rows, the newest of each key. Raises InputError if there is no table or it is another program's."""
-        parts = []
+        """All rows, the newest of each key.
+
+        Raises InputError if there is no table, if it is another program's, and if a row is not what was written.
+        """
+        rows, bad = self._held()
+        if bad:
+            raise InputError(
+                f"{bad[0]} and is damaged, or was changed since ({len(bad)} in all); the same qpal bench run --out "
+                f"{self.path} runs it again"
+            )
+        if rows is None:
+            raise InputError(f"there are no results in {self.path}; run them first: qpal bench run --out {self.path}")
+        return rows
+
+    def _held(self) -> tuple[pl.DataFrame | None, list[str]]:
+        """The rows that hold, the newest of each key, and which do not: what stands where."""
+        parts, bad = [], []
+        new, lines = journal(self._journal.read())  # first: what is merged meanwhile is in the file then
         if self.path.is_file():
-            parts.append(_parquet(self.path))
-        new = self._new()
+            found, at = parquet(self.path)
+            parts.append(found)
+            bad += [f"row {k + 1} of {self.path} does not hold its check sum" for k in at]
         if new:
             parts.append(pl.DataFrame(new, schema=COLUMNS))
+        bad += [f"line {k + 1} of {self._journal.path} is no row that holds" for k in lines]
         if not parts:
-            raise InputError(f"there are no results in {self.path}; run them first: qpal bench run --out {self.path}")
-        return pl.concat(parts).unique(list(KEY), keep="last", maintain_order=True)
-
-    def _new(self) -> list[dict[str, Any]]:
-        """Rows of the journal."""
-        try:
-            rows = [json.loads(line) for line in self._journal.read()]
-            if any(row[name] is None for row in rows for name in KEY):
-                raise ValueError("a row without a key")
-        except (ValueError, KeyError, TypeError) as error:
-            where = self._journal.path
-            raise InputError(f"{where} is damaged ({error}); remove the line, or the file, and run again") from None
-        return rows
+            return None, bad
+        return pl.concat(parts).unique(list(KEY), keep="last", maintain_order=True), bad
 
     def done(self, but: Collection[str] = ()) -> set[tuple[str, str, int]]:
         """Keys of the rows that are there, but for those whose status begins so."""
@@ -66,15 +80,28 @@ class Table:
     def writing(self) -> Iterator["Table"]:
         """The right to add rows, for one process at a time; the journal is merged at the end."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        with _locked(self.path.with_suffix(".lock")):
+        with held(self.path, self._taken):
+            self._mend()
             try:
                 yield self
             finally:
                 self.merge()
 
+    def _taken(self, who: str) -> str:
+        return f"another run writes to {self.path} ({who}); give this one another --out, or wait until that one ends"
+
+    def _mend(self) -> None:
+        """Rows that do not hold leave the table, so that they are run again; `notes` says so."""
+        rows, bad = self._held()
+        if bad:
+            self.notes = (f"{bad[0]}; it and {len(bad) - 1} more are run again",)
+            self._replace(pl.DataFrame(schema=COLUMNS) if rows is None else rows)
+        else:
+            self.merge()
+
     def add(self, row: dict[str, Any]) -> None:
         """One row, on the disk when this returns."""
-        self._journal.append(json.dumps({name: row[name] for name in COLUMNS}))
+        self._journal.append(json.dumps(sealed({name: row[name] for name in COLUMNS}, BELONGS)))
         self._waiting += 1
         if self._waiting >= EVERY:
             self.merge()
@@ -82,22 +109,26 @@ class Table:
     def merge(self) -> None:
         """The journal into the Parquet file, which is replaced whole before the journal goes."""
         self._waiting = 0
-        if not self._journal.read():
-            return
+        if self._journal.read():
+            self._replace(self.rows())
+
+    def _replace(self, rows: pl.DataFrame) -> None:
         try:
-            write(self.rows(), self.path)
+            write(rows, self.path)
         except (OSError, pl.exceptions.PolarsError) as error:
             raise InputError(
                 f"{self.path} cannot be written ({str(error).splitlines()[0]}); the rows are kept in "
                 f"{self._journal.path}: free some space and run again"
             ) from None
-        self._journal.path.unlink()
+        self._journal.path.unlink(missing_ok=True)
 
 
 def write(rows: pl.DataFrame, path: Path) -> None:
-    """The table as a Parquet file, whole or not at all."""
+    """The table as a Parquet file, whole or not at all, with a check sum in each row."""
+    ordered = rows.sort(KEY).select(list(COLUMNS))
+    sums = pl.Series(CHECK, _sums(ordered), dtype=pl.String)
     with whole_file(path) as temporary:
-        rows.sort(KEY).write_parquet(temporary)
+        ordered.with_columns(sums).write_parquet(temporary.absolute())
 
 
 def read(path: str | os.PathLike) -> pl.DataFrame:
@@ -105,28 +136,45 @@ def read(path: str | os.PathLike) -> pl.DataFrame:
     return Table(path).rows()
 
 
-def _parquet(path: Path) -> pl.DataFrame:
+def parquet(path: Path) -> tuple[pl.DataFrame, list[int]]:
+    """The rows of a Parquet file that hold, and the numbers of those that do not; none of an older version's."""
     try:
-        found = pl.read_parquet(path)
-    except (pl.exceptions.PolarsError, OSError) as error:
+        found = whole(ordinary(path))
+    except (DamagedError, OSError) as error:
         raise InputError(f"{path} is no results table ({error}); choose another file") from None
     missing = [name for name in COLUMNS if name not in found.columns]
     if missing:
         raise InputError(f"{path} has no column {missing[0]}; it is not a results table of this version")
-    return found.select([pl.col(name).cast(kind) for name, kind in COLUMNS.items()])
+    rows = found.select([pl.col(name).cast(kind) for name, kind in COLUMNS.items()])
+    if CHECK not in found.columns:
+        return rows, []
+    twice = rows.select(pl.struct(KEY).is_duplicated().alias("twice"))["twice"].to_list()
+    right = [own == given for own, given in zip(_sums(rows), found[CHECK].to_list(), strict=True)]
+    good = [held and not again for held, again in zip(right, twice, strict=True)]
+    return rows.filter(pl.Series(good, dtype=pl.Boolean)), [k for k, each in enumerate(good) if not each]
 
 
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Holds the file `path` alone. A lock of a killed process is free again, since the system releases it."""
-    import fcntl
+def journal(lines: Sequence[str]) -> tuple[list[dict[str, Any]], list[int]]:
+    """The rows of a journal that hold, and the numbers of the lines that do not.
 
-    with path.open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise InputError(
-                f"another run writes to {path.with_suffix('.parquet')}; give this one another --out"
-            ) from None
-        yield
-        path.unlink(missing_ok=True)
+    Rows of an older version have no check sum; beside rows that have one they are no rows. Of a key that is there twice
+    with other values, no row counts.
+    """
+    read = [opened(line, BELONGS) for line in lines]
+    old = all(trouble for _, trouble in read)
+    sums: dict[tuple[Any, ...], str] = {}
+    rows, bad, twice = {}, [], set()
+    for k, (row, trouble) in enumerate(read):
+        if trouble == DAMAGED or (trouble and not old) or any(row.get(name) is None for name in KEY):
+            bad.append(k)
+            continue
+        key = tuple(row[name] for name in KEY)
+        if sums.setdefault(key, own := check_sum(row, BELONGS)) != own and not old:
+            twice.add(key)
+        rows[k] = key, row
+    bad += [k for k, (key, _) in rows.items() if key in twice]
+    return [row for key, row in rows.values() if key not in twice], sorted(bad)
+
+
+def _sums(rows: pl.DataFrame) -> list[str]:
+    return [check_sum(row, BELONGS) for row in rows.iter_rows(named=True)]

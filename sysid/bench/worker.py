@@ -1,4 +1,4 @@
-"""Runs a method file in a process of its own: `python worker.py METHOD FOLDER`, with numpy alone.
+"""Runs a method file in a process of its own: `python worker.py METHOD FOLDER PACKAGE PARENT`, with numpy alone.
 
 FOLDER holds data.npz (see `sysid.bench.outside`). The worker writes `began` when the clock starts, then runs.npz and
 done.json: details, seconds of the fit [s], peak memory [MiB], version; or a sentence in `status`.
@@ -92,21 +92,23 @@ def plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
-def end_with_parent() -> None:
-    """Leave when the process that started this one is gone, so that nothing runs on after a kill."""
-    parent = os.getppid()
+def end_with_parent(parent: int) -> None:
+    """Leave when process `parent`, which started this one, is gone, so that nothing runs on after a kill."""
+
+    if os.name != "posix":  # Python itself may stand between the two
+        parent = os.getppid()
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(1.0)
+            time.sleep(0.5)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
 
 
-def main(method: str, folder: str, package: str) -> int:
-    """Exit status 0 with a result or a sentence in done.json."""
-    end_with_parent()
+def main(method: str, folder: str, package: str, parent: str) -> int:
+    """Exit status 0 with a result or a sentence in done.json; `parent` is the process that started this one."""
+    end_with_parent(int(parent))
     where = Path(folder)
     try:
         found = work(Path(method), where, package)

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,6 +41,13 @@ class Symmetry:
     in_shift: float | np.ndarray = 0.0
     out_scale: float | np.ndarray = 0.0
     out_shift: float | np.ndarray = 0.0
+
+
+class Law(NamedTuple):
+    """A block in other units, see `Block.law`: itself there, and M (p, p): its theta here is M times theta there."""
+
+    block: "Block"
+    M: np.ndarray
 
 
 # Runs a block on consecutive pieces of a record: y (n,) of a piece x (n,), whose J (n, P) it overwrites.
@@ -98,6 +106,14 @@ class Block(ABC):
     def scaled(self, u: np.ndarray | None, y: np.ndarray | None) -> "Block":
         """This block on the scale of a record's input u (N, nu) and output y (N, ny), None where it meets neither."""
         return self
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        """This block for an input x' = x / a (a (inputs,)) and an output y' = y / b (b (outputs,)).
+
+        a and b are powers of two or their negatives, so that nothing is rounded. None if the block cannot be in such
+        units, or if its numbers are physical ones.
+        """
+        return None
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         """The block's symmetries at theta."""

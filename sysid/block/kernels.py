@@ -1,10 +1,11 @@
 """Compiled loops over samples. Compiled at first call, never at import, and cached on disk."""
 
 import numpy as np
-from numba import njit
+
+from sysid.base.compiled import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def filter_tangent(b, f, c, w, x, J, q):
     """x_t = sum b_i w_{t-i} - sum f_j x_{t-j} + c_t, and the same filter over columns 0..q-1 of J, in place.
 
@@ -16,7 +17,7 @@ def filter_tangent(b, f, c, w, x, J, q):
     filter_piece(b, f, c, 0, w, x, J, q, np.zeros(n + 1), np.zeros((n + 1, q)))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def filter_piece(b, f, c, first, w, x, J, q, s, S):
     """`filter_tangent` on samples `first`.. of a record, from the states s (n+1,) and S (n+1, q), which it moves on."""
     N, n = w.shape[0], f.shape[0]
@@ -34,7 +35,7 @@ def filter_piece(b, f, c, first, w, x, J, q, s, S):
             J[t, j] = dv
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def all_pole(f, x, y):
     """y_t = x_t - sum f_j y_{t-j}: x (N,) through 1/F into y (N,)."""
     n = f.shape[0]
@@ -45,7 +46,7 @@ def all_pole(f, x, y):
         y[t] = v
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def all_pole_after(f, x, y, past):
     """The same into y (past + N,) after its first `past` entries, the outputs before x (N,), at least as many as f."""
     n = f.shape[0]
@@ -56,14 +57,14 @@ def all_pole_after(f, x, y, past):
         y[past + t] = v
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lagged(g, lag, sign, J, column):
     """Column of J (N, P) becomes sign times g (N,) delayed by `lag` samples, zeros before."""
     for t in range(g.shape[0]):
         J[t, column] = sign * g[t - lag] if t >= lag else 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def piecewise_linear(kx, ky, x, y, slope, J, q, own):
     """Interpolation through knots (kx, ky) sorted by kx, end slopes extended; own Jacobian columns from q if `own`.
 
@@ -86,7 +87,7 @@ def piecewise_linear(kx, ky, x, y, slope, J, q, own):
             J[t, q + n + i + 1] = r
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sigmoid_network(theta, x, y, slope, J, q, own):
     """y0 + L x + sum s_k f(b_k x + c_k), f(z) = 1/(1 + e^-z); theta = y0, L, s (n,), b (n,), c (n,)."""
     n = (theta.shape[0] - 2) // 3
@@ -109,7 +110,7 @@ def sigmoid_network(theta, x, y, slope, J, q, own):
             J[t, q + 1] = x[t]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def scale_columns(J, q, slope):
     """Columns 0..q-1 of J (N, P) times slope (N,): the chain rule through a static map."""
     for t in range(slope.shape[0]):

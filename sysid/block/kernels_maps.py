@@ -1,10 +1,11 @@
 """Compiled loops of the wavelet network and of splines. Compiled at first call, never at import, and cached on disk."""
 
 import numpy as np
-from numba import njit
+
+from sysid.base.compiled import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def wavelet_network(theta, wavelets, x, y, slope, J, q, own):
     """y0 + L x + sum s_k g_k(b_k (x - c_k)), theta = y0, L, s (n,), b (n,), c (n,).
 
@@ -36,7 +37,7 @@ def wavelet_network(theta, wavelets, x, y, slope, J, q, own):
             J[t, q + 1] = x[t]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def spline(pieces, lo, hi, v, x, y, slope, J, q, own, ends):
     """y = sum_i v_i phi_i(r), r = (x - lo)/(hi - lo); phi_i goes on as a straight line outside [0, 1].
 

@@ -1,10 +1,11 @@
 """Compiled loops of the nonlinear state space. Compiled at first call, never at import, and cached on disk."""
 
 import numpy as np
-from numba import njit
+
+from sysid.base.compiled import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def features(x, u, W, V, b, b0, powers, f, g):
     """f (m,) at a state x (nx,) and an input u (nu,), and the slope g (units,) of each tanh; b0 = tanh(b)."""
     units, nx, nu = W.shape[0], x.shape[0], u.shape[0]
@@ -25,7 +26,7 @@ def features(x, u, W, V, b, b0, powers, f, g):
         f[units + k] = v
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def feature_slopes(x, u, W, V, g, powers, fx, fu):
     """df/dx (m, nx) and df/du (m, nu)."""
     units, nx, nu = W.shape[0], x.shape[0], u.shape[0]
@@ -47,7 +48,7 @@ def feature_slopes(x, u, W, V, g, powers, fx, fu):
                 fu[units + k, i - nx] = v
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def run(A, B, C, D, d, E, F, W, V, b, powers, x0, U, Y):
     """Outputs Y (N, ny) for inputs U (N, nu); nan from the sample on at which the state is not finite any more."""
     N, nx, m, nu, ny = U.shape[0], A.shape[0], E.shape[1], U.shape[1], Y.shape[1]
@@ -82,7 +83,7 @@ def run(A, B, C, D, d, E, F, W, V, b, powers, x0, U, Y):
         x, new = new, x
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def run_tangent(A, B, C, D, d, E, F, W, V, b, powers, x0, U, dU, Y, J, q, p, outer, inner):
     """`run` with the tangent J (ny, N, P): dU (nu, N, >= q) in columns 0..q-1, own parameters in q..q+p-1.
 

@@ -4,10 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Block, Slot, StaticBlock, Symmetry
+from sysid.block.block import Block, Law, Slot, StaticBlock, Symmetry
+from sysid.block.units import joined
 
 
+@checked
 @dataclass(frozen=True)
 class Channels(Block):
     """maps[i] applies to channel i; parameters are named '1.x1', '2.x1', ..."""
@@ -50,6 +53,13 @@ class Channels(Block):
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         return np.concatenate([m.vary(theta[part], rng) for part, m in self.parts()])
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        laws = [m.law(a[[i]], b[[i]]) for i, m in enumerate(self.maps)]
+        known = [own for own in laws if own is not None]
+        if len(known) < len(laws):
+            return None
+        return Law(replace(self, maps=tuple(own.block for own in known)), joined(*(own.M for own in known)))  # type: ignore[misc]
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         found = []

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
 from sysid.block.step import sign
@@ -49,6 +50,7 @@ def fly(s, p):
         left -= span
 
 
+@checked
 @dataclass(frozen=True)
 class CoastingPlay(Recursion):
     """y is from x - width / 2 to x + width / 2; between these limits v' = -(pull0 + pull1 y) - drag sign v.

@@ -1,14 +1,16 @@
 """Cubic spline on equally spaced knots, natural or monotone, with linear extrapolation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Slot, StaticBlock, Symmetry
+from sysid.block.block import Law, Slot, StaticBlock, Symmetry
 from sysid.block.compiler.recursion import Written
+from sysid.block.units import in_order, joined
 from sysid.block.writing import Writer
 
 
@@ -42,6 +44,7 @@ def cubics(lo: float, hi: float, c: np.ndarray, w: Writer) -> list[str]:
     return w.pieces(edges, curves)
 
 
+@checked
 @dataclass(frozen=True)
 class CubicSpline(Written, StaticBlock):
     """Twice differentiable curve over [lo, hi] with `knots` equally spaced knots, continued by its end tangents.
@@ -116,6 +119,22 @@ class CubicSpline(Written, StaticBlock):
         if self.monotone:
             return np.concatenate([ends, [lo], np.full(self.knots + 1, hi - lo)])
         return np.concatenate([ends, np.linspace(lo, hi, self.knots)])
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        turned, n = bool(a[0] < 0.0), self.knots
+        span = None
+        if self.span is not None:
+            low, high = sorted(float(end / a[0]) for end in self.span)
+            span = (low, high)
+        ends = np.eye(0) if self.span is not None else in_order(a[0], 2, turned)
+        if not self.monotone:
+            return Law(replace(self, span=span), joined(ends, in_order(b[0], n, turned)))
+        if a[0] * b[0] < 0.0:
+            return None  # it rises in any units
+        M = joined(b[:, None], in_order(abs(b[0]), n + 1, turned))
+        if turned:  # y0 is the curve at the other end
+            M[0, 1:] = b[0] * self.pieces[-1].sum(axis=0)[1:]
+        return Law(replace(self, span=span), joined(ends, M))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         lo, hi, v = self._ends(theta)

@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Law, Slot, Symmetry
 from sysid.block.compiler.recursion import Map
+from sysid.block.units import in_order, joined
 from sysid.block.writing import Writer
 
 
@@ -52,6 +53,10 @@ class DeadZoneSaturation(Map):
         middle = 0.0 if lo + 0.1 * span < 0.0 < hi - 0.1 * span else 0.5 * (lo + hi)
         dead, margin = 0.02 * span, 0.05 * span
         return np.array([lo + margin, middle - dead, middle + dead, lo + span - margin, 1.0, 1.0])
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        turned = bool(a[0] < 0.0)
+        return Law(self, joined(in_order(a[0], 4, turned), in_order(b[0] / a[0], 2, turned)))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         break_points, gains = np.repeat([1.0, 0.0], [4, 2]), np.repeat([0.0, 1.0], [4, 2])

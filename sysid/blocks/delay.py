@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.block.block import Piecewise, Slot, Symmetry
 from sysid.block.compiler.recursion import Recursion
 from sysid.block.step import ago, floor
@@ -18,6 +19,7 @@ def step(s, x, p):
     return (1.0 - late) * ago(x, whole) + late * ago(x, whole + 1)
 
 
+@checked
 @dataclass(frozen=True)
 class Delay(Recursion):
     """y at time t - delay [samples], by linear interpolation; before the record the first sample holds.

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Slot, Symmetry
 from sysid.block.compiler import source
@@ -20,6 +21,7 @@ from sysid.blocks.custom import redundant
 _PROBE = 400  # samples
 
 
+@checked(own=("lower", "upper"))
 @dataclass(frozen=True)
 class Dynamic(Recursion):
     """A user's step, made with `dynamic`, which describes the allowed language. It consists of text and numbers.
@@ -109,6 +111,7 @@ class Dynamic(Recursion):
         return wide
 
 
+@checked(late=True)
 def dynamic(
     step: Callable | str,
     parameters: Mapping[str, float | Sequence[float]],

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import Slot, Symmetry
 from sysid.block.compiler.recursion import Recursion
@@ -28,6 +29,7 @@ def step(s, x, p, block):
     return y
 
 
+@checked
 @dataclass(frozen=True)
 class FrictionLag(Recursion):
     """v' = gain u - drag v - friction tanh(v / onset), time in samples.

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Slot, Symmetry
 from sysid.block.compiler.recursion import Recursion
@@ -111,6 +112,7 @@ def load_midway(s, target, h, held, p, block):
     return load_at(min(max(s.position + half, p.lower), p.upper), p, block)
 
 
+@checked
 @dataclass(frozen=True)
 class Motor(Recursion):
     """lag v' + v = gain (u - L(x) - F sign v), x' = v, with or without end stops; time in samples, x in strokes.

@@ -5,9 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Slot, StaticBlock, Symmetry
+from sysid.block.block import Law, Slot, StaticBlock, Symmetry
 from sysid.block.compiler.recursion import Written
+from sysid.block.units import in_order, joined
 from sysid.block.writing import Writer
 
 _GAP = 0.01  # of the knots' span: nearer knots make a jump, and its slope says nothing beyond it
@@ -28,6 +30,7 @@ def value(x, p, block):
     return line(x, p, block)
 
 
+@checked
 @dataclass(frozen=True)
 class PiecewiseLinear(Written, StaticBlock):
     """Straight lines between `knots` break points (x_i, y_i), both free; 10 by default, as in the toolbox.
@@ -125,6 +128,14 @@ class PiecewiseLinear(Written, StaticBlock):
             widest = int(np.argmax(np.diff(fine)))
             fine = np.insert(fine, widest + 1, 0.5 * (fine[widest] + fine[widest + 1]))
         return np.concatenate([fine, np.interp(fine, x, y)])
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        turned, n = bool(a[0] < 0.0), self.knots
+        places = np.sort(np.array(self.at) / a[0])
+        M = in_order(b[0], n, turned)
+        if self.free_knots:
+            M = joined(in_order(a[0], n, turned), M)
+        return Law(replace(self, at=tuple(places.tolist())), M)
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         zero, one = np.zeros(self.knots), np.ones(self.knots)

@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Law, Slot, Symmetry
 from sysid.block.compiler.recursion import Map
 from sysid.block.writing import Writer
 
@@ -18,6 +19,7 @@ def value(x, p, block):
     return y
 
 
+@checked
 @dataclass(frozen=True)
 class Polynomial(Map):
     """y = c1 x^n + ... + cn x + c(n+1).
@@ -44,6 +46,9 @@ class Polynomial(Map):
         theta = np.zeros(self.degree + 1)
         theta[-2] = 1.0
         return theta
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        return Law(self, np.diag(b[0] / a[0] ** np.arange(self.degree, -1.0, -1.0)))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         powers = np.arange(self.degree, -1, -1)

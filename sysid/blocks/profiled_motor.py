@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import Slot, Symmetry
 from sysid.block.compiler.recursion import Recursion
@@ -91,6 +92,7 @@ def level(row, i, j, share):
     return row[i] + share * (row[j] - row[i])
 
 
+@checked
 @dataclass(frozen=True)
 class ProfiledMotor(Recursion):
     """inertia x'' = u - drag x' - friction: time in samples, x in the unit of the output, all forces in volts.

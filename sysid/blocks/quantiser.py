@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Map
@@ -15,6 +16,7 @@ def value(x, p, block):
     return block.step * floor(x / block.step + 0.5)
 
 
+@checked
 @dataclass(frozen=True)
 class Quantiser(Map):
     """y = the multiple of `step` that is nearest to x, the upper one of two.

@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Law, Slot, Symmetry
 from sysid.block.compiler.recursion import Map
+from sysid.block.units import in_order
 
 
 def value(x, p):
@@ -31,6 +32,9 @@ class Saturation(Map):
         lo, hi = float(x.min()), float(x.max())
         margin = 0.05 * (hi - lo)
         return np.array([lo + margin, hi - margin])
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        return Law(self, in_order(a[0], 2, bool(a[0] < 0.0))) if a[0] == b[0] else None
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         return [

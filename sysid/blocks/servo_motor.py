@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Slot, Symmetry
 from sysid.block.step import ago, floor
@@ -50,6 +51,7 @@ def drive(s, goal, h, p, block):
         stretch(s, w, h / block.shares, p, block)
 
 
+@checked
 @dataclass(frozen=True)
 class ServoMotor(Motor):
     """`Motor` driven by w = clip(kp e - kd v + i, -limit, limit) with the error e = goal - x, i' = ki e.

@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Law, Slot, Symmetry
 from sysid.block.compiler.recursion import Map
 from sysid.block.step import logistic
 from sysid.block.writing import Writer
@@ -19,6 +20,7 @@ def value(x, p, block):
     return y
 
 
+@checked
 @dataclass(frozen=True)
 class SigmoidNetwork(Map):
     """y = y0 + L x + sum_k s_k f(b_k x + c_k), f(z) = 1/(1 + e^-z), k = 1..units (10 by default).
@@ -59,6 +61,10 @@ class SigmoidNetwork(Map):
         centre = lo + width * (np.arange(self.units) + 0.5)
         b = np.full(self.units, 4.0 / width)
         return np.concatenate([[0.0, 1.0], np.zeros(self.units), b, -b * centre])
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        n = self.units
+        return Law(self, np.diag(np.repeat([b[0], b[0] / a[0], b[0], 1.0 / a[0], 1.0], [1, 1, n, n, n])))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         n = self.units

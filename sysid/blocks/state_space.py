@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Block, Slot, Symmetry
+from sysid.block.block import Block, Law, Slot, Symmetry
 from sysid.block.writing import Code, Writer
 from sysid.blocks import _state_space_text as text
 
@@ -33,6 +34,7 @@ class Matrices(NamedTuple):
     x0: np.ndarray  # (nx,)
 
 
+@checked
 @dataclass(frozen=True)
 class StateSpace(Block):
     """x(t+1) = A x + B v + E f(x, v), z = C x + D v + d + F f(x, v), with v and z the scaled input and output.
@@ -277,6 +279,13 @@ class StateSpace(Block):
         )
         net = np.r_[self.places["E"].start : self.places["b"].stop]
         return theta[net] / spread, np.eye(len(theta))[net] / spread[:, None]
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        """The parameters belong to the scaled signals: only the scales change, if the block has any."""
+        u0, us, y0, ys = self.scales()
+        here = {"u_centre": u0 / a, "u_scale": us / a, "y_centre": y0 / b, "y_scale": ys / b}
+        there = replace(self, **{name: tuple(values.tolist()) for name, values in here.items()})  # type: ignore[arg-type]
+        return Law(there, np.eye(self.n_parameters))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         """The coordinates of the state; gain and offset of each output; gain of each input that has no centre."""

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Block, Piecewise, Slot, Symmetry
+from sysid.block.block import Block, Law, Piecewise, Slot, Symmetry
 from sysid.block.writing import Code, Writer, number
 
 _CLUSTER = 1e-6  # a double integrator's computed poles stand about this far from 1, inside or outside
@@ -13,6 +14,7 @@ _NOTHING = 1e-200  # smaller remnants of an initial state become zero: denormal 
 STABILITY = ("stable", "free")
 
 
+@checked(own=("nb", "nf", "nk"))
 @dataclass(frozen=True)
 class TransferFunction(Block):
     """x_t + f1 x_{t-1} + ... + f_nf x_{t-nf} = b0 w_{t-nk} + ... + b_{nb-1} w_{t-nk-nb+1} + x0_t.
@@ -178,6 +180,10 @@ return y"""
         theta = np.zeros(self.n_parameters)
         theta[0] = 1.0
         return theta
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        n = self.n_parameters - self.nb - self.nf
+        return Law(self, np.diag(np.repeat([b[0] / a[0], 1.0, b[0]], [self.nb, self.nf, n])))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         b, _, x0 = self.split(theta)

@@ -4,11 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Block, Slot, Symmetry
+from sysid.block.block import Block, Law, Slot, Symmetry
+from sysid.block.units import joined
 from sysid.blocks.transfer_function import TransferFunction
 
 
+@checked
 @dataclass(frozen=True)
 class TransferMatrix(Block):
     """x_j = sum_i B_ji/F_ji w_i; entries[j][i] leads from input i to output j. Parameters are named '1,2.b0', ...
@@ -76,6 +79,10 @@ class TransferMatrix(Block):
         for part, entry in self.parts():
             M[part, part] = entry.basis()
         return M
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        laws = [entry.law(a[[i]], b[[j]]) for j, i, entry in self._flat()]
+        return Law(self, joined(*(own.M for own in laws if own is not None)))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         """Gains and offsets of each input and output, over all entries connected to it."""

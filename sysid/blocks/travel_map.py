@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import Slot, StaticBlock, Symmetry
 from sysid.block.compiler.recursion import Written
@@ -22,6 +23,7 @@ def value(x, p, block):
     return p.low + p.way * line(x, p, block)
 
 
+@checked
 @dataclass(frozen=True)
 class TravelMap(Written, StaticBlock):
     """y = low + (high - low) s(x) with s(0) = 0, s(1) = 1 and s increasing, piecewise linear on `knots` equal steps.

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Law, Slot, Symmetry
 from sysid.block.compiler.recursion import Map
 
 
@@ -27,6 +27,9 @@ class UnitGain(Map):
 
     def start(self, x: np.ndarray) -> np.ndarray:
         return np.empty(0)
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        return Law(self, np.eye(0)) if a[0] == b[0] else None
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         none = np.empty(0)

@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Law, Slot, Symmetry
 from sysid.block.compiler.recursion import Map
 from sysid.block.step import exp
 from sysid.block.writing import Writer
@@ -23,6 +24,7 @@ def value(x, p, block):
     return y
 
 
+@checked
 @dataclass(frozen=True)
 class WaveletNetwork(Map):
     """y = y0 + L x + sum_k s_k g_k(b_k (x - c_k)): wavelets g = (1 - z^2) e^(-z^2/2), scaling functions g = e^(-z^2/2).
@@ -78,6 +80,10 @@ class WaveletNetwork(Map):
             centres.append(lo + span * (np.arange(n) + 0.5) / max(n, 1))
             widths.append(np.full(n, n / span))
         return np.concatenate([[0.0, 1.0], np.zeros(self.units), *widths, *centres])
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        n = self.units
+        return Law(self, np.diag(np.repeat([b[0], b[0] / a[0], b[0], 1.0 / a[0], a[0]], [1, 1, n, n, n])))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         n = self.units

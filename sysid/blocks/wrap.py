@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Map
@@ -15,6 +16,7 @@ def value(x, p, block):
     return x - block.turn * floor((x - block.low) / block.turn)
 
 
+@checked
 @dataclass(frozen=True)
 class Wrap(Map):
     """y = x less the whole turns, from `low` to `low` + `turn`, as an absolute encoder shows an angle.

@@ -9,6 +9,8 @@ from pydantic import BaseModel, ValidationError
 from sysid.base.errors import InputError
 
 Where = tuple[str | int, ...]
+MANY = 20  # names in a message
+LONG = 60  # letters of a name in a message
 
 
 class MappingError(InputError):
@@ -61,10 +63,20 @@ def closest(name: str, allowed: Sequence[str]) -> str:
     """The remedy for an unknown name: the ones most like it first, then all if they are few."""
     near = get_close_matches(name, allowed, n=3, cutoff=0.5)
     near += [each for each in allowed if each.lower() == name.lower() and each not in near]
-    all_of_them = f"choose one of {', '.join(allowed)}" if len(allowed) <= 20 else ""
-    return "; ".join(filter(None, [f"the closest is {' or '.join(map(repr, near))}" if near else "", all_of_them])) or (
-        f"choose one of {', '.join(allowed[:20])} and {len(allowed) - 20} more"
-    )
+    all_of_them = f"choose one of {listed(allowed)}" if len(allowed) <= MANY else ""
+    nearest = f"the closest is {' or '.join(repr(brief(each)) for each in near)}" if near else ""
+    return "; ".join(filter(None, [nearest, all_of_them])) or f"choose one of {listed(allowed)}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names for a message: the first of many, and the beginnings of long ones."""
+    more = f" and {len(names) - MANY} more" if len(names) > MANY else ""
+    return ", ".join(brief(name) for name in names[:MANY]) + more
+
+
+def brief(name: str) -> str:
+    """A name, or the beginning of a long one."""
+    return name if len(name) <= LONG else name[: LONG - 3] + "..."
 
 
 def shown(value: Any) -> str:

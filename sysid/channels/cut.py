@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from sysid.channels.mapping import ChannelMap
 from sysid.channels.stamps import read_stamps
 from sysid.channels.values import numbers
 from sysid.data.missing import runs
-from sysid.data.table import Table
+from sysid.data.table import Table, Texts
 
 
 def cut(table: Table, mapping: ChannelMap) -> tuple[Table, str]:
@@ -49,11 +50,15 @@ def kept(table: Table, keep: np.ndarray) -> Table:
     chosen = np.flatnonzero(keep)
     whole = [j for j, cells in enumerate(table.columns) if len(cells) == len(keep)]
     columns = tuple(_picked(table.columns[j], chosen) for j in whole)
-    rows = tuple(np.asarray(table.rows[j])[chosen].tolist() for j in whole)
+    same = {id(table.rows[j]): table.rows[j] for j in whole}  # most files have one for all columns
+    taken = {key: np.asarray(each)[chosen] for key, each in same.items()}
+    rows: tuple[Any, ...] = tuple(taken[id(table.rows[j])] for j in whole)
     return replace(table, names=tuple(table.names[j] for j in whole), columns=columns, rows=rows)
 
 
 def _picked(cells: Sequence[str] | np.ndarray, chosen: np.ndarray) -> Sequence[str] | np.ndarray:
+    if isinstance(cells, Texts):
+        return cells.taken(chosen)
     return cells[chosen] if isinstance(cells, np.ndarray) else [cells[k] for k in chosen.tolist()]
 
 

@@ -7,6 +7,8 @@ import numpy as np
 COARSE = 0.4  # of a step: a last digit above it cannot tell a lost sample from rounding
 LONG = 1.5  # times the usual step: samples are lost
 ROUNDED = 1.3  # last digits over which rounded stamps of a uniform clock spread about a straight line (1 in theory)
+SPARSE = 100.0  # middle steps: a longer one is a gap however often there is one
+MOST = 2.0**40  # steps in a gap: a longer one is refused alike, and sums of these are whole numbers
 RELIABLE = 0.45  # of a step by which stamps may be off a grid before their sample numbers are uncertain
 
 
@@ -41,7 +43,8 @@ def find_grid(t: np.ndarray, resolution: float, jitter: float, Ts: float | None 
     steps = np.diff(t)
     median = float(np.median(steps))
     near = Ts if Ts is not None and abs(Ts - median) <= max(0.01 * median, resolution) else None
-    single = steps[np.abs(steps - median) <= max(1.01 * resolution, 0.01 * median)]
+    alike = _distance(steps, median) <= max(1.01 * resolution, 0.01 * median)
+    single = steps if alike.all() else steps[alike]
     step = near or (float(single.mean()) if len(single) else median)
     rounding = 0.0 if resolution >= COARSE * step else resolution
     if near is None and resolution >= COARSE * step and _is_rounded(t, steps, median, jitter):
@@ -51,18 +54,18 @@ def find_grid(t: np.ndarray, resolution: float, jitter: float, Ts: float | None 
         index, step = numbers
         m = np.diff(index)
         off = _off(t, index, step)
-        by_steps = np.all(np.abs(steps - m * step) <= jitter * step)
+        by_steps = np.all(_distance(steps, m * step) <= jitter * step)
         allowed = max(2.0 * jitter * step, ROUNDED * rounding, ROUNDED * resolution if near else 0.0)
-        if by_steps or np.ptp(t - step * index) <= allowed:
+        if by_steps or 2.0 * off <= allowed:
             exact = near or _exact(t, index, step, max(rounding, 2.0 * off))
             gaps = np.flatnonzero(m > 1)
             return Grid(exact, int(index[-1]) + 1, index, np.column_stack([gaps, m[gaps] - 1]), median, off)
         if off < RELIABLE * step:
             median = step
     fine = near or (Ts / max(1, round(Ts / median)) if Ts is not None else three_digits(median))
-    usual = max(float(np.percentile(steps, 95)), fine)
+    usual = max(min(float(np.percentile(steps, 95)), SPARSE * median), fine)
     gaps = np.flatnonzero(steps > LONG * usual)
-    lost = np.maximum(np.rint(steps[gaps] / usual).astype(int) - 1, 1)
+    lost = np.maximum(np.minimum(np.rint(steps[gaps] / usual), MOST).astype(int) - 1, 1)
     N = int((t[-1] - t[0]) / fine * (1.0 + 1e-12) + 1e-6) + 1
     off = _off(t, np.rint((t - t[0]) / fine), fine)
     return Grid(fine, N, None, np.column_stack([gaps, lost]), float(np.median(steps)), off)
@@ -84,11 +87,11 @@ def _is_rounded(t: np.ndarray, steps: np.ndarray, median: float, jitter: float) 
 
 def _numbers(t: np.ndarray, steps: np.ndarray, step: float, given: bool) -> tuple[np.ndarray, float] | None:
     """Sample number of each stamp (n,), and the step [s]; None if two stamps would have one number."""
-    if not given and np.all(np.abs(steps - step) < 0.25 * step):  # most logs: none is lost, and memory is saved
+    if not given and np.all(_distance(steps, step) < 0.25 * step):  # most logs: none is lost, and memory is saved
         index = np.arange(len(t))
         return index, _slope(index, t)
     for _ in range(3):
-        m = np.rint(steps / step).astype(np.int64)
+        m = np.minimum(np.rint(steps / step), MOST).astype(np.int64)
         if m.min() < 1:
             return None
         index = np.concatenate([[0], np.cumsum(m)])
@@ -110,8 +113,15 @@ def _slope(index: np.ndarray, t: np.ndarray) -> float:
 
 
 def _off(t: np.ndarray, index: np.ndarray, step: float) -> float:
-    left = t - step * index
+    left = step * index
+    np.subtract(t, left, out=left)
     return float(0.5 * np.ptp(left))
+
+
+def _distance(values: np.ndarray, others: np.ndarray | float) -> np.ndarray:
+    """|values - others| in one array, since a long record has few to spare."""
+    found = np.subtract(values, others)
+    return np.abs(found, out=found)
 
 
 def _exact(t: np.ndarray, index: np.ndarray, step: float, spread: float) -> float:

@@ -4,13 +4,27 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.channels.complaints import listed
+from sysid.channels.contradictions import other_than_stated, stated, two_units, why_not_stated
 from sysid.channels.guess_clock import ClockGuess, clock_of, guess_clock
 from sysid.channels.looks import Look, looks
 from sysid.channels.mapping import Channel, ChannelMap, Clock
-from sysid.channels.names import ASIDE, COUNTERS, INPUT, NEVER, OUTPUT, REFERENCE, label, unit_text
+from sysid.channels.names import (
+    ASIDE,
+    COUNTERS,
+    INPUT,
+    INPUT_TOO,
+    NEVER,
+    OUTPUT,
+    OUTPUT_TOO,
+    REFERENCE,
+    header,
+    is_numbered,
+    label,
+    unit_text,
+)
 from sysid.channels.units import COUNTS, convert, seconds
 from sysid.channels.values import numbers
 from sysid.data.table import Table
@@ -56,6 +70,7 @@ class Given:
     more: Mapping[str, tuple[str, ...]] | None = None
 
 
+@checked
 def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Guess:
     """Clock, input and output of a table, or of the file at this path, by names, units and numbers, as far as they are
     not `given`.
@@ -67,7 +82,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
         table = read_table(table)
     columns = looks(table)
     if not columns:
-        raise InputError(f"{table.path}: no column holds numbers; found {', '.join(table.names) or 'none'}")
+        raise InputError(f"{table.path}: no column holds numbers; found {listed(table.names) or 'none'}")
     more = given.more or {}
     for name in (given.input, given.output, given.time, *(name for names in more.values() for name in names)):
         if name is not None and name not in columns:
@@ -78,6 +93,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     rest = {name: look for name, look in columns.items() if name not in (clock.column, timed.aside)}
     if given.input is None and given.output is None:
         picked = _pair(table, rest, why, unclear)
+        _say_text(table, columns, picked, unclear)
     else:
         picked = {role: columns.get(getattr(given, role) or "") for role in ("input", "output")}
         _say_missing(table, picked, columns, unclear)
@@ -92,6 +108,8 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
                 name = label(Channel(column=look.name), role, unit)
                 channels[role].append(Channel(column=look.name, unit=unit, name=name))
                 _say_unit(role, look, unit, why, remarks)
+                if apart := two_units(look):
+                    unclear.append(f"{apart}; say which as unit of [[{role}]] in a mapping")
     mapping = ChannelMap(clock=clock, input=tuple(channels["input"]), output=tuple(channels["output"]))
     return Guess(mapping, tuple(why), tuple(unclear), remarks)
 
@@ -102,14 +120,19 @@ def _clock(table: Table, columns: Mapping[str, Look], given: Given) -> ClockGues
             clock, why = clock_of(columns[given.time], given.time_unit)
         except InputError as error:
             raise InputError(f"{table.path}: {error}") from None
-        return ClockGuess(clock, why)
+        other = other_than_stated(table, clock, columns[given.time].values)
+        return ClockGuess(clock, [*why, f"{other}: the column is used, as given"] if other else why)
     timed = guess_clock(columns)
     if given.Ts is not None:
         note = _other_step(timed, columns, given.Ts) if not timed.unclear else []
         aside = timed.clock.column if timed.clock is not None and len(columns) > 2 else ""
         return ClockGuess(Clock(Ts=given.Ts), note, aside=aside)
-    if timed.clock is None and (Ts := _stated(table)) is not None:
-        return ClockGuess(Clock(Ts=Ts), [f"the sampling time is {Ts:g} s: the file says so"])
+    if timed.clock is None and (Ts := stated(table)) is not None:
+        unclear = [why_not] if (why_not := why_not_stated(Ts, table, columns)) else []
+        return ClockGuess(Clock(Ts=Ts), [f"the sampling time is {Ts:g} s: the file says so"], unclear)
+    if timed.clock is not None and not timed.unclear:
+        other = other_than_stated(table, timed.clock, columns[timed.clock.column].values)
+        timed.unclear += [f"{other}; say which with --ts, or with --time {timed.clock.column!r}"] if other else []
     if timed.clock is None:
         timed.unclear.append(
             "no sampling time is given; give it with --ts SECONDS or name a time column with --time (no column is a "
@@ -138,9 +161,23 @@ def _say_missing(
         still = [name for name, look in columns.items() if look.constant]
         which = f"; {' and '.join(still)} never {'changes' if len(still) == 1 else 'change'}" if still else ""
         unclear.append(
-            f"found {len(table.names)} columns ({', '.join(table.names)}){which}; name one with {wanted}, "
+            f"found {len(table.names)} columns ({listed(table.names)}){which}; name one with {wanted}, "
             "or in the mapping file of --map"
         )
+
+
+def _say_text(table: Table, columns: Mapping[str, Look], picked: Mapping[str, Look | None], unclear: list[str]) -> None:
+    """A column called u or y that holds no numbers is not passed over for another one."""
+    for name, cells in zip(table.names, table.columns, strict=True):
+        words = header(name, table.units.get(name, "")).words
+        for role, look in picked.items():
+            strong = look is not None and look.header.words <= STRONG[role]
+            if name not in columns and words and words <= STRONG[role] and not strong:
+                unclear.insert(
+                    0,
+                    f"column {name!r} is the {role} by its name, but most of its cells are no numbers (the first is "
+                    f"{str(cells[0] if len(cells) else '')[:40]!r}); correct them, or name another with --{role}",
+                )
 
 
 def _pair(table: Table, rest: Mapping[str, Look], why: list[str], unclear: list[str]) -> dict[str, Look | None]:
@@ -152,6 +189,8 @@ def _pair(table: Table, rest: Mapping[str, Look], why: list[str], unclear: list[
     if len(table.names) == 2 and len(rest) == 2:
         first, second = rest.values()
         turned = found["input"] is second or found["output"] is first
+        if not unclear and found["input"] is found["output"] is None:
+            turned = _is_turned(first, second, unclear)
         if not unclear and (found["input"] is None or found["input"] is not found["output"]):
             pair = (second, first) if turned else (first, second)
             why[:] = [f"read column {pair[0].name!r} as the input and {pair[1].name!r} as the output"]
@@ -163,6 +202,18 @@ def _pair(table: Table, rest: Mapping[str, Look], why: list[str], unclear: list[
             found[role] = _left_over(role, found[other], rest, why)
     _say_missing(table, found, rest, unclear)
     return found
+
+
+def _is_turned(first: Look, second: Look, unclear: list[str]) -> bool:
+    """Whether two columns whose names are no usual ones stand as output, input; what is a toss-up is unclear."""
+    into, out = ([look.header.has(words) for look in (first, second)] for words in (INPUT_TOO, OUTPUT_TOO))
+    votes = (out[0] - into[0]) - (out[1] - into[1])
+    if votes == 0 and not (is_numbered(first.name) and is_numbered(second.name)):
+        unclear.append(
+            f"the names {first.name!r} and {second.name!r} do not say which is the input; name one with --input and "
+            "one with --output"
+        )
+    return votes > 0
 
 
 def _candidates(rest: Mapping[str, Look], role: str) -> list[Look]:
@@ -228,14 +279,6 @@ def _left_over(role: str, taken: Look | None, rest: Mapping[str, Look], why: lis
         return None
     why.append(f"column {others[0].name!r} is the {role}: it is the only other one")
     return others[0]
-
-
-def _stated(table: Table) -> float | None:
-    """The sampling time [s] in what the writer said of the record."""
-    value = table.meta.get("Ts")
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return None
-    return float(value) if np.isfinite(value) and value > 0 else None
 
 
 def _say_unit(role: str, look: Look, unit: str, why: list[str], remarks: dict[str, str]) -> None:

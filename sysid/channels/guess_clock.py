@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.channels.contradictions import is_time, two_units, written_unit
 from sysid.channels.looks import Look
 from sysid.channels.mapping import Bits, Clock
 from sysid.channels.names import ASIDE, CLOCK, COUNTERS, INPUT, NEVER, OUTPUT, REFERENCE, UNIT_OF_CLOCK
@@ -73,7 +74,10 @@ def describe(look: Look, found: ClockGuess) -> None:
 def clock_of(look: Look, unit: str | None = None) -> tuple[Clock, list[str]]:
     """The clock of a named column, and why it is read so. Raises InputError if its unit is unclear."""
     if unit is not None:
-        return Clock(column=look.name, unit=unit, wrap=_wrap(look)), []
+        own, given = look.header.unit or written_unit(look), Clock(column=look.name, unit=unit, wrap=_wrap(look))
+        differs = is_time(own) and convert(own).factor != convert(unit).factor
+        said = f"column {look.name!r} is the clock, in {unit} as given; its header names {own}"
+        return given, [said] if differs else []
     found = ClockGuess()
     describe(look, found)
     if found.unclear:
@@ -84,11 +88,13 @@ def clock_of(look: Look, unit: str | None = None) -> tuple[Clock, list[str]]:
 
 def _named(columns: Mapping[str, Look]) -> list[Look]:
     """Columns that are clocks by name or by unit, and rise."""
-    if OWN in columns:
-        return [columns[OWN]]
     rising = [look for look in columns.values() if not look.constant and (look.rises or _wrap(look))]
     by_name = [look for look in rising if look.header.has(CLOCK) or look.header.base.lower() in CLOCK]
     by_unit = [look for look in rising if look not in by_name and convert(look.header.unit).is_time]
+    if OWN in columns:  # of others only those that say another time beyond doubt
+        own = columns[OWN]
+        steps = [(look, look.step * convert(_unit(look)[0] or "").factor) for look in by_name if look.header.unit]
+        return [own, *(look for look, step in steps if abs(step - own.step) > 0.01 * own.step)]
     return by_name or by_unit
 
 
@@ -127,11 +133,20 @@ def _by_numbers(columns: Mapping[str, Look], found: ClockGuess) -> None:
 
 def _unit(look: Look) -> tuple[str | None, str]:
     """The unit of a clock and why, or None and what is unclear."""
+    if apart := two_units(look):
+        return None, f"{apart}; say which with --time {look.name!r} --time-unit, or as unit of [clock] in a mapping"
     if look.header.unit:
         if convert(look.header.unit).is_time:
             return look.header.unit, "its header says so"
         return None, f"column {look.name!r} may be the clock, but its unit {look.header.unit!r} is no unit of time"
     words = [UNIT_OF_CLOCK[word] for word in look.header.words if word in UNIT_OF_CLOCK]
+    if text := written_unit(look):
+        if is_time(text):
+            return text, "its header says so"
+        return None, (
+            f"column {look.name!r} may be the clock, but {text!r} is no unit of time (s, ms, us, ns, min, h); say "
+            f"which with --time {look.name!r} --time-unit, or as unit of [clock] in a mapping"
+        )
     if words:
         return words[0], "its name says so"
     largest, step = float(np.abs(look.finite).max()), look.step

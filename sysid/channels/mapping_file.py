@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from sysid.base.errors import InputError
-from sysid.base.files import write_text
+from sysid.base.files import ordinary, write_text
 from sysid.channels.complaints import Where, complaint
 from sysid.channels.mapping import ROLES, Adc, Channel, ChannelMap
 
@@ -101,6 +101,7 @@ def _toml(value: Any) -> str:
 
 
 def _text(path: Path) -> str:
+    ordinary(path)
     if path.is_dir():
         raise InputError(f"{path} is a folder; give one file (.toml)")
     if not path.exists():

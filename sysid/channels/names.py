@@ -32,6 +32,12 @@ OUTPUT |= {"out", "winkel"}
 NEVER = {"true", "error", "err", "std", "sigma", "var", "residual", "enable", "enabled", "flag", "state", "status"}
 ASIDE = {"speed", "velocity", "vel", "omega", "rate", "acceleration", "acc", "accel", "temp", "temperature", "load"}
 ASIDE |= {"current", "torque", "supply", "vin", "vbat", "battery", "vcc", "vdd", "power", "effort", "gyro"}
+# Of a file of two columns these say which is which; among more columns they may mean something else.
+INPUT_TOO = {"inputs", "uin", "excitation", "excite", "stimulus", "drive", "actuator", "actuation", "torque", "force"}
+INPUT_TOO |= {"current", "load", "power", "effort", "cmds", "commands", "eingang", "spannung", "stellwert", "sollwert"}
+OUTPUT_TOO = {"outputs", "yout", "uout", "response", "measured", "measurement", "meas", "sensor", "reading", "speed"}
+OUTPUT_TOO |= {"velocity", "vel", "omega", "rate", "acceleration", "acc", "accel", "gyro", "temp", "temperature"}
+OUTPUT_TOO |= {"displacement", "ausgang", "messwert", "istwert", "lage", "drehzahl", "angles", "positions"}
 
 
 @dataclass(frozen=True)
@@ -64,6 +70,11 @@ def header(name: str, unit: str = "") -> Header:
 def _spelled(unit: str) -> str:
     """A pattern for the unit as it may stand in a name: rad/s as rad_s."""
     return "[/_]".join(map(re.escape, unit.split("/")))
+
+
+def is_numbered(name: str) -> bool:
+    """Whether a column has no name of its own: 1, 2, or M:1, M:2 of a matrix M."""
+    return name.rpartition(":")[2].isdigit()
 
 
 def label(channel: Channel, role: str, unit: str = "") -> str:

@@ -3,6 +3,7 @@
 import os
 from typing import Literal
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ChannelMap, Range, Repair
@@ -15,6 +16,7 @@ from sysid.formats import read_table
 Mapping = ChannelMap | str | os.PathLike[str]
 
 
+@checked
 def read_signals(path: str | os.PathLike[str], mapping: Mapping | None = None) -> Signals:
     """The record in the file at `path`: its channels in SI, by role, sampled uniformly.
 

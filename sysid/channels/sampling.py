@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.channels.contradictions import with_header_units
 from sysid.channels.cut import cut, kept
 from sysid.channels.gaps import check_gaps
 from sysid.channels.grid import LONG, Grid, find_grid
@@ -12,7 +13,7 @@ from sysid.channels.mapping import ROLES, Channel, ChannelMap, Range
 from sysid.channels.names import label
 from sysid.channels.rates import at
 from sysid.channels.signals import Sampling, Signal, Signals
-from sysid.channels.stamps import Stamps, read_stamps
+from sysid.channels.stamps import Stamps, read_stamps, taken
 from sysid.channels.values import channel_values, numbers
 from sysid.data.missing import fill as filled
 from sysid.data.missing import runs
@@ -34,6 +35,8 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     Raises InputError that names file, row and column for what the mapping's repairs do not cover.
     """
     _check_mapping(table, mapping)
+    mapping, said = with_header_units(table, mapping)
+    notes = (*notes, *said)
     if mapping.range != Range():
         table, note = cut(table, mapping)
         notes = (*notes, note)
@@ -153,7 +156,7 @@ def _gathered(values: np.ndarray, rows: _Rows, mapping: ChannelMap) -> np.ndarra
     """One value for each stamp: of the first of its rows, or their mean."""
     stamps = rows.stamps
     if stamps is None or mapping.repair.duplicates != "mean" or not stamps.duplicates:
-        return values[rows.rows]
+        return taken(values, rows.rows)
     member = stamps.group >= 0
     group, kept = stamps.group[member], values[member]
     known = np.isfinite(kept)

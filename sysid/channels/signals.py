@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.channels.mapping import ROLES, ChannelMap
 from sysid.data.record import IOData
@@ -74,6 +75,7 @@ class Signals:
         """Samples (N,) of which at least one signal was filled."""
         return np.any([signal.missing for signal in self.all], axis=0)
 
+    @checked
     def named(self, name: str) -> Signal:
         """The signal of a name or a column; raises InputError for another."""
         for signal in self.all:

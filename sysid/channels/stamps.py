@@ -11,6 +11,7 @@ from sysid.channels.units import seconds
 from sysid.data.table import Table
 
 MOST_REPEATED = 0.1  # share of stamps that repeat; more is a clock too coarse for its samples, not a fault
+CHUNK = 1 << 18  # numbers that are looked at together: copies of a long record would be what needs most memory
 DIGITS = 9  # decimals of a stamp in the file's unit that are looked at
 
 
@@ -41,7 +42,7 @@ def read_stamps(table: Table, clock: Clock, repair: Repair, raw: np.ndarray) -> 
     known = np.flatnonzero(np.isfinite(raw))
     if len(known) < 2:
         raise InputError(f"{table.path} has {len(known)} time stamp(s); at least 2 rows are needed")
-    values = raw[known]
+    values = taken(raw, known)
     resolution = last_digit(values)
     values, wraps = unwrapped(table, clock, values, known)
     factor = seconds(clock.unit)
@@ -49,21 +50,27 @@ def read_stamps(table: Table, clock: Clock, repair: Repair, raw: np.ndarray) -> 
     if repair.backward == "drop" and np.any(np.diff(values) < 0):
         keep = increasing(values)
         backward = int((~keep).sum())
-    known, values = known[keep], values[keep]
+    if not keep.all():
+        known, values = known[keep], values[keep]
     _check_back(table, clock, values, known, factor)
-    fresh = np.concatenate([[True], np.diff(values) > 0])
+    fresh = np.ones(len(values), dtype=bool)
+    np.greater(values[1:], values[:-1], out=fresh[1:])
     duplicates = int((~fresh).sum())
     if duplicates:
         _check_repeated(table, clock, repair, fresh, values, known, factor)
-    group = np.full(len(raw), -1)
-    group[known] = np.cumsum(fresh) - 1
+    group = known
+    if duplicates or len(known) < len(raw):
+        group = np.full(len(raw), -1)
+        group[known] = np.cumsum(fresh) - 1
     origin = values[0]
-    t = (values[fresh] - origin) * factor
+    t = values[fresh]
+    t -= origin
+    t *= factor
     if len(t) < 2:
         raise InputError(f"{table.path}: column {clock.column!r} has one time stamp; at least 2 are needed")
     return Stamps(
         t,
-        known[fresh],
+        known[fresh] if duplicates else known,
         group,
         float(origin * factor),
         resolution * factor,
@@ -72,6 +79,11 @@ def read_stamps(table: Table, clock: Clock, repair: Repair, raw: np.ndarray) -> 
         backward,
         len(raw) - int(np.isfinite(raw).sum()),
     )
+
+
+def taken(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """The values (n,) of increasing rows (m,): no copy if these are all."""
+    return values if len(rows) == len(values) else values[rows]
 
 
 def unwrapped(table: Table, clock: Clock, values: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, int]:
@@ -93,11 +105,14 @@ def unwrapped(table: Table, clock: Clock, values: np.ndarray, rows: np.ndarray) 
 
 def last_digit(values: np.ndarray) -> float:
     """The step between neighbouring numbers with as many decimals as `values` (n,) have; 0 if they have many."""
-    size = 8 * np.spacing(np.abs(values).max())
+    size = 8 * np.spacing(max(abs(values.max()), abs(values.min())))
 
-    def whole(part: np.ndarray, digits: int) -> bool:
-        scaled = part * 10.0**digits
-        return bool(np.all(np.abs(scaled - np.rint(scaled)) <= 1e-6 + size * 10.0**digits))
+    def whole(all_of_them: np.ndarray, digits: int) -> bool:
+        for start in range(0, len(all_of_them), CHUNK):
+            scaled = all_of_them[start : start + CHUNK] * 10.0**digits
+            if not np.all(np.abs(scaled - np.rint(scaled)) <= 1e-6 + size * 10.0**digits):
+                return False
+        return True
 
     few = values[:: max(1, len(values) // 1000)]
     for digits in range(DIGITS + 1):
@@ -128,7 +143,7 @@ def increasing(values: np.ndarray) -> np.ndarray:
 
 
 def _check_back(table: Table, clock: Clock, values: np.ndarray, rows: np.ndarray, factor: float) -> None:
-    back = np.flatnonzero(np.diff(values) < 0)
+    back = np.flatnonzero(values[1:] < values[:-1])
     if not len(back):
         return
     k = int(back[0]) + 1

@@ -6,7 +6,7 @@ metric ton and a radian the number one.
 
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 from sysid.base.errors import InputError
@@ -21,7 +21,7 @@ centi- = 1e-2 = c-
 kilo- = 1e3 = k-
 second = [time] = s = sec
 minute = 60 * second = min
-hour = 3600 * second = hr
+hour = 3600 * second = hr = h
 hertz = 1 / second = Hz
 radian = [angle] = rad
 degree = 0.017453292519943295 * radian = deg
@@ -62,6 +62,8 @@ WORDS = {  # spellings that are no units of the registry; looked up in small let
     "usecs": "us",
     "micros": "us",
     "microseconds": "us",
+    "mins": "min",
+    "hrs": "hr",
     "nsec": "ns",
     "nanos": "ns",
     "nanoseconds": "ns",
@@ -114,11 +116,11 @@ def seconds(text: str) -> float:
     """Seconds in one unit of time. Raises InputError for another unit."""
     found = convert(text)
     if not (found.known and found.is_time):
-        raise InputError(f"{text!r} is no unit of time; give s, ms, us, ns or min")
+        raise InputError(f"{text!r} is no unit of time; give s, ms, us, ns, min or h")
     return found.factor
 
 
-@cache
+@lru_cache(1024)  # units come from files: a long session may meet any number of them
 def _convert(text: str) -> Conversion:
     if text in SI or text == COUNTS:
         return Conversion(text, 1.0)

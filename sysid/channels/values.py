@@ -6,7 +6,7 @@ from sysid.base.errors import InputError
 from sysid.channels.complaints import closest
 from sysid.channels.mapping import Channel
 from sysid.channels.units import COUNTS, Conversion, convert
-from sysid.data.table import LARGEST, Table, is_number
+from sysid.data.table import LARGEST, Table, Texts, is_number
 
 EMPTY = ("", "nan", "na", "n/a", "null", "none", "-", "--")
 
@@ -20,15 +20,18 @@ def numbers(table: Table, name: str, entry: str = "", fill: bool = False) -> np.
     if name not in table.names:
         where = f" ({entry} of the mapping)" if entry else ""
         raise InputError(f"{table.path}: unknown column {name!r}{where}; {closest(name, table.names)}")
+    cells = table.columns[table.names.index(name)]
+    if isinstance(cells, np.ndarray) and cells.dtype == np.float64 and len(cells):
+        low, high = cells.min(), cells.max()  # nan if one is
+        if low >= -LARGEST and high <= LARGEST:
+            return cells  # no copy: a long record would be held twice
     if not fill:
         return table.numbers(name)
-    cells = table.columns[table.names.index(name)]
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "biuf":
         values = np.array(cells, dtype=float)
     else:
         values = soft_numbers(table, name)
-        empty = np.array([str(cell).strip().lower() in EMPTY for cell in cells])
-        if np.any(np.isnan(values) & ~empty):
+        if any(str(cells[k]).strip().lower() not in EMPTY for k in map(int, np.flatnonzero(np.isnan(values)))):
             return table.numbers(name)  # which says where
     if np.any(np.abs(values[np.isfinite(values)]) > LARGEST) or np.isinf(values).any():
         return table.numbers(name)
@@ -40,6 +43,8 @@ def soft_numbers(table: Table, name: str) -> np.ndarray:
     cells = table.columns[table.names.index(name)]
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "biuf":
         return np.asarray(cells, dtype=float)
+    if isinstance(cells, Texts):
+        return cells.numbers(table.decimal)
     texts = [str(cell).replace(",", ".") if table.decimal == "," else str(cell) for cell in cells]
     try:
         return np.array([float(text) for text in texts])

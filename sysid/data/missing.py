@@ -42,9 +42,10 @@ def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None
         inside = stop < len(x) and start > 0
         if stop - start <= longest and (inside or (hold and start > 0)):
             filled[start:stop] = True
-    seen, k = np.flatnonzero(~lost), np.arange(len(x))
+    seen, k = np.flatnonzero(~lost), np.flatnonzero(filled)  # few places of a long record
     bridge = x[seen[np.maximum(np.searchsorted(seen, k, "right") - 1, 0)]] if hold else np.interp(k, seen, x[seen])
-    x = np.where(filled, bridge, np.where(lost, np.nan, x))
+    x[lost] = np.nan
+    x[k] = bridge
     return Filled(x, filled, lost & ~filled, _sentence(gaps, filled, lost, longest, hold))
 
 

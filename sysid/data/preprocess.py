@@ -7,6 +7,7 @@ returns a sentence that says what it did.
 
 from dataclasses import replace
 
+from sysid.base.checks import checked
 from sysid.base.errors import unknown
 from sysid.data.filters import butterworth
 from sysid.data.missing import fill, record
@@ -20,6 +21,7 @@ DETREND = ("mean", "linear", "steady", "none")
 ZERO = ("mean", "steady")  # of which both are levels
 
 
+@checked
 def detrend(data: IOData, kind: str = "mean") -> IOData:
     """The record without its means ('mean'), its levels before the first movement ('steady'), straight lines
     ('linear', one for each channel and experiment), or unchanged ('none').
@@ -32,6 +34,7 @@ def detrend(data: IOData, kind: str = "mean") -> IOData:
     return data if kind == "none" else Trend.of(data, kind).remove(data)
 
 
+@checked
 def retrend(data: IOData) -> IOData:
     """The record in its original scale: the constants that `detrend` removed are added again."""
     return replace(
@@ -43,6 +46,7 @@ def retrend(data: IOData) -> IOData:
     )
 
 
+@checked
 def quick_start(data: IOData, split: float = 0.5, kind: str = "mean") -> tuple[IOData, IOData]:
     """Removes the means of the whole record, then splits it: the first part for estimation, the rest for validation."""
     return detrend(data, kind).split(split)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.handlers import Shown, handler
 from sysid.data import frames
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 Names = str | Sequence[str]
 
 
+@checked(own=("u", "y", "Ts", "missing", "lengths"))
 @dataclass(frozen=True, repr=False)
 class IOData(Shown):
     """Input u (N, nu) and output y (N, ny), sampled every Ts [s], as float64 in rows of samples.
@@ -111,6 +113,7 @@ class IOData(Shown):
         """Time of each sample (N,) [s], from 0."""
         return np.arange(self.N) * self.Ts
 
+    @checked
     def between(self, start: float | None = None, stop: float | None = None) -> "IOData":
         """The part with start <= t < stop [s], `t` from 0 at the first sample; None is the record's own end.
 
@@ -146,6 +149,7 @@ class IOData(Shown):
             raise InputError(f"samples {a} to {b} of {self.N} are fewer than the 2 that a record needs")
         return self.select(a, b)
 
+    @checked
     def select(self, start: int, stop: int) -> "IOData":
         """Samples start (included) to stop (excluded), as for a slice; they must lie within one experiment."""
         ends = np.cumsum(self.lengths)
@@ -154,6 +158,7 @@ class IOData(Shown):
         missing = None if self.missing is None else self.missing[start:stop]
         return replace(self, u=self.u[start:stop], y=self.y[start:stop], missing=missing, lengths=())
 
+    @checked
     def split(self, fraction: float = 0.5) -> "tuple[IOData, IOData]":
         """The first `fraction` of the record for estimation and the rest for validation."""
         if not 0 < fraction < 1:
@@ -257,6 +262,5 @@ def _bridged(y: np.ndarray, missing: np.ndarray, lengths: tuple[int, ...], name:
             if lost.all():
                 raise InputError(f"every sample of {name} is marked as missing; leave that experiment out")
             if lost.any():
-                k = np.arange(n)
-                y[piece, j] = np.where(lost, np.interp(k, k[~lost], y[piece, j][~lost]), y[piece, j])
+                y[piece, j][lost] = np.interp(np.flatnonzero(lost), np.flatnonzero(~lost), y[piece, j][~lost])
     return y

@@ -1,5 +1,6 @@
 """Table: the columns of a file as they were read; a column becomes numbers only when it is used."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,7 +9,10 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from sysid.data.texts import Texts, is_number
 
+PARTED = re.compile(r"[+-]?\d{1,3}(?:([,.'\u2019 \u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d*)?")
+FORTRAN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+")
 LARGEST = 1e100  # squares of it still fit a float64, sums of squares of a million of them too
 
 
@@ -59,7 +63,13 @@ class Table:
         return InputError(f"{self.path}, {self.place} {self.rows[j][k]}, column {self.names[j]!r}: {sentence}")
 
     def _from_text(self, j: int) -> np.ndarray:
-        cells = [cell.replace(",", ".") for cell in self.columns[j]] if self.decimal == "," else list(self.columns[j])
+        column = self.columns[j]
+        if isinstance(column, Texts):
+            values = column.numbers(self.decimal)
+            for k in map(int, np.flatnonzero(np.isnan(values))):
+                self._check_cell(j, k, column[k].replace(",", ".") if self.decimal == "," else column[k])
+            return values
+        cells = [cell.replace(",", ".") for cell in column] if self.decimal == "," else list(column)
         try:
             # Python reads 1_000 as a number; in a log it is an error.
             if any("_" in cell for cell in cells):
@@ -67,21 +77,32 @@ class Table:
             return np.array([float(cell) for cell in cells])
         except ValueError:
             for k, cell in enumerate(cells):
-                if not cell.strip():
-                    raise self.error(j, k, "found an empty cell; remove the row or fill it") from None
-                if not is_number(cell):
-                    raise self.error(j, k, f"found {_short(cell)}, which is not a number; correct the cell") from None
+                self._check_cell(j, k, cell)
             raise
 
+    def _check_cell(self, j: int, k: int, cell: str) -> None:
+        """Raises InputError for a cell that is no number."""
+        if not cell.strip():
+            raise self.error(j, k, "found an empty cell; remove the row or fill it") from None
+        if not is_number(cell):
+            shown = self.columns[j][k]  # as the file has it
+            said = f"found {_short(shown)}, which is not a number; correct the cell{_spelled(shown)}"
+            raise self.error(j, k, said) from None
 
-def is_number(text: str) -> bool:
-    """Whether a cell is a number (nan and inf count, although they are not usable)."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return "_" not in text
+
+def _spelled(text: str) -> str:
+    """How a number is written that other programs spell with thousands marks or with the exponent of Fortran."""
+    text = text.strip()
+    if FORTRAN.fullmatch(text):
+        return f": write {text.upper().replace('D', 'e')}"
+    if len(text) > 40 or not (parted := PARTED.fullmatch(text)):
+        return ""
+    whole, _, rest = text.replace(parted[1], "").replace(",", ".").partition(".")
+    return f": write numbers without thousands marks, {whole + ('.' + rest if rest else '')} if that is meant"
 
 
 def _short(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")
+
+
+__all__ = ["LARGEST", "Table", "Texts", "is_number"]

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtri
 
+from sysid.base.checks import checked
 from sysid.base.threads import one_blas_thread
 from sysid.data.outliers import hampel
 from sysid.data.record import IOData
@@ -24,6 +25,7 @@ _FOLLOWED = 0.1  # of the output's standard deviation: the free run's error at a
 ORDER = 10  # twice the order of excitation that a model with nb + nf = 5 needs
 
 
+@checked(late=True)
 def advise(data: IOData) -> tuple[Advice, ...]:
     """Findings on the record, by topic, for every input and output.
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.poles import mirrored
 from sysid.data.record import IOData, siso
@@ -54,6 +55,7 @@ class Bla:
         return f"{shape}noise at {noise:.0f} dB, nonlinear distortion at {level:.0f} dB of |G|^2"
 
 
+@checked(late=True)
 def find_period(u: np.ndarray, tolerance: float = 1e-9) -> int:
     """The shortest period [samples] of u (N,), which must repeat at least once; raises InputError if there is none."""
     u = np.asarray(u, dtype=float).ravel()
@@ -65,6 +67,7 @@ def find_period(u: np.ndarray, tolerance: float = 1e-9) -> int:
     raise InputError(f"the input does not repeat within {len(u)} samples; excite with whole periods of one signal")
 
 
+@checked(late=True)
 def estimate(data: IOData, period: int | None = None, skip: int = 1) -> Bla:
     """The BLA of a record whose input repeats every `period` samples; every experiment is one realisation.
 
@@ -184,6 +187,7 @@ class Parametric:
         return f"the weighted misfit is {ratio:.2g} times what noise and distortion explain: {verdict}"
 
 
+@checked(late=True)
 def parametric(bla: Bla, nb: int, nf: int, nk: int = 1) -> Parametric:
     """Stable B/F closest to the BLA, weighted with its variance.
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData
@@ -31,6 +32,7 @@ class DelayEstimate:
         return f"nk = {self.nk} ({self.nk * self.Ts:g} s){between}"
 
 
+@checked(late=True)
 def delay(data: IOData, input: int = 0, output: int = 0, level: float = 0.99) -> DelayEstimate:
     """The delay nk of a model from input to output, both numbered from 0, with an interval of the confidence `level`.
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.json_values import plain
 
@@ -87,6 +88,7 @@ class HigherOrderTests:
         return plain({"level": self.level, "passed": self.passed, "tests": rows, "advice": self.advice})
 
 
+@checked
 def higher_order_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float = 0.99) -> HigherOrderTests:
     """The tests on residuals e (N,) for the input u (N,), e later than u by lags 0..max_lag.
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.linalg import solve_toeplitz, toeplitz
 from scipy.special import bdtr, chdtrc, ndtri
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.handlers import Shown
 from sysid.base.json_values import plain
@@ -93,6 +94,7 @@ def poor(percent: float, tests: "ResidualTests | None") -> bool:
     return not percent >= POOR and not (tests is not None and tests.white and tests.independent)
 
 
+@checked
 def residual_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
     """Tests on residuals e (N,) for the input u (N,); raises InputError if N does not exceed 2 max_lag.
 

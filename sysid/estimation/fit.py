@@ -10,15 +10,18 @@ import numpy as np
 from sysid.base.criteria import criteria
 from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
+from sysid.data.magnitudes import check_magnitudes
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.noise import autoregression
+from sysid.estimation.normal import Normal
 from sysid.estimation.objective import Objective
 from sysid.estimation.origin import Origin, share_explained
 from sysid.estimation.portfolio.points import applies
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.race import ENOUGH, SAME, Raced, Run, noise_of, portfolio, race, with_curvature_weight
 from sysid.estimation.result import Fit, check_channels
+from sysid.estimation.safeguard import guarded, worse_than_constant
 from sysid.estimation.starts import starts as make_starts
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance
@@ -46,11 +49,13 @@ def fit_chain(
     model = model if start is not None else model.scaled(data.u, data.y)
     run = Run(model, data, objective or Objective(), make_search(search).name, (options or Options()).begun(), progress)
     _check(model, data, run.objective)
+    normal = Normal.of(model, data, run.objective) if start is None else Normal.kept(model, data)
     if starts != AUTO and (isinstance(starts, str) or starts < 1):
         raise InputError(f"starts is {starts!r}; give {AUTO!r} or a number of at least 1")
     with one_blas_thread():
-        raced = _raced(run, starts, seed, start)
-        problem, outcome = _follow_noise(run, raced.problem, raced.outcome)
+        there = replace(run, model=normal.chain, data=normal.data, size=normal.size)
+        raced = guarded(there, _raced(there, starts, seed, start), seed)
+        problem, outcome = normal.back(model, data, *_follow_noise(there, raced.problem, raced.outcome))
         thetas, (cov, d) = problem.thetas(outcome.p), problem.uncertainty(outcome.p)
         theta, noise = thetas[0], _noise(model, thetas, data)
     N = int(data.observed.sum())
@@ -66,8 +71,8 @@ def fit_chain(
         covariance=cov,
         stop=outcome.stop,
         history=outcome.history,
-        warnings=_warnings(model, theta, cov, outcome) + _alone(raced),
-        losses=tuple(c / N for c in raced.costs),
+        warnings=_warnings(model, theta, cov, outcome) + _alone(raced) + worse_than_constant(data, mse),
+        losses=tuple(c * normal.size**2 / N for c in raced.costs),
         members=raced.members,
         agreed=raced.agreed,
         seconds=time.perf_counter() - began,
@@ -169,6 +174,7 @@ def _own_starts(model: Chain, start: Any) -> list[np.ndarray]:
 
 def _check(model: Chain, data: IOData, objective: Objective) -> None:
     check_channels(model, data)
+    check_magnitudes(data)
     if objective.weights and len(objective.weights) != data.y.shape[1]:
         raise InputError(f"{len(objective.weights)} weights for {data.y.shape[1]} output(s); give one for each")
     for kind, signals in (("input", data.u), ("output", data.y)):

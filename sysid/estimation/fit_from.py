@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import StaticBlock
 from sysid.data.record import IOData
@@ -14,6 +15,7 @@ from sysid.estimation.start import within
 from sysid.model.chain import Chain
 
 
+@checked
 def fit_from(fit: Fit, model: Chain, data: IOData, **options: Any) -> Fit:
     """Fit `model` to `data` from the blocks that it has in common with `fit`; `options` are those of `sysid.fit`.
 

@@ -5,9 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 
 
+@checked
 @dataclass(frozen=True)
 class Objective:
     """Options of the cost; the default is plain least squares.

@@ -47,6 +47,7 @@ class Run:
     options: Options
     progress: Callable[[str], None] | None
     huber_threshold: float = np.inf
+    size: float = 1.0  # of the output's unit in that of the user's record, for progress
 
     def problem(self, thetas: np.ndarray) -> ChainProblem:
         """The problem around thetas (K, P)."""
@@ -67,7 +68,7 @@ class Run:
         outcome = iterate(problem, p, make_search(search or self.search), options)
         problem.scratch.clear()  # otherwise each of several starts of a long record would keep a Jacobian
         if self.progress is not None:
-            loss = outcome.cost / max(int(self.data.observed.sum()), 1)
+            loss = self.size**2 * outcome.cost / max(int(self.data.observed.sum()), 1)
             self.progress(f"{self.model.structure}: loss {loss:.4g} after {outcome.stop.iterations} iterations")
         return outcome
 

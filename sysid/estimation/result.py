@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
 from sysid.base.json_values import plain
@@ -70,6 +71,7 @@ class Fit(FitMethods):
     origin: Origin | None = None  # names, units and fit of the estimation data; None in a file of an earlier version
     noise: tuple[tuple[float, ...], ...] | None = None  # autoregression of each output's residuals there, for `predict`
 
+    @checked
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
         """Free run: (N,) for one output, else (N, ny). For a record, the initial state of each experiment is fitted to
         its first `n_init` outputs, and the result is at the level of the record, see `own_level`; for u alone (N,) or
@@ -83,6 +85,7 @@ class Fit(FitMethods):
             y = self.model.outputs(rested(self.model, self.theta), u)
         return y[:, 0] if self.model.channels[1] == 1 else y
 
+    @checked(own=("horizon",))
     def predict(self, data: IOData, horizon: int = 1, n_init: int | None = None) -> np.ndarray:
         """Each output from the measured ones up to `horizon` samples before it: (N,) for one output, else (N, ny).
 
@@ -101,6 +104,7 @@ class Fit(FitMethods):
         y = counted_back(np.concatenate(found), own, data)
         return y[:, 0] if self.model.channels[1] == 1 else y
 
+    @checked
     def own_level(self, data: IOData) -> IOData:
         """The record counted from the offsets of the estimation data; the same one if it is, or if they are unknown.
 
@@ -109,6 +113,7 @@ class Fit(FitMethods):
         self._same_kind(data)
         return counted_from(data, self.u_offset, self.y_offset)
 
+    @checked
     def fit_percent(self, data: IOData, n_init: int | None = None) -> float:
         """Free-run fit [%] on a record; the first n_init samples give the initial state and are not scored.
 
@@ -116,11 +121,13 @@ class Fit(FitMethods):
         """
         return float(np.mean(self.fit_percents(data, n_init)))
 
+    @checked
     def fit_percents(self, data: IOData, n_init: int | None = None) -> np.ndarray:
         """Free-run fit [%] of each output (ny,)."""
         y, yhat, scored = self._scored(data, n_init)
         return np.array([fit_percent(a[k], b[k]) for a, b, k in zip(y.T, yhat.T, scored.T, strict=True)])
 
+    @checked
     def residuals(self, data: IOData) -> np.ndarray:
         """e = y - free run without each experiment's first n_init samples: (M,) for one output, else (M, ny).
 
@@ -130,6 +137,7 @@ class Fit(FitMethods):
         e = np.where(scored, y - yhat, 0.0)
         return e[:, 0] if e.shape[1] == 1 else e
 
+    @checked
     def residual_tests(self, data: IOData, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
         """Whiteness of the free-run residuals on a record of one input and output, and independence of the input."""
         siso(data)
@@ -189,6 +197,7 @@ class Fit(FitMethods):
             for n, slot, v, s, f in rows
         )
 
+    @checked
     def curve(self, role: str, x: np.ndarray) -> np.ndarray | None:
         """The static map with this role ('input' or 'output') at x (N,); None if the chain has no such map."""
         block = self.model.block(role)
@@ -196,6 +205,7 @@ class Fit(FitMethods):
             return None
         return block.output(self.model.part(self.theta, block), x)
 
+    @checked
     def save(self, path: str | PathLike) -> Path:
         """Write the fit as readable JSON; `sysid.load` reads it again."""
         from sysid.estimation.saving import save

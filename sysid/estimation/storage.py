@@ -8,17 +8,21 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import fields
-from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
+from sysid.base.checks import shown
 from sysid.base.criteria import Criteria
 from sysid.base.errors import InputError
+from sysid.base.files import ordinary
+from sysid.base.limits import SAMPLES, SECONDS
+from sysid.data.table import LARGEST
 from sysid.estimation.codec import build
 from sysid.estimation.migrations import VERSION, migrate
 from sysid.estimation.result import Fit
 from sysid.estimation.saving import FORMAT
+from sysid.solver.covariance import Covariance
 
 F = TypeVar("F")
 
@@ -30,7 +34,7 @@ def load(path: str | os.PathLike) -> Fit:
 
 def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]], F]]) -> F:
     """Read a file of one of `formats`, a function of the document for each; raises InputError for anything else."""
-    source = Path(path)
+    source = ordinary(path)
     try:
         document = json.loads(source.read_text(encoding="utf-8"), parse_constant=_refused)
     except OSError as e:
@@ -109,11 +113,28 @@ def _check(fit: Fit, names: list[str]) -> None:
         raise InputError(
             f"the covariance does not have a row and a column for each of {P} parameters; save the fit again"
         )
-    if not 0 < fit.Ts < np.inf or fit.n_init < 0:
-        raise InputError(f"Ts is {fit.Ts} and n_init {fit.n_init}; Ts must be above 0 and n_init not below 0")
+    if not 0 < fit.Ts <= SECONDS or not 0 <= fit.n_init <= SAMPLES:
+        raise InputError(
+            f"Ts is {fit.Ts:g} and n_init {shown(fit.n_init)}; Ts must be above 0 and n_init not below 0, and both of "
+            "a size that a record can have"
+        )
+    check_numbers(fit.theta, fit.covariance, fit.criteria)
     check_offsets(fit.u_offset, fit.y_offset, model.channels)
     if fit.noise is not None and (len(fit.noise) != model.channels[1] or not np.all(np.isfinite(np.hstack(fit.noise)))):
         raise InputError(f"noise is not a row of finite numbers for each of {model.channels[1]} output(s); save again")
+
+
+def check_numbers(theta: np.ndarray, covariance: Covariance, criteria: Criteria) -> None:
+    """Raises InputError for numbers that no fit has."""
+    if theta.size and np.abs(theta).max() > LARGEST:
+        raise InputError(f"theta holds {np.abs(theta).max():g}, above {LARGEST:g}; save the fit again")
+    if covariance.unidentifiable.dtype != bool:
+        raise InputError("unidentifiable of the covariance is not a list of true and false; save the fit again")
+    if criteria.N < 1 or criteria.d < 0 or min(criteria.loss, criteria.mse) < 0:
+        raise InputError(
+            f"the criteria have N = {criteria.N}, d = {criteria.d}, loss = {criteria.loss:g} and mse = "
+            f"{criteria.mse:g}; N is at least 1 and none of the others is below 0: save the fit again"
+        )
 
 
 def check_offsets(u_offset: np.ndarray | None, y_offset: np.ndarray | None, channels: tuple[int, int]) -> None:

@@ -10,6 +10,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import unknown
 from sysid.base.levels import PACES, Paces
 from sysid.excitations.aprbs import Aprbs
@@ -80,6 +81,7 @@ TABLE: dict[str, type[Excitation]] = {
 }
 
 
+@checked(own=("options",))
 def excitation(name: str, **options: float | str) -> Excitation:
     """The excitation called `name`; raises InputError for a name that is not in `TABLE`."""
     if name not in TABLE:

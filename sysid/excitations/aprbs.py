@@ -6,8 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.levels import Paces, check, check_from_zero, within_reach
+from sysid.base.limits import MOST, check_steps
 
 
 @dataclass(frozen=True)
@@ -57,8 +59,10 @@ class Aprbs:
         """
         return 0.0, 4.0 / (self.hold_min + self.hold_max)
 
+    @checked
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Levels u (N,) [unit of amplitude], drawn from `rng`."""
+        check_steps("hold_max of an aprbs", self.hold_max / Ts, MOST)
         u = np.empty(N)
         k, total = 0, 0.0
         while k < N:

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.levels import Paces, check, check_band, check_from_zero, check_name, samples
 
@@ -54,6 +55,7 @@ class Chirp:
         """Frequency band [Hz] with 90 % of the power."""
         return self.f_min, self.f_max
 
+    @checked
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Levels u (N,) [unit of amplitude]; raises InputError if Ts or the record does not suit the band."""
         check_band("a chirp", self.f_min, self.f_max, Ts)

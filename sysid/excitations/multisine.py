@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.optimize import minimize
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.levels import Paces, check, check_band, check_name, half_way, samples
 from sysid.base.threads import one_blas_thread
@@ -68,6 +69,7 @@ class Multisine:
         """Frequency band [Hz] with all of the power."""
         return self.f_min, self.f_max
 
+    @checked
     def lines(self, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Excited multiples (F,) of 1 / period; `rng` chooses the lines that a random odd grid leaves out."""
         check_band("a multisine", self.f_min, self.f_max, Ts)
@@ -89,6 +91,7 @@ class Multisine:
             )
         return k
 
+    @checked
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Levels u (N,) [unit of amplitude]; raises InputError if Ts or the record does not suit the band."""
         lines = self.lines(Ts, rng)

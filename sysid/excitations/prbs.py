@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.signal import max_len_seq
 
+from sysid.base.checks import checked
 from sysid.base.levels import Paces, check, check_name, check_whole, half_way, samples
 
 
@@ -45,6 +46,7 @@ class Prbs:
         """Frequency band [Hz] with 90 % of the power: the main lobe of one clock."""
         return 0.0, 1.0 / self.hold
 
+    @checked
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Levels u (N,) [unit of amplitude]; a record shorter than a period is its start."""
         hold = samples("a prbs", "hold", self.hold, Ts)

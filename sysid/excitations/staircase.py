@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.levels import Paces, check, check_name, check_whole, samples
 
 
@@ -53,6 +54,7 @@ class Staircase:
         sizes = np.concatenate([up, up[-2::-1]])
         return np.stack([sizes, -sizes], axis=1).ravel()
 
+    @checked
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Levels u (N,) [unit of amplitude]."""
         hold = samples("a staircase", "hold", self.hold, Ts)

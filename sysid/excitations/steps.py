@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.levels import Paces, check, check_from_zero, check_name, samples, within_reach
 
 
@@ -49,6 +50,7 @@ class Steps:
         """Frequency band [Hz] with 90 % of the power: the first two lobes of one hold."""
         return 0.0, 2.0 / self.hold
 
+    @checked
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Levels u (N,) [unit of amplitude]; `rng` draws only random levels."""
         hold, rest = samples("steps", "hold", self.hold, Ts), samples("steps", "rest", self.rest, Ts)

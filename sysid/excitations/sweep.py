@@ -6,8 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.levels import Paces, check, check_from_zero
+from sysid.base.limits import check_steps
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,10 @@ class Sweep:
         """Frequency band [Hz] with 90 % of the power: the first and third harmonic of a square wave, 81 + 9 %."""
         return 0.0, 3.5 / (2 * self.half_period * (1 - self.jitter))
 
+    @checked
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Levels u (N,) [unit of amplitude]; `rng` draws jitter and shrinking."""
+        check_steps("a record in half periods", N * Ts / self.half_period)
         t = (np.arange(N) + 0.5) * Ts  # half a sample on, so that rounding cannot move an edge
         if self.jitter == 0.0:
             phase = np.floor((t + (1.0 - self.first) * self.half_period) / self.half_period).astype(int)

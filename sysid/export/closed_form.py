@@ -3,6 +3,7 @@
 Static formulas use * and ^ and the functions min, max, exp, floor, so that they can be copied into a calculation.
 """
 
+from sysid.base.checks import checked
 from sysid.block.block import StaticBlock
 from sysid.block.writing import Writer
 from sysid.estimation.result import Fit
@@ -12,6 +13,7 @@ from sysid.model.wiring import layers, whole, written
 from sysid.nlarx.result import NlarxFit
 
 
+@checked
 def text(fit: AnyFit, digits: int | None = 6, u_offset: Offset = None, y_offset: Offset = None) -> str:
     """The fit as formulas from u to y, block by block; digits=None writes every number exactly.
 

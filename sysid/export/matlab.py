@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.files import write_text
 from sysid.block.writing import Code, number
@@ -16,11 +17,13 @@ from sysid.model.wiring import Unit, identifier, whole
 TAKEN = RESERVED | {"break", "continue", "else", "elseif", "for", "if", "return", "try", "while", PICK}
 
 
+@checked
 def write(fit: AnyFit, path: str | os.PathLike, **scale: Offset) -> Path:
     """Write `source` to a file, complete or not at all; the function has the file's name, as MATLAB wants it."""
     return write_text(path, source(fit, Path(path).stem, **scale))
 
 
+@checked
 def source(fit: AnyFit, name: str = "model", u_offset: Offset = None, y_offset: Offset = None) -> str:
     """Text of `[y, state] = name(u, state)`: the free run of u (N, nu), from a state or, without one, from rest.
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, TravelMap
 from sysid.estimation.joint_parts import is_joint, motor_of
@@ -90,6 +91,7 @@ class Fragment:
         return "\n".join([*lines, "</mujoco>"]) + "\n"
 
 
+@checked(late=True)
 def fragment(fit: Fit, joint: str = "joint", torque_per_volt: float = 1.0, link_inertia: float = 0.0) -> Fragment:
     """The MJCF elements of a fitted `actuated_joint`, as joint `joint` of a model.
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.files import write_text
 from sysid.block.writing import Code, number
 from sysid.export import closed_form
@@ -12,11 +13,13 @@ from sysid.export.wired import AnyFit, Offset, channels, wired
 from sysid.model.wiring import Layer, Unit, whole
 
 
+@checked
 def write(fit: AnyFit, path: str | os.PathLike, **scale: Offset) -> Path:
     """Write `source` to a file, complete or not at all."""
     return write_text(path, source(fit, **scale))
 
 
+@checked
 def source(fit: AnyFit, u_offset: Offset = None, y_offset: Offset = None) -> str:
     """Python text of the fit's free run: class Model with step(u) -> y, and simulate(u) -> list.
 

@@ -8,13 +8,16 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeGuard
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.files import whole_file
+from sysid.base.files import ordinary, whole_file
 from sysid.data.table import Table
+from sysid.formats import _survived
+from sysid.formats._units import unit_in
 from sysid.formats.delimited import Delimited
 from sysid.formats.json_records import JsonRecords
 from sysid.formats.mat import Mat
@@ -50,16 +53,18 @@ class Format(Protocol):
 
 FORMATS: tuple[type[Format], ...] = (Delimited, JsonRecords, Mat, NumpyArrays, Parquet, RobotLog, SerialCapture)
 TABLE: dict[str, type[Format]] = dict(sorted((suffix, each) for each in FORMATS for suffix in each.suffixes))
+FOREIGN: tuple[type[_survived.Foreign], ...] = (Mat, NumpyArrays, Parquet, RobotLog)  # read by libraries of others
 WRITTEN: tuple[str, ...] = tuple(suffix for suffix, each in TABLE.items() if suffix in each.written)
 
 
+@checked
 def read_table(path: str | os.PathLike[str]) -> Table:
     """The columns of the file at `path`, or the folder of a bag, read in the format for its suffix in `TABLE`.
 
     `meta` of the table holds what the writer said of the record, as far as it is a JSON object.
     Raises InputError with the file name if it is missing, empty, damaged or of an unknown format.
     """
-    path = Path(path)
+    path = ordinary(path)
     allowed = ", ".join(TABLE)
     bag = path.is_dir() and (path / "metadata.yaml").is_file()  # a folder of rosbag2
     if path.is_dir() and not bag:
@@ -71,18 +76,28 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     try:
         if path.is_file() and path.stat().st_size == 0:
             raise InputError(f"{path} is empty; give a file with at least one column of input and one of output")
-        kind = RobotLog() if bag else TABLE[path.suffix.lower()]()
-        table = kind.read(path)
-        return replace(table, meta={**_meta(kind.header(path)), **table.meta})
+        table, header = _read(path, RobotLog if bag else TABLE[path.suffix.lower()])
+        return replace(table, meta={**_meta(header), **table.meta})
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror or error}); check that it is a readable file"
         ) from None
 
 
+@checked
 def read_header(path: str | os.PathLike[str]) -> str:
     """The header of a file read by `read_table`; empty if it has none."""
-    return TABLE[Path(path).suffix.lower()]().header(Path(path))
+    path = ordinary(path)
+    kind = TABLE[path.suffix.lower()]
+    return _survived.header(path, kind) if _foreign(kind) else kind().header(path)
+
+
+def _read(path: Path, kind: type[Format]) -> tuple[Table, str]:
+    return _survived.read(path, kind) if _foreign(kind) else (kind().read(path), kind().header(path))
+
+
+def _foreign(kind: type[Format]) -> TypeGuard[type[_survived.Foreign]]:
+    return kind in FOREIGN
 
 
 def _meta(header: str) -> dict[str, Any]:
@@ -94,6 +109,7 @@ def _meta(header: str) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
+@checked
 def check_written(path: str | os.PathLike[str]) -> Path:
     """`path`, if a format writes files of its suffix, else InputError."""
     path = Path(path)
@@ -105,6 +121,7 @@ def check_written(path: str | os.PathLike[str]) -> Path:
     return path
 
 
+@checked
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray], header: str = "") -> Path:
     """Write columns (N,) by name to `path`, under a temporary name first, so that no incomplete file appears.
 
@@ -122,6 +139,7 @@ def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray],
 
 
 __all__ = [
+    "FOREIGN",
     "FORMATS",
     "TABLE",
     "WRITTEN",
@@ -136,5 +154,6 @@ __all__ = [
     "check_written",
     "read_header",
     "read_table",
+    "unit_in",
     "write_table",
 ]

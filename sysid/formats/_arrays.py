@@ -68,7 +68,7 @@ class Arrays:
         else:
             if values.dtype.kind in "iu" and values.itemsize == 8 and _largest(values) > WHOLE:
                 self.notes.append(f"rounded {name!r} to 16 digits, as it holds whole numbers above 2^53")
-            self.columns[name] = values.astype(float)
+            self.columns[name] = values.astype(float, copy=False)
 
     def table(self, place: str, nothing: str) -> Table:
         """The table; raises InputError with the sentence `nothing` if no array was a signal."""

@@ -3,20 +3,14 @@
 from array import array
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.data.table import Texts
 from sysid.formats._cells import Layout, Part, cut, numbers, part
+from sysid.formats._marks import WITH_COMMA, WITH_POINT, Marks, first_match
 from sysid.formats._text import blocks
-
-if TYPE_CHECKING:
-    import polars
-
-WITH_COMMA = r"^\s*[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?\s*$"
-WITH_POINT = r"^\s*[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d+)?\s*$"
-THOUSANDS = r"^\s*[+-]?[1-9]\d{0,2},\d{3}\s*$"
 
 
 class Body:
@@ -42,17 +36,20 @@ class Body:
         """Reads all columns; instead row and text of the first number with a comma, if that is not the mark yet."""
         kept: list[list[np.ndarray] | None] = [[] for _ in range(self.layout.width)]
         rows: list[Sequence[int]] = []
+        marks = Marks(self.decimal, self.layout.width)
         for block in self._parts():
             rows.append(block.rows)
+            marks.look(block)
             for j, column in enumerate(block.columns):
                 values = numbers(column, self.decimal)
-                if values is None and self.decimal == "." and (k := _first(column, WITH_COMMA)) is not None:
+                if values is None and self.decimal == "." and (k := first_match(column, WITH_COMMA)) is not None:
                     return int(block.rows[k]), column[k]
                 parts = kept[j]
                 if values is None or parts is None:
                     kept[j] = None
                 else:
                     parts.append(values)
+        marks.check(self.path, self.names, self.layout.separator, self._parts())
         texts = self._texts([j for j, parts in enumerate(kept) if parts is None])
         self.columns = []
         for j in range(self.layout.width):
@@ -61,13 +58,15 @@ class Body:
         self.rows = _joined(rows)
         return None
 
-    def _texts(self, wanted: list[int]) -> dict[int, list[str]]:
-        found: dict[int, list[str]] = {j: [] for j in wanted}
+    def _texts(self, wanted: list[int]) -> dict[int, Texts]:
+        import polars
+
+        found: dict[int, list[polars.Series]] = {j: [] for j in wanted}
         if wanted:
             for block in self._parts():
                 for j in wanted:
-                    found[j] += block.columns[j].str.strip_chars().to_list()
-        return found
+                    found[j].append(block.columns[j].str.strip_chars())
+        return {j: Texts(polars.concat(parts)) for j, parts in found.items()}
 
     def _parts(self) -> Iterator[Part]:
         """The blocks; a last line that was cut is left out and noted."""
@@ -96,27 +95,14 @@ class Body:
         return block
 
     def _check_commas(self, comma: tuple[int, str]) -> None:
-        """Refuses a file with both marks, and one whose commas may as well part thousands."""
-        clear = self.layout.separator == ";"  # which is the separator because the comma is the mark
+        """Refuses a file with both marks."""
         for block in self._parts():
             for j, column in enumerate(block.columns):
-                if (k := _first(column, WITH_POINT)) is not None:
+                if (k := first_match(column, WITH_POINT)) is not None:
                     raise InputError(
                         f"{self.path}, row {block.rows[k]}, column {self.names[j]!r}: found {column[k]!r} with a point "
                         f"where row {comma[0]} has {comma[1]!r} with a comma; write all numbers with a decimal point"
                     )
-                clear = clear or (column.str.contains(WITH_COMMA) & ~column.str.contains(THOUSANDS)).any()
-        if not clear:
-            raise InputError(
-                f"{self.path}, row {comma[0]}: found {comma[1]!r}, whose comma may be a decimal mark or part "
-                "thousands; write the numbers with a decimal point and without thousands marks"
-            )
-
-
-def _first(column: "polars.Series", pattern: str) -> int | None:
-    """The place of the first cell that matches."""
-    places = column.str.contains(pattern).arg_true()
-    return int(places[0]) if len(places) else None
 
 
 def _joined(rows: list[Sequence[int]]) -> Sequence[int]:

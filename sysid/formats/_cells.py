@@ -15,7 +15,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import is_number
-from sysid.formats._text import COMMENT, data_lines
+from sysid.formats._text import COMMENT, data_lines, is_comment
 
 if TYPE_CHECKING:
     import polars
@@ -55,8 +55,9 @@ def split(path: Path, row: int, line: str, separator: str | None) -> list[str]:
     try:
         return cells(line, separator)
     except csv.Error as error:
+        remedy = "shorten or remove its longest cell" if "larger than" in str(error) else "correct its quotes"
         raise InputError(
-            f"{path}, row {row}: found a row that cannot be split into cells ({error}); correct its quotes"
+            f"{path}, row {row}: found a row that cannot be split into cells ({error}); {remedy}"
         ) from None
 
 
@@ -80,9 +81,10 @@ def _regular(block: bytes, count: int, layout: Layout) -> "list[polars.Series] |
     """The columns of `count` lines that all have the layout's number of cells and no quotes; else None."""
     import polars
 
-    if b'"' in block or not count:
-        return None
     separator = (layout.separator or " ").encode()
+    if not count or (b'"' in block and not _whole_cells_quoted(block, separator)):
+        return None
+    block = block.replace(b'"', b"")
     if layout.separator is None:
         block = _single_blanks(block)
     if layout.separator is not None and block.count(separator) == layout.width * count:
@@ -100,6 +102,18 @@ def _regular(block: bytes, count: int, layout: Layout) -> "list[polars.Series] |
     except polars.exceptions.PolarsError:  # a line with more cells; so none has fewer either, as the sum is right
         return None
     return None if frame.height != count else [column.fill_null("") for column in frame.get_columns()]
+
+
+def _whole_cells_quoted(block: bytes, separator: bytes) -> bool:
+    """Whether quotes stand around whole cells alone, with no separator, line end or quote between the two."""
+    text = np.frombuffer(block, dtype=np.uint8)
+    quotes, ends = np.flatnonzero(text == ord('"')), np.flatnonzero((text == separator[0]) | (text == ord("\n")))
+    if len(quotes) % 2:
+        return False
+    first, last = quotes[::2], quotes[1::2]
+    starts = np.concatenate([[0], ends + 1])  # of cells; a block ends with a line end
+    place = np.searchsorted(ends, first)
+    return bool(np.all(starts[place] == first) and np.all(ends[np.minimum(place, len(ends) - 1)] == last + 1))
 
 
 def _single_blanks(block: bytes) -> bytes:
@@ -150,7 +164,7 @@ def cut(block: bytes, layout: Layout, decimal: str) -> tuple[bytes, bool | None]
     behind the point where all the others agree.
     """
     before, _, last = block.rpartition(b"\n")
-    if not last.strip() or last.lstrip().startswith(COMMENT):
+    if not last.strip() or is_comment(last.lstrip()):
         return block, False
     near = before if len(before) <= NEAR else before[-NEAR:].partition(b"\n")[2]
     shapes = {_shape(line, layout, decimal) for _, line in list(data_lines(1, near))[-LIKE:]}

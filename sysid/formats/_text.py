@@ -10,6 +10,7 @@ from sysid.base.errors import InputError
 
 BLOCK = 1 << 23  # bytes: large enough for polars' threads, small beside the numbers of a long record
 COMMENT = (b"#", b"%")
+ERRORS = (b"#N/A", b"#DIV/0!", b"#VALUE!", b"#REF!", b"#NAME?", b"#NUM!", b"#NULL!")  # of a spreadsheet: no comments
 BLANKS = bytes.maketrans(b"\f\v", b"  ")
 TEXT = bytes(c for c in range(256) if (c >= 32 and c != 127) or c in b"\t\n\f\v")
 
@@ -72,16 +73,27 @@ def _plain(block: bytes) -> bytes:
         try:
             block.decode()
         except UnicodeDecodeError:
-            block = block.decode(
-                "latin-1"
-            ).encode()  # an old degree sign in a header is no reason to refuse the numbers
+            block = _of_windows(block)  # an old degree sign in a header is no reason to refuse the numbers
     return block
+
+
+def _of_windows(block: bytes) -> bytes:
+    """Text of Windows-1252, or of latin-1 where a byte has no letter in it, as UTF-8."""
+    try:
+        return block.decode("cp1252").encode()
+    except UnicodeDecodeError:
+        return block.decode("latin-1").encode()
+
+
+def is_comment(line: bytes) -> bool:
+    """Whether a line without blanks in front is a comment."""
+    return line.startswith(COMMENT) and not line.startswith(ERRORS)
 
 
 def data_lines(row: int, block: bytes) -> Iterator[tuple[int, bytes]]:
     """The lines of a block that are neither blank nor a comment (# or % at their start), with their row numbers."""
     for number, line in enumerate(block.split(b"\n"), start=row):
-        if (text := line.strip()) and not text.startswith(COMMENT):
+        if (text := line.strip()) and not is_comment(text):
             yield number, line.translate(BLANKS)
 
 
@@ -91,7 +103,7 @@ def comments(path: Path) -> list[str]:
     for _, block in blocks(path, 1 << 16):
         for line in block.split(b"\n"):
             text = line.strip()
-            if text and not text.startswith(COMMENT):
+            if text and not is_comment(text):
                 return found
             found += [text[1:].decode().strip()] if text else []
     return found

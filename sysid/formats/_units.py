@@ -3,8 +3,8 @@
 A bracket holds a unit if its text is spelled as one: `q[1]` and `angle (raw)` have none. Behind an underscore or a
 blank most letters mean something else as often as a unit: `y_m` is a measured y, `phase_A` a phase, `u_in` an input,
 `t_min` the least t. So one letter there is a unit only behind a name of its quantity (`time_s`, `i_A`, `height_m`),
-volts alone behind any name; `_min`, `_in`, `_h`, `_g`, `_d` never are. Of columns that differ in such a letter alone
-none has a unit if one of the letters is none: `u_U`, `u_V`, `u_W`.
+volts alone behind any name; `_in`, `_g`, `_d` never are, `_min` and `_h` behind a word for time alone. Of columns that
+differ in such a letter alone none has a unit if one of the letters is none: `u_U`, `u_V`, `u_W`.
 """
 
 import re
@@ -43,6 +43,8 @@ LETTER = {  # a letter and the names behind which it is a unit
     "W": r"p|power",
     "V": r".+",
 }
+OF_TIME = re.compile(r"(?:.*[_ ])?(?:time|times|timestamp|elapsed|duration|uptime|clock)", re.IGNORECASE)
+LONG_TIMES = ("min", "mins", "minutes", "h", "hr", "hrs", "hours")
 FORMS = (
     re.compile(r"(?P<stem>.+?)(?P<mark>\s*)\[\s*(?P<unit>[^][]+?)\s*\]"),
     re.compile(r"(?P<stem>.+?)(?P<mark>\s*)\(\s*(?P<unit>[^()]*(?:\([^()]*\))?[^()]*?)\s*\)"),
@@ -68,9 +70,15 @@ def units_of(names: Iterable[str]) -> dict[str, str]:
             families.setdefault(match[1] + match[2], {})[match[3]] = name
     for members in families.values():
         if not set(members) <= set(LETTER):  # one is no unit, so the letters count phases or axes
-            for name in members.values():
-                found.pop(name, None)
+            for letter, name in members.items():
+                if letter != "h" or not _names(FAMILY.fullmatch(name)[1], "s"):  # type: ignore[index]
+                    found.pop(name, None)
     return found
+
+
+def unit_in(name: str) -> str:
+    """The unit in one name, as it is written there; nothing if there is none."""
+    return units_of([name]).get(name, "")
 
 
 def _unit(name: str) -> str | None:
@@ -83,11 +91,12 @@ def _unit(name: str) -> str | None:
         return f"{match[2]}/{match[3].replace('s2', 's^2')}"
     if match := SLASH.fullmatch(name):
         unit = match["unit"]
-        known = is_unit(unit) and unit not in ("min", "h") and not is_unit(name)  # U/min and km/h are no names
+        known = is_unit(unit) and not is_unit(name)  # U/min and km/h are no names
+        known = known and (unit not in ("min", "h") or _names(match["stem"], "s"))
         return unit if known else None
     if match := TAIL.fullmatch(name):
         stem, unit = match["stem"], match["unit"]
-        if unit in SHORT or unit == "%":
+        if unit in SHORT or unit == "%" or (unit in LONG_TIMES and OF_TIME.fullmatch(stem)):
             return unit
         if unit in JOINED:
             return JOINED[unit]

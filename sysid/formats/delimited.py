@@ -12,8 +12,9 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table, is_number
-from sysid.formats._body import WITH_COMMA, Body
+from sysid.formats._body import Body
 from sysid.formats._cells import Layout, cells, split, trimmed
+from sysid.formats._marks import WITH_COMMA
 from sysid.formats._text import blocks, comments, data_lines
 from sysid.formats._units import is_unit, units_of
 from sysid.formats.serial_capture import SerialCapture, looks_like_one
@@ -21,6 +22,8 @@ from sysid.formats.serial_capture import SerialCapture, looks_like_one
 HEADER = "qpal:"
 AMBIGUOUS = (".dat", ".txt")  # of tables and of captures
 SAMPLE = 200  # lines that show the separator and the header
+FEW = 3  # rows that tell nothing about the others
+SEPARATOR = re.compile(r'"?sep=([,;\t|])"?', re.IGNORECASE)  # what Excel writes as the first line, and takes it from
 
 
 @dataclass(frozen=True)
@@ -38,9 +41,9 @@ class Delimited:
 
     A first row with a cell that is not a number is the header; without it the columns are called 1, 2, ..., or by the
     comment line above them that has a name for each. A second row that holds only units gives the units. Blank lines
-    and lines that start with # or % are skipped, but count in row numbers. A column without entries (a trailing comma)
-    is dropped. A comma inside the cells is the decimal mark. The header of `write` stands in comment lines
-    `# qpal: ...` at the top, which other programs skip or show.
+    and lines that start with # or % are skipped, but count in row numbers; so does Excel's line `sep=;`. A column
+    without entries (a trailing comma) is dropped. A comma inside the cells is the decimal mark. The header of `write`
+    stands in comment lines `# qpal: ...` at the top, which other programs skip or show.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".csv", ".dat", ".tsv", ".txt")
@@ -98,25 +101,32 @@ def _read_either(path: Path) -> Table:
 def _head(path: Path) -> Head:
     every = (entry for row, block in blocks(path) for entry in data_lines(row, block))
     sample = [(row, line.decode()) for row, line in islice(every, SAMPLE)]
+    stated = SEPARATOR.fullmatch(sample[0][1].strip(" ")) if sample else None
+    above = sample.pop(0)[0] if stated else 0
     if not sample:
         raise InputError(f"{path} has no rows; give a file with one row a sample")
-    separator = _separator([line for _, line in sample[1:]] or [sample[0][1]])
+    separator = stated[1] if stated else _separator([line for _, line in sample[1:]] or [sample[0][1]])
     rows = [split(path, *sample[0], separator), *(_split(line, separator) for _, line in sample[1:])]
     used = max(map(len, rows))
     while used > 1 and all(len(row) < used or not row[used - 1] for row in rows):
         used -= 1
     layout = Layout(separator, min(len(rows[0]), used), sample[0][0])
     first, below = trimmed(rows[0], layout.width), rows[1] if len(rows) > 1 else []
+    if _is_count(first) and len(rows) > FEW and not any(_is_whole(cell) for row in rows[1:] for cell in row):
+        raise InputError(
+            f"{path}, row {sample[0][0]}: found {', '.join(first)[:40]}, which may be names or the first sample, as no "
+            "number below is whole; write names into it, or remove it"
+        )
     if not _is_header(first, below):
         names = _names_in_comment(path, layout) or [str(j + 1) for j in range(layout.width)]
-        return Head(tuple(names), units_of(names), layout, 1)
+        return Head(tuple(names), units_of(names), layout, above + 1)
     if len(rows) == 1:
         raise InputError(f"{path} has a header and no rows under it; give a file with one row a sample")
     names = [name or str(j + 1) for j, name in enumerate(first)]
     _check_names(path, names)
     units, start = units_of(names), sample[0][0] + 1
     if any(is_unit(_bare(cell)) for cell in below) and all(_is_unit_or_blank(cell) for cell in below):
-        units = {name: _bare(cell) for name, cell in zip(names, below, strict=False) if is_unit(_bare(cell))} | units
+        units |= {name: _bare(cell) for name, cell in zip(names, below, strict=False) if is_unit(_bare(cell))}
         start = sample[1][0] + 1
     return Head(tuple(names), units, layout, start)
 
@@ -136,7 +146,7 @@ def _separator(lines: list[str]) -> str | None:
             continue
         last = having[-1]
         # A tab or blank between padded numbers is white space, not an empty cell.
-        blank = mark == "\t" and "\t\t" not in last and last != last.strip()
+        blank = mark == "\t" and "\t\t" not in last and last.rstrip("\t") != last.strip()
         # 1,5 2,5 has commas as decimal marks.
         words = mark == "," and all(_comma_numbers(line) for line in having)
         return None if blank or words else mark
@@ -158,6 +168,15 @@ def _is_header(first: Sequence[str], below: Sequence[str]) -> bool:
     if any(cell.isdigit() for cell in first):
         return any(j < len(below) and _is_cell_of_numbers(below[j]) for j in texts)
     return True
+
+
+def _is_count(first: Sequence[str]) -> bool:
+    """Whether a row is 0, 1, 2, ... or 1, 2, 3, ..., as programs name the columns of a matrix."""
+    return len(first) > 1 and any(list(first) == [str(j + k) for j in range(len(first))] for k in (0, 1))
+
+
+def _is_whole(cell: str) -> bool:
+    return cell.lstrip("+-").isdigit()
 
 
 def _is_cell_of_numbers(cell: str) -> bool:

@@ -128,6 +128,11 @@ class _Found:
     def _rows_of(self, entries: list[list[Any]], rows: Sequence[int]) -> list[list[Any]]:
         """A matrix by samples, along its longer side."""
         for row, entry in zip(rows, entries, strict=True):
+            if entry is None:
+                raise InputError(
+                    f"{self.path}, {self.place} {row}: found null where {self.place} {rows[0]} has a list; give every "
+                    "sample the same number of values, each null where it is missing"
+                )
             if len(entry) != len(entries[0]):
                 raise InputError(
                     f"{self.path}, {self.place} {row}: found {len(entry)} values where {self.place} {rows[0]} has "

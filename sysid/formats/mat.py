@@ -27,6 +27,11 @@ class Mat:
     written: ClassVar[tuple[str, ...]] = (".mat",)
     headed: ClassVar[bool] = True
 
+    @staticmethod
+    def libraries(path: Path) -> tuple[str, ...]:
+        """The modules that read this file, loaded once for many files."""
+        return ("h5py",) if is_hdf(path) else ("scipy.io",)
+
     def read(self, path: Path) -> Table:
         """The vectors in `path`; raises InputError if it is not a MAT file, is damaged, or has no vector."""
         hdf = is_hdf(path)
@@ -64,6 +69,8 @@ def _variables(path: Path, hdf: bool) -> dict[str, Tree]:
     version = "of version 7.3 " if hdf else ""
     try:
         return variables_of_73(path) if hdf else variables_of_5(path)
+    except MemoryError:
+        raise
     except Exception as error:  # a damaged file fails in many ways inside scipy and h5py: each is the file's fault
         if isinstance(error, OSError) and error.errno:
             raise

@@ -21,6 +21,11 @@ class NumpyArrays:
     written: ClassVar[tuple[str, ...]] = ()
     headed: ClassVar[bool] = False
 
+    @staticmethod
+    def libraries(path: Path) -> tuple[str, ...]:
+        """The modules that read this file beside numpy: none."""
+        return ()
+
     def read(self, path: Path) -> Table:
         """The vectors in `path`; raises InputError if it is damaged, or holds pickled objects or no numbers."""
         content = _load(path)
@@ -57,7 +62,7 @@ def _load(path: Path) -> Any:
                 return content
             with content:
                 return {name: content[name] for name in content.files}
-    except InputError:
+    except (InputError, MemoryError):
         raise
     except Exception as error:  # a damaged file fails in many ways inside numpy and zipfile
         if isinstance(error, OSError) and error.errno:

@@ -1,14 +1,12 @@
 """Parquet tables."""
 
-import os
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from sysid.base import parquet
 from sysid.base.errors import InputError
 from sysid.data.table import Table
 from sysid.formats._arrays import Arrays
@@ -31,20 +29,18 @@ class Parquet:
     written: ClassVar[tuple[str, ...]] = (".parquet",)
     headed: ClassVar[bool] = True
 
+    @staticmethod
+    def libraries(path: Path) -> tuple[str, ...]:
+        """None that can be loaded once for many files: polars has threads, which a fork would lose."""
+        return ()
+
     def read(self, path: Path) -> Table:
         """The numeric columns of `path`; raises InputError if it is not a Parquet file or has none."""
-        import polars
-
         try:
-            with _panics_unprinted():
-                frame = polars.read_parquet(path, glob=False)  # a name may hold [ or *
-        except OSError:
-            raise
-        # polars has an exception class of its own for each way of being damaged; a panic of its core is no Exception.
-        except (Exception, polars.exceptions.PanicException) as error:
-            raise InputError(
-                f"{path} is not a readable Parquet file ({type(error).__name__}); write it again"
-            ) from None
+            frame = parquet.read(path)
+        except parquet.DamagedError as error:
+            kind = str(error).partition(":")[0]
+            raise InputError(f"{path} is not a readable Parquet file ({kind}); write it again") from None
         if not frame.height:
             raise InputError(f"{path} has no rows; give a file with one row a sample")
         arrays = Arrays(path)
@@ -56,30 +52,13 @@ class Parquet:
         """Columns (N,) by name, and the header."""
         import polars
 
-        polars.DataFrame(dict(columns)).write_parquet(path, metadata={HEADER: header})
+        polars.DataFrame(dict(columns)).write_parquet(path.absolute(), metadata={HEADER: header})
 
     def header(self, path: Path) -> str:
         """The metadata `qpal` of the file."""
         import polars
 
-        return polars.read_parquet_metadata(path).get(HEADER, "")
-
-
-@contextmanager
-def _panics_unprinted() -> Iterator[None]:
-    """Keeps from the terminal what polars' core prints of its own when a damaged file makes it panic."""
-    try:
-        own = os.dup(2)
-    except OSError:  # a process without a standard error
-        yield
-        return
-    with tempfile.TemporaryFile() as said:
-        os.dup2(said.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(own, 2)
-            os.close(own)
+        return polars.read_parquet_metadata(path.absolute()).get(HEADER, "")
 
 
 def _add(arrays: Arrays, name: str, column: "polars.Series") -> None:

@@ -5,6 +5,7 @@ import math
 from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,6 +17,7 @@ from sysid.formats._units import units_of
 
 LONGEST = 64  # elements of a list in a message that become columns; an image or a scan is no signal
 SECOND = 1_000_000_000  # [ns]
+LIBRARIES = ("mcap.reader", "rosbags.highlevel")
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,18 @@ class RobotLog:
     written: ClassVar[tuple[str, ...]] = ()
     headed: ClassVar[bool] = False
 
+    @staticmethod
+    def libraries(path: Path) -> tuple[str, ...]:
+        """The modules that read this file, loaded once for many files. Raises InputError if one is not installed."""
+        for name in LIBRARIES:
+            try:
+                found = find_spec(name) is not None
+            except (ImportError, ValueError):
+                found = False
+            if not found:
+                raise _needs_extra(path)
+        return LIBRARIES
+
     def read(self, path: Path) -> Table:
         """The numbers in `path`; raises InputError if it is damaged, has none, or the extra is not installed."""
         topics: dict[str, Topic] = {}
@@ -73,7 +87,7 @@ class RobotLog:
         try:
             for name, time, message in messages:
                 topics.setdefault(name.removeprefix("/"), Topic()).add(time, message)
-        except (InputError, ImportError):
+        except (InputError, ImportError, MemoryError):
             raise
         except Exception as error:  # each layer of these formats has exceptions of its own
             if isinstance(error, OSError) and error.errno:

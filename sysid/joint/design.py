@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.base.units import shown
 from sysid.blocks import CoastingPlay, Play, ServoMotor
@@ -93,6 +94,7 @@ class Design:
         }
 
 
+@checked(late=True)
 def design(
     fit: Fit,
     data: IOData,

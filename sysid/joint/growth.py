@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.base.handlers import Shown, handler
 from sysid.base.threads import one_blas_thread
@@ -65,6 +66,10 @@ class Growth(Shown):
         """Names of the parts that the joint has."""
         return remaining(tuple(step.part for step in self.steps if step.kept), self.dropped)
 
+    def stayed(self, step: Step) -> bool:
+        """Whether the part of a step was kept in its round, and the grown joint has the whole of it."""
+        return step.kept and remaining((step.part,), self.dropped) == (step.part,)
+
     def sentence(self) -> str:
         """The parts kept, in words."""
         stops = "" if self.ends == "both" else f" The record shows {ENDS_IN_WORDS[self.ends]}."
@@ -115,6 +120,7 @@ class _Rough:
     k: int
 
 
+@checked(late=True)
 def grow_joint(
     data: IOData,
     plain: Chain | None = None,

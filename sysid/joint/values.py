@@ -7,6 +7,7 @@ import numpy as np
 from scipy.stats import norm
 
 from sysid.base import units
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.data.record import IOData
@@ -41,6 +42,7 @@ class JointValue:
         return self.low is not None and self.high is not None and self.low <= truth <= self.high
 
 
+@checked(late=True)
 def joint_values(
     fit: Fit, level: float = 0.95, data: IOData | None = None, linearity: float = 0.0, complete: bool = False
 ) -> tuple[JointValue, ...]:

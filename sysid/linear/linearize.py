@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.blocks import StateSpace as Dynamics
 from sysid.estimation.result import Fit
@@ -31,6 +32,7 @@ class OperatingPoint:
     output_slope: float
 
 
+@checked
 def findop(fit: Fit, u: float = 0.0, x: float | None = None) -> OperatingPoint:
     """Steady state at the constant input u, or the point with linear output x if x is given.
 
@@ -48,6 +50,7 @@ def findop(fit: Fit, u: float = 0.0, x: float | None = None) -> OperatingPoint:
     return OperatingPoint(float(u), w, float(x), y, input_slope, output_slope)
 
 
+@checked
 def tangent(fit: Fit | NlarxFit, u: float = 0.0, x: float | None = None) -> "TransferFunction":
     """The fit's tangent at the operating point of constant input u, as a discrete control.TransferFunction.
 
@@ -87,6 +90,7 @@ def tangent_ss(fit: Fit, u: float = 0.0, x: float | None = None) -> "StateSpace"
     return control.ss(A, b, c[None, :], [[op.output_slope * B[0] * op.input_slope]], fit.Ts)
 
 
+@checked
 def linapp(fit: Fit, u: np.ndarray) -> "TransferFunction":
     """The output-error model of the same orders that is closest to the fit's free run for the input u (N,).
 

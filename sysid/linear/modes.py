@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.handlers import Shown
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
@@ -60,6 +61,7 @@ class Gain:
     u: float
 
 
+@checked
 def modes(fit: Fit, data: IOData | None = None) -> Modes:
     """The poles of a fit, in the order of `Fit.poles`; of a pair both.
 
@@ -78,6 +80,7 @@ def modes(fit: Fit, data: IOData | None = None) -> Modes:
     return Modes(found)
 
 
+@checked
 def gain(fit: Fit, u: float | None = None, data: IOData | None = None) -> Gain:
     """The DC gain of the tangent at the constant input `u`, by default 0, or the middle of the input's range where that
     does not hold 0.
@@ -103,7 +106,9 @@ def deviation_of(fit: Fit, data: IOData | None = None) -> Deviation:
     def deviation(g: np.ndarray) -> float:
         if np.any(lost & (np.abs(g) > 0.0)):
             return float("nan")
-        return float(np.sqrt(max(float(g @ cov @ g), 0.0)))
+        with np.errstate(invalid="ignore", over="ignore"):  # fewer samples than parameters: the variance is infinite
+            variance = float(g @ cov @ g)
+        return float(np.sqrt(max(variance, 0.0)))
 
     return deviation
 

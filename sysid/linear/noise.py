@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.units import number, shown
 from sysid.data.record import IOData
@@ -53,6 +54,7 @@ class Noise:
         )
 
 
+@checked
 def noise_model(fit: Fit, data: IOData) -> Noise:
     """The noise of one output from the residuals of the free run on `data`, of the order of the least AIC, up to 8.
 

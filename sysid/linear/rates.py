@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import expm, logm
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.estimation.result import Fit
 from sysid.linear.linearize import tangent
@@ -26,6 +27,7 @@ class Continuous:
     delay: float
 
 
+@checked
 def d2c(fit: Fit, u: float = 0.0, method: str = "zoh") -> Continuous:
     """The continuous-time model that the tangent at the constant input u is the sampled form of.
 
@@ -47,6 +49,7 @@ def d2c(fit: Fit, u: float = 0.0, method: str = "zoh") -> Continuous:
     return Continuous(control.tf(*_rational(A, b, c, d)), extra * fit.Ts)
 
 
+@checked(own=("Ts",))
 def d2d(fit: Fit, Ts: float, u: float = 0.0) -> "TransferFunction":
     """The tangent at the constant input u sampled every `Ts` [s], for an input that is held between samples.
 

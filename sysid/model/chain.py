@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.annotations import is_number
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Block, Slot, StaticBlock
 from sysid.blocks import TransferFunction
 from sysid.model.gauge import gauge
 
 
+@checked
 @dataclass(frozen=True)
 class Chain:
     """Blocks in series, u -> blocks[0] -> ... -> y. It holds the structure; the values are a vector theta (P,).
@@ -45,11 +48,14 @@ class Chain:
         for key, value in self.fixed.items():
             block = self.block(key)
             if block is None:
-                if np.ndim(value) != 0 or not np.isfinite(value):
+                if not is_number(value) or not abs(float(value)) < np.inf:
                     raise InputError(f"{key} is fixed at {value!r}; give one finite number")
                 held[key] = float(np.asarray(value))
                 continue
-            values = np.asarray(value, dtype=float)
+            try:
+                values = np.asarray(value, dtype=float)
+            except (TypeError, ValueError):
+                raise InputError(f"{key} is fixed at {value!r}; give a number for each of its parameters") from None
             count = sum(not s.initial for s in block.slots())
             if values.shape not in ((count,), (block.n_parameters,)) or not np.all(np.isfinite(values)):
                 raise InputError(
@@ -91,10 +97,12 @@ class Chain:
         """True (P,) where a parameter is an initial state: it belongs to a record, not to the model."""
         return np.array([s.initial for s in self.slots], dtype=bool)
 
+    @checked(late=True)
     def index(self, block: Block) -> slice:
         """Positions of a block's parameters in theta."""
         return self._slices[block.role]
 
+    @checked(late=True)
     def part(self, theta: np.ndarray, block: Block) -> np.ndarray:
         """The part of theta that belongs to a block."""
         return theta[self.index(block)]
@@ -125,6 +133,7 @@ class Chain:
         """Number of inputs and of outputs."""
         return self.blocks[0].channels[0], self.blocks[-1].channels[1]
 
+    @checked
     def block(self, role: str) -> Block | None:
         """The block with this role, or None."""
         return next((b for b in self.blocks if b.role == role), None)
@@ -136,17 +145,20 @@ class Chain:
             return None
         return replace(self, blocks=blocks)
 
+    @checked(late=True)
     def scaled(self, u: np.ndarray, y: np.ndarray) -> "Chain":
         """The chain on the scale of a record u (N, nu), y (N, ny): blocks that have a scale and none yet take it."""
         behind = [all(isinstance(b, StaticBlock) for b in self.blocks[k + 1 :]) for k in range(len(self.blocks))]
         scaled = tuple(b.scaled(None if k else u, y if behind[k] else None) for k, b in enumerate(self.blocks))
         return self if scaled == self.blocks else replace(self, blocks=scaled)
 
+    @checked(late=True)
     def refine(self, coarse: "Chain", theta: np.ndarray) -> np.ndarray:
         """theta (P,) with the output of the coarser chain at theta."""
         pairs = zip(self.blocks, coarse.blocks, strict=True)
         return np.concatenate([b.refine(coarse.part(theta, c)) if b != c else coarse.part(theta, c) for b, c in pairs])
 
+    @checked(late=True)
     def admissible(self, theta: np.ndarray) -> bool:
         """False if theta gives no valid chain (unstable, knots out of order, outside the bounds)."""
         return bool(np.all(np.isfinite(theta))) and all(b.admissible(self.part(theta, b)) for b in self.blocks)
@@ -160,6 +172,7 @@ class Chain:
                 M[self.index(b), self.index(b)] = b.basis()
         return M
 
+    @checked(late=True)
     def at_limit(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """True (P,) for directions of `basis` that cannot go lower, and for those that cannot go higher."""
         low, high = self.limits
@@ -169,6 +182,7 @@ class Chain:
                 at_low[self.index(b)] |= b.at_low(self.part(theta, b))
         return at_low, at_high
 
+    @checked(late=True)
     def repair(self, theta: np.ndarray) -> np.ndarray:
         """theta within the bounds and with every block's own repair."""
         theta = np.clip(theta, *self.limits)
@@ -176,20 +190,24 @@ class Chain:
             theta[self.index(b)] = b.repair(self.part(theta, b))
         return theta
 
+    @checked(late=True)
     def simulate(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Free run of one input and output: output (N,) for input u (N,)."""
         return self.outputs(theta, u)[:, 0]
 
+    @checked(late=True)
     def tangent(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Free run of one input and output with its exact Jacobian: output (N,) and dy/dtheta (N, P)."""
         y, J = self.sensitivities(theta, u)
         return y[:, 0], J
 
+    @checked(late=True)
     def outputs(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Free run: outputs (N, ny) for inputs u (N, nu) or (N,)."""
         xs = deque(self._signals(theta, u), maxlen=1).pop()
         return np.column_stack(xs) if len(xs) > 1 else xs[0][:, None]
 
+    @checked(late=True)
     def sensitivities(
         self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -201,6 +219,7 @@ class Chain:
         xs, Js = self._run(theta, u, out)
         return np.column_stack(xs), Js[0] if len(Js) == 1 else np.concatenate(Js)
 
+    @checked(late=True)
     def signals(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, ...]:
         """Every signal of the free run for u (N, nu) or (N,): entry k goes into block k, the last one is the output.
 
@@ -208,12 +227,14 @@ class Chain:
         """
         return tuple(xs[0] if len(xs) == 1 else np.column_stack(xs) for xs in self._signals(theta, u))
 
+    @checked(late=True)
     def remarks(self, theta: np.ndarray, u: np.ndarray) -> list[str]:
         """What the free run for u (N, nu) or (N,) should be told with, for example a motor that runs away."""
         runs = self.signals(theta, u)
         pairs = zip(self.blocks, runs[:-1], runs[1:], strict=True)
         return [text for b, x, y in pairs for text in b.remarks(self.part(theta, b), x, y)]
 
+    @checked(late=True)
     def through(self, theta: np.ndarray, x: np.ndarray, start: int = 0, stop: int | None = None) -> np.ndarray:
         """x (N,) through blocks[start:stop], each of one channel."""
         with np.errstate(over="ignore", invalid="ignore"):
@@ -221,6 +242,7 @@ class Chain:
                 x = b.output(self.part(theta, b), x)
         return x
 
+    @checked(late=True)
     def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Kinks of all maps (k,) and their derivative (k, P), see `Block.kinks`."""
         values, rows = [np.empty(0)], [np.empty((0, len(theta)))]
@@ -234,10 +256,12 @@ class Chain:
                 rows.append(wide)
         return np.concatenate(values), np.concatenate(rows)
 
+    @checked(late=True)
     def gauge(self, theta: np.ndarray) -> np.ndarray:
         """Basis (P, g) of redundant directions among the free parameters, see `sysid.model.gauge`."""
         return gauge(self.blocks, [self.part(theta, b) for b in self.blocks], self.free)
 
+    @checked(late=True)
     def count(self, theta: np.ndarray) -> int:
         """d of the criteria: free parameters after the gauge, initial states counted."""
         return int(self.free.sum()) - self.gauge(theta).shape[1]

@@ -7,6 +7,7 @@ from typing import Any, overload
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
@@ -19,6 +20,7 @@ from sysid.nlarx.result import NlarxFit
 from sysid.solver.iterate import Options
 
 
+@checked
 def load(path: str | PathLike) -> Fit | NlarxFit:
     """Read a fit that its `save` wrote, a chain's or a nonlinear ARX model's; raises InputError for anything else."""
     from sysid.estimation.storage import FORMAT, built, read
@@ -28,6 +30,7 @@ def load(path: str | PathLike) -> Fit | NlarxFit:
     return read(path, formats)
 
 
+@checked
 def save(fit: Fit | NlarxFit, path: str | PathLike) -> Path:
     """Write a fit of either kind as readable JSON; `load` reads it again, `qpal run` and `qpal export` take it.
 
@@ -44,6 +47,7 @@ def fit(model: Nlarx, data: IOData, *args: Any, **kwargs: Any) -> NlarxFit: ...
 def fit(model: Chain, data: IOData, *args: Any, **kwargs: Any) -> Fit: ...
 
 
+@checked(own=("start",))
 def fit(
     model: Chain | Nlarx,
     data: IOData,

@@ -6,16 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.criteria import criteria
 from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
+from sysid.data.magnitudes import check_magnitudes
 from sysid.data.record import IOData
 from sysid.estimation.origin import Origin
 from sysid.nlarx.choice import RIDGES, Choice, choices, preferred
 from sysid.nlarx.model import Nlarx
 from sysid.nlarx.problem import Piece, SimulationProblem, limit
 from sysid.nlarx.result import FREE_RUN, ONE_STEP, NlarxFit
-from sysid.nlarx.runs import Run, runs_of
+from sysid.nlarx.runs import Run, linear_start, runs_of
+from sysid.nlarx.units import Units
 from sysid.solver.covariance import covariance
 from sysid.solver.iterate import Linearisation, Options
 from sysid.solver.searches import search as make_search
@@ -23,6 +26,7 @@ from sysid.solver.searches import search as make_search
 _FREE = 2.0  # times the least mean square of a free run, above which a start is out
 
 
+@checked
 def fit_nlarx(
     model: Nlarx,
     data: IOData,
@@ -45,47 +49,54 @@ def fit_nlarx(
     began = time.perf_counter()
     options = (options or Options(max_iterations=100)).begun()
     make_search(search)
+    check_magnitudes(data)
     pieces = Piece.of(data)
     check(model, pieces, starts)
     if ridge is not None and not 0.0 <= ridge < np.inf:
         raise InputError(f"ridge is {ridge}; give 0 or a positive number")
+    units = Units.of(data)
+    there, square = units.normal(data), units.b**2
     with one_blas_thread():
         choice: tuple[Choice, ...] = ()
         chosen, weight = model, RIDGES[0] if ridge is None else ridge
         if model.units == "auto":
-            choice = choices(model, data, RIDGES if ridge is None else (ridge,), search, options.deadline)
+            choice = choices(model, there, RIDGES if ridge is None else (ridge,), search, options.deadline)
             best_choice = preferred(choice)
             chosen, weight = replace(model, units=best_choice.units), best_choice.ridge
-        runs = runs_of(chosen, data, search, starts, seed, options, weight)
-        best = _best(runs, pieces, model.lag)
+        linear = linear_start(chosen, there)
+        runs = runs_of(chosen, there, search, starts, seed, options, weight, linear)
+        best = _best(runs, Piece.of(there), model.lag)
+        if best.network.units:  # its ridge, or a limit of its dilations, may leave a network above the linear model
+            flat = runs_of(replace(chosen, units=0), there, search, 1, seed, options, weight, linear, leaders=1)
+            best = min(best, *flat, key=lambda run: run.loss)
         if not np.isfinite(best.loss):
             raise InputError(
                 f"the free run of each of {len(runs)} start(s) diverges; use focus='prediction' or other orders"
             )
         if progress is not None:
-            progress(f"{model.structure}: loss {best.loss:.4g} with {best.network.units} units")
+            progress(f"{model.structure}: loss {best.loss * square:.4g} with {best.network.units} units")
         theta = best.outcome.p
         e, J = best.problem.linearise(theta)
         N, d = best.problem.N, len(theta)
         cov = covariance(Linearisation.of(e[:N], J[:N]), np.zeros((d, 0)), np.eye(d), d)
     found = NlarxFit(
         model=model,
-        network=best.network,
-        theta=theta,
+        network=units.network(best.network),
+        theta=theta * units.factors(best.network),
         Ts=data.Ts,
-        criteria=criteria(best.loss, N, d),
+        criteria=criteria(best.loss * square, N, d),
         criteria_of=FREE_RUN if model.focus == "simulation" else ONE_STEP,
-        covariance=cov,
+        covariance=units.covariance(cov, best.network),
         stop=best.outcome.stop,
-        history=best.outcome.history,
+        history=tuple({**row, "loss": row["loss"] * square} for row in best.outcome.history),
         warnings=(),
-        losses=tuple(run.loss for run in runs),
+        losses=tuple(run.loss * square for run in runs),
         seconds=0.0,
         search=search,
         n_init=model.lag,
         limit=limit(pieces),
         ridge=weight,
-        choice=choice,
+        choice=units.choices(choice),
         u_span=(float(data.u.min()), float(data.u.max())),
         y_span=(float(data.y.min()), float(data.y.max())),
         u_offset=data.u_offset.copy(),

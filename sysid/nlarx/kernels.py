@@ -1,10 +1,11 @@
 """Compiled loops of the nonlinear ARX network: one step ahead, and free run with its recursive sensitivities."""
 
 import numpy as np
-from numba import njit
+
+from sysid.base.compiled import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def step(theta, wavelets, mu, T, phi, x, dx, dphi, row, own):
     """Network at one regressor phi (n,): y0 + L (phi - mu) + sum_k s_k g_k(|b_k (x - c_k)|), x = T (phi - mu) (m,).
 
@@ -56,7 +57,7 @@ def step(theta, wavelets, mu, T, phi, x, dx, dphi, row, own):
     return y
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def predict(theta, wavelets, mu, T, Phi, yhat, J, own):
     """One step ahead: yhat (N,) for regressors Phi (N, n); J (N, P) its Jacobian if `own`."""
     n, m = Phi.shape[1], T.shape[0]
@@ -65,7 +66,7 @@ def predict(theta, wavelets, mu, T, Phi, yhat, J, own):
         yhat[t] = step(theta, wavelets, mu, T, Phi[t], x, dx, dphi, J[t] if own else empty, own)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def free_run(theta, wavelets, mu, T, na, nk, first, limit, u, yhat, J, own):
     """yhat (N,) from sample `first` on, computed from its own past; the measured samples before are kept.
 

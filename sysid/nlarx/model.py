@@ -5,12 +5,14 @@ from functools import cached_property
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 
 FOCUS = ("prediction", "simulation")
 MAX_UNITS = 20  # of units='auto'
 
 
+@checked(own=("na", "nb", "nk", "units"))
 @dataclass(frozen=True)
 class Nlarx:
     """Structure of a nonlinear ARX model; see `sysid.structures.nlarx` for the meaning of each entry."""

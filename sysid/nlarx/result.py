@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
 from sysid.base.json_values import plain
@@ -71,6 +72,7 @@ class NlarxFit(FitMethods):
     y_offset: np.ndarray | None = None
     origin: Origin | None = None  # names, units and fit of the estimation data; None in a file of an earlier version
 
+    @checked
     def own_level(self, data: IOData) -> IOData:
         """The record counted from the offsets of the estimation data; the same one if it is, or if they are unknown.
 
@@ -82,6 +84,7 @@ class NlarxFit(FitMethods):
             )
         return counted_from(data, self.u_offset, self.y_offset)
 
+    @checked
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
         """Free run (N,) from u and its own past. It uses the first `n_init` outputs (at least max(na, nb+nk-1)) of each
         experiment and returns them unchanged; for u (N,) alone it starts from rest, all earlier signals zero.
@@ -96,6 +99,7 @@ class NlarxFit(FitMethods):
         lag = self.model.lag
         return self._run(np.concatenate([np.zeros(lag), u]), np.zeros(lag + len(u)), lag)[0][lag:]
 
+    @checked(own=("horizon",))
     def predict(self, data: IOData, horizon: int = 1) -> np.ndarray:
         """Each output (N,) from the measured ones up to `horizon` samples before it, by default one step ahead.
 
@@ -122,18 +126,21 @@ class NlarxFit(FitMethods):
             ahead[: max(k - model.na, 0)] = [p.y[:0]] * max(k - model.na, 0)  # no longer needed
         return ahead[-1]
 
+    @checked
     def fit_percent(self, data: IOData, n_init: int | None = None) -> float:
         """Free-run fit [%], the first n_init samples of each experiment are not scored; -inf if the run diverges."""
         data = self.own_level(data)
         counts = self._scored(data, n_init)
         return fit_percent(data.y[counts, 0], self.simulate(data, n_init)[counts])
 
+    @checked
     def prediction_percent(self, data: IOData, n_init: int | None = None) -> float:
         """One-step fit [%]. It is near 100 for any smooth, finely sampled y and says little about the model."""
         data = self.own_level(data)
         counts = self._scored(data, n_init)
         return fit_percent(data.y[counts, 0], self.predict(data)[counts])
 
+    @checked
     def divergence(self, data: IOData, n_init: int | None = None) -> str | None:
         """A sentence if the free run on this record diverges, else None."""
         for k, p in enumerate(self._pieces(data), 1):
@@ -146,6 +153,7 @@ class NlarxFit(FitMethods):
                 )
         return None
 
+    @checked
     def excursion(self, data: IOData, n_init: int | None = None) -> str | None:
         """A sentence if the free run on this record leaves the estimation data's range of outputs by far, else None.
 
@@ -164,6 +172,7 @@ class NlarxFit(FitMethods):
             "estimation data that cover these levels"
         )
 
+    @checked
     def residuals(self, data: IOData) -> np.ndarray:
         """e = y - yhat of the kind `criteria_of`, without each experiment's first n_init samples and missing ones."""
         data = self.own_level(data)
@@ -171,6 +180,7 @@ class NlarxFit(FitMethods):
         yhat = self.simulate(data) if self.criteria_of == FREE_RUN else self.predict(data)
         return data.y[counts, 0] - yhat[counts]
 
+    @checked
     def residual_tests(self, data: IOData, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
         """Whiteness of the residuals (see `residuals`) and their independence of the input."""
         data = self.own_level(data)
@@ -188,6 +198,7 @@ class NlarxFit(FitMethods):
             for name, v, s in zip(self.network.names, self.theta, std, strict=True)
         )
 
+    @checked
     def save(self, path: str | PathLike) -> Path:
         """Write the fit as readable JSON; `sysid.load` reads it again."""
         from sysid.nlarx.saving import save

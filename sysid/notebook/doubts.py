@@ -8,7 +8,7 @@ from sysid.base.errors import InputError
 from sysid.base.units import number, percent
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import advise
-from sysid.diagnosis.residuals import POOR, ResidualTests, poor
+from sysid.diagnosis.residuals import ResidualTests, poor
 from sysid.estimation.result import Fit
 from sysid.linear.modes import Mode
 
@@ -20,7 +20,7 @@ def doubts(fit: Fit, data: IOData | None, score: float | None, found: Sequence[M
     """Sentences about a fit of `score` [%] on its record `data` and with the poles `found`; none about a good fit."""
     said, open_ = [], [m for m in found if not determined(m) and m.pole.imag > -1e-9]
     # The tests of a good fit are not asked for: they take time.
-    bad = score is not None and not score >= POOR and poor(score, _tests(fit, data))
+    bad = score is not None and poor(score, None) and poor(score, _tests(fit, data))
     if bad and score is not None:
         said.append(f"Warning: the free run explains only {percent(score)} of the model's own record.")
     if not fit.stop.converged:

@@ -12,7 +12,7 @@ from sysid.joint.growth import MARGIN, WORDS, Growth
 from sysid.notebook import fit as of_fit
 from sysid.notebook.figures import figure
 from sysid.plots.earned import earned
-from sysid.report.joint_words import bars
+from sysid.report.joint_words import bars, hatched
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,4 +56,4 @@ def plot(growth: Growth) -> Figure:
     """The parts tried, round by round."""
     if not growth.steps:
         raise InputError("no part was tried in this growth, so there is nothing to draw; see growth.fit.plot()")
-    return figure(earned, bars(growth), MARGIN, say=SAY)
+    return figure(earned, bars(growth), MARGIN, say=SAY + hatched(growth))

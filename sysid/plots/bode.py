@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.plots._shade import level_name, shade
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@checked(own=("axes",))
 @styled
 def bode(
     response: FrequencyResponse, axes: Sequence[Axes] | None = None, y_unit: str = "", u_unit: str = ""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.data.record import IOData
 from sysid.plots._departure import frame_all
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@checked(own=("axes", "run"))
 @styled
 def close_ups(data: IOData, run: np.ndarray, axes: Sequence[Axes] | None = None, time: str = "time [s]") -> list[Axes]:
     """The first upper and the first lower peak of the measured output, with the free run (N,) over it.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.validation.compare import Comparison
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@checked(own=("axes",))
 @styled
 def comparison(table: Comparison, axes: Axes | None = None) -> Axes:
     """Free-run fit of each model, best on top, with d. A small model as good as a large one is preferable."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 Bar = tuple[str, float, bool, bool]  # name of the part, fall of BIC, kept in its round, still in the final joint
 
 
+@checked(own=("axes",))
 @styled
 def earned(rounds: Sequence[Sequence[Bar]], margin: float, axes: Sequence[Axes] | None = None) -> list[Axes]:
     """One panel for each round: a bar to the right of the dashed line earned its place, and the filled one stayed.

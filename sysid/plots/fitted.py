@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.base.units import percent
 from sysid.data.record import IOData
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@checked(own=("axes", "run", "fits"))
 @styled
 def fitted(
     data: IOData, run: np.ndarray, fits: Sequence[float], axes: Sequence[Axes] | None = None, skipped: int = 0

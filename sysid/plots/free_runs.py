@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.plots._departure import frame_all
 from sysid.plots._runs import Run, draw, first, output
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@checked(own=("axes",))
 @styled
 def free_run(
     estimation: Run, validation: Run, one_step: Run | None = None, axes: Sequence[Axes] | None = None
@@ -40,6 +42,7 @@ def free_run(
     return rows
 
 
+@checked(own=("axes",))
 @styled
 def free_runs(
     runs: Sequence[Run], axes: Sequence[Axes] | None = None, seconds: float | None = None, time: str = "time [s]"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.uncertainty.intervals import Root
 
@@ -19,6 +20,7 @@ NEAR = 0.08  # half the height of the panel about z = 1, where slow poles crowd
 REACH = 1.15  # half the width of the panel with the unit circle
 
 
+@checked(own=("axes", "poles", "zeros", "references"))
 @styled
 def pole_zero(
     poles: Roots,
@@ -47,6 +49,7 @@ def pole_zero(
     return ax
 
 
+@checked(own=("axes", "poles", "zeros", "references"))
 @styled
 def pole_zero_map(
     poles: Roots,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.base.units import Quantity, shown
 from sysid.data.record import IOData
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@checked(own=("axes",))
 @styled
 def record(data: IOData, axes: Sequence[Axes] | None = None, seconds: float | None = None) -> list[Axes]:
     """Inputs over outputs as recorded, with removed means restored, for the first `seconds` [s] or all samples.
@@ -41,6 +43,7 @@ def record(data: IOData, axes: Sequence[Axes] | None = None, seconds: float | No
     return rows
 
 
+@checked(own=("axes",))
 @styled
 def parts(estimation: IOData, validation: IOData, axes: Sequence[Axes] | None = None) -> list[Axes]:
     """Input over output after preprocessing, with the two parts marked."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.diagnosis.higher_order import HigherOrderTests
 from sysid.diagnosis.residuals import ResidualTests
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@checked(own=("axes",))
 @styled
 def residual_tests(tests: ResidualTests, axes: Sequence[Axes] | None = None) -> list[Axes]:
     """Whiteness and independence. Bars outside the bound at small positive lags: missing dynamics or delay."""
@@ -29,6 +31,7 @@ def residual_tests(tests: ResidualTests, axes: Sequence[Axes] | None = None) -> 
     return both
 
 
+@checked(own=("axes",))
 @styled
 def higher_order_tests(tests: HigherOrderTests, axes: Sequence[Axes] | None = None) -> list[Axes]:
     """Three correlations that are zero for a complete model. Bars outside: the model is incomplete, see `advice`."""

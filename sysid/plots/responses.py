@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.plots._shade import level_name, shade
@@ -14,12 +15,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@checked(own=("axes",))
 @styled
 def step(band: Band, axes: Axes | None = None, y_unit: str = "", u_unit: str = "", y_name: str = "output") -> Axes:
     """Step response of the tangent: its final value is the gain, with the band as its uncertainty."""
     return _response(band, "step", "step response of the tangent model", axes, y_unit, u_unit, y_name)
 
 
+@checked(own=("axes",))
 @styled
 def impulse(band: Band, axes: Axes | None = None, y_unit: str = "", u_unit: str = "", y_name: str = "output") -> Axes:
     """Response of the tangent to one sample of 1; the samples before the delay are exactly 0."""

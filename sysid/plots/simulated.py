@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.data.record import IOData
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@checked(own=("axes",))
 @styled
 def simulated(band: OutputBand, data: IOData | None = None, axes: Axes | None = None) -> Axes:
     """Free run with its band and the measured output. Long segments of data outside the band show model errors."""

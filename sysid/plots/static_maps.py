@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.plots._shade import level_name, shade
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 Words = tuple[str, str, str]  # title, signal before the map, signal after it
 
 
+@checked(own=("axes",))
 @styled
 def static_curve(curve: Curve, axes: Axes | None = None, words: Words | None = None) -> Axes:
     """One static map with its band; the band is wide where the record has few samples.
@@ -31,6 +33,7 @@ def static_curve(curve: Curve, axes: Axes | None = None, words: Words | None = N
     return ax
 
 
+@checked(own=("axes",))
 @styled
 def static_maps(
     curves: Sequence[Curve], axes: Sequence[Axes] | None = None, words: Mapping[str, Words] | None = None
@@ -42,6 +45,7 @@ def static_maps(
     return row
 
 
+@checked(own=("axes",))
 def words_of(curve: Curve) -> Words:
     """Title and labels of a map by its role and scale."""
     before = "u" if curve.role == "input" else "signal before the map"

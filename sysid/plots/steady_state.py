@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sysid.base import style
+from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.plots._shade import level_name, shade
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@checked(own=("axes",))
 @styled
 def steady_state(band: Band, axes: Axes | None = None, u_unit: str = "", y_unit: str = "") -> Axes:
     """Steady-state output of the whole chain over constant inputs; it does not depend on the gauge."""

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from sysid.base.units import shown
 from sysid.joint.growth import Growth
-from sysid.joint.pruning import remaining
 from sysid.joint.values import JointValue
 from sysid.plots.earned import Bar
 from sysid.report.sections import told_once
@@ -46,9 +45,13 @@ def bars(growth: Growth) -> list[list[Bar]]:
     """Every part that was tried, round by round."""
     found: list[list[Bar]] = [[] for _ in range(1 + max(s.round for s in growth.steps))]
     for s in growth.steps:
-        stayed = s.kept and remaining((s.part,), growth.dropped) == (s.part,)
-        found[s.round].append((PARTS[s.part], s.earned, s.kept, stayed))
+        found[s.round].append((PARTS[s.part], s.earned, s.kept, growth.stayed(s)))
     return found
+
+
+def hatched(growth: Growth) -> str:
+    """What the figure of `bars` says of parts that were kept and dropped; empty if none was."""
+    return " A hatched bar is a part that the final joint does without." if growth.dropped else ""
 
 
 def groups(values: Sequence[JointValue]) -> dict[tuple[str, bool], list[JointValue]]:

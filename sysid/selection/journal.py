@@ -2,35 +2,44 @@
 
 import hashlib
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.files import Lines
+from sysid.base.files import Lines, whole_file
+from sysid.base.lock import held
+from sysid.base.sealed import CHECK, DAMAGED, UNSEALED, opened, sealed
 from sysid.data.record import IOData
+
+VERSIONS = (1, 2)  # of the file; rows of 1 have no check sum
 
 
 class Journal:
     """Results by round and key in a file, or only in memory if no path is given.
 
     The first line identifies the record and settings of the results. Each result is appended in one write and flushed;
-    an incomplete last line is ignored.
+    an incomplete last line is ignored. A row has a check sum over its content and the first line: `notes` tells of rows
+    that do not hold, of rows of older versions without one, and of candidates that are there twice with other values.
+    They leave the file, and their candidates are run again.
     """
 
     def __init__(self, path: str | Path | None, data: IOData, settings: Any) -> None:
         self._lines = None if path is None else Lines(Path(path))
         self._known: dict[str, dict[str, Any]] = {}
+        self.notes: tuple[str, ...] = ()
         digest = hashlib.sha256(np.ascontiguousarray(data.u).tobytes() + np.ascontiguousarray(data.y).tobytes())
         digest.update(repr((data.Ts, data.lengths, settings)).encode())
-        head = {"journal": 1, "of": digest.hexdigest()}
+        self._of = digest.hexdigest()
         if self._lines is None:
             return
-        if self._lines.path.exists() and self._lines.path.stat().st_size:
-            self._read(self._lines, head)
+        if self._begun(self._lines.path):
+            self._read(self._lines)
         else:
-            self._append(head)
+            self._append(self._head())
 
     def find(self, number: int, key: dict[str, Any]) -> dict[str, Any] | None:
         """The result for this key in this round, or None."""
@@ -40,34 +49,98 @@ class Journal:
         """Keep a result."""
         self._known[_name(number, key)] = values
         if self._lines is not None:
-            self._append({"key": _name(number, key), "values": values})
+            self._append(self._row(_name(number, key), values))
+
+    def _begun(self, path: Path) -> bool:
+        """Whether there is more than a part of the first line, which a kill may leave."""
+        try:
+            with path.open("rb") as file:
+                found = file.read(1000)
+        except FileNotFoundError:
+            return False
+        except OSError:
+            return True  # which reading it tells
+        return not json.dumps(self._head()).encode().startswith(found)
+
+    def _head(self) -> dict[str, Any]:
+        return {"journal": VERSIONS[-1], "of": self._of}
+
+    def _row(self, name: str, values: dict[str, Any]) -> dict[str, Any]:
+        return sealed({"key": name, "values": values}, self._of)
 
     def _append(self, row: dict[str, Any]) -> None:
         assert self._lines is not None
         try:
             self._lines.append(json.dumps(row))
         except OSError as error:
-            raise InputError(
-                f"cannot write the journal {self._lines.path}: {error.strerror}; give another path"
-            ) from None
+            raise self._unwritable(self._lines, error) from None
 
-    def _read(self, lines: Lines, head: dict[str, Any]) -> None:
+    def _read(self, lines: Lines) -> None:
         try:
             found = lines.read()
             first = json.loads(found[0])
-        except (OSError, UnicodeDecodeError, ValueError, IndexError):
+        except (OSError, ValueError, IndexError, RecursionError):
             raise InputError(f"{lines.path} is not a journal of a search; give a path that does not exist") from None
-        if first != head:
+        if first not in [{"journal": version, "of": self._of} for version in VERSIONS]:
             raise InputError(
                 f"the journal {lines.path} belongs to another record, space, search or seed; "
                 "give another path or remove it"
             )
+        sums: dict[str, str] = {}
+        twice: set[str] = set()
+        bad = {DAMAGED: 0, UNSEALED: 0}
         for line in found[1:]:
-            try:
-                row = json.loads(line)
-                self._known[row["key"]] = row["values"]
-            except (ValueError, KeyError, TypeError):
-                continue  # damaged: that candidate is done again
+            row, trouble = opened(line, self._of)
+            if trouble:
+                bad[trouble] += 1
+                continue
+            name, own = row["key"], json.loads(line)[CHECK]
+            if sums.setdefault(name, own) != own:
+                twice.add(name)
+            self._known[name] = row["values"]
+        for name in twice:
+            del self._known[name]
+        self.notes = tuple(_told(lines.path, bad[DAMAGED], bad[UNSEALED], len(twice)))
+        if self.notes:
+            self._rewrite(lines)
+
+    def _rewrite(self, lines: Lines) -> None:
+        """The file with the rows that hold alone."""
+        rows = [self._head(), *(self._row(name, values) for name, values in self._known.items())]
+        try:
+            with whole_file(lines.path) as temporary:
+                temporary.write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
+        except OSError as error:
+            raise self._unwritable(lines, error) from None
+
+    @staticmethod
+    def _unwritable(lines: Lines, error: OSError) -> InputError:
+        return InputError(f"cannot write the journal {lines.path}: {error.strerror}; give another path")
+
+
+@contextmanager
+def writing(path: str | Path | None, data: IOData, settings: Any) -> Iterator[Journal]:
+    """The journal, which no other search can use meanwhile."""
+
+    def taken(who: str) -> str:
+        return f"another search ({who}) writes to the journal {path}; wait until it ends, or give another path"
+
+    with nullcontext() if path is None else held(path, taken):
+        yield Journal(path, data, settings)
+
+
+def _told(path: Path, damaged: int, unsealed: int, twice: int) -> list[str]:
+    said = []
+    if damaged:
+        rows, them = ("row", "its candidate is") if damaged == 1 else ("rows", "their candidates are")
+        said.append(f"{damaged} {rows} of the journal {path} changed since the search wrote them; {them} run again")
+    if unsealed:
+        rows, them = ("row", "its candidate is") if unsealed == 1 else ("rows", "their candidates are")
+        said.append(f"{unsealed} {rows} of the journal {path} have no check sum (an older version); {them} run again")
+    if twice:
+        them = "a candidate, which is" if twice == 1 else f"{twice} candidates, which are"
+        said.append(f"the journal {path} has two different results of {them} run again")
+    return said
 
 
 def _name(number: int, key: dict[str, Any]) -> str:

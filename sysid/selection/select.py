@@ -17,13 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.executor import results
 from sysid.data.record import IOData
 from sysid.model.recipes import Recipe
 from sysid.selection.final import final_fit
 from sysid.selection.folds import Fold, folds
-from sysid.selection.journal import Journal
+from sysid.selection.journal import Journal, writing
 from sysid.selection.judge import Effort, Job, from_journal, judge, unchanged
 from sysid.selection.space import ORDERS, Space
 from sysid.selection.table import BLOCKS, Row, Selection, ranked, settings
@@ -39,6 +40,7 @@ _SCREENING, _LEADING, _CLIMBING = 0.45, 0.65, 0.8
 _ONE, _ONE_SCREENED = 0.1, 0.03  # of the budget, for one fit
 
 
+@checked(late=True)
 def select(
     data: IOData,
     space: Space | None = None,
@@ -57,25 +59,26 @@ def select(
     candidate. seconds: budget of the search, with the last fit; the result does not depend on jobs unless the budget
     ends the search or a fit, which `notes` of the result say; a structure that got no time has a row that says so. A
     structure with absolute signals is fitted to the record with its means restored, see `Recipe.scale`. Raises
-    InputError for a journal of another record, space or seed, for a record too short to be halved, for a budget that
-    ends before one candidate is tried, and where no structure has a valid free run.
+    InputError for a journal of another record, space or seed, for one that another search writes to, for a record too
+    short to be halved, for a budget that ends before one candidate is tried, and where no structure has a valid free
+    run.
     """
     space = space or Space()
     if not seconds > 0:
         raise InputError(f"seconds is {seconds}; give a positive number")
-    book = Journal(journal, data, (vars(space), search, seed))
-    work = _Work(folds(data), search, seed, jobs, scheduler, book, progress, time.time(), seconds)
-    judged = _rounds(space, data, work)
-    rows, chosen = ranked(judged)
-    if not np.isfinite(rows[0].fit_percent):
-        raise InputError(
-            "no structure of the space has a valid free run on this record; inspect the data or widen the space"
-        )
-    left = max(work.begun + seconds - time.time(), 0.1 * seconds)
-    chosen, fit, notes = final_fit(rows, chosen, data, search, seed, Effort(space.starts, 200, left))
-    fit.remember(chosen.candidate.scale(data))
-    rows += work.untried(space.kinds, {r.candidate.name for r in rows})
-    return Selection(tuple(rows), chosen, fit, (*work.notes(), *notes), time.time() - work.begun)
+    with writing(journal, data, (vars(space), search, seed)) as book:
+        work = _Work(folds(data), search, seed, jobs, scheduler, book, progress, time.time(), seconds)
+        judged = _rounds(space, data, work)
+        rows, chosen = ranked(judged)
+        if not np.isfinite(rows[0].fit_percent):
+            raise InputError(
+                "no structure of the space has a valid free run on this record; inspect the data or widen the space"
+            )
+        left = max(work.begun + seconds - time.time(), 0.1 * seconds)
+        chosen, fit, notes = final_fit(rows, chosen, data, search, seed, Effort(space.starts, 200, left))
+        fit.remember(chosen.candidate.scale(data))
+        rows += work.untried(space.kinds, {r.candidate.name for r in rows})
+        return Selection(tuple(rows), chosen, fit, (*book.notes, *work.notes(), *notes), time.time() - work.begun)
 
 
 def _rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:

@@ -3,6 +3,7 @@
 import itertools
 from dataclasses import dataclass, replace
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.data.record import IOData
 from sysid.model.recipes import Recipe
@@ -12,6 +13,7 @@ ORDERS = ("nb", "nf", "nk")
 MAPS = ("unit_gain", "saturation", "dead_zone", "piecewise_linear")
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Space:
     """What a search tries first: every combination of nb, nf, nk, and of the maps that a structure has.

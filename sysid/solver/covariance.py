@@ -79,5 +79,7 @@ def pole_std(f: np.ndarray, cov_f: np.ndarray) -> np.ndarray:
             out.append(np.nan)
             continue
         g = -np.array([z ** (n - j) for j in range(1, n + 1)]) / d
-        out.append(float(np.sqrt(max(np.real(np.conj(g) @ cov_f @ g), 0.0))))
+        with np.errstate(invalid="ignore", over="ignore"):  # fewer samples than parameters: the variance is infinite
+            variance = float(np.real(np.conj(g) @ cov_f @ g))
+        out.append(float(np.sqrt(max(variance, 0.0))))
     return np.array(out)

@@ -9,6 +9,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from scipy.linalg.lapack import dgeqrt
 
+from sysid.base.checks import checked
+
 _EPS = np.finfo(float).eps
 _PANEL = 16  # columns in one step of a QR
 _ROWS = 4096  # of J in one QR, then stacked on the next: more than this does not stay in a processor's cache
@@ -48,6 +50,7 @@ class Compact(Protocol):
         ...
 
 
+@checked
 @dataclass(frozen=True)
 class Options:
     """Stopping options of a search. After `max_seconds` a fit ends with the best that its searches found so far."""

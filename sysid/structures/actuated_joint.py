@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Compliance, Motor, Play, Quantiser, TravelMap, static
@@ -15,6 +16,7 @@ from sysid.model.chain import Chain
 from sysid.model.recipes import Map, Recipe, choice, number, static_map
 
 
+@checked
 def actuated_joint(
     driver: Map | None = None,
     motor: Motor | None = None,
@@ -73,6 +75,7 @@ _LOADED = {"polynomial": "", "periodic": " and a periodic load", "spring": " and
 LOADS = tuple(_LOADED)
 
 
+@checked
 def joint_motor(load: str = "polynomial", stops: str = "both", period: float | None = None) -> Motor:
     """The motor of a joint with a load of one of `LOADS` and end stops of one of `STOPS`.
 
@@ -88,6 +91,7 @@ def joint_motor(load: str = "polynomial", stops: str = "both", period: float | N
     return Motor(load={"polynomial": 3, "spring": 2, "none": 0}[load], stops=stops, at=0.5 if stops == "both" else 0.0)
 
 
+@checked
 @dataclass(frozen=True)
 class ActuatedJoint(Recipe):
     """Settings of a joint that grows from the plain `actuated_joint`.

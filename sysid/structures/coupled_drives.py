@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from sysid.base.checks import checked
 from sysid.blocks import BowedGain, FrictionLag, Rectifier, TransferFunction
 from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe, order
@@ -10,6 +11,7 @@ from sysid.model.recipes import Recipe, order
 GAIN = 0.15  # of the drive; the belt has a gain of its own
 
 
+@checked
 def coupled_drives(nb: int = 2, nf: int = 2, nk: int = 1, **limits: Any) -> Chain:
     """Voltage, its gain bowed -> drive with dry friction -> belt B/F -> rectifier with an offset -> filter of a pole.
 
@@ -30,6 +32,7 @@ def coupled_drives(nb: int = 2, nf: int = 2, nk: int = 1, **limits: Any) -> Chai
     return Chain(blocks, structure="coupled_drives", fixed=fixed, **limits)
 
 
+@checked
 @dataclass(frozen=True)
 class CoupledDrives(Recipe):
     """Settings of `coupled_drives`; the orders are those of the belt."""

@@ -4,10 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from sysid.base.checks import checked
 from sysid.model.chain import Chain
 from sysid.model.recipes import LinearOrders, Map, Order, Several, filters, maps, named, static_map
 
 
+@checked
 def hammerstein_wiener(
     nb: Order = 2,
     nf: Order = 3,
@@ -27,6 +29,7 @@ def hammerstein_wiener(
     return Chain(blocks, structure="hammerstein_wiener", **limits)
 
 
+@checked
 @dataclass(frozen=True)
 class HammersteinWiener(Several, LinearOrders):
     """Settings of `hammerstein_wiener`."""

@@ -3,12 +3,14 @@
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+from sysid.base.checks import checked
 from sysid.blocks import ProfiledMotor
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe, choice, number, order
 
 
+@checked
 def motor_profile(
     knots: int = 9,
     low: float | None = None,
@@ -28,6 +30,7 @@ def motor_profile(
     return Chain((motor,), structure="motor_profile", **limits)
 
 
+@checked
 @dataclass(frozen=True)
 class MotorProfile(Recipe):
     """Settings of `motor_profile`."""

@@ -3,10 +3,12 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from sysid.base.checks import checked
 from sysid.model.recipes import Recipe, choice, order
 from sysid.nlarx.model import FOCUS, Nlarx
 
 
+@checked(own=("na", "nb", "nk", "units"))
 def nlarx(
     na: int = 2,
     nb: int = 2,
@@ -25,6 +27,7 @@ def nlarx(
     return Nlarx(na, nb, nk, units, focus, nonlinear)
 
 
+@checked
 @dataclass(frozen=True)
 class NonlinearArx(Recipe):
     """Settings of `nlarx` with an automatic network size."""

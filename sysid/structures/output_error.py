@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from sysid.base.checks import checked
 from sysid.base.errors import unknown
 from sysid.block.block import Block
 from sysid.blocks import Polynomial
@@ -12,6 +13,7 @@ from sysid.model.recipes import LinearOrders, Order, Several, choice, filters, m
 OFFSETS = ("none", "free")
 
 
+@checked
 def output_error(
     nb: Order = 2, nf: Order = 3, nk: Order = 1, nu: int = 1, ny: int = 1, offset: str = "none", **limits: Any
 ) -> Chain:
@@ -31,6 +33,7 @@ def output_error(
     return Chain(blocks, structure="output_error", **limits)
 
 
+@checked
 @dataclass(frozen=True)
 class OutputError(Several, LinearOrders):
     """Settings of `output_error`."""

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Play, ServoMotor, static
@@ -18,6 +19,7 @@ LOADS = ("pendulum", "polynomial")
 SUPPLIES = ("stiff", "sags")
 
 
+@checked
 def servo_joint(
     motor: ServoMotor | None = None,
     play: bool | Play | CoastingPlay = True,
@@ -81,6 +83,7 @@ def _known(motor: ServoMotor, gains: Mapping[str, float | None], Ts: float | Non
     return {f"motor.{name}": value * factor[name] for name, value in found.items()}
 
 
+@checked
 @dataclass(frozen=True)
 class ServoJoint(Recipe):
     """Settings of a joint that grows from the plain `servo_joint`; the gains are found where they are not known.

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.blocks import StateSpace, static
 from sysid.model.chain import Chain
@@ -13,6 +14,7 @@ _STATES = 6  # how far a structure search goes, and in which steps
 _UNITS, _SPREADS = (0, 2, 5, 10, 20), (0.03, 0.1, 0.3, 1.0, 3.0)
 
 
+@checked
 def state_space(
     nx: int = 2,
     units: int = 5,
@@ -40,6 +42,7 @@ def state_space(
     return Chain(blocks, structure="state_space", **limits)
 
 
+@checked
 @dataclass(frozen=True)
 class NonlinearStateSpace(Several):
     """Settings of `state_space`."""

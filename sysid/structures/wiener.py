@@ -4,10 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from sysid.base.checks import checked
 from sysid.model.chain import Chain
 from sysid.model.recipes import LinearOrders, Map, Order, Several, filters, maps, named, static_map
 
 
+@checked
 def wiener(
     nb: Order = 2,
     nf: Order = 3,
@@ -24,6 +26,7 @@ def wiener(
     return Chain((filters(nb, nf, nk, nu, ny), maps(output, "output", ny)), structure="wiener", **limits)
 
 
+@checked
 @dataclass(frozen=True)
 class Wiener(Several, LinearOrders):
     """Settings of `wiener`."""

@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from sysid.base.checks import checked
 from sysid.block.block import StaticBlock
 from sysid.blocks import TransferFunction, static
 from sysid.model.chain import Chain
 from sysid.model.recipes import LinearOrders
 
 
+@checked
 def wiener_hammerstein(
     nb: int = 2,
     nf: int = 3,
@@ -28,6 +30,7 @@ def wiener_hammerstein(
     return Chain(blocks, structure="wiener_hammerstein", **limits)
 
 
+@checked
 @dataclass(frozen=True)
 class WienerHammerstein(LinearOrders):
     """Settings of `wiener_hammerstein`; both filters have the same orders."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from sysid.base.checks import checked
 from sysid.base.errors import unknown
 from sysid.model.system import System
 from sysid.systems.paper_shank import paper_shank
@@ -17,6 +18,7 @@ TABLE: dict[str, Callable[[], System]] = {
 }
 
 
+@checked
 def system(name: str) -> System:
     """The plant called `name`; raises InputError for a name that is not in `TABLE`."""
     if name not in TABLE:

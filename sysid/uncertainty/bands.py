@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
 from sysid.data.offsets import counted_back, counted_from
@@ -40,6 +41,7 @@ class OutputBand:
     note: str = ""
 
 
+@checked
 def linear(
     info: Information,
     record: IOData | np.ndarray | None = None,
@@ -63,6 +65,7 @@ def linear(
     return OutputBand(np.arange(len(u)) * info.Ts, y, std, y - half, y + half, level, info.data.y_unit, note=note)
 
 
+@checked
 def monte_carlo(
     info: Information,
     record: IOData | np.ndarray | None = None,

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import StaticBlock
 from sysid.uncertainty.information import GAUGE, Information
@@ -62,12 +63,14 @@ class _Scale:
     sign: float
 
 
+@checked
 def curves(info: Information, points: int = 101, level: float = 0.95) -> tuple[Curve, ...]:
     """Every static map of the chain over its input range in the record."""
     roles = [b.role for b in info.chain.blocks if isinstance(b, StaticBlock) and b.n_parameters]
     return tuple(curve(info, role, points=points, level=level) for role in roles)
 
 
+@checked
 def curve(info: Information, role: str, x: np.ndarray | None = None, points: int = 101, level: float = 0.95) -> Curve:
     """The static map with this role over x (n,), by default `points` over its input range in the record.
 

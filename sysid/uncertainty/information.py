@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import null_space
 from scipy.special import stdtrit
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData, siso
@@ -98,6 +99,7 @@ class Information:
         return np.linalg.norm(G @ directions, axis=1) > _LEAK * (size or np.inf)
 
 
+@checked
 def information(fit: "Fit", data: IOData, lags: int | str | None = TESTED) -> Information:
     """The information that `data`, the estimation data of `fit`, has on the quantities of the fit.
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import fdtri
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.blocks import StateSpace, TransferFunction
 from sysid.model.tangents import Rational, steady_curve, tangent, transfer
@@ -88,6 +89,7 @@ class Root:
         return float(size * a), float(size * b), float(np.arctan2(vectors[1, 1], vectors[0, 1]))
 
 
+@checked(own=("value", "gradient"))  # an unstable model has infinite ones
 def interval(info: Information, value: float, gradient: np.ndarray, level: float = 0.95) -> Interval:
     """Interval of any quantity of theta from its value and gradient (P,)."""
     std = float(info.std_of(gradient)[0])
@@ -97,6 +99,7 @@ def interval(info: Information, value: float, gradient: np.ndarray, level: float
     return Interval(float(value), std, float(value - half), float(value + half))
 
 
+@checked(own=("value", "gradient"))
 def band(info: Information, x: np.ndarray, value: np.ndarray, gradient: np.ndarray, level: float = 0.95) -> Band:
     """Pointwise band of a curve from its values (n,) and gradients (n, P); undetermined points have an infinite one."""
     std = info.std_of(gradient)
@@ -104,6 +107,7 @@ def band(info: Information, x: np.ndarray, value: np.ndarray, gradient: np.ndarr
     return Band(x, value, std, value - half, value + half, level, info.note_of(gradient))
 
 
+@checked
 def parameters(info: Information, level: float = 0.95) -> dict[str, Interval]:
     """Interval of every free parameter by name; a parameter that the gauge changes has none."""
     rows = np.eye(len(info.theta))
@@ -112,6 +116,7 @@ def parameters(info: Information, level: float = 0.95) -> dict[str, Interval]:
     }
 
 
+@checked
 def poles(info: Information, level: float = 0.95) -> tuple[Root, ...]:
     """Poles of every transfer function of the chain, in the order of `Fit.poles`; of a state space, the eigenvalues of
     its tangent with the input at its centre.
@@ -127,6 +132,7 @@ def poles(info: Information, level: float = 0.95) -> tuple[Root, ...]:
     return tuple(found)
 
 
+@checked
 def zeros(info: Information, level: float = 0.95) -> tuple[Root, ...]:
     """Finite zeros of every transfer function of the chain, in the order of `Fit.zeros`."""
     whole = _of_state_space(info)
@@ -139,6 +145,7 @@ def zeros(info: Information, level: float = 0.95) -> tuple[Root, ...]:
     return tuple(found)
 
 
+@checked
 def gain(info: Information, u: float = 0.0, level: float = 0.95) -> Interval:
     """Steady-state gain of the tangent at the constant input u, dy/du; independent of the gauge."""
     G = tangent(info.chain, info.theta, u)
@@ -147,6 +154,7 @@ def gain(info: Information, u: float = 0.0, level: float = 0.95) -> Interval:
     return interval(info, G.gain, G.gain_gradient, level)
 
 
+@checked
 def steady_state(info: Information, u: np.ndarray | None = None, level: float = 0.95) -> Band:
     """Steady-state output for constant inputs u (n,), by default 101 over the record's range, in any gauge."""
     if u is None:

@@ -4,10 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.model.tangents import Rational, tangent
 from sysid.uncertainty.information import Information
 from sysid.uncertainty.intervals import Band, band
+
+_OPEN = 230.0  # of log |G|: a factor of 1e100
 
 
 @dataclass(frozen=True)
@@ -18,18 +21,21 @@ class FrequencyResponse:
     phase: Band
 
 
+@checked
 def step(info: Information, u: float = 0.0, samples: int | None = None, level: float = 0.95) -> Band:
     """Output over time [s] for a unit step of the input at the operating point u."""
     G = tangent(info.chain, info.theta, u)
     return _driven(info, G, np.ones(_length(G, samples)), level)
 
 
+@checked
 def impulse(info: Information, u: float = 0.0, samples: int | None = None, level: float = 0.95) -> Band:
     """Output over time [s] for one sample of 1 at the operating point u (a pulse of one Ts, not a Dirac)."""
     G = tangent(info.chain, info.theta, u)
     return _driven(info, G, np.eye(1, _length(G, samples))[0], level)
 
 
+@checked
 def frequency(info: Information, u: float = 0.0, w: np.ndarray | None = None, level: float = 0.95) -> FrequencyResponse:
     """Frequency response at the operating point u, by default from a decade below the slowest pole to Nyquist."""
     G = tangent(info.chain, info.theta, u)
@@ -50,8 +56,9 @@ def frequency(info: Information, u: float = 0.0, w: np.ndarray | None = None, le
     size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
     # A band of log |G| stays positive when it is transformed back.
     log = band(info, w, np.log(size), d_log.real, level)
-    with np.errstate(over="ignore"):  # a bound beyond what a number holds is infinite
-        low, high = np.exp(log.lower), np.exp(log.upper)
+    # A bound that far out bounds nothing, and in other units it is more than a number holds.
+    with np.errstate(over="ignore"):
+        low, high = np.exp(log.lower), np.where(log.upper < np.log(size) + _OPEN, np.exp(log.upper), np.inf)
     magnitude = Band(w, size, size * log.std, low, high, level, log.note)
     return FrequencyResponse(magnitude, band(info, w, angle, np.degrees(d_log.imag), level))
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.criteria import Criteria
 from sysid.base.errors import InputError
 from sysid.base.handlers import Shown, handler
@@ -81,6 +82,7 @@ class Comparison(Shown):
         return "\n".join([*lines, f"{self.scored} samples scored, {self.n_init} not", *said])
 
 
+@checked
 def compare(data: IOData, *fits: Any, labels: Sequence[str] | None = None) -> Comparison:
     """Free-run scores of fits on one record, best first; all on the same samples.
 
@@ -133,6 +135,7 @@ class CrossValidation:
         return plain({**asdict(self), "mean": self.mean, "std": self.std, "rmse": self.rmse})
 
 
+@checked
 def cross_validate(
     model: Chain, data: IOData, folds: int = 5, n_init: int | None = None, **options: Any
 ) -> CrossValidation:

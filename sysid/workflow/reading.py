@@ -3,6 +3,7 @@
 import os
 import re
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.channels.mapping import Range
 from sysid.channels.reading import Mapping
@@ -12,6 +13,7 @@ from sysid.workflow.record import read_record
 _OPTIONS = {"ts": "Ts", "time-unit": "time_unit"}  # of the command line, whose arguments have other names here
 
 
+@checked
 def read(
     path: str | os.PathLike[str],
     input: str | None = None,

@@ -106,6 +106,8 @@ def read_record(
         signals = sample(table, chosen)
     else:
         signals = from_table(table, given, range, "refuse" if missing == "refuse" else "outputs")
+    path = table.path
+    del table  # its clock is not needed any more, and a long record has no room for it
     data = signals.io()
     for role, names, values in (("input", signals.input, data.u), ("output", signals.output, data.y)):
         for k, signal in enumerate(names):
@@ -113,7 +115,7 @@ def read_record(
     inputs, outputs = (",".join(signal.column for signal in found) for found in (signals.input, signals.output))
     options = _options(given, mapping, range, signals)
     clock = signals.mapping.clock.column or None
-    return Record(table.path, data, inputs, outputs, clock, signals, options, _numbered(signals))
+    return Record(path, data, inputs, outputs, clock, signals, options, _numbered(signals))
 
 
 def columns(text: str | None, names: Sequence[str]) -> tuple[str, ...]:

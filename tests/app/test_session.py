@@ -1,6 +1,7 @@
 """A session opens again as it was; what is damaged becomes a sentence, and the rest opens."""
 
 import json
+import os
 
 import pytest
 from pydantic import ValidationError
@@ -154,3 +155,9 @@ def test_a_suffix_from_a_file_cannot_lead_out_of_its_folder():
         _ = Data(name="x", suffix="/../../x").file
     with pytest.raises(ValidationError):
         Model.model_validate({**MODEL.model_dump(), "data": "d1/../.."})
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no such locks")
+def test_the_second_app_is_told_which_process_has_the_session(session):
+    with pytest.raises(InputError, match=rf"another qpal app \(process {os.getpid()}\)"):
+        Session.open(session.folder)

@@ -81,8 +81,16 @@ def test_a_caption_of_a_response_without_a_band_says_so(report, monkeypatch):
     if not bode.applies(e):
         return
     found = bode.bands(e)
-    magnitude = replace(found.frequency.magnitude, upper=np.full(len(found.frequency.magnitude.x), np.inf))
-    none = replace(found, frequency=replace(found.frequency, magnitude=magnitude))
+
+    def beside(upper):
+        magnitude = replace(found.frequency.magnitude, upper=upper)
+        return replace(found, frequency=replace(found.frequency, magnitude=magnitude))
+
+    bounded, none = (
+        beside(2.0 * found.frequency.magnitude.value),
+        beside(np.full_like(found.frequency.magnitude.x, np.inf)),
+    )
+    monkeypatch.setattr(bode, "bands", lambda e: bounded)
     assert "with its 95 % band" in bode.caption(e)
     monkeypatch.setattr(bode, "bands", lambda e: none)
     assert "with its 95 % band" not in bode.caption(e)

@@ -211,17 +211,18 @@ def test_web_serves_page_and_model_on_this_machine_until_ctrl_c(arguments, logs)
     )
     try:
         assert server.stdout is not None
-        found = re.search(r"http://localhost:(\d+)/", server.stdout.readline())
+        found = re.search(r"http://localhost:(\d+)/\?token=(\S+)", server.stdout.readline())
         assert found, "the address comes first"
-        assert b"MuJoCo" in fetch(f"http://127.0.0.1:{found[1]}/")
+        own = browser()
+        assert b"MuJoCo" in fetch(f"http://127.0.0.1:{found[1]}/?token={found[2]}", own)
         for _ in range(100):  # an empty model is there first
-            if len(model := fetch(f"http://127.0.0.1:{found[1]}/model")) > 10_000:
+            if len(model := fetch(f"http://127.0.0.1:{found[1]}/model", own)) > 10_000:
                 break
             time.sleep(0.2)
         assert b"shank_rod" in model
         if sys.platform.startswith("linux"):
             assert listeners(int(found[1])) == {"0100007F"}  # 127.0.0.1 alone, as the kernel writes it
-        assert_answers_its_own_page_alone(int(found[1]))
+        assert_answers_its_own_page_alone(int(found[1]), found[2])
         time.sleep(0.5)  # some frames, which would end it if one failed
         server.send_signal(signal.SIGINT)
         assert server.wait(30) == 0
@@ -230,8 +231,13 @@ def test_web_serves_page_and_model_on_this_machine_until_ctrl_c(arguments, logs)
         server.communicate()
 
 
-def assert_answers_its_own_page_alone(port: int) -> None:
+def assert_answers_its_own_page_alone(port: int, token: str) -> None:
     own = f"localhost:{port}"
+    kept = answer(port, f"/?token={token}", [f"Host: {own}"])[1]["set-cookie"].partition(";")[0]
+
+    def ask(port: int, target: str, headers: list[str]) -> tuple[int, dict[str, str]]:
+        return answer(port, target, [*headers, f"Cookie: {kept}"])
+
     for host in (own, own.upper(), f"127.0.0.1:{port}", f"[::1]:{port}"):
         for target in ("/", "/model", "/model?total_bytes"):
             status, headers = ask(port, target, [f"Host: {host}"])
@@ -272,22 +278,26 @@ UPGRADE = [
 ]
 
 
-def ask(port: int, target: str, headers: list[str]) -> tuple[int, dict[str, str]]:
+def answer(port: int, target: str, headers: list[str]) -> tuple[int, dict[str, str]]:
     """Status and headers of the answer to a GET with exactly these headers."""
     with socket.create_connection(("127.0.0.1", port), timeout=30) as line:
         line.sendall("\r\n".join([f"GET {target} HTTP/1.1", *headers, "", ""]).encode())
-        answer = b""
-        while b"\r\n\r\n" not in answer:
+        said = b""
+        while b"\r\n\r\n" not in said:
             part = line.recv(4096)
-            assert part, f"closed after {answer!r}"
-            answer += part
-    first, *rest = answer.partition(b"\r\n\r\n")[0].decode().split("\r\n")
+            assert part, f"closed after {said!r}"
+            said += part
+    first, *rest = said.partition(b"\r\n\r\n")[0].decode().split("\r\n")
     return int(first.split()[1]), {name.lower(): value for name, _, value in (row.partition(": ") for row in rest)}
 
 
-def fetch(address: str) -> bytes:
+def browser() -> urllib.request.OpenerDirector:
+    """What keeps the cookie that the address with the token gives."""
+    return urllib.request.build_opener(urllib.request.ProxyHandler({}), urllib.request.HTTPCookieProcessor())
+
+
+def fetch(address: str, direct: urllib.request.OpenerDirector) -> bytes:
     """What a server sends that is about to listen."""
-    direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     for _ in range(100):
         try:
             with direct.open(address, timeout=30) as answer:

@@ -375,6 +375,17 @@ def test_figures_of_growth_and_comparison(growth, things, data):
     assert len(bars.patches) == 3
 
 
+def test_a_part_that_the_grown_joint_does_without_is_hatched_and_explained(growth):
+    def drawn(found):
+        figure = found.plot()
+        said = " ".join(text.get_text() for text in figure.texts).replace("\n", " ")
+        bar = figure.axes[0].patches[0]
+        return bar.get_hatch() or "", bar.get_facecolor()[3], "A hatched bar is a part" in said
+
+    assert drawn(replace(growth, dropped=("stribeck",))) == ("////", 0.0, True)
+    assert drawn(growth)[1:] == (1.0, False)
+
+
 def test_a_figure_that_a_model_has_not_is_refused_with_what_it_has(fit, linear, network):
     with pytest.raises(sysid.InputError, match="unknown figure 'nyquist'; choose one of output, residuals"):
         fit.plot(what="nyquist")

@@ -336,6 +336,19 @@ def test_growth_tells_what_a_part_earned(figures):
     assert bars["y"] == ["round 1: Stribeck", "round 1: play"]
     assert bars["x"][0] > 0 > bars["x"][1]
     assert "BIC falls by 250.0 to 100" in bars["hovertext"][0]
+    assert bars["marker"]["pattern"]["shape"] == ["", ""]
+
+
+def test_a_part_that_the_joint_does_without_is_hatched_as_its_caption_says(fit):
+    steps = (
+        Step(0, "stribeck", 100.0, 250.0, True),
+        Step(1, "plays", 60.0, 40.0, True),
+        Step(2, "lag", 60.0, -1, False),
+    )
+    (bars,) = zoom.growth(Growth(fit, 350.0, steps, dropped=("stribeck",)))["data"]
+    assert bars["marker"]["pattern"]["shape"] == ["/", "", ""]
+    colours = bars["marker"]["color"]
+    assert colours[0] == colours[1] != colours[2]  # plotly draws no hatch on a bar without a colour
 
 
 def test_an_element_gives_back_its_figure_and_no_text_ends_the_script(data):

@@ -1,16 +1,15 @@
 """Access to the app: one browser, one address of this machine, one token.
 
-A server on the loopback is in reach of every page that a browser on this machine shows, and of every user of the
-machine. Each request, also the opening of a WebSocket, must have the Host of this server (a foreign name that points to
-127.0.0.1 does not), come from its own page (Origin) and carry the cookie, which only the address with the token gives.
+Each request, also the opening of a WebSocket, passes the door of `twin.view.door` first. What comes in is at most
+`LARGEST` bytes, and what goes out says that no other page may read or show it.
 """
 
-import hmac
 from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
+from functools import cached_property
 from typing import Any
-from urllib.parse import parse_qs
+
+from twin.view.door import OPEN_TO_ALL, Asked, Door
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -18,10 +17,8 @@ Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 Server = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-OWN = ("localhost", "127.0.0.1")
-TOKEN = "token"
+OWN = ("127.0.0.1", "localhost")
 LARGEST = 512 * 2**20  # [byte] of a request: a log of some million samples as text
-OPEN_TO_ALL = b"access-control-"  # headers that would let pages of other sites read the answer
 # Everything comes from this server, and no other page shows it in a frame. Vue compiles its templates, Plotly draws to
 # blobs, and both write styles.
 POLICY = (
@@ -45,13 +42,19 @@ class TooLarge(Exception):  # noqa: N818 - reads as what it says
 
 @dataclass(frozen=True)
 class Guard:
-    """An ASGI application that lets only its own browser reach `app`; `token` and `cookie` are random texts."""
+    """An ASGI application that lets only its own browser reach `app`; `token`, `cookie` and `once` are random texts."""
 
     app: Server
     port: int
     token: str
     cookie: str
     largest: int = LARGEST
+    once: str = ""
+
+    @cached_property
+    def door(self) -> Door:
+        """What may pass."""
+        return Door(self.port, self.token, self.cookie, self.once, OWN)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer, refuse with 403, or pass on."""
@@ -59,59 +62,15 @@ class Guard:
             await self.app(scope, receive, send)
             return
         headers = _headers(scope)
-        reason = self._foreign(scope, headers)
-        if reason is None and not self._known(headers):
-            if self._has_token(scope):
-                await _answer(send, 303, "", [(b"location", b"/"), (b"set-cookie", self._set_cookie())])
-                return
-            reason = "This page needs the address that qpal app printed, with its token."
-        if reason is not None:
-            await _refuse(scope, send, reason)
-            return
-        await self._pass(scope, receive, send, headers)
-
-    def _foreign(self, scope: Scope, headers: dict[str, list[str]]) -> str | None:
-        """Why a request does not come from the app's own page or a person; None if it does."""
-        hosts = {f"{name}:{self.port}" for name in OWN}
-        asked = headers.get("host", [])
-        if len(asked) != 1 or asked[0].lower() not in hosts:
-            return f"This page answers only to http://127.0.0.1:{self.port}/."
-        origins = headers.get("origin", [])
-        own = f"http://{asked[0].lower()}"
-        if any(origin.lower() != own for origin in origins):
-            return "This page answers only to itself, not to pages of other sites."
-        reads = scope["type"] == "http" and scope["method"] in ("GET", "HEAD")
-        if not origins and not reads:  # browsers always say where a write or a WebSocket comes from
-            return "This request does not say from which page it comes."
-        sites = headers.get("sec-fetch-site", [])
-        opened = headers.get("sec-fetch-mode") == ["navigate"] and headers.get("sec-fetch-dest") == ["document"]
-        if not (opened or all(site in ("same-origin", "none") for site in sites)):
-            return "This page is not part of other pages."
-        return None
-
-    @property
-    def cookie_name(self) -> str:
-        """Cookies do not know ports, so two apps on one machine need two names."""
-        return f"qpal_{self.port}"
-
-    def _known(self, headers: dict[str, list[str]]) -> bool:
-        for text in headers.get("cookie", []):
-            try:
-                found = SimpleCookie(text).get(self.cookie_name)
-            except CookieError:
-                continue
-            if found is not None and hmac.compare_digest(found.value.encode(), self.cookie.encode()):
-                return True
-        return False
-
-    def _has_token(self, scope: Scope) -> bool:
-        if scope["type"] != "http" or scope["method"] != "GET" or scope["path"] != "/":
-            return False
-        given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get(TOKEN, [])
-        return len(given) == 1 and hmac.compare_digest(given[0].encode(), self.token.encode())
-
-    def _set_cookie(self) -> bytes:
-        return f"{self.cookie_name}={self.cookie}; Path=/; HttpOnly; SameSite=Strict".encode()
+        query = scope.get("query_string", b"").decode("latin-1")
+        websocket = scope["type"] == "websocket"
+        said = self.door.answer(Asked(scope.get("method", "GET"), scope["path"], query, headers, websocket))
+        if said is None:
+            await self._pass(scope, receive, send, headers)
+        elif websocket:
+            await send({"type": "websocket.close", "code": 1008, "reason": said.text})  # before it was accepted: 403
+        else:
+            await _answer(send, said.status, said.text, [(k.encode(), v.encode()) for k, v in said.headers])
 
     async def _pass(self, scope: Scope, receive: Receive, send: Send, headers: dict[str, list[str]]) -> None:
         stated = headers.get("content-length", ["0"])[0]
@@ -134,7 +93,7 @@ class Guard:
             nonlocal started
             if message["type"] in ("http.response.start", "websocket.accept"):
                 started = True
-                kept = [(k, v) for k, v in message.get("headers", []) if not k.lower().startswith(OPEN_TO_ALL)]
+                kept = [(k, v) for k, v in message.get("headers", []) if not k.lower().startswith(OPEN_TO_ALL.encode())]
                 message = {**message, "headers": [*kept, *HEADERS]}
             await send(message)
 
@@ -153,13 +112,6 @@ def _headers(scope: Scope) -> dict[str, list[str]]:
     for name, value in scope["headers"]:
         found.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
     return found
-
-
-async def _refuse(scope: Scope, send: Send, reason: str) -> None:
-    if scope["type"] == "websocket":
-        await send({"type": "websocket.close", "code": 1008, "reason": reason})  # before it was accepted: 403
-        return
-    await _answer(send, 403, reason)
 
 
 async def _answer(send: Send, status: int, text: str, headers: list[tuple[bytes, bytes]] | None = None) -> None:

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from sysid.base.leftovers import new_scratch
 from sysid.base.threads import available
 
 WAITING, RUNNING, DONE, FAILED, CANCELLED = "waiting", "running", "done", "failed", "cancelled"
@@ -66,7 +67,7 @@ class Jobs:
         self.version = 0
         self._most = most or available()
         self._lock = threading.RLock()
-        self._scratch = Path(tempfile.mkdtemp(prefix="qpal-app-"))
+        self._scratch = new_scratch()
         self._closed = False
 
     def submit(self, title: str, request: dict[str, Any], hear: Hear, about: str = "") -> Job:

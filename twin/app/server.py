@@ -1,15 +1,16 @@
 """The server of the app: one port of the loopback, behind the guard, until Ctrl-C."""
 
-import secrets
 import socket
 import threading
 import webbrowser
 from collections.abc import Callable
 from importlib.util import find_spec
+from typing import Any
 
 from sysid.base.errors import InputError
 from twin.app.desk import Desk
-from twin.app.guard import TOKEN, Guard
+from twin.app.guard import Guard
+from twin.view.door import HEAD, TOKEN, Waiting, secret
 
 FIRST, TRIES = 8090, 50  # the ports that are tried if none is given
 HOST = "127.0.0.1"
@@ -26,23 +27,60 @@ def serve(desk: Desk, listening: socket.socket, open_browser: bool, say: Callabl
     from twin.app.page.frame import application
 
     chosen = listening.getsockname()[1]
-    token = secrets.token_urlsafe(24)
-    guard = Guard(application(desk), chosen, token, secrets.token_urlsafe(24))
-    address = f"http://{HOST}:{chosen}/?{TOKEN}={token}"
+    token = secret()
+    once = secret()  # for the browser that is started: its address is on a command line, which others can read
+    guard = Guard(application(desk), chosen, token, secret(), once=once)
+    address = f"http://{HOST}:{chosen}/?{TOKEN}="
     server = uvicorn.Server(
         uvicorn.Config(
             guard,
             log_level="critical",
+            http=patient(),
             ws="wsproto",
             timeout_graceful_shutdown=1,
             server_header=False,
             date_header=False,
         )
     )
-    say(address)
+    say(address + token)
     if open_browser:
-        threading.Timer(0.7, webbrowser.open, [address]).start()
+        threading.Timer(0.7, webbrowser.open, [address + once]).start()
     server.run(sockets=[listening])
+
+
+def patient() -> Any:
+    """uvicorn's protocol, in which a connection may not wait for ever before it asks, nor send a head without end."""
+    from uvicorn.protocols.http.auto import AutoHTTPProtocol
+
+    waiting = Waiting()
+    base: Any = AutoHTTPProtocol
+
+    class Patient(base):
+        head = 0  # [byte] that came while no request was at work
+
+        def connection_made(self, transport: Any) -> None:
+            waiting.came(transport)
+            super().connection_made(transport)
+
+        def data_received(self, data: bytes) -> None:
+            super().data_received(data)
+            if self.transport.get_protocol() is not self or self._at_work():
+                self.head = 0
+                waiting.asked(self.transport)
+                return
+            self.head += len(data)
+            waiting.came(self.transport)
+            if self.head > HEAD:
+                self.transport.abort()
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            waiting.asked(self.transport)
+            super().connection_lost(exc)
+
+        def _at_work(self) -> bool:
+            return self.cycle is not None and not self.cycle.response_complete
+
+    return Patient
 
 
 def listen(port: int) -> socket.socket:

@@ -22,7 +22,8 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from sysid.base.errors import InputError
-from sysid.base.files import write_text
+from sysid.base.files import ordinary, write_text
+from sysid.base.lock import Lock, take
 from twin.app.entries import DATA_ID, MODEL_ID, STUDY_ID, Data, Entry, Head, Model, Study, sentence
 
 HEAD, ENTRY, LOCK = "session.json", "entry.json", ".lock"
@@ -46,7 +47,7 @@ class Session:
         self.studies: dict[str, Study] = {}
         self.complaints: list[str] = []
         self.version = 0
-        self._lock: Any = None
+        self._lock: Lock | None = None
         self._turn = threading.RLock()  # jobs and pages change it from their own threads
 
     @classmethod
@@ -63,7 +64,7 @@ class Session:
             if found.folder.is_dir() and any(found.folder.iterdir()) and not _is_session(found.folder):
                 raise InputError(f"{folder} holds other files and no session; give a new folder for --session")
             found.folder.mkdir(parents=True, exist_ok=True)
-            found._lock = _locked(found.folder / LOCK)
+            found._lock = take(found.folder / LOCK, found._taken)
             for name in KINDS:
                 (found.folder / name).mkdir(exist_ok=True)
                 for left in (found.folder / name).glob(f"{NEW}*"):  # a kill left it
@@ -80,8 +81,13 @@ class Session:
     def close(self) -> None:
         """Another app may open the folder."""
         if self._lock is not None:
-            self._lock.close()
+            self._lock.close(remove=False)
             self._lock = None
+
+    def _taken(self, who: str) -> str:
+        return (
+            f"{self.folder} is open in another qpal app ({who}); close that one, or give another folder for --session"
+        )
 
     def change(self, **fields: Any) -> None:
         """Change fields of `head` and write it."""
@@ -184,7 +190,7 @@ class Session:
 def _entry(path: Path, cls: type[E]) -> E:
     name = "/".join(path.parts[-3:]) if path.name == ENTRY else path.name
     try:
-        return cls.model_validate_json(path.read_bytes())
+        return cls.model_validate_json(ordinary(path).read_bytes())
     except OSError as error:
         raise InputError(f"{name} cannot be read: {error.strerror}") from None
     except ValidationError as error:
@@ -193,7 +199,7 @@ def _entry(path: Path, cls: type[E]) -> E:
 
 def _refuse_newer(path: Path) -> None:
     try:
-        version = json.loads(path.read_bytes()).get("version")
+        version = json.loads(ordinary(path).read_bytes()).get("version")
     except (ValueError, AttributeError, RecursionError):
         return
     if isinstance(version, int) and version > Head().version:
@@ -202,20 +208,3 @@ def _refuse_newer(path: Path) -> None:
 
 def _is_session(folder: Path) -> bool:
     return (folder / HEAD).is_file() or (folder / LOCK).is_file() or (folder / "session.damaged.json").is_file()
-
-
-def _locked(path: Path) -> Any:
-    """An open file that no second app can lock; where the system has no such locks, an open file."""
-    file = path.open("w")
-    try:
-        import fcntl
-    except ImportError:
-        return file
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        file.close()
-        raise InputError(
-            f"{path.parent} is open in another qpal app; close that one, or give another folder for --session"
-        ) from None
-    return file

@@ -3,59 +3,86 @@
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+
+from twin.cli import settings, streams
+from twin.cli.stopping import Stopping, at_once
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run `qpal` with `arguments` (the process's own if None) and return the exit code.
 
-    0: done. 1: a check of the verb failed. 2: bad input, reported in one line on standard error. 130: stopped.
+    0: done. 1: a check of the verb failed. 2: bad input, or an output that cannot be written, reported in one line on
+    standard error. 130: stopped; the line says what was written.
     """
-    from twin.cli.stopping import Stopping
+    try:
+        with Stopping(program=arguments is None) as stopping, settings.within_reason():
+            streams.prepare()
+            if sentence := settings.no_room():  # before the libraries load
+                return _fail(sentence)
+            return _run(arguments, stopping)
+    except KeyboardInterrupt:  # before the first line of the run, or after its last
+        from twin.cli.moving import kept
 
-    try:  # importing takes most of a second, in which a person may change their mind
+        return _stopped(kept())
+
+
+def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
+    # Importing takes most of a second, in which a person may change their mind.
+    with at_once(_NOTHING) if arguments is None else nullcontext():
         from typer.exceptions import TyperException
 
         from sysid.base.errors import InputError
+        from twin.cli import moving
         from twin.cli.app import build
         from twin.cli.console import Stopped
-    except KeyboardInterrupt:
-        print("qpal: stopped; nothing was written", file=sys.stderr)
-        return 130
 
-    kept = "nothing was written"
+        verbs = build()
+    moving.begin()
     given = list(sys.argv[1:] if arguments is None else arguments)
-    with Stopping() as stopping:
-        try:
-            with _named_shell(given):
-                code = build()(given or ["--help"], prog_name="qpal", standalone_mode=False)
-            sys.stdout.flush()
-        except InputError as error:
+    try:
+        with _named_shell(given):
+            code = verbs(given or ["--help"], prog_name="qpal", standalone_mode=False)
+        streams.flush()
+    except (KeyboardInterrupt, Stopped) as stopped:
+        stopping.over()
+        return _stopped(str(stopped) or moving.kept())
+    except BaseException as error:
+        if stopping.asked:  # a library made an error of its own of the interrupt
+            stopping.over()
+            return _stopped(moving.kept())
+        if isinstance(error, (OSError, SystemExit)) and streams.is_gone(error):
+            # The reader of our output went away (`qpal ... | head`): nothing is wrong, and nobody is left to tell.
+            streams.drop()
+            return 0
+        if isinstance(error, SystemExit):  # the script of a completion is printed
+            code = error.code
+        elif isinstance(error, InputError):
             return _fail(str(error))
-        except TyperException as error:
+        elif isinstance(error, TyperException):
             command = getattr(getattr(error, "ctx", None), "command_path", "qpal")
             return _fail(f"{error.format_message().rstrip('.')}; see {command} --help")
-        except SystemExit as done:  # the script of a completion is printed
-            code = done.code
-        except BrokenPipeError:
-            # The reader of our output went away (`qpal ... | head`): nothing is wrong, and nobody is left to tell.
-            sys.stdout = None
-            return 0
-        except OSError as error:
-            return _fail(f"{error.filename or 'output'}: {error.strerror or error}; nothing was written")
-        except KeyboardInterrupt:
-            stopping.over()
-            code = 130
-        except Stopped as stopped:
-            stopping.over()
-            code, kept = 130, str(stopped)
-    if code == 130:
-        print(f"qpal: stopped; {kept}", file=sys.stderr)
+        elif isinstance(error, OSError):
+            streams.drop()
+            return _fail(f"{error.filename or 'output'}: {error.strerror or error}; {moving.kept()}")
+        else:
+            raise
+    if code == 130:  # the interrupt, as typer says it
+        stopping.over()
+        return _stopped(moving.kept())
     return code if isinstance(code, int) else 0
 
 
+_NOTHING = "qpal: stopped; nothing was written"
+
+
+def _stopped(kept: str) -> int:
+    streams.say(f"qpal: stopped; {kept}")
+    return 130
+
+
 def _fail(sentence: str) -> int:
-    print("qpal: " + " ".join(sentence.split()), file=sys.stderr)
+    streams.say("qpal: " + " ".join(sentence.split()))
     return 2
 
 

@@ -10,7 +10,8 @@ import typer
 from sysid.base.errors import InputError, unknown
 from twin.cli import bench_cells as chosen
 from twin.cli import console, options
-from twin.cli.output import run_folder
+from twin.cli.moving import written
+from twin.cli.output import output_folder, run_folder
 
 DEFAULT = Path("runs/bench.parquet")
 Table = Annotated[Path, typer.Argument(metavar="TABLE.parquet", help="results of qpal bench run")]
@@ -57,6 +58,9 @@ def run(
             count = run_cells(cells, table, workers, scheduler, lambda done, todo: step(f"{done} of {todo}"))
         except KeyboardInterrupt:
             raise console.Stopped(f"the rows so far are in {out}; the same command goes on from there") from None
+    written(out)
+    for note in table.notes:
+        print(f"Note: {note}.", file=sys.stderr)
     rows = table.rows()
     failed = rows.filter(rows["status"] != "ok")
     why = failed.unique("status", maintain_order=True).head(3)
@@ -122,6 +126,7 @@ def add(name: Annotated[str, typer.Argument(metavar="NAME", help="of your method
     from sysid.bench.scaffold import add as write
 
     path = write(name)
+    written(path)
     print(f"{path} is a method that runs as it is. Edit its fit, then:")
     print(f"Next: qpal bench run --method {path} --scenario 'textbook/*' --out runs/{name}.parquet")
 
@@ -161,12 +166,17 @@ def export(
     out: Annotated[str, typer.Option("--out", metavar="DIR", help="a new folder")] = "runs/scenario",
 ) -> None:
     """Write a scenario's data as CSV, and what is known of its plant as JSON."""
+    from sysid.bench.export import check_empty
     from sysid.bench.export import export as write
 
     family, name = chosen.scenario(scenario, records)
     if seed < 0:
         raise InputError(f"--seed is {seed}; give a whole number of at least 0")
-    print(f"Written: {write(family.make(name, seed), out)}")
+    check_empty(out)
+    with output_folder(Path(out)) as scratch:
+        write(family.make(name, seed), scratch)
+        check_empty(out)
+    print(f"Written: {out}")
 
 
 def speed(as_json: options.Json = False) -> None:

@@ -10,10 +10,23 @@ from threading import Event, Thread
 from typing import Any
 
 from sysid.report.page import Grid, to_json
+from twin.cli.moving import is_written
+from twin.cli.streams import say
 
 
 class Stopped(Exception):  # noqa: N818 - a person stopped it: no error
     """The user stopped the run; the text says what was kept and how to continue."""
+
+
+@contextmanager
+def goes_on(journal: str | None) -> Iterator[None]:
+    """A run that is stopped within it says how it goes on from its journal, if it has one and has not ended."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if journal is None or not Path(journal).is_file() or is_written():
+            raise
+        raise Stopped(f"run it again with --resume {journal} to continue from there") from None
 
 
 class Steps:
@@ -142,7 +155,7 @@ class _Lines:
     def write(self) -> None:
         """The next line."""
         gone = time.monotonic() - self._begun
-        print(f"qpal: {gone:.0f} s, {100 * self._share:.0f} %: {self._name}", file=sys.stderr, flush=True)
+        say(f"qpal: {gone:.0f} s, {100 * self._share:.0f} %: {self._name}")
 
 
 @contextmanager

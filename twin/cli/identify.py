@@ -99,7 +99,11 @@ def identify(
     from sysid.workflow.records import listed
 
     preparation = Preparation(missing=missing, resample=resample, filter=options.band(filter))
-    with run_folder(out, "identify") as (folder, scratch), console.progress(3, SHARES, not as_json) as step:
+    with (
+        console.goes_on(resume),
+        run_folder(out, "identify") as (folder, scratch),
+        console.progress(3, SHARES, not as_json) as step,
+    ):
         step(f"reading {', '.join(files)}")
         rounds = console.Rounds(step, ROUNDS, getattr(setting, "seconds", 0.0))
 
@@ -108,29 +112,24 @@ def identify(
             if structure == AUTO:
                 rounds.begin()
 
-        try:
-            result = identify_file(
-                files,
-                setting,
-                input,
-                output,
-                ts,
-                time,
-                split,
-                _detrend(detrend, zero),
-                fitting,
-                candidate=rounds,
-                mapping=map,
-                range=options.time_range(range),
-                time_unit=time_unit,
-                progress=console.Searches(step),
-                validation=listed(validation or ()),
-                preparation=preparation,
-            )
-        except KeyboardInterrupt:
-            if resume is None:
-                raise
-            raise console.Stopped(f"run it again with --resume {resume} to continue from there") from None
+        result = identify_file(
+            files,
+            setting,
+            input,
+            output,
+            ts,
+            time,
+            split,
+            _detrend(detrend, zero),
+            fitting,
+            candidate=rounds,
+            mapping=map,
+            range=options.time_range(range),
+            time_unit=time_unit,
+            progress=console.Searches(step),
+            validation=listed(validation or ()),
+            preparation=preparation,
+        )
         step("drawing")
         exports = export(result.evaluation, scratch)
         write(scratch, report.page(result, exports), result.as_dict())

@@ -11,6 +11,7 @@ from sysid import formats
 from sysid.base.errors import InputError, unknown
 from sysid.base.files import write_text
 from twin.cli import console, options
+from twin.cli.moving import written
 from twin.cli.output import check_writable_file, run_folder
 
 if TYPE_CHECKING:
@@ -94,6 +95,8 @@ def info(
         write(scratch, report.page(result, [drawn.section(found)] if found else []), summary)
         if target is not None:
             parameter_file.write(parameters, scratch / target.name if inside else target, all=True)
+            if not inside:
+                written(target)
     said = report.verdict(result) + ([] if target is None else [f"Parameters: {target}"])
     *tables, made_with = report.terminal_tables(result)
     tables += [drawn.sizes(found)] if found else []
@@ -129,6 +132,8 @@ def _show_file(
         inside = write_map is not None and Path(write_map).parent.resolve() == folder.resolve()
         if write_map is not None:
             write_text(scratch / Path(write_map).name if inside else write_map, result.text)
+            if not inside:
+                written(write_map)
     said = [*report.sentences(result), *more, *([] if write_map is None else [f"Mapping: {write_map}"])]
     if not as_json:
         print(result.text)

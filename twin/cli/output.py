@@ -2,13 +2,15 @@
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from itertools import count
 from pathlib import Path
 
 from sysid.base.errors import InputError
+from twin.cli import moving
+from twin.cli.stopping import held
 
 RUNS = Path("runs")
 
@@ -24,26 +26,13 @@ def run_folder(out: str | None, verb: str) -> Iterator[tuple[Path, Path]]:
         with output_folder(Path(out)) as scratch:
             yield Path(out), scratch
         return
-    first = not RUNS.exists()
-    folder = _claim(verb)
-    try:
-        with output_folder(folder, claimed=True) as scratch:
-            yield folder, scratch
-    except BaseException:
-        _remove_empty(folder, *([RUNS] if first else []))
-        raise
+    with _scratch(_first(verb), lambda: _claim(verb), True) as both:
+        yield both
 
 
 def new_folder(verb: str) -> Path:
     """A new folder runs/<stamp>-<verb>, for what grows while a verb runs."""
-    return _claim(verb)
-
-
-def _claim(verb: str) -> Path:
-    """A folder runs/<stamp>-<verb> that this call has made."""
-    base = RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-{verb}"
-    for n in count(1):
-        folder = base if n == 1 else base.with_name(f"{base.name}-{n}")
+    for folder in _names(verb):
         try:
             folder.mkdir(parents=True)
         except FileExistsError:
@@ -56,34 +45,70 @@ def _claim(verb: str) -> Path:
     raise AssertionError
 
 
+def _names(verb: str) -> Iterator[Path]:
+    """Names runs/<stamp>-<verb>, then with numbers."""
+    base = _first(verb)
+    return (base if n == 1 else base.with_name(f"{base.name}-{n}") for n in count(1))
+
+
+def _first(verb: str) -> Path:
+    return RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-{verb}"
+
+
+def _claim(verb: str) -> tuple[Path, Path]:
+    """A folder runs/<stamp>-<verb> that this call has made, and its scratch folder."""
+    for folder in _names(verb):
+        try:
+            return folder, moving.reserve(folder, claimed=True)
+        except (FileExistsError, moving.Busy):
+            continue
+    raise AssertionError
+
+
 @contextmanager
-def output_folder(folder: Path, claimed: bool = False) -> Iterator[Path]:
+def output_folder(folder: Path) -> Iterator[Path]:
     """A scratch folder beside `folder`; its content moves to `folder` when the block succeeds.
 
     A block that fails or is interrupted leaves nothing, not even a parent folder made for it. An existing folder keeps
-    its other files; files of the same name are replaced, each in one step. A `claimed` folder was made only for this
-    block and is replaced as a whole. Raises InputError before the work if the place cannot be written to.
+    its other files; files of the same name are replaced, all of them or none. Raises InputError before the work if the
+    place cannot be written to, or if another run is writing to it.
     """
-    made: list[Path] = []
     if folder.name in ("", ".."):  # . and .. have no name of their own
         folder = folder.resolve()
-    scratch = folder.with_name(f".{folder.name}-{os.getpid()}.part")
+    with _scratch(folder, lambda: _reserve(folder), False) as (_, scratch):
+        yield scratch
+
+
+def _reserve(folder: Path) -> tuple[Path, Path]:
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(0, "it is a file")
+    if folder.exists() and not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(0, "permission denied")
+    return folder, moving.reserve(folder, claimed=False)
+
+
+@contextmanager
+def _scratch(folder: Path, reserve: Callable[[], tuple[Path, Path]], claimed: bool) -> Iterator[tuple[Path, Path]]:
+    """The folder and the scratch folder that `reserve` gives; parents of `folder` are made first."""
+    made: list[Path] = []
+    scratch: Path | None = None
     try:
         try:
-            made = _make_parents(folder)
-            if folder.exists() and not folder.is_dir():
-                raise NotADirectoryError(0, "it is a file")
-            scratch.mkdir()
+            with held():
+                _make_parents(folder, made)
+                folder, scratch = reserve()
         except OSError as error:
             raise _not_writable(folder, error) from None
-        yield scratch
+        yield folder, scratch
         try:
-            _move_into_place(scratch, folder, claimed)
+            moving.move(scratch, folder, claimed)
         except OSError as error:
             raise _not_writable(folder, error) from None
     except BaseException:
-        shutil.rmtree(scratch, ignore_errors=True)
-        _remove_empty(*reversed(made))
+        with held():
+            if scratch is not None:
+                shutil.rmtree(scratch, ignore_errors=True)
+            _remove_empty(*([folder] if claimed and scratch is not None else []), *reversed(made))
         raise
 
 
@@ -100,37 +125,22 @@ def check_writable_file(path: Path) -> None:
         raise _not_writable(path, error) from None
 
 
-def _make_parents(folder: Path) -> list[Path]:
+def _make_parents(folder: Path, made: list[Path]) -> None:
+    """Make the parents of `folder` that are missing; `made` takes each of them."""
     missing = []
     parent = folder.parent
     while not parent.exists():
         missing.append(parent)
         parent = parent.parent
-    missing.reverse()
-    for parent in missing:
+    for parent in reversed(missing):
         parent.mkdir(exist_ok=True)
-    return missing
+        made.append(parent)
 
 
 def _remove_empty(*folders: Path) -> None:
     for folder in folders:
         with suppress(OSError):  # another run's are in it
             folder.rmdir()
-
-
-def _move_into_place(scratch: Path, folder: Path, claimed: bool) -> None:
-    if claimed:
-        with suppress(OSError):  # Windows renames onto no folder, not even an empty one
-            os.rename(scratch, folder)
-            return
-    if not folder.exists():
-        os.rename(scratch, folder)
-        return
-    for source in sorted(path for path in scratch.rglob("*") if path.is_file()):
-        target = folder / source.relative_to(scratch)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(source, target)
-    shutil.rmtree(scratch)
 
 
 def _not_writable(path: Path, error: OSError) -> InputError:

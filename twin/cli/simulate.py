@@ -9,6 +9,7 @@ import twin
 from sysid import excitations, formats
 from sysid.base.errors import InputError
 from twin.cli import console, options
+from twin.cli.moving import written
 from twin.cli.output import check_writable_file, run_folder
 from twin.hardware.drive import MODES
 from twin.hardware.potentiometer import SIDES
@@ -103,6 +104,8 @@ def simulate(
         step("drawing")
         write(scratch, report.page(result), summary)
         result.log.save(scratch / target.name if inside else target)
+        if not inside:
+            written(target)
     console.finish(folder, summary, as_json, report.tables(result), [f"Log: {target}"])
 
 

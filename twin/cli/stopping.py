@@ -2,37 +2,87 @@
 
 A KeyboardInterrupt that rises within a callback (of a compiled kernel, a destructor, a library that catches all) is
 printed or dropped by Python, and the run would go on for hours. So the request is repeated twice a second until it is
-handled. While the interrupt is being handled, which is when folders are removed, nothing is raised.
+handled. While the interrupt is being handled, which is when folders are removed, nothing is raised; nor while results
+are moved into place, after which the request is made again.
 """
 
 import os
 import signal
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import Any
 
 AGAIN = 0.5  # [s] between two requests
+NUMBERS = (signal.SIGINT, signal.SIGTERM)
+_held, _late = 0, False
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """What happens within it happens whole: a request to stop waits for its end."""
+    global _held, _late
+    _held += 1
+    try:
+        yield
+    finally:
+        _held -= 1
+    if _late and not _held:
+        _late = False
+        if not _handled(sys.exception()):
+            raise KeyboardInterrupt
+
+
+@contextmanager
+def at_once(sentence: str) -> Iterator[None]:
+    """SIGINT and SIGTERM end the process with `sentence` and code 130, for as long as it has done nothing.
+
+    Nothing is raised: an import that is interrupted may drop the interrupt, or report an error of its own.
+    """
+
+    def end(number: int, frame: FrameType | None) -> None:
+        with suppress(OSError):
+            os.write(2, f"{sentence}\n".encode())
+        os._exit(130)
+
+    former = _set(end)
+    try:
+        yield
+    finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)
+
+
+def _set(handler: Any) -> dict[int, Any]:
+    """Sets the handler of both signals; returns the former ones. One that is ignored stays ignored."""
+    former: dict[int, Any] = {}
+    with suppress(ValueError):  # not in the main thread
+        for number in NUMBERS:
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                former[number] = signal.signal(number, handler)
+    return former
 
 
 class Stopping:
     """A context within which SIGINT and SIGTERM raise KeyboardInterrupt until it is handled; former handlers return.
 
     Outside the main thread, where Python sets no handlers, it does nothing. A signal that is ignored stays ignored.
+    `asked` says whether a signal has come. At the end of a whole `program` both are ignored from then on: the work is
+    done and said, and Python would answer a request with a traceback while it ends.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, program: bool = False) -> None:
+        self._program = program
         self._former: dict[int, Any] = {}
         self._process = os.getpid()
         self._over = False
+        self.asked = False
 
     def __enter__(self) -> "Stopping":
-        with suppress(ValueError):  # not in the main thread
-            for number in (signal.SIGINT, signal.SIGTERM):
-                if signal.getsignal(number) is not signal.SIG_IGN:
-                    self._former[number] = signal.signal(number, self._stop)
-            if hasattr(signal, "SIGALRM"):
-                self._former[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._stop)
+        self._former = _set(self._stop)
+        if self._former and hasattr(signal, "SIGALRM"):
+            self._former[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._stop)
         return self
 
     def __exit__(
@@ -40,18 +90,23 @@ class Stopping:
     ) -> None:
         self.over()
         for number, handler in self._former.items():
-            signal.signal(number, handler)
+            signal.signal(number, signal.SIG_IGN if self._program and number in NUMBERS else handler)
 
     def over(self) -> None:
         """Nothing is raised from here on; to be called where the interrupt is handled."""
-        self._over = True
+        global _late
+        self._over, _late = True, False
         self._repeat(0.0)
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         if self._over:
             return
+        self.asked = self.asked or number in NUMBERS
         self._repeat(AGAIN)
-        if not _handled(sys.exception()):
+        if _held:
+            global _late
+            _late = True
+        elif not _handled(sys.exception()):
             raise KeyboardInterrupt
 
     def _repeat(self, seconds: float) -> None:

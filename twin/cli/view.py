@@ -11,6 +11,7 @@ from sysid import formats
 from sysid.base.errors import InputError
 from sysid.base.files import whole_file
 from twin.cli import console, options
+from twin.cli.moving import written
 from twin.cli.output import check_writable_file, output_folder
 
 if TYPE_CHECKING:
@@ -170,6 +171,7 @@ def _write_mcap(target: str, traces: "Traces") -> None:
     path = Path(target)
     check_writable_file(path)
     write_mcap(path, traces)
+    written(path)
     print(f"Log and twin: {target}")
 
 
@@ -211,4 +213,5 @@ def _whole(target: str, suffix: str, write: Callable[[Path], None]) -> None:
     check_writable_file(path)
     with whole_file(path) as temporary:
         write(temporary)
+    written(path)
     print(f"Picture: {target}")

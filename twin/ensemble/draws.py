@@ -6,6 +6,7 @@ from numbers import Real
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from twin.hardware.linkage import clearance, end_angles
 from twin.hardware.motor import check_rotor
@@ -28,6 +29,7 @@ class Drawn:
     redrawn: int
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Draws:
     """Parameters that are drawn for each experiment, independent of each other; the others do not change.
@@ -74,6 +76,7 @@ class Draws:
         named = {*self.spread, *self.uniform, *self.log_uniform}
         return tuple(row.name for row in TABLE if row.name in named)
 
+    @checked(late=True)
     def limits(self, base: Parameters) -> dict[str, tuple[float, float]]:
         """Limits of each row's draw around `base`; raises InputError for a relative spread about 0."""
         for name in self.spread:
@@ -87,6 +90,7 @@ class Draws:
         half = abs(base[row.name]) * self.spread[row.name]
         return max(row.lower, base[row.name] - half), min(row.upper, base[row.name] + half)
 
+    @checked(late=True)
     def draw(self, base: Parameters, number: int) -> Drawn:
         """The parameters of experiment `number`; raises InputError if none of very many draws is a valid leg."""
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,)))

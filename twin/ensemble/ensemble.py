@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.executor import results
 from sysid.base.json_values import plain
+from sysid.base.lock import held
 from sysid.base.versions import versions
 from twin.ensemble.draws import Draws
-from twin.ensemble.parts import Parts
+from twin.ensemble.parts import MANIFEST, Parts
 from twin.experiment import SETTLE, Experiment
 from twin.log import Log
 from twin.parameters import JOINTS, TABLE, Parameters
@@ -44,6 +46,7 @@ class _Case:
     trouble: str
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Ensemble:
     """`experiment` once for each of `seeds`, with the parameters from `draws`; None keeps the parameters.
@@ -60,7 +63,7 @@ class Ensemble:
 
     `run` writes parts of at most `part` experiments to `folder` as Parquet files with one row per experiment, each
     under a temporary name first, and keeps at most three parts in memory. When called again, also after a kill, it
-    continues with the missing parts. Only one process may use a folder at a time. The folder's `manifest.json`
+    continues with the missing parts. A second process that runs it meanwhile is refused. The folder's `manifest.json`
     describes the ensemble; a folder of another ensemble raises InputError.
 
     Raises InputError for seeds or draws that do not fit.
@@ -94,6 +97,7 @@ class Ensemble:
     def __len__(self) -> int:
         return len(self.seeds)
 
+    @checked(late=True)
     def case(self, number: int) -> Experiment:
         """Experiment `number` of the ensemble. Raises InputError if there is none."""
         if not 0 <= number < len(self):
@@ -125,6 +129,7 @@ class Ensemble:
             "draws_seed": None if self.draws is None else int(self.draws.seed),
         }
 
+    @checked(late=True)
     def run(
         self,
         threads: int = 0,
@@ -140,6 +145,21 @@ class Ensemble:
         """
         if isinstance(threads, bool) or not isinstance(threads, Integral) or threads < 0:
             raise InputError(f"threads is {threads!r}; give a whole number, 0 for all processors")
+        if (Path(self.folder) / MANIFEST).is_file() and not self._parts(new=True).missing():
+            return self  # which a folder that may only be read allows
+        assert isinstance(self.folder, Path)
+        Parts.place(self.folder)
+        with held(self.folder, self._taken):
+            self._run(int(threads), progress, scheduler)
+        return self
+
+    def _taken(self, who: str) -> str:
+        return (
+            f"another run ({who}) writes to {self.folder}; wait until it ends and run again, or choose another folder"
+        )
+
+    def _run(self, threads: int, progress: Callable[[int, int], None] | None, scheduler: str | None) -> None:
+        """Write the missing parts; one process at a time."""
         parts = self._parts(new=True)
         parts.sweep()
         left = parts.missing()
@@ -151,7 +171,7 @@ class Ensemble:
                 done += len(table)
                 if progress is not None:
                     progress(done, len(self))
-            return self
+            return
 
         def written(writing: "Future[int]") -> None:
             nonlocal done
@@ -166,13 +186,12 @@ class Ensemble:
             for i, k in enumerate(left):
                 cases = ahead.pop().result()
                 ahead += [helpers.submit(self._prepare, parts.numbers(following)) for following in left[i + 1 : i + 2]]
-                shown, trouble = self._simulate(cases, int(threads))
+                shown, trouble = self._simulate(cases, threads)
                 if behind:
                     written(behind.pop())
                 behind.append(helpers.submit(self._write, parts, k, cases, shown, trouble))
             if behind:
                 written(behind.pop())
-        return self
 
     def table(self) -> "polars.DataFrame":
         """One row per finished experiment: number, seed, redrawn (rejected draws before its own), each drawn parameter

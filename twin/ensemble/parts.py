@@ -10,13 +10,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.base.errors import InputError
-from sysid.base.files import whole_file, write_text
+from sysid.base.files import ordinary, whole_file, write_text
+from sysid.base.leftovers import in_use
+from sysid.base.parquet import DamagedError
+from sysid.base.parquet import read as read_parquet
+from sysid.base.sealed import CHECK, check_sum
 
 if TYPE_CHECKING:
     import polars
 
 MANIFEST = "manifest.json"
 KIND = "qpal ensemble"
+NUMBER = "number"  # the column with the row's number
 
 
 @dataclass(frozen=True)
@@ -43,24 +48,30 @@ class Parts:
         if manifest.is_file():
             size = _same(manifest, description, versions, new)
             return Parts(folder, rows, size, description, versions)
-        if folder.exists() and (not folder.is_dir() or any(not name.startswith(".") for name in os.listdir(folder))):
-            raise InputError(f"{folder} exists and has no {MANIFEST}; choose an empty or a new folder")
+        _check_empty(folder)
         if not new:
             raise InputError(f"{folder} has no ensemble yet; call run() first")
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{folder} cannot be created ({error.strerror}); choose another path") from None
+        Parts.place(folder)
+        split = {"fingerprint": fingerprint(description), "rows": rows, "part": size}
         document = {
             "kind": KIND,
-            "fingerprint": fingerprint(description),
-            "rows": rows,
-            "part": size,
+            **split,
+            CHECK: check_sum(split, KIND),
             "versions": dict(versions),
             "description": dict(description),
         }
         write_text(manifest, json.dumps(document, indent=1) + "\n")
         return Parts(folder, rows, size, description, versions)
+
+    @staticmethod
+    def place(folder: Path) -> None:
+        """Make the folder, if it is missing. Raises InputError if it has other contents or cannot be made."""
+        if not (folder / MANIFEST).is_file():
+            _check_empty(folder)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder} cannot be created ({error.strerror}); choose another path") from None
 
     def __len__(self) -> int:
         return -(-self.rows // self.size)
@@ -80,7 +91,8 @@ class Parts:
     def sweep(self) -> None:
         """Remove temporary files of a killed writer."""
         for path in self.folder.glob(".part-*"):
-            path.unlink(missing_ok=True)
+            if not in_use(path.name):
+                path.unlink(missing_ok=True)
 
     def write(self, k: int, table: "polars.DataFrame") -> None:
         """Write part k. Raises InputError, and leaves no partial file, if the disk is full or not writable."""
@@ -97,20 +109,31 @@ class Parts:
             ) from None
 
     def read(self, columns: list[str] | None = None) -> Iterator["polars.DataFrame"]:
-        """The parts that are written, in order, or some columns of them. Raises InputError for a damaged one."""
-        import polars
+        """The parts that are written, in order, or some columns of them.
+
+        Raises InputError for a damaged one, and for one of other rows than its name says.
+        """
+        wanted = None if columns is None else list(dict.fromkeys([NUMBER, *columns]))
 
         for k in range(len(self)):
             path = self.path(k)
             if not path.is_file():
                 continue
             try:
-                yield polars.read_parquet(path, columns=columns, glob=False)
-            except (OSError, polars.exceptions.PolarsError) as error:
+                found = read_parquet(path, wanted)
+                if found[NUMBER].to_list() != list(self.numbers(k)):
+                    raise OSError("it has other rows than its name says")
+                yield found if columns is None else found.select(columns)
+            except (OSError, DamagedError) as error:
                 said = str(error).splitlines()[0]
                 raise InputError(
                     f"{path} cannot be read ({said}); delete this file and run the ensemble again"
                 ) from None
+
+
+def _check_empty(folder: Path) -> None:
+    if folder.exists() and (not folder.is_dir() or any(not name.startswith(".") for name in os.listdir(folder))):
+        raise InputError(f"{folder} exists and has no {MANIFEST}; choose an empty or a new folder")
 
 
 def fingerprint(description: Mapping[str, Any]) -> str:
@@ -124,9 +147,11 @@ def _same(manifest: Path, description: Mapping[str, Any], versions: Mapping[str,
     If `more` parts will be written, other software versions are refused too, because the parts would not match.
     """
     try:
-        found = json.loads(manifest.read_text(encoding="utf-8"))
+        found = json.loads(ordinary(manifest).read_text(encoding="utf-8"))
         kind, size, theirs = found["kind"], int(found["part"]), found["description"]
         whole = kind == KIND and size > 0 and found["fingerprint"] == fingerprint(theirs)
+        split = {name: found[name] for name in ("fingerprint", "rows", "part")}
+        whole = whole and found.get(CHECK, check_sum(split, KIND)) == check_sum(split, KIND)  # older ones have none
         made = dict(found["versions"])
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         whole = False

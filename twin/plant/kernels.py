@@ -7,10 +7,11 @@ allocate no memory and do not hold the GIL. Their state is in user data, so simu
 from typing import Any
 
 import numpy as np
-from numba import carray, cfunc, njit, types
+from numba import carray, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from sysid.base.compiled import callback
 from twin.plant import slots as s
 from twin.plant.layout import offset
 
@@ -194,7 +195,7 @@ def _weigh(board, j, speed):
 # Numba keeps compiled callbacks by this file's age and by what they close over. They close over the mark of the layout,
 # so that a number more or less on the board compiles them anew, and never runs them on the places of another layout.
 def _control(mark):
-    @cfunc(types.void(types.intp, types.intp), cache=True, error_model="numpy")
+    @callback(types.void(types.intp, types.intp), error_model="numpy")
     def control(model, data):
         """mjcb_control: replaces commands in ctrl by motor voltages and sets dry friction for this step."""
         joints = _joints(model, data, mark)
@@ -226,7 +227,7 @@ control = _control(s.MAGIC_VALUE)
 
 
 def _sense(mark):
-    @cfunc(types.void(types.intp, types.intp, types.int32), cache=True, error_model="numpy")
+    @callback(types.void(types.intp, types.intp, types.int32), error_model="numpy")
     def sense(model, data, stage):
         """mjcb_sensor: writes the board's outputs and stores the solver's forces for the next step's load."""
         joints = _joints(model, data, mark) if stage == AFTER_SOLVER else 0

@@ -7,6 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from twin.hardware.linkage import end_angles, middle, stroke
 from twin.hardware.motor import motor
@@ -29,6 +30,7 @@ def model_path() -> Path:
     raise FileNotFoundError(f"qpal.xml is neither in {here / 'model'} nor in {here.parent / 'model'}; reinstall qpal")
 
 
+@checked(late=True)
 def joints_of(joint: str) -> tuple[str, ...]:
     """The joints that `joint` names: itself, or all three for "leg". Raises InputError for another name."""
     if joint == LEG:
@@ -36,6 +38,7 @@ def joints_of(joint: str) -> tuple[str, ...]:
     return (check_joint(joint),)
 
 
+@checked(late=True)
 def check_joint(joint: str) -> str:
     """`joint`; raises InputError if the leg does not have it."""
     if joint not in JOINTS:
@@ -43,6 +46,7 @@ def check_joint(joint: str) -> str:
     return joint
 
 
+@checked(late=True)
 def check_switches(without: Collection[str]) -> tuple[str, ...]:
     """The switched-off imperfections in the order of `IMPERFECTIONS`; raises InputError for one that does not exist."""
     if isinstance(without, str):
@@ -53,6 +57,7 @@ def check_switches(without: Collection[str]) -> tuple[str, ...]:
     return tuple(name for name in IMPERFECTIONS if name in without)
 
 
+@checked(late=True)
 def robot(parameters: Parameters | None = None, without: Collection[str] = ()) -> mujoco.MjModel:
     """The free robot on the floor with 12 motors, one for each joint, in the order of `LEGS`."""
     spec = _spec(parameters or Parameters(), check_switches(without), tuple(LEGS.values()))
@@ -65,6 +70,7 @@ def robot_circuits(parameters: Parameters) -> list[Circuit]:
     return [circuit(parameters, joint) for joint in JOINTS] * len(LEGS)
 
 
+@checked(late=True)
 def bench(
     joint: str, parameters: Parameters | None = None, without: Collection[str] = (), realisation: str = "tendon"
 ) -> mujoco.MjModel:
@@ -77,6 +83,7 @@ def bench(
     return bench_spec(joint, parameters, without, realisation).compile()
 
 
+@checked(late=True)
 def bench_spec(
     joint: str, parameters: Parameters | None = None, without: Collection[str] = (), realisation: str = "tendon"
 ) -> mujoco.MjSpec:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from scipy import stats
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.versions import versions
 from twin.parameters import JOINTS, TABLE, Parameters
@@ -145,6 +146,7 @@ class _Silent:
     def part(self, done: float, name: str) -> None: ...
 
 
+@checked(own=("draws", "standing"))
 def run(
     gait: Gait | None = None,
     parameters: Parameters | None = None,
@@ -187,6 +189,7 @@ def run(
     return Crawl(made, walk, measures, fault(made, measures), stood, tuple(trials), seed)
 
 
+@checked(late=True)
 def cycles(steps: int) -> int:
     """Cycles of a crawl of `steps`. Raises InputError for a number that is not a multiple of the legs."""
     if steps < len(LEGS) or steps % len(LEGS):
@@ -210,6 +213,7 @@ def draw(parameters: Parameters, rng: np.random.Generator) -> dict[str, float]:
     }
 
 
+@checked(late=True)
 def stand(gait: Gait, parameters: Parameters, seconds: float, seed: int = 1) -> Standing:
     """The stance in which a crawl starts, held for `seconds` [s] by the servos, and then without any voltage."""
     still = plan(Gait(**(vars(gait) | {"cycles": 0})), parameters)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from twin.parameters import Parameters
 from twin.plant.leg import LEGS, robot
@@ -24,6 +25,7 @@ LEAST_MARGIN = 0.005  # [m] smallest stability margin of a plan
 POINTS = 33  # points of a move's path at which loads and speeds are checked
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Gait:
     """Settings of a crawl. `height` [m] of the torso's centre over the floor and `spread` [m] of a foot from its
@@ -125,6 +127,7 @@ def start(gait: Gait, shape: Body) -> tuple[np.ndarray, np.ndarray]:
     return torso, feet
 
 
+@checked(late=True)
 def plan(gait: Gait | None = None, parameters: Parameters | None = None) -> Plan:
     """The crawl of `gait` for a robot with `parameters`.
 

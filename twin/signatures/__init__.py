@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from sysid.base.checks import checked
 from twin.parameters import Parameters
 from twin.signatures import bridge, friction, mechanics, sensing
 from twin.signatures.signature import Axis, Line, Mark, Signature, Size
@@ -29,6 +30,7 @@ TABLE: dict[str, Callable[[Parameters], Signature]] = {
 }
 
 
+@checked(late=True)
 def signatures(
     parameters: Parameters | None = None, begins: Callable[[str], None] = lambda key: None
 ) -> tuple[Signature, ...]:

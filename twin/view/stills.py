@@ -8,7 +8,6 @@ import copy
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +16,8 @@ import mujoco
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from sysid.base.leftovers import scratch
+from sysid.base.parents import end_with
 from twin.hardware.linkage import end_angles, middle
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import BENCH_LEG, LEGS, robot
@@ -195,8 +196,7 @@ def draw(
     reasons = []
     path = os.pathsep.join(filter(None, (str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH"))))
     limit = TIMEOUT + PER_PICTURE * len(qpos)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with scratch() as folder:
         mujoco.mj_saveModel(model, str(folder / "model.mjb"))
         full = [{**CAMERA, **camera} for camera in cameras]
         views = {f"camera_{entry}": np.array([camera[entry] for camera in full]) for entry in CAMERA}
@@ -204,7 +204,7 @@ def draw(
         for backend in BACKENDS:
             try:
                 done = subprocess.run(
-                    [sys.executable, "-m", "twin.view.stills", str(folder)],
+                    [sys.executable, "-m", "twin.view.stills", str(folder), str(os.getpid())],
                     env={**os.environ, "MUJOCO_GL": backend, "PYTHONPATH": path},
                     capture_output=True,
                     text=True,
@@ -271,4 +271,5 @@ def _camera(view: Mapping[str, Any], data: mujoco.MjData) -> mujoco.MjvCamera:
 
 
 if __name__ == "__main__":
+    end_with(int(sys.argv[2]))
     _draw_here(Path(sys.argv[1]))

@@ -4,7 +4,11 @@ Importing this raises ImportError if a library of the web viewer is missing.
 """
 
 import logging
+import os
+import sys
+import threading
 import time
+import webbrowser
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -12,7 +16,9 @@ from typing import Any
 import mujoco
 from mujoco.studio import app, launch_web, messages, plugin, sim, viewer_protocol, web_viewer
 
-from twin.view.guard import guarded
+from twin.view.door import TOKEN, Door, secret
+from twin.view.guard import OWN, guarded
+from twin.view.inner import own_peers
 from twin.view.pictures import standing_robot
 from twin.view.replay import Replay, moment
 from twin.view.stills import column, cylinders, shape
@@ -23,6 +29,7 @@ FRAME = 1 / 60  # [s] between poses sent to the viewer
 def serve(replay: Replay | None, speed: float, port: int) -> None:
     """Serve the page on this machine's `port` (0: the first free one from 8080 on) until Ctrl-C."""
     plugins: list[Any] = [app.App(app.Config(show_inspector=replay is None)), Overlay(on_column=replay is not None)]
+    plugins.append(OneModel())
     if replay is None:
         model, pose = standing_robot()
         plugins += app.SIM_PLUGINS
@@ -36,6 +43,16 @@ def serve(replay: Replay | None, speed: float, port: int) -> None:
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # closing the page is not an error
     with on_this_machine_only():
         launch_web.run(config, model=model, data=data, plugins=plugins)
+
+
+class OneModel(plugin.SimPlugin):
+    """Keeps the model that the viewer began with: another one, dropped or loaded again, would not fit its poses."""
+
+    @messages.handler(priority=messages.Priority.CRITICAL)
+    def on_load_model(self, event: messages.LoadModelEvent) -> bool:
+        if event.path:
+            print("This viewer shows one model and loads no other; end it with Ctrl-C to show another log.", flush=True)
+        return True
 
 
 class Player(plugin.SimPlugin):
@@ -98,16 +115,33 @@ def on_this_machine_only() -> Iterator[None]:
     """Within this context the web viewer serves the loopback only, and its own page only (see `twin.view.guard`).
 
     MuJoCo 4.0 has no such option: it listens on every interface without a password, so that anyone can steer, load a
-    model or read the paths of files. A server started in this context keeps these settings.
+    model or read the paths of files. A server started in this context keeps these settings. The address has a token;
+    MuJoCo's inner port, through which the page is drawn, takes connections of this process only (`twin.view.inner`).
     """
-    server, banner = web_viewer.web_server, web_viewer._print_url_banner
-    bind, listen = server.bind_public_socket, server.serve
-    server.serve = guarded(listen)
+    server, banner, browser = web_viewer.web_server, web_viewer._print_url_banner, web_viewer._open_browser
+    bind, listen, inner = server.bind_public_socket, server.serve, server.bind_loopback_socket
+    token, once, cookie = secret(), secret(), secret()
+
+    def door(port: int) -> Door:
+        return Door(port, token, cookie, once, OWN, ("GET",), "qpal view")
+
+    server.serve = guarded(listen, door)
     server.bind_public_socket = lambda host, port=0: bind("127.0.0.1", port)
+    server.bind_loopback_socket = lambda port=0: own_peers(inner(port))
     web_viewer._print_url_banner = lambda host, port: print(
-        f"The viewer is at http://localhost:{port}/ for browsers on this machine; Ctrl-C ends it.", flush=True
+        f"The viewer is at http://localhost:{port}/?{TOKEN}={token} for browsers on this machine; Ctrl-C ends it.",
+        flush=True,
     )
+    web_viewer._open_browser = lambda port: _open(f"http://localhost:{port}/?{TOKEN}={once}")
     try:
         yield
     finally:
-        server.bind_public_socket, server.serve, web_viewer._print_url_banner = bind, listen, banner
+        server.bind_public_socket, server.serve, server.bind_loopback_socket = bind, listen, inner
+        web_viewer._print_url_banner, web_viewer._open_browser = banner, browser
+
+
+def _open(address: str) -> None:
+    """Show `address` in a browser, if there is a display to show it on."""
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return
+    threading.Thread(target=webbrowser.open, args=(address, 2), daemon=True).start()

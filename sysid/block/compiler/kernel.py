@@ -4,20 +4,20 @@ import hashlib
 import os
 import re
 import sys
-import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 
+from sysid.base.leftovers import beside, sweep_once
 from sysid.block.compiler.activity import delays, hoisted, memoryless
 from sysid.block.compiler.ir import Assign, Body, Break, For, If, Program, Return
 from sysid.block.compiler.show import show, variable
 
-_END = "\n# whole\n"
+_END = "\n# whole: "  # and a checksum of what stands above
 _HEAD = '''"""Written by sysid.block.compiler from the step of {name}; made again where it is missing."""
 
 from math import cos, exp, inf, log, sin, sqrt, tanh
@@ -25,6 +25,8 @@ from math import cos, exp, inf, log, sin, sqrt, tanh
 import numpy as np
 from numba import njit
 from numpy import floor, sign
+
+from sysid.base.compiled import kernel
 
 PARAMETERS = {params}
 ROWS = {rows}
@@ -55,16 +57,23 @@ def kernels(
     for folder in _folders(near):
         path = folder / f"{stem}.kernel"  # Python, but not a module of this package
         if _complete(path) or _written(path, lambda: source(name, program(), absent)):
-            loader = SourceFileLoader(full, str(path))
+            loader = _Source(full, str(path))
             module = module_from_spec(spec_from_loader(full, loader))  # type: ignore[arg-type]
-            sys.modules[full] = module
             loader.exec_module(module)
+            sys.modules[full] = module
             return module
     module = ModuleType(full)
-    text = source(name, program(), absent).replace("cache=True, ", "")
+    text = source(name, program(), absent)
     exec(compile(text, full, "exec"), module.__dict__)  # our own text, of a program that the subset has checked
     sys.modules[full] = module
     return module
+
+
+class _Source(SourceFileLoader):
+    """A module from a file whose text has been checked. Bytecode beside it could be damaged, so that none is used."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        return self.source_to_code(self.get_data(self.path), self.path)
 
 
 @cache
@@ -77,41 +86,50 @@ def _version() -> str:
 def _folders(near: Path | None) -> list[Path]:
     """Possible folders of kernels: beside the block's compiled module, then the user's cache."""
     home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
-    user = Path(home) if home else Path.home() / ".cache"
-    return [*([near / "__pycache__"] if near else []), user / "sysid" / "kernels"]
+    found = [near / "__pycache__"] if near else []
+    with suppress(RuntimeError):  # a user without a home
+        found.append((Path(home) if home else Path.home() / ".cache") / "sysid" / "kernels")
+    return found
 
 
 def _complete(path: Path) -> bool:
     """Whether the file is there and whole; a damaged one is removed."""
     try:
-        if path.read_text(encoding="utf-8").endswith(_END):
+        text, mark, digest = path.read_text(encoding="utf-8").rpartition(_END)
+        if mark and digest == f"{_digest(text)}\n":
             return True
-        path.unlink()
     except (OSError, UnicodeDecodeError):
-        with suppress(OSError):
-            path.unlink()
+        pass
+    with suppress(OSError):
+        path.unlink()
     return False
+
+
+def _digest(text: str) -> str:
+    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
 def _written(path: Path, text: Callable[[], str]) -> bool:
     """Write a file that is always complete; a file that another process wrote first is kept."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(suffix=".part", dir=path.parent)
+        sweep_once(path.parent)
+        temporary = beside(path, ".part")
+        handle = os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
     except OSError:
         return False
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as f:
             f.write(text())
-        try:
+        with suppress(OSError):  # a file that is there, or a file system without links
             os.link(temporary, path)
-        except FileExistsError:
-            pass
-        except OSError:  # a file system without links
+        if not _complete(path):
             os.replace(temporary, path)
-        return path.is_file()
+        return True
+    except OSError:  # a full disk, or a folder of that name
+        return False
     finally:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def source(name: str, program: Program, absent: Mapping[str, float]) -> str:
@@ -120,7 +138,8 @@ def source(name: str, program: Program, absent: Mapping[str, float]) -> str:
     head = _HEAD.format(
         name=name, params=program.params, rows=program.rows, consts=program.consts, memoryless=memoryless(program)
     )
-    return head + _value(program, absent) + "\n\n" + _tangent(program, absent) + _END
+    text = head + _value(program, absent) + "\n\n" + _tangent(program, absent)
+    return f"{text}{_END}{_digest(text)}\n"
 
 
 def _arguments(program: Program) -> str:
@@ -139,7 +158,7 @@ def _parameters(program: Program, absent: Mapping[str, float]) -> list[str]:
 
 def _value(program: Program, absent: Mapping[str, float]) -> str:
     lines = [
-        "@njit(cache=True, nogil=True, error_model='numpy')",
+        "@kernel(error_model='numpy')",
         f"def value({_arguments(program)}, x, y):",
         *_parameters(program, absent),
         *(f"    s_{s} = 0.0" for s in program.states),
@@ -198,7 +217,7 @@ def _tangent(program: Program, absent: Mapping[str, float]) -> str:
     w.block(w.step, frozenset(), frozenset())
     buffer = ["for c in range(q):", "    dx[c] = J[t, c]"] if w.buffered else []
     lines = [
-        "@njit(cache=True, nogil=True, error_model='numpy')",
+        "@kernel(error_model='numpy')",
         f"def tangent({_arguments(program)}, x, y, {'slope, ' if w.memoryless else ''}J, q):",
         "    n = q + len(theta)",
         *_parameters(program, absent),

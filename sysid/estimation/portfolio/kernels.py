@@ -1,10 +1,11 @@
 """Compiled exchange of break points. Compiled at first call and cached on disk."""
 
 import numpy as np
-from numba import njit
+
+from sysid.base.compiled import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def polygon(G, h, places, chosen, ridge):
     """Values (m,) at places[chosen] of the polygon that minimises v'G v - 2 h'v, and this minimum.
 
@@ -33,7 +34,7 @@ def polygon(G, h, places, chosen, ridge):
     return c, -np.dot(g, c)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def exchanged(G, h, places, chosen, ridge, sweeps, least):
     """`chosen` (m,) after moving one inner place at a time to where the minimum of `polygon` is lowest."""
     m = chosen.shape[0]
@@ -63,7 +64,7 @@ def exchanged(G, h, places, chosen, ridge, sweeps, least):
     return best_set, best
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def added(G, h, places, others, ridge):
     """The place that lowers the minimum of `polygon` most beside `others` (n,), -1 if none does.
 
@@ -118,7 +119,7 @@ def added(G, h, places, others, ridge):
     return place
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def chords(at, values, mass):
     """Weighed squares (k, k) between a curve, values at places `at` (k,), and the chord from place i to place j > i."""
     k = at.shape[0]

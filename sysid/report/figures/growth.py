@@ -9,7 +9,7 @@ from sysid.joint.growth import MARGIN
 from sysid.plots.earned import earned
 from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
-from sysid.report.joint_words import bars
+from sysid.report.joint_words import bars, hatched
 from sysid.workflow.evaluation import Evaluation
 
 if TYPE_CHECKING:
@@ -25,12 +25,11 @@ def draw(e: Evaluation) -> Sequence[Axes]:
 def caption(e: Evaluation) -> str:
     """Explanation of the bars."""
     assert e.growth is not None
-    dropped = " A hatched bar is a part that the final joint does without." if e.growth.dropped else ""
     return (
         f"Parts tried on the estimation data, round by round: by how much each lowered BIC. A part is "
         f"kept only if BIC falls by {MARGIN:g} (line) and its free runs over unseen parts get no worse. "
         "The best part of each round (filled) stays in the next round. A "
-        f"bar to the left is a part that increases BIC.{dropped}"
+        f"bar to the left is a part that increases BIC.{hatched(e.growth)}"
     )
 
 

@@ -7,7 +7,6 @@ import numpy as np
 from sysid.base import style
 from sysid.base.units import number, shown
 from sysid.joint.growth import Growth
-from sysid.joint.pruning import remaining
 from sysid.joint.rounds import MARGIN
 from sysid.joint.values import JointValue
 from sysid.report.joint_words import PARTS, groups, short
@@ -84,18 +83,21 @@ def _meaning(v: JointValue) -> str:
 def growth(found: Growth) -> Figure:
     """Parts tried, round by round: the fall of BIC, on an axis that is logarithmic beyond 10."""
     layout = parts.base("fall of BIC [1]", height=130 + 26 * len(found.steps))
-    names, lengths, colours, edges, texts = list[str](), list[float](), list[str](), list[str](), list[str]()
+    names, lengths, texts = list[str](), list[float](), list[str]()
+    colours, hatches = list[str](), list[str]()  # as `plots.earned` draws them
     for step in found.steps:
-        left = remaining((step.part,), found.dropped) if step.kept else ()
+        stayed = found.stayed(step)
         names.append(f"round {step.round + 1}: {PARTS.get(step.part, step.part)}")
         lengths.append(_squeezed(step.earned))
-        colours.append(style.MODEL if left == (step.part,) else parts.BAND if step.kept else parts.PAPER)
-        edges.append(style.MODEL)
-        fate = "kept" if left == (step.part,) else "kept, later without it" if step.kept else "not kept"
+        colours.append(style.MODEL if step.kept else parts.PAPER)
+        hatches.append("/" if step.kept and not stayed else "")
+        fate = "kept" if stayed else "kept, later without it" if step.kept else "not kept"
         unseen = f"<br>error on unseen parts × {step.unseen:.3f}" if np.isfinite(step.unseen) else ""
         texts.append(f"<b>{names[-1]}</b>: {fate}<br>BIC falls by {number(step.earned, 4)} to {step.bic:.0f}{unseen}")
     bars = {"type": "bar", "orientation": "h", "x": lengths, "y": names, "hovertext": texts, "hoverinfo": "text"}
-    look = {"marker": {"color": colours, "line": {"color": edges, "width": 1.2}}, "name": "parts", "showlegend": False}
+    hatch = {"shape": hatches, "fgcolor": style.MODEL, "bgcolor": parts.PAPER, "size": 6}
+    marker = {"color": colours, "line": {"color": style.MODEL, "width": 1.2}, "pattern": hatch}
+    look = {"marker": marker, "name": "parts", "showlegend": False}
     layout["yaxis"] = parts.side("") | {"type": "category", "autorange": "reversed"}
     ticks = [sign * 10.0**k for k in range(1, 8) for sign in (-1.0, 1.0)]
     shown_ticks = [0.0, *(t for t in ticks if min(lengths) - 1 <= _squeezed(t) <= max([*lengths, 0.0]) + 1)]

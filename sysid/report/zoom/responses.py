@@ -42,14 +42,15 @@ def bode(response: FrequencyResponse, y_unit: str = "", u_unit: str = "") -> Fig
 def _with_band(
     x: np.ndarray, value: np.ndarray, band: Band, factor: float, row: int, unit: str, steps: bool = False
 ) -> list[Trace]:
-    known = np.isfinite(band.lower) & np.isfinite(band.upper)
+    lower, upper = parts.times(band.lower, factor), parts.times(band.upper, factor)
+    known = np.isfinite(lower) & np.isfinite(upper)
     traces = list[Trace]()
     if known.any():
-        area = parts.band(x, band.lower * factor, band.upper * factor, f"{100 * band.level:g} % band", row, steps)
+        area = parts.band(x, lower, upper, f"{100 * band.level:g} % band", row, steps)
         traces.append(area | {"legendgroup": "band", "showlegend": row == 0})
     line = parts.line(x, value, "tangent", style.MODEL, unit, row, steps=steps, legend=row == 0 and bool(known.any()))
     if np.isfinite(band.std).any():
-        line["customdata"] = parts.numbers((band.upper - band.value) * factor)
+        line["customdata"] = parts.numbers(upper - band.value * factor)
         line["hovertemplate"] += f" ± %{{customdata:.2g}} ({100 * band.level:g} %)"
     return [*traces, line]
 

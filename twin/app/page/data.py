@@ -1,13 +1,12 @@
 """Records: drop a log, make one with the twin, choose columns."""
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from nicegui import events, ui
 
 from sysid import excitations
 from sysid.base.errors import InputError
+from sysid.base.leftovers import scratch
 from sysid.formats import TABLE as FORMATS
 from twin.app.desk import displayed, suffix_of
 from twin.app.guard import LARGEST
@@ -76,9 +75,9 @@ class DataPanel(Panel):
 
     async def _uploaded(self, event: events.UploadEventArguments) -> None:
         name = displayed(event.file.name)
-        with TemporaryDirectory(prefix="qpal-app-") as folder:
+        with scratch() as folder:
             try:
-                path = Path(folder) / f"log{suffix_of(name)}"
+                path = folder / f"log{suffix_of(name)}"
                 await event.file.save(path)
                 self.desk.add_log(name, path)
             except InputError as error:

@@ -1,0 +1,354 @@
+"""Every verb that writes is sent INT, TERM and KILL at moments of its run; prints counts as JSON.
+
+    python scripts/kills.py --moments 50              # all verbs, hours
+    python scripts/kills.py --moments 5 --only simulate --only auto
+
+A run is measured once without a signal. Then it is signalled at `--moments` moments from the first import of the
+program to the end, spread evenly with a random share of a step. After each: outputs are whole or absent, standard error
+has no traceback, no process of the run is left two seconds later, and no temporary file (after KILL: once the next run
+has worked in that place). A verb that resumes is then run again; its result is that of the run that was not killed.
+`--checkout DIR` tries another checkout of the project.
+"""
+
+import argparse
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent.parent
+SIGNALS = {"INT": signal.SIGINT, "TERM": signal.SIGTERM, "KILL": signal.SIGKILL}
+# Says on a number of its own that the program has been loaded and will now run.
+PROGRAM = "import os, sys; from twin.cli import main; os.write(int(sys.argv.pop(1)), b'.'); sys.exit(main())"
+ENSEMBLE = """
+import os, signal, sys
+signal.signal(signal.SIGTERM, signal.default_int_handler)
+try:
+    import twin
+    os.write(int(sys.argv.pop(1)), b'.')
+    twin.Ensemble(twin.Experiment("thigh", duration=4.0), range(24), None, "out", part=4).run(threads=1)
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
+# What differs from run to run: times, dates, memory, and pages and pictures that show them.
+LOOSE = ("seconds", "memory", "version", "versions", "made_with", "started", "written", "date")
+SHORT = ["simulate", "--duration", "20"]
+
+
+@dataclass(frozen=True)
+class Verb:
+    """A command line; its outputs `out` appear together, `grows` are files that a stopped run keeps."""
+
+    arguments: list[str]
+    out: tuple[str, ...] = ("out",)
+    grows: tuple[str, ...] = ()
+    code: str = PROGRAM
+    again: bool = False  # a run after a kill goes on where it was
+
+    def command(self, number: int) -> list[str]:
+        """What runs; it writes a dot to file `number` when it begins."""
+        return [sys.executable, "-c", self.code, str(number), *self.arguments]
+
+
+OUT = ["--out", "out"]
+FIT = ["identify", "log.csv", "--structure", "output_error", "--orders", "1,1,1", "--starts", "1"]
+AUTO = [
+    "identify",
+    "log.csv",
+    "--structure",
+    "auto",
+    "--starts",
+    "1",
+    "--seconds",
+    "3600",
+    "--resume",
+    "journal",
+]  # no budget: the result is one
+BENCH = ["bench", "run", "--scenario", "stress/short", "--method", "output_error", "--seeds", "6", "--workers", "2"]
+VERBS = {
+    "simulate": Verb([*SHORT, *OUT]),
+    "simulate_default": Verb(SHORT, ("runs",)),
+    "simulate_log": Verb([*SHORT, "--log", "own.csv", *OUT], ("out", "own.csv")),
+    "identify": Verb([*FIT, *OUT]),
+    "run": Verb(["run", "fit/model.json", "log.csv", *OUT]),
+    "models": Verb(["models", "fit/model.json", "log.csv", *OUT]),
+    "export": Verb(["export", "fit/model.json", "--c", "--python", *OUT]),
+    "info": Verb(["info", "log.csv", "--write-map", "map.toml", *OUT], ("out", "map.toml")),
+    "gif": Verb(["view", "leg.csv", "--gif", "film.gif", "--stop", "1"], ("film.gif",)),
+    "frames": Verb(["view", "leg.csv", "--frames", "out", "--stop", "0.2"]),
+    "compare": Verb(["compare", "leg.csv", *OUT]),
+    "calibrate": Verb(["calibrate", "leg.csv", *OUT]),
+    "design": Verb(["design", "leg.csv", *OUT]),
+    "bench_export": Verb(["bench", "export", "textbook/textbook", *OUT]),
+    "bench_run": Verb([*BENCH, "--out", "t.parquet"], (), ("t.parquet", "t.journal"), again=True),
+    "ensemble": Verb([], (), ("out",), ENSEMBLE, again=True),
+    "auto": Verb([*AUTO, *OUT], ("out",), ("journal",), again=True),
+    "reproduce": Verb(["reproduce", "--duration", "40", *OUT]),
+}
+
+
+@dataclass
+class Found:
+    """Counts of one verb."""
+
+    seconds: float
+    signalled: Counter[str] = field(default_factory=Counter)
+    ended: Counter[str] = field(default_factory=Counter)
+    wrong: Counter[str] = field(default_factory=Counter)
+    examples: list[str] = field(default_factory=list)
+
+    def fails(self, what: str, where: str, example: str) -> None:
+        """One failure, with the first few told in full."""
+        self.wrong[f"{where}: {what}"] += 1
+        if len(self.examples) < 5:
+            self.examples.append(f"{where} {what}: {example[-600:]}")
+
+
+def surroundings(checkout: Path, place: Path) -> dict[str, str]:
+    """The environment of a run: this checkout, one thread, temporary files of its own."""
+    (place / "tmp").mkdir(exist_ok=True)
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    return {**os.environ, **threads, "PYTHONPATH": str(checkout), "TMPDIR": str(place / "tmp")}
+
+
+def begin(verb: Verb, place: Path, checkout: Path) -> subprocess.Popen:
+    """The run in a session of its own, once its program has been loaded."""
+    read, write = os.pipe()
+    with (place / "tmp.err").open("wb") as errors:
+        process = subprocess.Popen(
+            verb.command(write),
+            cwd=place,
+            env=surroundings(checkout, place),
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+            stdin=subprocess.DEVNULL,
+            pass_fds=(write,),
+            start_new_session=True,
+        )
+    os.close(write)
+    os.read(read, 1)
+    os.close(read)
+    return process
+
+
+def whole(verb: Verb, place: Path, checkout: Path) -> None:
+    """A run that nobody stops."""
+    finish(verb, begin(verb, place, checkout), place)
+
+
+def finish(verb: Verb, process: subprocess.Popen, place: Path) -> None:
+    """The end of a run that nobody stops."""
+    code = process.wait()
+    if code not in (0, 1):
+        raise RuntimeError(f"{verb.arguments} ended with {code}: {(place / 'tmp.err').read_text()[-800:]}")
+
+
+def inputs(place: Path, checkout: Path) -> None:
+    """What the verbs read."""
+    rng, x = random.Random(0), 0.0
+    lines, u = ["time_s,u_V,y_m"], 0.0
+    for k in range(300):
+        u = rng.uniform(-1.0, 1.0) if k % 5 == 0 else u
+        lines.append(f"{0.1 * k!r},{u!r},{x + 0.001 * rng.gauss(0.0, 1.0)!r}")
+        x += 0.2 * (u - x)
+    (place / "log.csv").write_text("\n".join(lines) + "\n")
+    whole(Verb([*FIT, "--out", "fit"]), place, checkout)
+    whole(Verb(["simulate", "--duration", "60", "--out", "leg", "--log", "leg.csv"]), place, checkout)
+
+
+def comparable(path: Path) -> object:
+    """The content of a file without what differs from run to run."""
+    if path.suffix == ".json":
+        return without(json.loads(path.read_text()))
+    if path.suffix == ".parquet":
+        import polars
+
+        table = polars.read_parquet(path, glob=False)
+        names = [name for name in table.columns if not any(word in name for word in LOOSE)]
+        return table.select(names).sort(names[:3]).to_dicts()
+    if path.suffix in (".html", ".png", ".gif"):
+        return path.read_bytes()[:4]
+    return path.read_bytes()
+
+
+def without(value: object) -> object:
+    """A JSON value without times and the like."""
+    if isinstance(value, dict):
+        return {name: without(each) for name, each in value.items() if not any(word in name for word in LOOSE)}
+    return [without(each) for each in value] if isinstance(value, list) else value
+
+
+def contents(place: Path, names: tuple[str, ...]) -> dict[str, object]:
+    """Files by name; a folder runs/<stamp>-<verb> goes by its verb alone."""
+    found = {}
+    for name in names:
+        top = place / name
+        for path in sorted(top.rglob("*")) if top.is_dir() else [top]:
+            if path.is_file() and path.suffix != ".journal":
+                parts = path.relative_to(place).parts
+                key = "/".join(part if part[:2] != "20" else part.split("-")[-1] for part in parts)
+                found[key] = comparable(path)
+    return found
+
+
+def processes(session: int) -> list[int]:
+    """Processes of a session that have not ended."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            with suppress(OSError):
+                said = (entry / "stat").read_text().rpartition(")")[2].split()
+                if int(said[3]) == session and said[0] not in "ZX":
+                    found.append(int(entry.name))
+    return found
+
+
+def left(place: Path) -> list[str]:
+    """Temporary files in the place of a run and in the folder for temporary files."""
+    hidden = [str(path.relative_to(place)) for path in place.rglob(".*") if path.name != ".cache"]
+    empty = [path.name for path in (place / "runs").glob("*") if not any(path.iterdir())]
+    return hidden + empty + [name for name in os.listdir(place / "tmp") if name.startswith(("qpal-", "tmp", ".qpal"))]
+
+
+def attempt(verb: Verb, given: Path, checkout: Path, number: str, moment: float, expected: dict, found: Found) -> None:
+    """One run that is signalled `moment` seconds after it began."""
+    with tempfile.TemporaryDirectory(prefix="kills-") as name:
+        place = Path(name) / "place"
+        shutil.copytree(given, place)
+        process = begin(verb, place, checkout)
+        try:
+            process.wait(moment)
+        except subprocess.TimeoutExpired:
+            group = number == "INT"  # a terminal sends it to the whole group
+            (os.killpg if group else os.kill)(process.pid, SIGNALS[number])
+        try:
+            code = process.wait(30)
+        except subprocess.TimeoutExpired:
+            found.fails("did not end within 30 s", number, f"at {moment:.2f} s")
+            os.killpg(process.pid, signal.SIGKILL)
+            code = process.wait()
+        time.sleep(2.0 if processes(process.pid) else 0.0)
+        found.signalled[number] += 1
+        found.ended[f"{number} {code}"] += 1
+        tell = f"at {moment:.2f} s, code {code}: "
+        for each in processes(process.pid):
+            found.fails("a process is left", number, tell + str(each))
+            os.kill(each, signal.SIGKILL)
+        if number != "KILL" and code not in (0, 1, 130):
+            found.fails(f"ends with {code}", number, tell)
+        said = (place / "tmp.err").read_text()
+        if "Traceback" in said:
+            found.fails("traceback", number, tell + said)
+        check(verb, place, checkout, number, code, (tell, said), expected, found)
+
+
+def check(
+    verb: Verb,
+    place: Path,
+    checkout: Path,
+    number: str,
+    code: int,
+    said: tuple[str, str],
+    expected: dict,
+    found: Found,
+) -> None:
+    """What stands after a run that ended with `code`, and after the run that follows it."""
+    tell, words = said
+    there = contents(place, verb.out)
+    if there and there != {name: expected[name] for name in there}:
+        found.fails("another output", number, tell + str([n for n in there if there[n] != expected.get(n)]))
+    tops = {name.partition("/")[0] for name in there}
+    for top in tops:
+        if {name for name in there if name.split("/")[0] == top} != {n for n in expected if n.split("/")[0] == top}:
+            found.fails("half an output", number, tell + str(sorted(there)))
+    if there and "nothing was written" in words:
+        found.fails("says that nothing was written", number, tell + str(sorted(there)))
+    if code == 0 and verb.out and set(there) != set(expected) - set(verb.grows):
+        found.fails("code 0 without output", number, tell)
+    if number != "KILL" and left(place):
+        found.fails("left behind", number, tell + str(left(place)))
+    if number == "KILL" or verb.again:
+        try:
+            whole(verb, place, checkout)
+        except RuntimeError as error:
+            found.fails("the next run fails", number, tell + str(error))
+            return
+    if verb.again:
+        if contents(place, (*verb.out, *verb.grows)) != expected:
+            now = contents(place, (*verb.out, *verb.grows))
+            names = [name for name in {**now, **expected} if now.get(name) != expected.get(name)]
+            found.fails("resumed run differs", number, tell + str(names))
+    elif number == "KILL" and contents(place, verb.out) != expected:
+        found.fails("next run differs", number, tell)
+    if number == "KILL" and left(place):
+        found.fails("left behind", number, tell + str(left(place)))
+
+
+def moments(count: int, seconds: float, draw: random.Random) -> Iterator[float]:
+    """Moments of a run, one in each of `count` equal parts."""
+    return (seconds * (k + draw.random()) / count for k in range(count))
+
+
+def tried(name: str, given: Path, checkout: Path, count: int, numbers: list[str], progress: Callable) -> Found:
+    """All signals at all moments of one verb."""
+    verb = VERBS[name]
+    with tempfile.TemporaryDirectory(prefix="kills-") as folder:
+        place = Path(folder) / "place"
+        shutil.copytree(given, place)
+        process = begin(verb, place, checkout)
+        began = time.monotonic()
+        finish(verb, process, place)
+        seconds = time.monotonic() - began
+        expected = contents(place, (*verb.out, *verb.grows))
+    found = Found(seconds)
+    for number in numbers:
+        for moment in moments(count, seconds, random.Random(f"{name} {number}")):
+            attempt(verb, given, checkout, number, moment, expected, found)
+            progress(f"{name} {number} at {moment:.2f} of {seconds:.2f} s: {dict(found.wrong)}")
+    return found
+
+
+def main() -> None:
+    """Prints the counts of each verb."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--moments", type=int, default=50)
+    parser.add_argument("--only", action="append", choices=VERBS)
+    parser.add_argument("--signals", nargs="*", choices=SIGNALS, default=list(SIGNALS))
+    parser.add_argument("--checkout", type=Path, default=HERE)
+    asked = parser.parse_args()
+    shown = {}
+    with tempfile.TemporaryDirectory(prefix="kills-") as folder:
+        given = Path(folder) / "given"
+        given.mkdir()
+        inputs(given, asked.checkout)
+        for name in asked.only or VERBS:
+            began = time.monotonic()
+            found = tried(
+                name, given, asked.checkout, asked.moments, asked.signals, lambda text: print(text, file=sys.stderr)
+            )
+            shown[name] = {
+                "run [s]": round(found.seconds, 2),
+                "signalled": dict(found.signalled),
+                "exit codes": dict(found.ended),
+                "wrong": dict(found.wrong),
+                "examples": found.examples,
+                "took [s]": round(time.monotonic() - began),
+            }
+            print(json.dumps({name: shown[name]}), file=sys.stderr, flush=True)
+    total = sum(sum(each["signalled"].values()) for each in shown.values())
+    wrong = sum(sum(each["wrong"].values()) for each in shown.values())
+    print(json.dumps({"signalled": total, "wrong": wrong, "verbs": shown}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

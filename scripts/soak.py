@@ -1,0 +1,199 @@
+"""Mixed work in one process for as long as you like: do memory and handles stay where they are?
+
+    python scripts/soak.py --minutes 60        # prints one JSON object
+    python scripts/soak.py --rounds 8 --trace  # and the lines whose Python objects have grown
+
+Each round fits several structures, one of them with a block from a step, runs an ensemble, writes a report and figures,
+saves and reads models and logs, works on a session of the app and meets bad input. Memory is that of the process after
+each round, once its garbage is collected, beside the largest of the warm-up, the first rounds, in which libraries load
+and compile. Exit status 1 if the median of the last tenth of the rounds is more than 5 % above it, or if descriptors,
+threads or child processes have become more.
+"""
+
+import argparse
+import contextlib
+import gc
+import json
+import os
+import sys
+import tempfile
+import threading
+import time
+import tracemalloc
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import pyplot
+
+import sysid
+import twin
+from sysid import structures
+from sysid.base import style
+from sysid.report import identify as report
+from sysid.report.page import write
+from sysid.workflow.evaluation import Setting
+from sysid.workflow.exports import export
+from sysid.workflow.identification import identify_file
+from twin.app.entries import Data
+from twin.app.session import Session
+
+GROWTH = 5.0  # [%] of memory after the warm-up
+WARM_UP = 5  # rounds
+STRUCTURES = (
+    structures.OutputError(2, 2, 1),
+    structures.HammersteinWiener(2, 2, 1),
+    structures.Hammerstein(2, 2, 1, input_map="dead_zone"),
+    structures.NonlinearArx(2, 2, 1),
+)
+
+
+def step(s, x, p):
+    """A lag whose rate of change is limited, as a user writes it."""
+    change = (p.gain * x - s.level) / p.lag
+    s.level += min(max(change, -p.fastest), p.fastest)
+    return s.level
+
+
+def record(rng: np.random.Generator, n: int = 200) -> sysid.IOData:
+    """A record of a saturated lag with noise."""
+    u = np.repeat(rng.uniform(-1.0, 1.0, n // 10), 10)
+    y = np.zeros(n)
+    for k in range(1, n):
+        y[k] = 0.9 * y[k - 1] + 0.1 * np.clip(u[k - 1], -0.7, 0.7)
+    return sysid.IOData(u, y + 0.002 * rng.standard_normal(n), Ts=0.1)
+
+
+def fits(rng: np.random.Generator, folder: Path) -> None:
+    """One of the structures, its figures, its text, and the model written and read."""
+    data = record(rng)
+    for structure in STRUCTURES:
+        found = sysid.fit(structure.model_of(data), data, starts=1)
+        sysid.save(found, folder / "model.json")
+        again = sysid.load(folder / "model.json")
+        again.simulate(data.u)
+        style.png(found.plot(data))
+        pyplot.close("all")  # it keeps what a person asked for until it is closed
+        repr(found)
+    first = {"gain": 1.0, "lag": 10.0, "fastest": 0.05}
+    block = sysid.blocks.dynamic(step, first, bounds={"lag": (1.0, 100.0), "fastest": (1e-3, 1.0)}, role="limiter")
+    sysid.fit(sysid.Chain((block,)), data)
+
+
+def ensembles(rng: np.random.Generator, folder: Path) -> None:
+    """Four experiments with drawn parameters, read back."""
+    from twin.ensemble.draws import Draws
+    from twin.ensemble.ensemble import Ensemble
+
+    seeds = range(int(rng.integers(1 << 20)), 1 << 21)[:4]
+    made = Ensemble(twin.Experiment("thigh", "aprbs", 10.0), seeds, Draws({"thigh.coulomb": 0.3}), folder / "ensemble")
+    made.run()
+    made.table()
+    for log in made:
+        log.io()
+
+
+def reports(rng: np.random.Generator, folder: Path) -> None:
+    """From a log to a page with figures and exports."""
+    path = folder / "log.csv"
+    twin.Experiment("thigh", "aprbs", 20.0, seed=int(rng.integers(1 << 20))).run().save(path)
+    result = identify_file(path, Setting(structures.OutputError(1, 1, 1), starts=1))
+    exports = export(result.evaluation, folder)
+    write(folder, report.page(result, exports), result.as_dict())
+
+
+def sessions(rng: np.random.Generator, folder: Path) -> None:
+    """A session of the app, opened, filled, changed, closed and opened again."""
+    for _ in range(3):
+        session = Session.open(folder / "session")
+        for k in range(4):
+            data = record(rng)
+            text = "u,y\n" + "\n".join(f"{u},{y}" for u, y in zip(data.u, data.y, strict=True))
+            session.add(Data(name=f"{k}.csv", suffix=".csv"), lambda inside, t=text: (inside / "log.csv").write_text(t))
+        session.change(shown="d1")
+        for key in list(session.data)[:-1]:
+            session.remove("data", key)
+        session.close()
+
+
+def refusals(rng: np.random.Generator, folder: Path) -> None:
+    """What is refused, with a unit and a name that were never there before."""
+    (folder / "odd.csv").write_text(f"a{rng.integers(1 << 30)} [x{rng.integers(1 << 30)}],b\n1,2\n")
+    for bad in (folder / "odd.csv", folder / "nowhere.csv", folder):
+        with contextlib.suppress(sysid.InputError):
+            sysid.read(bad)
+
+
+WORK: Mapping[str, Callable[[np.random.Generator, Path], None]] = {
+    work.__name__: work for work in (fits, ensembles, reports, sessions, refusals)
+}
+
+
+def held() -> dict[str, int]:
+    """Memory [KiB], descriptors, threads and child processes of this process."""
+    gc.collect()
+    rows = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
+    rss = next(int(row.split()[1]) for row in rows if row.startswith("VmRSS"))
+    tasks = Path("/proc/self/task").iterdir()
+    children = sum(len((task / "children").read_text().split()) for task in tasks)
+    return {
+        "rss": rss,
+        "objects": len(gc.get_objects()),
+        "descriptors": len(os.listdir("/proc/self/fd")),
+        "threads": threading.active_count(),
+        "system_threads": len(os.listdir("/proc/self/task")),
+        "children": children,
+    }
+
+
+def soak(seconds: float, rounds: int, names: list[str], trace: bool) -> dict[str, Any]:
+    """Works until the time is over, or so many rounds are done; the numbers of every round."""
+    begun, rows, first = time.monotonic(), [], None
+    while len(rows) < rounds and (time.monotonic() - begun < seconds or len(rows) < 2 * WARM_UP):
+        rng = np.random.default_rng(len(rows))
+        with tempfile.TemporaryDirectory() as folder:
+            for name in names:
+                (Path(folder) / name).mkdir()
+                WORK[name](rng, Path(folder) / name)
+        rows.append(held())
+        print(f"round {len(rows)}, {time.monotonic() - begun:.0f} s: {rows[-1]}", file=sys.stderr, flush=True)
+        if trace and len(rows) == WARM_UP:
+            tracemalloc.start(8)
+            first = tracemalloc.take_snapshot()
+    found = judged(rows)
+    found |= {"minutes": round((time.monotonic() - begun) / 60, 2), "work": names}
+    if first is not None:
+        grown = tracemalloc.take_snapshot().compare_to(first, "traceback")[:15]
+        found["grown"] = [{"KiB": g.size_diff >> 10, "count": g.count_diff, "at": g.traceback.format()} for g in grown]
+    return {**found, "rounds": rows}
+
+
+def judged(rows: list[dict[str, int]]) -> dict[str, Any]:
+    """Growth after the warm-up, and what is beyond its limit."""
+    warm, last = rows[: min(WARM_UP, len(rows))], rows[-max(1, len(rows) // 10) :]
+    before = max(row["rss"] for row in warm)
+    after = float(np.median([row["rss"] for row in last]))
+    growth = 100.0 * (after / before - 1.0)
+    wrong = [f"memory has grown by {growth:.1f} %"] if growth > GROWTH else []
+    for name in ("descriptors", "threads", "system_threads", "children"):
+        most = max(row[name] for row in warm)
+        if min(row[name] for row in last) > most:
+            wrong.append(f"{name} were {most} and are {last[-1][name]}")
+    return {"wrong": wrong, "growth_percent": round(growth, 2), "mebibytes": [before >> 10, int(after) >> 10]}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--rounds", type=int, default=sys.maxsize, help="at most")
+    parser.add_argument("--work", nargs="+", choices=WORK, default=list(WORK))
+    parser.add_argument("--trace", action="store_true", help="tell where Python's objects have grown; slower")
+    given = parser.parse_args()
+    found = soak(60.0 * given.minutes, given.rounds, given.work, given.trace)
+    print(json.dumps(found, indent=2))
+    return 1 if found["wrong"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,98 @@
+"""The one way to compiled loops: numba, with its cache on disk where there is one that can be trusted.
+
+A cache saves seconds and never decides anything. Without a folder for it the loop is compiled in each process; a file
+of it that is cut, changed or of another version is compiled anew and written again.
+"""
+
+import hashlib
+import pickle
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from numba import njit
+from numba.core import caching, sigutils
+from numba.core.ccallback import CFunc
+
+_DIGEST = 32  # bytes
+
+
+class _Files(caching.IndexDataCacheFile):
+    """Numba's files behind a checksum: changed machine code would crash the process or give other numbers."""
+
+    def _dump(self, obj: Any) -> bytes:
+        raw = super()._dump(obj)
+        return hashlib.sha256(raw).digest() + raw
+
+    def _load_index(self) -> dict:
+        return self._whole(self._index_path) or {}
+
+    def _save_index(self, overloads: dict) -> None:
+        with self._open_for_write(self._index_path) as file:
+            file.write(self._dump((self._version, self._source_stamp, overloads)))
+
+    def _load_data(self, name: str) -> Any:
+        return self._whole(self._data_path(name))
+
+    def _whole(self, path: str) -> Any:
+        """What was stored at `path`; None if it is missing, damaged or of another version of numba or the source."""
+        try:
+            with open(path, "rb") as file:
+                raw = file.read()
+        except OSError:
+            return None
+        if hashlib.sha256(raw[_DIGEST:]).digest() != raw[:_DIGEST]:
+            return None
+        found = pickle.loads(raw[_DIGEST:])  # our own bytes: the checksum holds
+        if path != self._index_path:
+            return found
+        version, stamp, overloads = found
+        return overloads if (version, stamp) == (self._version, self._source_stamp) else None
+
+
+class _Cache(caching.FunctionCache):
+    """Numba's cache of a function, which never ends the program."""
+
+    def __init__(self, function: Callable) -> None:
+        super().__init__(function)
+        self._cache_file = _Files(
+            cache_path=self._cache_path,
+            filename_base=f"{self._impl.filename_base}.whole",  # numba's own files have no checksum
+            source_stamp=self._impl.locator.get_source_stamp(),
+        )
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # each layer below pickle fails in its own way; to compile is always right
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        with suppress(Exception):  # a full disk, a folder that has gone
+            super().save_overload(sig, data)
+
+
+def _cached(made: Any, function: Callable) -> Any:
+    """A dispatcher or callback with its cache; without one where no folder can be written to."""
+    with suppress(RuntimeError, OSError):  # numba finds no place for a cache
+        made._cache = _Cache(function)
+    return made
+
+
+def kernel(function: Callable | None = None, **options: Any) -> Any:
+    """Decorator: a compiled function that releases the GIL; `options` are those of `numba.njit`."""
+    if function is None:
+        return lambda given: kernel(given, **options)
+    made = njit(nogil=True, **options)(function)
+    return made if made is function else _cached(made, function)  # NUMBA_DISABLE_JIT gives the function itself
+
+
+def callback(signature: Any, **options: Any) -> Callable[[Callable], Any]:
+    """Decorator: a compiled C callback of a numba signature; `options` are those of `numba.cfunc`."""
+
+    def made(function: Callable) -> Any:
+        found = _cached(CFunc(function, sigutils.normalize_signature(signature), locals={}, options=options), function)
+        found.compile()
+        return found
+
+    return made

@@ -1,0 +1,124 @@
+"""What a file says twice and differently: its sampling time beside its clock, a unit beside the name of its column."""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from sysid.channels.looks import Look
+from sysid.channels.mapping import ChannelMap, Clock
+from sysid.channels.names import CLOCK, UNIT_OF_CLOCK
+from sysid.channels.units import convert, seconds
+from sysid.data.table import Table
+from sysid.formats import unit_in
+
+APART = 0.1  # of a step: lost samples, a rounded clock and a rig that is slower than it was told stay below
+PLAUSIBLE = (1e-9, 1e8)  # [s] of a sampling time that a file states
+
+
+def stated(table: Table) -> float | None:
+    """The sampling time [s] in what the writer said of the record; None if there is none."""
+    value = table.meta.get("Ts")
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    try:
+        found = float(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        return None
+    return found if 0 < found < np.inf else None
+
+
+def why_not_stated(Ts: float, table: Table, columns: Mapping[str, Look]) -> str:
+    """Why the sampling time [s] of the header is not taken, where no column is a clock; else nothing."""
+    said = f"the header says that the sampling time Ts is {Ts:g} s"
+    if not PLAUSIBLE[0] <= Ts <= PLAUSIBLE[1]:
+        return f"{said}, which no rig has; give the right one with --ts, or correct the header"
+    for look in columns.values():
+        if (look.header.has(CLOCK) or look.header.base.lower() in CLOCK) and len(look.finite) > 1:
+            falls = np.flatnonzero(np.diff(look.values) < 0)
+            rows = table.rows[table.names.index(look.name)]
+            where = f" (it falls in {table.place} {rows[int(falls[0]) + 1]})" if len(falls) else " in any row"
+            return (
+                f"{said}, and column {look.name!r}, a clock by its name, does not rise{where}; give the sampling time "
+                "with --ts, or correct the column"
+            )
+    return ""
+
+
+def other_than_stated(table: Table, clock: Clock, values: np.ndarray) -> str:
+    """A sentence if the header's Ts is not the step of the clock's `values` (n,); else nothing.
+
+    The middle and the mean step may both be meant, where samples were lost or stamps are rounded.
+    """
+    Ts = stated(table)
+    known = values[np.isfinite(values)]
+    steps = np.diff(known)
+    rising = steps[steps > 0]
+    if Ts is None or not len(rising):
+        return ""
+    factor = seconds(clock.unit)
+    found = float(np.median(rising)) * factor
+    digit = float(rising.min()) * factor if np.all(known == np.rint(known)) else 0.0
+    for each in (found, float(rising.mean()) * factor):
+        if abs(each - Ts) <= APART * max(each, Ts) or abs(each - Ts) < digit:
+            return ""
+    return f"the header says that the sampling time Ts is {Ts:g} s, and column {clock.column!r} steps by {found:.6g} s"
+
+
+def two_units(look: Look) -> str:
+    """A sentence if a column's name has two units of one quantity, or another than the row below; else nothing.
+
+    mV beside V and ms beside s are a factor of 1000; V beside deg is a pot whose volts became an angle.
+    """
+    words = sorted(UNIT_OF_CLOCK[word] for word in look.header.words if word in UNIT_OF_CLOCK)
+    named = [unit_in(look.name), unit_in(look.header.base), look.header.unit, *(words if look.header.unit else ())]
+    units = list(dict.fromkeys(text for text in named if text))
+    found = [(text, each) for text in units if (each := convert(text)).known]
+    for text, each in found[1:]:
+        first, one = found[0]
+        if each.unit == one.unit and abs(each.factor - one.factor) > 1e-9 * one.factor:
+            return f"column {look.name!r} has two units, {first} and {text}"
+    return ""
+
+
+RELATIVE = {"relative", "rel", "elapsed", "absolute", "abs", "raw", "local", "utc", "gmt", "start", "-", "1", ""}
+_WRITTEN = (
+    re.compile(r".+?\s*[\[({]\s*([^\[\](){}]*?)\s*[\])}]\s*"),
+    re.compile(r"\s*(?:t|time|zeit)\s*/\s*(\S+)\s*", re.IGNORECASE),
+)
+
+
+def written_unit(look: Look) -> str:
+    """What stands where the name of a clock has its unit: the unit if it is one of time in other letters (MS, Min)."""
+    return _written(look.name)
+
+
+def _written(name: str) -> str:
+    for form in _WRITTEN:
+        match = form.fullmatch(name)
+        if match and match[1].lower() not in RELATIVE and not match[1].isdigit():
+            spelled = (text for text in (match[1], match[1].lower()) if is_time(text))
+            return next(spelled, match[1])
+    return ""
+
+
+def is_time(unit: str) -> bool:
+    """Whether a text is a unit of time."""
+    found = convert(unit)
+    return found.known and found.is_time
+
+
+def with_header_units(table: Table, mapping: ChannelMap) -> tuple[ChannelMap, tuple[str, ...]]:
+    """The mapping with the unit that the header names where its clock leaves it out, and what it says otherwise."""
+    notes = []
+    clock = mapping.clock
+    unit = table.units.get(clock.column, "") or _written(clock.column)
+    if clock.column and is_time(unit) and convert(unit).factor != seconds(clock.unit):
+        if "unit" in clock.model_fields_set:
+            notes.append(
+                f"the clock {clock.column!r} is read in {clock.unit}, as the mapping says; its header names {unit}"
+            )
+        else:
+            mapping = mapping.model_copy(update={"clock": clock.model_copy(update={"unit": unit})})
+            notes.append(f"the clock {clock.column!r} is read in {unit}, as its header says")
+    return mapping, tuple(notes)

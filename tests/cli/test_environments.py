@@ -1,0 +1,86 @@
+"""A reduced run of scripts/environments.py: many odd settings at once change no number and no figure."""
+
+import os
+import resource
+import runpy
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+
+from twin.cli import main, settings
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def script():
+    return runpy.run_path(str(ROOT / "scripts" / "environments.py"), run_name="environments")
+
+
+def test_odd_settings_at_once_change_nothing(script, tmp_path):
+    plain = script["run"]("plain", tmp_path / "plain", ["simulate"])
+    assert plain["wrong"] == []
+    found = script["run"]("at once", tmp_path / "other", ["simulate"])
+    assert found["wrong"] == []
+    assert script["differences"](tmp_path / "other", tmp_path / "plain") == []
+
+
+def test_a_number_that_differs_is_told(script, tmp_path):
+    for name, value in (("a", 1.0), ("b", 1.0000000000000002)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "summary.json").write_text(f'{{"gain": {value!r}, "seconds": {value!r}}}')
+        (tmp_path / name / "x.png").write_bytes(b"1")
+    assert script["differences"](tmp_path / "b", tmp_path / "a") == ["summary.json has other values"]
+    (tmp_path / "b" / "x.png").write_bytes(b"2")
+    (tmp_path / "b" / "summary.json").unlink()
+    assert script["differences"](tmp_path / "b", tmp_path / "a") == ["summary.json is missing", "x.png has other bytes"]
+
+
+@pytest.mark.parametrize("mebibytes", [256, 1024, settings.LEAST - 1])
+def test_too_little_address_space_is_a_sentence_at_once(mebibytes):
+    code = f"import resource, sys; resource.setrlimit(resource.RLIMIT_AS, ({mebibytes << 20},) * 2)\n"
+    code += "from twin.cli import main; sys.exit(main(['info', 'log.csv']))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        f"qpal: this process may have {mebibytes} MiB of address space and needs {settings.LEAST} MiB, most of which "
+        f"stays unused; give it more with: ulimit -v {settings.LEAST << 10}\n"
+    )
+
+
+@pytest.mark.parametrize("soft", [resource.RLIM_INFINITY, settings.LEAST << 20])
+def test_enough_address_space_is_enough(soft, monkeypatch):
+    monkeypatch.setattr(resource, "getrlimit", lambda which: (soft, resource.RLIM_INFINITY))
+    assert settings.no_room() == ""
+
+
+def test_variables_and_filters_are_as_before(monkeypatch):
+    given = {"MUJOCO_GL": "odd", "PYTHONWARNINGS": "error", "SOURCE_DATE_EPOCH": "odd"}
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(sys, "warnoptions", ["error::UserWarning"])
+    filters = list(warnings.filters)
+    with settings.within_reason():
+        assert os.environ["MUJOCO_GL"] == "disable"
+        assert os.environ["SOURCE_DATE_EPOCH"] == "0"
+        with pytest.warns(UserWarning, match="told"):
+            warnings.warn("told", UserWarning, stacklevel=1)
+    assert {name: os.environ[name] for name in given} == given
+    assert warnings.filters == filters
+
+
+def test_what_is_well_set_stays(monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    with settings.within_reason():
+        assert os.environ["SOURCE_DATE_EPOCH"] == "1700000000"
+        assert "MUJOCO_GL" not in os.environ
+
+
+def test_a_verb_runs_within_them(monkeypatch, capsys):
+    monkeypatch.setattr(settings, "no_room", lambda: "no room")
+    assert main(["--help"]) == 2
+    assert capsys.readouterr().err == "qpal: no room\n"

@@ -1,0 +1,98 @@
+"""A run that is told to stop, or killed, at three moments: `scripts/kills.py` does it at as many as one asks for."""
+
+import importlib.util
+import os
+import shutil
+import time
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+VERB = ["info", "log.csv", "--write-map", "map.toml"]
+
+
+@pytest.fixture(scope="module")
+def kills():
+    path = Path(__file__).parents[2] / "scripts" / "kills.py"
+    spec = importlib.util.spec_from_file_location("kills", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("given")
+    rows = [f"{0.1 * k},{k % 7},{(k * k) % 11}" for k in range(200)]
+    (folder / "log.csv").write_text("\n".join(["time_s,u_V,y_m", *rows]) + "\n")
+    return folder
+
+
+def stopped(kills, place, number, when):
+    """The exit code and the words of a run, its process number, and what it left."""
+    process = kills.begin(kills.Verb(VERB), place, kills.HERE)
+    ends = time.monotonic() + 60.0
+    while not when(place) and time.monotonic() < ends:
+        time.sleep(0.002)
+    os.kill(process.pid, kills.SIGNALS[number])
+    code = process.wait(60)
+    ends = time.monotonic() + 3.0
+    while kills.processes(process.pid) and time.monotonic() < ends:
+        time.sleep(0.05)
+    assert not kills.processes(process.pid)
+    return code, (place / "tmp.err").read_text()
+
+
+def at_once(place):
+    """While modules load."""
+    time.sleep(0.25)
+    return True
+
+
+def at_work(place):
+    return any((place / "runs").glob(".*")) if (place / "runs").exists() else False
+
+
+@pytest.mark.parametrize(("number", "when"), [("TERM", at_once), ("INT", at_work), ("TERM", at_work)])
+def test_a_run_that_is_told_to_stop_says_so_and_leaves_nothing(number, when, kills, given, tmp_path):
+    place = tmp_path / "place"
+    shutil.copytree(given, place)
+    assert stopped(kills, place, number, when) == (130, "qpal: stopped; nothing was written\n")
+    assert sorted(path.name for path in place.iterdir()) == ["log.csv", "tmp", "tmp.err"]
+    assert not kills.left(place)
+
+
+def test_what_a_killed_run_leaves_goes_with_the_next_one(kills, given, tmp_path):
+    place, verb = tmp_path / "place", kills.Verb(VERB, ("runs", "map.toml"))
+    shutil.copytree(given, place)
+    assert stopped(kills, place, "KILL", at_work) == (-9, "")
+    assert kills.left(place)
+    kills.whole(verb, place, kills.HERE)
+    assert not kills.left(place)
+    found = kills.contents(place, verb.out)
+    assert {"map.toml", "runs/info/report.html", "runs/info/summary.json"} < set(found)
+
+
+def test_the_script_notices_what_it_is_to_notice(kills, given, tmp_path):
+    """Half an output, one of other content, a leftover, a traceback in vain: each is counted."""
+    place, verb = tmp_path / "place", kills.Verb(VERB, ("out",))
+    shutil.copytree(given, place)
+    (place / "out").mkdir()
+    (place / "tmp").mkdir()
+    (place / "out" / "a.txt").write_text("1")
+    (place / ".out.part").mkdir()
+    found = kills.Found(1.0)
+    expected = {"out/a.txt": b"1", "out/b.txt": b"2"}
+    kills.check(verb, place, kills.HERE, "INT", 130, ("", "qpal: stopped; nothing was written"), expected, found)
+    (place / "out" / "a.txt").write_text("3")
+    kills.check(verb, place, kills.HERE, "TERM", 0, ("", ""), expected, found)
+    assert found.wrong == {
+        "INT: half an output": 1,
+        "INT: says that nothing was written": 1,
+        "INT: left behind": 1,
+        "TERM: another output": 1,
+        "TERM: half an output": 1,
+        "TERM: code 0 without output": 1,
+        "TERM: left behind": 1,
+    }

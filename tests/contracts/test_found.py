@@ -1,0 +1,48 @@
+"""What the fuzzers found in saved models, cut down to what matters."""
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sysid
+from sysid.base.errors import InputError
+
+SAVED = Path(__file__).resolve().parents[1] / "saved" / "v1"
+
+
+def changed(name: str, change, folder: Path) -> Path:
+    document = json.loads((SAVED / f"{name}.json").read_text())
+    change(document)
+    path = folder / "model.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda d: d["criteria"].update(N=-1), "N = -1"),
+        (lambda d: d["criteria"].update(mse=-0.5), "mse = -0.5"),
+        (lambda d: d["theta"].update(dict.fromkeys(list(d["theta"])[:1], 1e308)), "above 1e"),
+        (lambda d: d["covariance"]["unidentifiable"].__setitem__(0, 1e308), "unidentifiable"),
+    ],
+)
+def test_numbers_that_no_fit_has_are_a_sentence(change, said, tmp_path):
+    with pytest.raises(InputError, match=said):
+        sysid.load(changed("output_error", change, tmp_path))
+
+
+def test_an_infinite_covariance_gives_unknown_deviations_and_no_warning(tmp_path):
+    """As of a fit with fewer samples than parameters."""
+
+    def change(document):
+        document["covariance"]["cov"] = [["inf"] * len(row) for row in document["covariance"]["cov"]]
+
+    fit = sysid.load(changed("output_error", change, tmp_path))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not np.isfinite(fit.pole_std).any()
+        assert all(not np.isfinite(mode.pole_std) for mode in sysid.linear.modes(fit))

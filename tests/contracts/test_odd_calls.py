@@ -1,0 +1,125 @@
+"""Public calls with odd values: a sentence, or a result of finite numbers; `scripts/attack_calls.py` has them all."""
+
+import inspect
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sysid
+import twin
+from sysid import InputError
+from sysid.base.checks import checked, shown
+from sysid.base.limits import BY_NAME, Span
+from sysid.structures import hammerstein, output_error
+
+
+def record(n: int = 200) -> sysid.IOData:
+    rng = np.random.default_rng(0)
+    u = np.repeat(rng.uniform(-1, 1, n // 5), 5)
+    y = np.zeros(n)
+    for k in range(1, n):
+        y[k] = 0.8 * y[k - 1] + 0.4 * u[k - 1]
+    return sysid.IOData(u, y + 0.01 * rng.standard_normal(n), Ts=0.1)
+
+
+DATA = record()
+MODEL = output_error(1, 1, 1)
+N = DATA.N
+ODD = {
+    "fit of a text": (lambda: sysid.fit(MODEL, "log.csv"), "data is 'log.csv'; give an IOData"),
+    "fit of None": (lambda: sysid.fit(None, DATA), "model is None; give a Chain or a"),
+    "seed below 0": (lambda: sysid.fit(MODEL, DATA, seed=-1), "seed is -1; give a whole number of at least 0"),
+    "seed of a half": (lambda: sysid.fit(MODEL, DATA, seed=0.5), "seed is 0.5; give a whole number"),
+    "seed of 1e30": (lambda: sysid.fit(MODEL, DATA, seed=10**30), "seed is 10+; give a whole number up to 9,2"),
+    "starts of 1e9": (lambda: sysid.fit(MODEL, DATA, starts=10**9), "starts is 10+; give a whole number up to 100,000"),
+    "options of a dict": (lambda: sysid.fit(MODEL, DATA, options={}), "options is {}; give an Options or None"),
+    "iterations of nan": (lambda: sysid.Options(max_iterations=float("nan")), "max_iterations is nan"),
+    "seconds of nan": (lambda: sysid.Options(max_seconds=float("nan")), "max_seconds is nan; give a finite number"),
+    "folds of a text": (lambda: sysid.cross_validate(MODEL, DATA, folds="5"), "folds is '5'; give a whole number"),
+    "knots of 1e9": (lambda: hammerstein(input=sysid.blocks.PiecewiseLinear(knots=10**9)), "up to 10,000"),
+    "nb of 1e9": (lambda: output_error(nb=10**9), "nb is 10+; give a (whole )?number up to 1,000"),
+    "nk of 1e9": (lambda: output_error(nk=10**9), "nk is 10+; give a (whole )?number up to 1,000,000"),
+    "complex residuals": (lambda: sysid.residual_tests(np.ones(N) * 1j, DATA.u), "e is an array of .*real numbers"),
+    "residuals of nan": (lambda: sysid.residual_tests(np.full(N, np.nan), DATA.u), "entry 0, from 0, is nan"),
+    "objects": (lambda: sysid.residual_tests(np.array([None] * N), DATA.u), "give an array of real numbers"),
+    "dates": (lambda: sysid.residual_tests(np.arange(N).astype("datetime64[s]"), DATA.u), "array of real numbers"),
+    "masked": (lambda: sysid.residual_tests(np.ma.masked_less(np.arange(N), 3), DATA.u), "without masked values"),
+    "ragged": (lambda: sysid.residual_tests([[1.0], [2.0, 3.0]], DATA.u), "e is .*rows of one length"),
+    "empty path": (lambda: sysid.load(""), "path is ''; give the path of a file"),
+    "path of code 0": (lambda: sysid.read("a\0b.csv"), "give the path of a file"),
+    "path of a number": (lambda: sysid.read(3), "path is 3; give the path of a file"),
+    "joint of a list": (lambda: twin.truth(["thigh"]), r"joint is \['thigh'\]; give a text"),
+    "parameters of a dict": (lambda: twin.truth("thigh", parameters={}), "parameters is {}; give a Parameters or None"),
+    "Ts of 1e308": (lambda: twin.truth("thigh", Ts=1e308), "Ts is 1e[+]308; give a number up to 1e[+]12"),
+}
+
+
+@pytest.mark.parametrize(("call", "sentence"), ODD.values(), ids=ODD)
+def test_a_value_that_is_not_allowed_is_a_sentence(call, sentence):
+    with pytest.raises(InputError, match=sentence):
+        call()
+
+
+def test_what_stands_for_a_number_or_an_array_is_taken():
+    import pandas
+
+    few = sysid.Options(max_iterations=np.int64(5))
+    plain = sysid.fit(MODEL, DATA, starts=1, seed=1, options=few)
+    other = sysid.fit(MODEL, DATA, starts=np.uint8(1), seed=np.int64(1), options=few)
+    assert np.array_equal(plain.theta, other.theta)
+    e = plain.residuals(DATA)
+    u = DATA.u[-len(e) :, 0]
+    expected = sysid.residual_tests(e, u, max_lag=10)
+    for values in (e.tolist(), tuple(e.ravel()), pandas.Series(e.ravel()), np.ma.masked_array(e)):
+        found = sysid.residual_tests(values, u, max_lag=np.int32(10))
+        assert np.array_equal(found.autocorrelation, expected.autocorrelation)
+    assert DATA.split(Fraction(1, 2))[0].N == N // 2
+
+
+def test_a_checked_call_looks_as_it_is_written():
+    assert sysid.fit.__doc__.startswith("Fit a chain")
+    assert str(inspect.signature(sysid.delay)) == str(inspect.signature(inspect.unwrap(sysid.delay)))
+    assert list(inspect.signature(sysid.IOData).parameters)[:3] == ["u", "y", "Ts"]
+    with pytest.raises(TypeError, match="unexpected keyword argument 'lag'"):
+        sysid.delay(DATA, lag=3)
+
+
+@checked(own=("first",))
+def divided(first: float, second: float, seed: int = 0, path: "str | Path" = "x", more: tuple[int, ...] = ()) -> object:
+    if isinstance(first, int) and first == 0:
+        raise InputError("first is 0, which cannot be halved")
+    if second == 3.0:
+        raise KeyError("a mistake of this function")
+    return first / second, seed, path, more
+
+
+def test_the_function_s_own_sentence_comes_first_and_its_mistakes_stay_visible():
+    with pytest.raises(InputError, match="cannot be halved"):
+        divided(0, 1.0)
+    with pytest.raises(InputError, match="first is 'a'; give a number"):
+        divided("a", 1.0)
+    with pytest.raises(KeyError, match="a mistake"):
+        divided(1.0, 3.0)
+    assert divided(1.0, 2.0, more=[np.int8(1), 2]) == (0.5, 0, "x", (1, 2))
+
+
+@pytest.mark.parametrize("value", [True, 1j, "1", None, [1.0], float("nan"), 10**400, np.array([1.0, 2.0])])
+def test_one_number_is_one_real_finite_number(value):
+    with pytest.raises(InputError, match=r"^second is .*; give a"):
+        divided(1.0, value)
+
+
+def test_a_value_is_shown_on_one_short_line():
+    for value in ("x\n" * 500, 10**5000, np.zeros((3, 4)), object(), dict.fromkeys(range(99))):
+        assert len(shown(value)) < 80
+        assert "\n" not in shown(value)
+
+
+@pytest.mark.parametrize("span", BY_NAME.values(), ids=BY_NAME)
+def test_a_limit_has_a_sentence_for_what_lies_outside(span: Span):
+    for value in (span.lowest - 1, span.highest * 2, float("nan")):
+        if not span.holds(value):
+            assert span.allowed(value, "number").startswith("a ")
+    assert not span.holds(float("nan"))

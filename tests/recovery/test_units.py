@@ -1,0 +1,164 @@
+"""Units, offsets and odd records: what a fit must not depend on, and what it is never worse than."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import sysid
+from sysid.base.criteria import fit_percent
+from sysid.blocks import CubicSpline, Custom, WaveletNetwork
+from sysid.estimation import race, safeguard
+
+S = sysid.structures
+
+
+def record(N=300, seed=0):
+    rng = np.random.default_rng(seed)
+    u = rng.normal(size=N)
+    return u, np.convolve(u, [0, 0.5, 0.3])[:N] + 0.01 * rng.normal(size=N)
+
+
+@pytest.mark.parametrize("model", [S.output_error(2, 2, 1), S.nlarx(2, 2, 1, units=0)], ids=["chain", "network"])
+@pytest.mark.parametrize("factor", [1e160, 1e-165])
+def test_numbers_that_no_plant_has_are_refused_with_what_to_do(model, factor):
+    u, y = record()
+    for data, name in ((sysid.IOData(factor * u, y), "input"), (sysid.IOData(u, factor * y), "output")):
+        with pytest.raises(sysid.InputError, match=rf"the {name} .*rescale the signal"):
+            sysid.fit(model, data)
+
+
+def nonlinear(N=200):
+    """A dead zone, a filter and a bend: what starts and searches find here depends on many shares and limits."""
+    rng = np.random.default_rng(11)
+    u = np.repeat(rng.normal(0.3, 1.0, N // 4), 4)
+    x, y = np.where(np.abs(u) > 0.3, u, 0.0), np.zeros(N)
+    for t in range(2, N):
+        y[t] = 1.3 * y[t - 1] - 0.42 * y[t - 2] + 0.12 * x[t - 1]
+    y = y + 0.2 * y**2
+    return u, y + 0.01 * np.std(y) * rng.normal(size=N)
+
+
+UNITS = [(2.0**10, 1.0), (1.0, 2.0**-20), (2.0**-7, 2.0**9)]
+LAWS = {
+    "output_error": S.output_error(2, 2, 1),
+    "dead_zone": S.hammerstein(2, 2, 1, input="dead_zone"),
+    "dead_zone_saturation": S.hammerstein(2, 2, 1, input="dead_zone_saturation"),
+    "polynomial": S.hammerstein_wiener(2, 2, 1, input="polynomial", output="saturation"),
+    "saturation": S.hammerstein_wiener(2, 2, 1, input="saturation", output="sigmoid_network"),
+    "piecewise_linear": S.wiener(2, 2, 1),
+    "monotone": S.hammerstein(1, 1, 1, input=CubicSpline(4, monotone=True)),
+    "wavelet_network": S.wiener(1, 1, 1, output=WaveletNetwork(1, 1)),
+    "between": S.wiener_hammerstein(1, 1, 0, 1, 1, 1, middle="polynomial"),
+    "state_space": S.state_space(1, 1),
+    "prediction": S.nlarx(2, 2, 1, units=2),
+    "simulation": S.nlarx(1, 1, 1, units=1, focus="simulation"),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_fit_in_other_units_is_the_same_to_the_bit(name):
+    u, y = nonlinear()
+    options = sysid.Options(max_iterations=8)
+    plain = sysid.fit(LAWS[name], sysid.IOData(u, y), starts=1, options=options)
+    for a, b in UNITS:
+        fit = sysid.fit(LAWS[name], sysid.IOData(a * u, b * y), starts=1, options=options)
+        np.testing.assert_array_equal(run(fit, a * u, b * y) / b, run(plain, u, y))
+        assert fit.criteria.mse == plain.criteria.mse * b**2
+        assert [row["loss"] for row in fit.history] == [row["loss"] * b**2 for row in plain.history]
+        assert fit.losses == tuple(loss * b**2 for loss in plain.losses)
+        np.testing.assert_allclose(deviations(fit), deviations(plain), rtol=1e-6)
+
+
+def deviations(fit):
+    """Standard deviations as shares of the values."""
+    return [np.nan if p.std is None else p.std / max(abs(p.value), 1e-300) for p in fit.parameters]
+
+
+def run(fit, u, y):
+    return fit.predict(sysid.IOData(u, y)) if isinstance(fit, sysid.NlarxFit) else fit.model.simulate(fit.theta, u)
+
+
+def test_the_span_of_a_spline_is_in_the_units_of_the_record():
+    u, y = nonlinear()
+    fits = [
+        sysid.fit(
+            S.hammerstein(2, 2, 1, input=CubicSpline(4, span=(-3.0 * a, 3.0 * a))), sysid.IOData(a * u, y), starts=1
+        )
+        for a in (1.0, 2.0**10)
+    ]
+    np.testing.assert_array_equal(run(fits[1], 2.0**10 * u, y), run(fits[0], u, y))
+
+
+def test_held_values_and_limits_keep_their_meaning_in_other_units():
+    u, y = nonlinear()
+    held = {"fixed": {"input.lower": -0.3}, "bounds": {"input.upper": (0.1, 0.2), "linear.b0": (0.0, 0.05)}}
+    model = S.hammerstein(2, 2, 1, input="dead_zone", **held)
+    fit = sysid.fit(model, sysid.IOData(u, y), starts=1)
+    assert dict(zip(fit.model.names, fit.theta, strict=True))["input.lower"] == -0.3
+    tiny = {"fixed": {"input.lower": -0.3 / 1024}, "bounds": {"input.upper": (0.1 / 1024, 0.2 / 1024)}}
+    tiny["bounds"]["linear.b0"] = (0.0, 0.05 * 1024)
+    model = S.hammerstein(2, 2, 1, input="dead_zone", **tiny)
+    other = sysid.fit(model, sysid.IOData(u / 1024, y), starts=1)
+    np.testing.assert_array_equal(run(other, u / 1024, y), run(fit, u, y))
+
+
+def test_a_map_of_the_users_own_keeps_its_units():
+    """Nobody knows the law of a function: only the output behind the filter is fitted in normal units."""
+    own = Custom(lambda x, p: p[0] * np.arctan(x), names=("height",), initial=(1.0,))
+    u, y = nonlinear()
+    fits = [sysid.fit(S.hammerstein(2, 2, 1, input=own), sysid.IOData(u, b * y), starts=1) for b in (1.0, 2.0**30)]
+    np.testing.assert_array_equal(*(run(fit, u, y) / b for fit, b in zip(fits, (1.0, 2.0**30), strict=True)))
+
+
+def test_a_ridge_is_in_the_units_of_the_record():
+    u, y = record()
+    stiff = sysid.Objective(ridge=1.0, nominal={"linear.b0": 0.5})
+    small = sysid.fit(S.output_error(1, 1, 1), sysid.IOData(u, y), objective=stiff)
+    large = sysid.fit(S.output_error(1, 1, 1), sysid.IOData(u, 1e3 * y), objective=stiff)
+    assert abs(large.theta[1]) > abs(small.theta[1]), "beside larger errors the same ridge weighs less"
+
+
+@pytest.mark.parametrize("factor", [1e-165, 1e-300, 1e300])
+def test_the_fit_of_a_tiny_output_is_that_of_the_same_output_in_other_units(factor):
+    _, y = record()
+    assert fit_percent(factor * y, factor * 0.5 * y) == pytest.approx(50.0, abs=0.5)
+    assert fit_percent(factor * np.ones(9), factor * np.ones(9)) == 100.0
+
+
+def test_a_portfolio_that_ends_above_the_linear_start_goes_on_from_there():
+    u, y = record()
+    chain, data = S.wiener(2, 2, 1, output="polynomial"), sysid.IOData(u, y)
+    run = race.Run(chain, data, sysid.Objective(), "lm", sysid.Options(), None)
+    poor = np.zeros(len(chain.names))
+    problem = run.problem(poor[None])
+    found = race.Raced(
+        problem, run.iterate(problem, problem.start, sysid.Options(max_iterations=0)), (1.0,), ("drawn",)
+    )
+    better = safeguard.guarded(run, found, 0)
+    assert better.outcome.cost < 0.01 * found.outcome.cost
+    assert better.members == ("drawn", "linear")
+    assert safeguard.guarded(run, better, 0) is better, "a result that is good enough stays what it is"
+
+
+def test_a_fit_further_away_than_the_mean_is_told():
+    u, y = record()
+    told = sysid.fit(S.output_error(1, 0, 1, fixed={"linear.b0": -3.0}), sysid.IOData(u, y)).warnings
+    assert any("further from the output than the output's own mean" in text for text in told)
+    assert not sysid.fit(S.output_error(2, 2, 1), sysid.IOData(u, y)).warnings
+
+
+def test_a_network_is_not_worse_than_the_linear_model_of_its_orders(monkeypatch):
+    """Where every start of a network ends badly, here at a theta of zero, the linear model is the result."""
+    u, y = record()
+    data = sysid.IOData(u, y)
+
+    def poor(runs, pieces, lag):
+        return replace(runs[0], outcome=replace(runs[0].outcome, p=0.0 * runs[0].outcome.p))
+
+    for focus in ("prediction", "simulation"):
+        linear = sysid.fit_nlarx(S.nlarx(2, 2, 1, units=0, focus=focus), data)
+        with monkeypatch.context() as patch:
+            patch.setattr("sysid.nlarx.fit._best", poor)
+            network = sysid.fit_nlarx(S.nlarx(2, 2, 1, units=3, focus=focus), data, starts=1)
+        assert network.criteria.mse <= linear.criteria.mse * (1 + 1e-6)

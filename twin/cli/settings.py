@@ -1,0 +1,47 @@
+"""What the machine's own settings may not do to a verb: limits, and variables that libraries die of."""
+
+import os
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+LEAST = 2048  # [MiB] of address space; below it a library's own threads cannot start, and it aborts or waits for ever
+EPOCH = "SOURCE_DATE_EPOCH"  # NumPy takes it for a number while it loads
+# MuJoCo reads the first while it loads; what draws the robot is a process of its own, which gets its own value. The
+# second is for who tests a library: no result may die of a warning, in a worker neither. The third is left if a number.
+CHANGED = {"MUJOCO_GL": "disable", "PYTHONWARNINGS": "default", EPOCH: "0"}
+_QUIET = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)  # as Python itself has it
+
+
+@contextmanager
+def within_reason() -> Iterator[None]:
+    """A verb runs within it; variables and filters of warnings are as before when it ends."""
+    former = {name: os.environ[name] for name in CHANGED if name in os.environ}
+    if former.get(EPOCH, "").isdecimal():
+        del former[EPOCH]
+    os.environ.update({name: CHANGED[name] for name in former})
+    try:
+        with warnings.catch_warnings():
+            if any(option.partition(":")[0].startswith("e") for option in sys.warnoptions):
+                warnings.simplefilter("default")
+                for category in _QUIET:
+                    warnings.simplefilter("ignore", category)
+            yield
+    finally:
+        os.environ.update(former)
+
+
+def no_room() -> str:
+    """A sentence where this process may not have the address space that the libraries reserve; else nothing."""
+    try:
+        import resource
+    except ImportError:  # Windows has no such limit
+        return ""
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if soft == resource.RLIM_INFINITY or soft >= LEAST << 20:
+        return ""
+    return (
+        f"this process may have {soft >> 20} MiB of address space and needs {LEAST} MiB, most of which stays unused; "
+        f"give it more with: ulimit -v {LEAST << 10}"
+    )
