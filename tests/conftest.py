@@ -1,6 +1,8 @@
 """What all tests share: where public records lie, and how long statistical runs are."""
 
 import os
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -25,6 +27,14 @@ def records() -> Path:
 def seeds() -> range:
     """Seeds of a statistical test: 100 with QPAL_FULL=1, a dozen otherwise."""
     return range(100 if os.environ.get("QPAL_FULL") == "1" else 12)
+
+
+@pytest.fixture(autouse=True)
+def _figures_are_closed() -> Iterator[None]:
+    """pyplot keeps what a test asked it for, and warns at the 21st: which test that is depends on their order."""
+    yield
+    if pyplot := sys.modules.get("matplotlib.pyplot"):
+        pyplot.close("all")
 
 
 @pytest.hookimpl(trylast=True)  # after pytest has grouped tests by their fixtures
