@@ -34,6 +34,25 @@ FLAGS = (
 PATIENCE = 300.0  # [s] until a test gives up: on a busy machine pages and fits take minutes
 
 
+@contextmanager
+def viewer(home: Path, *options: str) -> Iterator[tuple[subprocess.Popen, int, str]]:
+    """`qpal view --web` of the robot, without a display: its process, its port and its token."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "twin.cli", "view", "--web", *options],
+        env={**os.environ, "HOME": str(home), "DISPLAY": "", "WAYLAND_DISPLAY": "", "BROWSER": "true"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    try:
+        found = re.search(r"http://localhost:(\d+)/\?token=(\S+)", process.stdout.readline())
+        assert found, "the address has a token"
+        yield process, int(found[1]), found[2]
+    finally:
+        process.kill()
+        process.communicate()
+
+
 @dataclass
 class Served:
     """An app that runs: its process, its port, its token, its session."""

@@ -1,18 +1,14 @@
 """One table of attacks on both pages that qpal serves on this machine: the app, and the viewer of `qpal view --web`."""
 
 import asyncio
-import os
-import re
 import select
 import socket
-import subprocess
-import sys
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 
 import pytest
-from app_served import app, request
+from app_served import app, request, viewer
 
 pytest.importorskip("nicegui", reason="NiceGUI is in the app extra")
 pytest.importorskip("websockets", reason="it is what the viewer's server is made of")
@@ -52,27 +48,15 @@ class Site:
 
 
 @contextmanager
-def viewer(folder):
+def window(folder):
     """`qpal view --web` of the robot on a free port."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "twin.cli", "view", "--web", "--port", str(port)],
-        env={**os.environ, "HOME": str(folder), "DISPLAY": "", "WAYLAND_DISPLAY": "", "BROWSER": "true"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    try:
-        found = re.search(r"http://localhost:(\d+)/\?token=(\S+)", process.stdout.readline())
-        assert found, "the address has a token"
+    with viewer(folder, "--port", str(port)) as (process, port, token):
         until(lambda: request(port, "/", {"Host": f"127.0.0.1:{port}"})[0])
-        yield Site(port, found[2], "/state?sid=a", ("/", "/model", "/model?total_bytes", "/state?sid=a", "/ui?sid=a"))
+        yield Site(port, token, "/state?sid=a", ("/", "/model", "/model?total_bytes", "/state?sid=a", "/ui?sid=a"))
         assert process.poll() is None, "no attack ends the viewer"
-    finally:
-        process.kill()
-        process.communicate()
 
 
 @contextmanager
@@ -85,7 +69,7 @@ def desk(folder):
         assert served.process.poll() is None, "no attack ends the app"
 
 
-@pytest.fixture(scope="module", params=[viewer, desk], ids=["view", "app"])
+@pytest.fixture(scope="module", params=[window, desk], ids=["view", "app"])
 def site(request, tmp_path_factory):
     with request.param(tmp_path_factory.mktemp("served")) as found:
         found.cookie = enter(found)

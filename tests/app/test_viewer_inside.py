@@ -1,7 +1,6 @@
 """What a viewer in the browser does with another model, and with its inner port."""
 
 import os
-import re
 import socket
 import subprocess
 import sys
@@ -9,6 +8,7 @@ import time
 
 import numpy as np
 import pytest
+from app_served import viewer
 
 import twin
 from twin.hardware.linkage import end_angles
@@ -86,24 +86,13 @@ def test_the_inner_port_takes_connections_of_its_own_process_alone():
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux says whose a connection is")
 def test_a_stranger_at_the_inner_port_of_a_viewer_is_turned_away(tmp_path):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "twin.cli", "view", "--web"],
-        env={**os.environ, "HOME": str(tmp_path), "DISPLAY": "", "WAYLAND_DISPLAY": "", "BROWSER": "true"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    try:
-        found = re.search(r"http://localhost:(\d+)/", process.stdout.readline())
-        (inner,) = _ports(process.pid, LISTENING) - {int(found[1])}
+    with viewer(tmp_path) as (process, port, _):
+        (inner,) = _ports(process.pid, LISTENING) - {port}
         before = _ends(process.pid, inner)
         with socket.create_connection(("127.0.0.1", inner), timeout=30) as line:
             assert line.recv(1) == b""
         assert _ends(process.pid, inner) == before  # a stranger that is taken pushes the viewer's own connection out
         assert process.poll() is None
-    finally:
-        process.kill()
-        process.communicate()
 
 
 def _ends(pid: int, inner: int) -> set[int]:

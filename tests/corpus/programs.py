@@ -2,7 +2,13 @@
 
 from corpus._log import PAIRS, ROWS, SAFE, SEMI, TABS, TS, Log, Right, U, Y, log, refused, stamped
 
-E18 = "".join("{:.18e} {:.18e} {:.18e}\n".format(*map(float, row.split(","))) for row in ROWS.split())
+
+def printed(form: str) -> str:
+    """The rows as a program prints numbers."""
+    return "".join(form.format(*map(float, row.split(","))) for row in ROWS.split())
+
+
+BY_NUMBER = {"file": "a.txt", "time": "1", "input": "2", "output": "3"}  # a table without names
 LABVIEW = """\
 LabVIEW Measurement
 Writer_Version\t2
@@ -51,8 +57,8 @@ AFTER_THE_FIRST = Right(U[1:], Y[1:])  # a capture may begin within a line, whic
 VOLTS = {"input": "CH1", "output": "CH2"}
 
 LOGS: dict[str, Log] = {
-    "NumPy savetxt": log(E18, file="a.txt", time="1", input="2", output="3"),
-    "NumPy savetxt with a header": log("# t u y\n" + E18, file="a.txt"),
+    "NumPy savetxt": log(printed("{:.18e} {:.18e} {:.18e}\n"), **BY_NUMBER),
+    "NumPy savetxt with a header": log("# t u y\n" + printed("{:.18e} {:.18e} {:.18e}\n"), file="a.txt"),
     "pandas to_csv": log(",time_s,u,y\n" + "".join(f"{k},{row}\n" for k, row in enumerate(ROWS.split()))),
     "pandas to_csv with an index of times": log("time_s,u,y\n" + ROWS),
     "pandas to_csv with dates as index": log(
@@ -75,39 +81,25 @@ LOGS: dict[str, Log] = {
     "MATLAB writetable": log("t,u,y\n" + ROWS),
     "MATLAB writetimetable": log("Time,u,y\n" + stamped([f"{k / 10:g} sec" for k in range(12)]), SAFE),
     "MATLAB save -ascii": log(
-        "".join("   {:.7e}   {:.7e}   {:.7e}\n".format(*map(float, row.split(","))) for row in ROWS.split()),
-        file="a.txt",
-        time="1",
-        input="2",
-        output="3",
+        printed("   {:.7e}   {:.7e}   {:.7e}\n"),
+        **BY_NUMBER,
     ),
     "MATLAB tabs and Inf": log(
         "t\tu\ty\n" + TABS.replace("\t2\t2", "\t2\tInf"), refused("row 7", "infinite"), file="a.txt"
     ),
     "Octave text": log(
         "# Created by Octave 8.4.0\n# name: x\n# type: matrix\n# rows: 12\n# columns: 3\n" + ROWS.replace(",", " "),
-        file="a.txt",
-        time="1",
-        input="2",
-        output="3",
+        **BY_NUMBER,
     ),
     "LabVIEW measurement file": log(LABVIEW + TABS, SAFE, file="a.txt"),
     "LabVIEW spreadsheet": log(
-        "".join("{:.3f}\t{:.3f}\t{:.3f}\n".format(*map(float, row.split(","))) for row in ROWS.split()),
-        file="a.txt",
-        time="1",
-        input="2",
-        output="3",
+        printed("{:.3f}\t{:.3f}\t{:.3f}\n"),
+        **BY_NUMBER,
     ),
     "LabVIEW spreadsheet in German": log(
-        "".join(
-            "{:.3f}\t{:.3f}\t{:.3f}\r\n".format(*map(float, row.split(","))).replace(".", ",") for row in ROWS.split()
-        ),
+        printed("{:.3f}\t{:.3f}\t{:.3f}\r\n").replace(".", ","),
         Right(or_refused=True),
-        file="a.txt",
-        time="1",
-        input="2",
-        output="3",
+        **BY_NUMBER,
     ),
     "Excel, English": log("t,u,y\r\n" + ROWS.replace("\n", "\r\n")),
     "Excel, German": log("\ufefft;u;y\r\n" + SEMI.replace("\n", "\r\n")),

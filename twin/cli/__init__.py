@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 
 from twin.cli import settings, streams
-from twin.cli.stopping import Stopping, at_once
+from twin.cli.stopping import Stopping, at_once, caused_by
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,7 +51,7 @@ def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
         if stopping.asked:  # a library made an error of its own of the interrupt
             stopping.over()
             return _stopped(moving.kept())
-        if isinstance(error, (OSError, SystemExit)) and streams.is_gone(error):
+        if isinstance(error, (OSError, SystemExit)) and caused_by(error, BrokenPipeError):
             # The reader of our output went away (`qpal ... | head`): nothing is wrong, and nobody is left to tell.
             streams.drop()
             return 0

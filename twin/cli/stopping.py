@@ -30,7 +30,7 @@ def held() -> Iterator[None]:
         _held -= 1
     if _late and not _held:
         _late = False
-        if not _handled(sys.exception()):
+        if not caused_by(sys.exception(), KeyboardInterrupt):
             raise KeyboardInterrupt
 
 
@@ -106,7 +106,7 @@ class Stopping:
         if _held:
             global _late
             _late = True
-        elif not _handled(sys.exception()):
+        elif not caused_by(sys.exception(), KeyboardInterrupt):
             raise KeyboardInterrupt
 
     def _repeat(self, seconds: float) -> None:
@@ -116,10 +116,10 @@ class Stopping:
             signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
-def _handled(error: BaseException | None) -> bool:
-    """Whether a KeyboardInterrupt, or what was raised because of one, is being handled: cleanup has begun."""
+def caused_by(error: BaseException | None, kind: type[BaseException]) -> bool:
+    """Whether an error of this kind is being handled, or what was raised because of one."""
     while error is not None:
-        if isinstance(error, KeyboardInterrupt):
+        if isinstance(error, kind):
             return True
         error = error.__context__
     return False

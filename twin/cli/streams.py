@@ -54,15 +54,6 @@ def drop(name: str = "stdout") -> None:
         os.close(nowhere)
 
 
-def is_gone(error: BaseException | None) -> bool:
-    """Whether a broken pipe is the cause: the reader of the output went away, as `head` does."""
-    while error is not None:
-        if isinstance(error, BrokenPipeError):
-            return True
-        error = error.__context__
-    return False
-
-
 def plain(text: str) -> str:
     """A text in ASCII: rules of tables, Greek letters and signs by what they look like or are called."""
     return "".join(c if c.isascii() else _letters(c) for c in text)
