@@ -14,6 +14,7 @@ import argparse
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -169,7 +170,7 @@ def inputs(place: Path, checkout: Path) -> None:
 def comparable(path: Path) -> object:
     """The content of a file without what differs from run to run."""
     if path.suffix == ".json":
-        return without(json.loads(path.read_text()))
+        return without(json.loads(re.sub(r"\b20\d{6}-\d{6}", "STAMP", path.read_text())))
     if path.suffix == ".parquet":
         import polars
 
@@ -194,8 +195,9 @@ def contents(place: Path, names: tuple[str, ...]) -> dict[str, object]:
     for name in names:
         top = place / name
         for path in sorted(top.rglob("*")) if top.is_dir() else [top]:
-            if path.is_file() and path.suffix != ".journal":
-                parts = path.relative_to(place).parts
+            parts = path.relative_to(place).parts
+            scratch = any(part.startswith(".") for part in parts)  # `left` judges these
+            if path.is_file() and path.suffix != ".journal" and not scratch:
                 key = "/".join(part if part[:2] != "20" else part.split("-")[-1] for part in parts)
                 found[key] = comparable(path)
     return found

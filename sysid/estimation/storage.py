@@ -48,12 +48,12 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
     except (RecursionError, ValueError) as e:
         raise InputError(f"{source} is not a fit that save() wrote ({e}); give another file") from None
     try:
-        if not isinstance(document, dict) or document.get("format") not in formats:
+        if not isinstance(document, dict) or str(document.get("format")) not in formats:
             known = " or ".join(repr(name) for name in formats)
             raise InputError(
                 f"this is JSON but not a saved fit (its format is not {known}); give a file that save() wrote"
             )
-        return formats[document["format"]](document)
+        return formats[str(document["format"])](document)
     except InputError as e:
         raise InputError(f"{source}: {e}") from None
 
@@ -109,10 +109,6 @@ def _check(fit: Fit, names: list[str]) -> None:
         raise InputError(
             "theta is not a valid model (not finite, or unstable, or knots out of order); save the fit again"
         )
-    if fit.covariance.cov.shape != (P, P) or fit.covariance.unidentifiable.shape != (P,):
-        raise InputError(
-            f"the covariance does not have a row and a column for each of {P} parameters; save the fit again"
-        )
     if not 0 < fit.Ts <= SECONDS or not 0 <= fit.n_init <= SAMPLES:
         raise InputError(
             f"Ts is {fit.Ts:g} and n_init {shown(fit.n_init)}; Ts must be above 0 and n_init not below 0, and both of "
@@ -126,8 +122,12 @@ def _check(fit: Fit, names: list[str]) -> None:
 
 def check_numbers(theta: np.ndarray, covariance: Covariance, criteria: Criteria) -> None:
     """Raises InputError for numbers that no fit has."""
-    if theta.size and np.abs(theta).max() > LARGEST:
-        raise InputError(f"theta holds {np.abs(theta).max():g}, above {LARGEST:g}; save the fit again")
+    check_sizes(theta)
+    P = theta.size
+    if covariance.cov.shape != (P, P) or covariance.unidentifiable.shape != (P,):
+        raise InputError(
+            f"the covariance does not have a row and a column for each of {P} parameters; save the fit again"
+        )
     if covariance.unidentifiable.dtype != bool:
         raise InputError("unidentifiable of the covariance is not a list of true and false; save the fit again")
     if criteria.N < 1 or criteria.d < 0 or min(criteria.loss, criteria.mse) < 0:
@@ -135,6 +135,12 @@ def check_numbers(theta: np.ndarray, covariance: Covariance, criteria: Criteria)
             f"the criteria have N = {criteria.N}, d = {criteria.d}, loss = {criteria.loss:g} and mse = "
             f"{criteria.mse:g}; N is at least 1 and none of the others is below 0: save the fit again"
         )
+
+
+def check_sizes(values: np.ndarray) -> None:
+    """Raises InputError for a parameter (n,) beyond the largest number of a record."""
+    if values.size and np.abs(values).max() > LARGEST:
+        raise InputError(f"a parameter is {np.abs(values).max():g}, above {LARGEST:g}; save the fit again")
 
 
 def check_offsets(u_offset: np.ndarray | None, y_offset: np.ndarray | None, channels: tuple[int, int]) -> None:

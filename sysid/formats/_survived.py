@@ -27,7 +27,6 @@ from sysid.formats import _wire
 SECONDS, SECONDS_PER_BYTE = 60.0, 1e-5  # of work
 WAIT = 60.0  # [s] for disks and other programs
 BYTES, BYTES_PER_BYTE, BYTES_PER_CORE = 4 << 30, 100, 256 << 20
-LONGEST = 2000  # characters of a sentence
 FORKS = sys.platform == "linux"  # elsewhere system libraries have threads, which a fork would lose
 
 
@@ -81,16 +80,10 @@ def _asked(path: Path, reader: type[Foreign], head: bool) -> dict[str, Any]:
     if "errno" in said:
         raise OSError(said["errno"], said["strerror"])
     if "error" in said:
-        raise InputError(_one_line(said["error"]))
+        raise InputError(said["error"].replace("\n", r"\n"))
     if "header" not in said:
         raise InputError(f"{path} {_sentence(code, said, request)}")
     return said
-
-
-def _one_line(text: str) -> str:
-    """The sentence without the control characters, and the length, that names in a damaged file may have."""
-    shown = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
-    return shown if len(shown) <= LONGEST else f"{shown[: LONGEST // 2]} ... {shown[-LONGEST // 2 :]}"
 
 
 def _sentence(code: int, said: dict[str, Any], request: dict[str, Any]) -> str:

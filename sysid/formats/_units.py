@@ -52,6 +52,7 @@ FORMS = (
 )
 SLASH = re.compile(r"(?P<stem>[^/]*[^/\s\d])\s*/\s*(?P<unit>[^/\s].*)")
 FAMILY = re.compile(r"(.+?)([_ ]|\s*[/([{])\s*([A-Za-z])\s*[])}]?")
+LONGEST = 300  # letters of a name in which a unit is looked for; the time that this takes grows with their square
 TAIL = re.compile(r"(?P<stem>.+)(?P<mark>[_ ])(?P<unit>[^\W\d_]+\d?|%)")
 
 
@@ -62,7 +63,7 @@ def is_unit(text: str) -> bool:
 
 def units_of(names: Iterable[str]) -> dict[str, str]:
     """The unit in each name that has one, as it is written there; `speed_rad_s` gives rad/s."""
-    names = list(names)
+    names = [name for name in names if len(name) <= LONGEST]
     found = {name: unit for name in names if (unit := _unit(name))}
     families: dict[str, dict[str, str]] = {}
     for name in names:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.estimation.storage import check_numbers, check_offsets, made, version_of
+from sysid.estimation.storage import check_numbers, check_offsets, check_sizes, made, version_of
 from sysid.nlarx.result import FREE_RUN, ONE_STEP, NlarxFit
 from sysid.nlarx.saving import VERSION
 
@@ -33,6 +33,6 @@ def _check(fit: NlarxFit, names: list[str]) -> None:
         raise InputError("the parameters are not all finite numbers; save the fit again")
     if not 0 < fit.Ts < np.inf or fit.n_init < 0 or fit.criteria_of not in (ONE_STEP, FREE_RUN):
         raise InputError(f"Ts is {fit.Ts}, n_init {fit.n_init} and criteria_of {fit.criteria_of!r}; save the fit again")
-    numbers = np.concatenate([fit.theta, network.mu, network.T.ravel()])
-    check_numbers(numbers, fit.covariance, fit.criteria)
+    check_numbers(fit.theta, fit.covariance, fit.criteria)
+    check_sizes(np.concatenate([network.mu, network.T.ravel()]))
     check_offsets(fit.u_offset, fit.y_offset, (1, 1))

@@ -1,12 +1,17 @@
 """A run that is told to stop, or killed, at three moments: `scripts/kills.py` does it at as many as one asks for."""
 
+import ctypes
 import importlib.util
 import os
 import shutil
+import signal
+import sys
 import time
 from pathlib import Path
 
 import pytest
+
+from twin.cli.stopping import Stopping
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
 VERB = ["info", "log.csv", "--write-map", "map.toml"]
@@ -96,3 +101,31 @@ def test_the_script_notices_what_it_is_to_notice(kills, given, tmp_path):
         "TERM: code 0 without output": 1,
         "TERM: left behind": 1,
     }
+
+
+def test_a_request_within_a_callback_is_repeated_and_prints_nothing(capfd):
+    """A compiled kernel calls Python back while it is made; what rises there, Python prints and drops."""
+
+    @ctypes.CFUNCTYPE(None)
+    def back():
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.01)
+
+    before = sys.unraisablehook
+
+    def work():
+        with Stopping():
+            back()
+            time.sleep(10.0)
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert capfd.readouterr() == ("", "")
+    assert sys.unraisablehook is before
+
+
+def test_what_else_a_callback_raises_is_printed(capfd, monkeypatch):
+    monkeypatch.setattr(sys, "unraisablehook", sys.__unraisablehook__)
+    with Stopping():
+        ctypes.CFUNCTYPE(None)(lambda: 1 / 0)()
+    assert "ZeroDivisionError" in capfd.readouterr().err

@@ -11,6 +11,7 @@ import sysid
 from sysid.base.errors import InputError
 
 SAVED = Path(__file__).resolve().parents[1] / "saved" / "v1"
+NETWORK = "../../fuzz/nlarx"
 
 
 def changed(name: str, change, folder: Path) -> Path:
@@ -33,6 +34,21 @@ def changed(name: str, change, folder: Path) -> Path:
 def test_numbers_that_no_fit_has_are_a_sentence(change, said, tmp_path):
     with pytest.raises(InputError, match=said):
         sysid.load(changed("output_error", change, tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda d: d.update(format=["sysid nlarx fit"]), "not a saved fit"),
+        (lambda d: d.update(format={}), "not a saved fit"),
+        (lambda d: d["covariance"]["unidentifiable"].pop(), "a row and a column for each of 11 parameters"),
+        (lambda d: [row.pop() for row in d["covariance"]["cov"]], "a row and a column for each of 11 parameters"),
+        (lambda d: d["network"]["mu"].__setitem__(0, 1e200), "a parameter is 1e.200"),
+    ],
+)
+def test_entries_of_a_network_that_no_fit_has_are_a_sentence(change, said, tmp_path):
+    with pytest.raises(InputError, match=said):
+        sysid.load(changed(NETWORK, change, tmp_path))
 
 
 def test_an_infinite_covariance_gives_unknown_deviations_and_no_warning(tmp_path):

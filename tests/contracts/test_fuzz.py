@@ -16,7 +16,6 @@ from fuzz.targets import SHARES, TARGETS
 
 ROOT = Path(__file__).resolve().parents[2]
 CASES = 700
-NOT_YET = {"models": "sizes: orders without a limit"}
 ENVIRONMENT = {**os.environ, "POLARS_MAX_THREADS": "1", "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
 
 
@@ -28,10 +27,7 @@ def counts():
     return json.loads(done.stdout)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=pytest.mark.xfail(reason=NOT_YET[name]) if name in NOT_YET else ()) for name in TARGETS],
-)
+@pytest.mark.parametrize("name", TARGETS)
 def test_damaged_files_give_right_numbers_or_a_sentence(counts, name):
     found = counts[name]
     assert found["cases"] == round(CASES * SHARES[name] / sum(SHARES.values()))

@@ -162,3 +162,21 @@ def test_a_damaged_table_of_our_own_is_a_sentence(damage, tmp_path, capfd, monke
 def panics(*_, **__):
     os.write(2, b"thread 'polars-0' panicked at page.rs")
     raise polars.exceptions.PanicException("index out of bounds")
+
+
+def test_a_name_of_a_million_letters_leaves_a_sentence_with_its_remedy(tmp_path):
+    (tmp_path / "a.csv").write_text(
+        "t,u," + "y" * 100_000 + "\n" + "".join(f"{k},{k % 7},{k % 5}\n" for k in range(30))
+    )
+    with pytest.raises(InputError, match=r"unknown column 'yyy.*\.\.\.y+'; .+") as said:
+        sysid.read(tmp_path / "a.csv", "u", "y" * 99_999)
+    assert len(str(said.value)) < 3000
+
+
+def test_a_name_cannot_move_the_cursor_of_a_terminal(tmp_path):
+    names = {"t": list(range(30)), "u\x1b[2J": list(range(30)), "y": list(range(30))}
+    polars.DataFrame(names).write_parquet(tmp_path / "a.parquet")
+    with pytest.raises(InputError) as said:
+        sysid.read(tmp_path / "a.parquet", "x", "y")
+    assert "\x1b" not in str(said.value)
+    assert r"\x1b[2J" in str(said.value)

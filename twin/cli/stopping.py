@@ -77,18 +77,21 @@ class Stopping:
         self._former: dict[int, Any] = {}
         self._process = os.getpid()
         self._over = False
+        self._unraised = sys.unraisablehook
         self.asked = False
 
     def __enter__(self) -> "Stopping":
         self._former = _set(self._stop)
         if self._former and hasattr(signal, "SIGALRM"):
             self._former[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._stop)
+            self._unraised, sys.unraisablehook = sys.unraisablehook, self._unsaid
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
         self.over()
+        sys.unraisablehook = self._unraised
         for number, handler in self._former.items():
             signal.signal(number, signal.SIG_IGN if self._program and number in NUMBERS else handler)
 
@@ -108,6 +111,11 @@ class Stopping:
             _late = True
         elif not caused_by(sys.exception(), KeyboardInterrupt):
             raise KeyboardInterrupt
+
+    def _unsaid(self, lost: "sys.UnraisableHookArgs") -> None:
+        """Prints what Python cannot raise, but for a request that is lost in a callback: it is repeated."""
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
+            self._unraised(lost)
 
     def _repeat(self, seconds: float) -> None:
         timed = hasattr(signal, "SIGALRM") and signal.SIGALRM in self._former
