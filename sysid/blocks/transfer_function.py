@@ -228,7 +228,8 @@ return y"""
         for k in range(1, len(poles)):
             if poles[k].imag and poles[k] == poles[k - 1].conjugate():
                 powers[k] = powers[k - 1]
-        return poles * np.abs(poles) ** (powers - 1.0)
+        size = np.where(poles == 0.0, 1.0, np.abs(poles))  # a delay stays one
+        return poles * size ** (powers - 1.0)
 
 
 class _Carried:

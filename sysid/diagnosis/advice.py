@@ -11,6 +11,7 @@ from scipy.special import ndtri
 
 from sysid.base.checks import checked
 from sysid.base.threads import one_blas_thread
+from sysid.data.magnitudes import check_magnitudes
 from sysid.data.outliers import hampel
 from sysid.data.record import IOData
 from sysid.diagnosis import signals
@@ -31,8 +32,9 @@ def advise(data: IOData) -> tuple[Advice, ...]:
 
     Topics: excitation, levels, delay, feedback, nonlinearity, rate, rest, resolution, outliers, drift. The level of
     the statistical tests is 1 % false alarms per record; scripts/advice_rates.py prints their rates by class of input.
-    The tests use at most the first 20,000 samples.
+    The tests use at most the first 20,000 samples. Raises InputError for magnitudes that no plant has.
     """
+    check_magnitudes(data)
     with one_blas_thread():
         found = [a for i in range(data.u.shape[1]) for a in _input(data, i)]
         for j in range(data.y.shape[1]):

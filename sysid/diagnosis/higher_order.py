@@ -101,7 +101,8 @@ def higher_order_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: f
         raise InputError(f"residuals have {len(e)} samples and the input {len(u)}; give both the same length")
     if max_lag < 0 or 2 * max_lag >= len(e):
         raise InputError(f"{len(e)} residuals are too few for lags up to {max_lag}; give more than {2 * max_lag}")
-    e, u = e - e.mean(), u - u.mean()
+    # Correlations have no unit, and fourth powers of signals in an odd one leave the range of a number.
+    e, u = (v / 2.0 ** np.floor(np.log2(np.abs(v).max() or 1.0)) for v in (e - e.mean(), u - u.mean()))
     # e_t against e_{t-1-k} u_{t-1-k}: the product is taken one sample earlier, so that white e gives 0 at every lag.
     product = np.concatenate([[0.0], (e * u)[:-1]])
     pairs = {"e with u^2": (e, u**2), "e^2 with u^2": (e**2, u**2), "e with e u": (e, product)}

@@ -77,8 +77,7 @@ def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np
     k = chain.blocks.index(linear)
     rest = _at_rest(chain, theta)
     x = chain.through(rest, u, 0, k + 1)
-    span = np.ptp(x) + abs(float(np.mean(x))) + 1e-12
-    spans = [span]
+    spans = [float(np.ptp(x)) + abs(float(np.mean(x)))]
     last = chain.blocks[-1]
     places = [s.knot for s in last.slots()]
     if any(places):

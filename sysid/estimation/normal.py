@@ -15,7 +15,6 @@ from sysid.model.chain import Chain
 from sysid.model.units import rescaled
 from sysid.solver.iterate import Outcome
 
-_FAR = 2.0**200  # a unit beyond this, or below its inverse, stays: gradients in it leave what a number holds
 _LEAST = 0.55  # spread in normal units: from here to twice as much, so that plain test signals stay as they are
 
 
@@ -35,7 +34,7 @@ class Normal:
         A ridge is in the units of the record by its definition, so that with one all stays as it is.
         """
         u, y = np.array([unit_of(column) for column in data.u.T]), largest_unit(data)
-        if not objective.ridge and all(1.0 / _FAR < unit < _FAR for unit in (*u, y)):
+        if not objective.ridge:
             for a, b in ((u, y), (np.ones_like(u), y), (u, 1.0)):
                 found = rescaled(chain, a, np.full(data.y.shape[1], b))
                 if found is not None:

@@ -13,6 +13,8 @@ from sysid.block.block import Law, StaticBlock
 from sysid.block.units import joined
 from sysid.model.chain import Chain
 
+_SMALLEST = 1e-150  # of a factor of a parameter, whose square is that of a variance
+
 
 class Rescaled(NamedTuple):
     """A chain in other units, and M (P, P): theta = M theta there."""
@@ -34,7 +36,8 @@ def rescaled(chain: Chain, a: np.ndarray, b: np.ndarray) -> Rescaled | None:
     if laws is None:
         return None
     M = joined(*(own.M for own in laws))
-    if not np.all(np.isfinite(M)) or not np.all(np.abs(M).max(axis=1, initial=0.0) > 0.0):
+    sizes = np.abs(M[M != 0.0])
+    if not np.all((sizes > _SMALLEST) & (sizes < 1.0 / _SMALLEST)) or not np.all(np.any(M != 0.0, axis=1)):
         return None  # a high power of a large unit
     if not held:
         return Rescaled(replace(chain, blocks=tuple(own.block for own in laws)), M)

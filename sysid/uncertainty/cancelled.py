@@ -9,6 +9,7 @@ from sysid.model.tangents import transfer
 from sysid.uncertainty.information import Information
 
 CANCELLED = "is cancelled by a zero within the accuracy of the record, so the record determines neither of the two"
+_ZERO = 1e-9  # modulus of a pole that is a delay
 _RESPONSE = 300  # samples of the impulse response that give the size of a filter
 
 
@@ -23,10 +24,12 @@ def cancelled(info: Information, block: TransferFunction, z: complex, level: flo
     """
     own = transfer(info.chain, info.theta, block)
     b, db = own.B[block.nk : block.nk + block.nb], own.B_gradient[block.nk : block.nk + block.nb]
+    if largest := float(np.abs(b).max(initial=0.0)):  # the answer has no unit, and squares of a tiny gain are no number
+        b, db = b / largest, db / largest
     F, dF = own.F[: block.nf + 1], own.F_gradient[: block.nf + 1]
     size, d_size = _size(b, db, F, dF)
     slope = complex(np.polyval(np.polyder(F), z))
-    if size == 0.0 or slope == 0.0 or z == 0.0:
+    if size == 0.0 or slope == 0.0 or abs(z) <= _ZERO:
         return False
     past = z ** -np.arange(len(b), dtype=float)
     dz = -(z ** np.arange(len(F) - 1, -1, -1)) @ dF / slope

@@ -331,9 +331,11 @@ def _step_response(fit: Fit, u0: float) -> Curve | None:
         tangent = linearize.tangent(fit, u0)
     except InputError:  # a model that integrates has no operating point under a constant input
         return None
+    numerator = np.abs(np.ravel(getattr(tangent, "num_array", [[1.0]])[0][0])).max()
+    unit = 2.0 ** np.floor(np.log2(numerator)) if 0.0 < numerator < np.inf else 1.0  # scipy drops terms below 1e-14
     with np.errstate(all="ignore"):
-        response = control.step_response(tangent, T=np.arange(samples) * fit.Ts)
-    y = np.ravel(response.outputs)
+        response = control.step_response(tangent / unit, T=np.arange(samples) * fit.Ts)
+        y = unit * np.ravel(response.outputs)
     return Curve(np.ravel(response.time), y) if np.all(np.isfinite(y)) else None
 
 
