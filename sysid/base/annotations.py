@@ -265,10 +265,11 @@ def _row(kinds: list[Kind]) -> Kind:
 ANYTHING = Kind("", lambda value: value)
 PATH = Kind("the path of a file, as a text", _path)
 CALLABLE = Kind("a function", _call)
+ARRAY = Kind("an array of numbers", _array)
 _PLAIN: dict[Any, Kind] = {
     str: Kind("a text", _text),
     bool: Kind("True or False", _flag),
     None: Kind("None", _none),
     NoneType: Kind("None", _none),
-    np.ndarray: Kind("an array of numbers", _array),
+    np.ndarray: ARRAY,
 }

@@ -12,7 +12,7 @@ from typing import Any, TypeVar, overload
 
 import numpy as np
 
-from sysid.base.annotations import Kind, Wrong, is_number, kind_of, namespace
+from sysid.base.annotations import ARRAY, Kind, Wrong, is_number, kind_of, namespace
 from sysid.base.errors import InputError
 from sysid.base.limits import BY_NAME, Span
 
@@ -113,6 +113,14 @@ def _made(kind: Kind, name: str, value: Any, parameter: inspect.Parameter) -> An
     except Wrong as wrong:
         where = f"{name} is" if wrong.whole else f"{name} has"
         raise InputError(f"{where} {shown(wrong.value)}; give {wrong.allowed}") from None
+
+
+def array(name: str, value: Any) -> np.ndarray:
+    """Real, finite numbers as an array of floats; raises InputError for anything else. `name` is the argument's."""
+    try:
+        return np.asarray(ARRAY.made(value), dtype=float)
+    except Wrong as wrong:
+        raise InputError(f"{name} is {shown(wrong.value)}; give {wrong.allowed}") from None
 
 
 def shown(value: Any) -> str:

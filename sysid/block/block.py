@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sysid.base.errors import InputError
 from sysid.block.writing import Code, Writer
 
 
@@ -182,6 +183,13 @@ class Block(ABC):
         return len(self.slots())
 
 
+def no_width(block: Block, theta: np.ndarray) -> InputError:
+    """The error for parameters with which a map has no slope: break points, or ends, that stand at one place."""
+    pairs = list(zip(block.slots(), np.asarray(theta).tolist(), strict=False))
+    values = ", ".join(f"{s.name} = {v:g}" for s, v in pairs[:8])
+    return InputError(f"{block.role} divides by zero with {values}; give break points apart, in rising order")
+
+
 class StaticBlock(Block):
     """A memoryless map: subclasses give value, slope and own Jacobian; this class applies the chain rule."""
 
@@ -190,7 +198,10 @@ class StaticBlock(Block):
         """f(x) (N,) and f'(x) (N,); fills columns q..q+p-1 of J (N, P) with df/dtheta unless P = 0."""
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
-        y, slope = self.evaluate(theta, x, J, q)
+        try:
+            y, slope = self.evaluate(theta, x, J, q)
+        except ZeroDivisionError:
+            raise no_width(self, theta) from None
         if J.shape[1] and q:
             from sysid.block.kernels import scale_columns
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Law, Slot, StaticBlock, Symmetry
+from sysid.block.block import Law, Slot, StaticBlock, Symmetry, no_width
 from sysid.block.compiler.recursion import Written
 from sysid.block.units import in_order, joined
 from sysid.block.writing import Writer
@@ -59,9 +59,12 @@ class PiecewiseLinear(Written, StaticBlock):
             )
 
     @classmethod
+    @checked
     def evenly_spaced(cls, x: np.ndarray, knots: int = 10, role: str = "block") -> "PiecewiseLinear":
         """Fixed knots, equally spaced over the range of x (N,)."""
         x = np.asarray(x, dtype=float)
+        if not x.size:
+            raise InputError("x has no samples; give the input whose range the knots cover")
         lo, hi = float(x.min()), float(x.max())
         spread = np.linspace(lo, hi if hi > lo else lo + 1.0, knots)
         return cls(knots, free_knots=False, at=tuple(spread.tolist()), role=role)
@@ -104,6 +107,8 @@ class PiecewiseLinear(Written, StaticBlock):
         """(s_{i+1} - s_i) / S at the inner knots, s_i the slopes and S the mean of their sizes."""
         x, y = self._points(theta)
         n, width = self.knots, np.diff(x)
+        if not np.all(width):
+            raise no_width(self, theta)
         s = np.diff(y) / width
         rows = np.arange(n - 1)
         ds = np.zeros((n - 1, 2 * n))
@@ -155,6 +160,8 @@ class PiecewiseLinear(Written, StaticBlock):
         x, y = theta[: self.knots], theta[self.knots :]
         i = end % self.knots
         a, b = (0, 1) if end == 0 else (self.knots - 2, self.knots - 1)
+        if x[a] == x[b]:
+            raise no_width(self, theta)
         d_theta = np.zeros_like(theta)
         d_theta[i], d_theta[self.knots + i] = 1.0, (y[b] - y[a]) / (x[b] - x[a])
         return d_theta

@@ -131,7 +131,7 @@ class TransferFunction(Block):
             for j in range(self.nf):
                 lagged(g, j + 1, -1.0, J, q + self.nb + j)
             impulse = np.zeros_like(x)
-            impulse[0] = 1.0
+            impulse[:1] = 1.0
             all_pole(f, impulse, g)
             for i in range(len(x0) if self.initial_state else 0):
                 lagged(g, i, 1.0, J, q + self.nb + self.nf + i)

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from sysid.base.annotations import is_number
-from sysid.base.checks import checked
+from sysid.base.checks import array, checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Block, Slot, StaticBlock
 from sysid.blocks import TransferFunction
 from sysid.model.gauge import gauge
+from sysid.model.shapes import columns, of_theta
 
 
 @checked
@@ -102,7 +103,7 @@ class Chain:
         """Positions of a block's parameters in theta."""
         return self._slices[block.role]
 
-    @checked(late=True)
+    @of_theta
     def part(self, theta: np.ndarray, block: Block) -> np.ndarray:
         """The part of theta that belongs to a block."""
         return theta[self.index(block)]
@@ -158,7 +159,7 @@ class Chain:
         pairs = zip(self.blocks, coarse.blocks, strict=True)
         return np.concatenate([b.refine(coarse.part(theta, c)) if b != c else coarse.part(theta, c) for b, c in pairs])
 
-    @checked(late=True)
+    @of_theta
     def admissible(self, theta: np.ndarray) -> bool:
         """False if theta gives no valid chain (unstable, knots out of order, outside the bounds)."""
         return bool(np.all(np.isfinite(theta))) and all(b.admissible(self.part(theta, b)) for b in self.blocks)
@@ -172,7 +173,7 @@ class Chain:
                 M[self.index(b), self.index(b)] = b.basis()
         return M
 
-    @checked(late=True)
+    @of_theta
     def at_limit(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """True (P,) for directions of `basis` that cannot go lower, and for those that cannot go higher."""
         low, high = self.limits
@@ -182,7 +183,7 @@ class Chain:
                 at_low[self.index(b)] |= b.at_low(self.part(theta, b))
         return at_low, at_high
 
-    @checked(late=True)
+    @of_theta
     def repair(self, theta: np.ndarray) -> np.ndarray:
         """theta within the bounds and with every block's own repair."""
         theta = np.clip(theta, *self.limits)
@@ -190,24 +191,24 @@ class Chain:
             theta[self.index(b)] = b.repair(self.part(theta, b))
         return theta
 
-    @checked(late=True)
+    @of_theta
     def simulate(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Free run of one input and output: output (N,) for input u (N,)."""
         return self.outputs(theta, u)[:, 0]
 
-    @checked(late=True)
+    @of_theta
     def tangent(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Free run of one input and output with its exact Jacobian: output (N,) and dy/dtheta (N, P)."""
         y, J = self.sensitivities(theta, u)
         return y[:, 0], J
 
-    @checked(late=True)
+    @of_theta
     def outputs(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Free run: outputs (N, ny) for inputs u (N, nu) or (N,)."""
         xs = deque(self._signals(theta, u), maxlen=1).pop()
         return np.column_stack(xs) if len(xs) > 1 else xs[0][:, None]
 
-    @checked(late=True)
+    @of_theta
     def sensitivities(
         self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -219,7 +220,7 @@ class Chain:
         xs, Js = self._run(theta, u, out)
         return np.column_stack(xs), Js[0] if len(Js) == 1 else np.concatenate(Js)
 
-    @checked(late=True)
+    @of_theta
     def signals(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, ...]:
         """Every signal of the free run for u (N, nu) or (N,): entry k goes into block k, the last one is the output.
 
@@ -227,14 +228,14 @@ class Chain:
         """
         return tuple(xs[0] if len(xs) == 1 else np.column_stack(xs) for xs in self._signals(theta, u))
 
-    @checked(late=True)
+    @of_theta
     def remarks(self, theta: np.ndarray, u: np.ndarray) -> list[str]:
         """What the free run for u (N, nu) or (N,) should be told with, for example a motor that runs away."""
         runs = self.signals(theta, u)
         pairs = zip(self.blocks, runs[:-1], runs[1:], strict=True)
         return [text for b, x, y in pairs for text in b.remarks(self.part(theta, b), x, y)]
 
-    @checked(late=True)
+    @of_theta
     def through(self, theta: np.ndarray, x: np.ndarray, start: int = 0, stop: int | None = None) -> np.ndarray:
         """x (N,) through blocks[start:stop], each of one channel."""
         with np.errstate(over="ignore", invalid="ignore"):
@@ -242,7 +243,7 @@ class Chain:
                 x = b.output(self.part(theta, b), x)
         return x
 
-    @checked(late=True)
+    @of_theta
     def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Kinks of all maps (k,) and their derivative (k, P), see `Block.kinks`."""
         values, rows = [np.empty(0)], [np.empty((0, len(theta)))]
@@ -256,19 +257,21 @@ class Chain:
                 rows.append(wide)
         return np.concatenate(values), np.concatenate(rows)
 
-    @checked(late=True)
+    @of_theta
     def gauge(self, theta: np.ndarray) -> np.ndarray:
         """Basis (P, g) of redundant directions among the free parameters, see `sysid.model.gauge`."""
+        array("theta", theta)  # finite: what follows decomposes it
         return gauge(self.blocks, [self.part(theta, b) for b in self.blocks], self.free)
 
-    @checked(late=True)
+    @of_theta
     def count(self, theta: np.ndarray) -> int:
         """d of the criteria: free parameters after the gauge, initial states counted."""
         return int(self.free.sum()) - self.gauge(theta).shape[1]
 
     def _signals(self, theta: np.ndarray, u: np.ndarray) -> Iterator[list[np.ndarray]]:
         """The channels of every signal in turn, each an array (N,), so that a long record does not keep them all."""
-        xs, none = _columns(u), np.empty((len(u), 0))
+        xs = columns(u, self.channels[0])
+        none = np.empty((len(xs[0]), 0))
         yield xs
         for b in self.blocks:
             with np.errstate(over="ignore", invalid="ignore"):  # an unstable trial overflows; its cost is then infinite
@@ -278,7 +281,8 @@ class Chain:
     def _run(
         self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        xs, q, shape = _columns(u), 0, (len(u), len(theta))
+        xs, q = columns(u, self.channels[0]), 0
+        shape = (len(xs[0]), len(theta))
         # With several channels, the columns of the other channels' parameters stay zero.
         if self.channels == (1, 1):
             Js = [np.empty(shape) if out is None or out.shape != shape else out]
@@ -289,9 +293,3 @@ class Chain:
                 xs, Js = b.propagate_all(self.part(theta, b), xs, Js, q)
                 q += b.n_parameters
         return xs, Js
-
-
-def _columns(u: np.ndarray) -> list[np.ndarray]:
-    """The channels of u (N, nu) or (N,), each contiguous."""
-    u = np.asarray(u, dtype=float)
-    return [np.ascontiguousarray(column) for column in (u[None, :] if u.ndim == 1 else u.T)]
