@@ -13,6 +13,8 @@ from sysid.data.table import Table
 from sysid.formats import unit_in
 
 APART = 0.1  # of a step: lost samples, a rounded clock and a rig that is slower than it was told stay below
+UNIT_OF_TS = ("ts_unit", "tsunit", "ts_units", "unit", "units", "time_unit", "timeunit")
+SECONDS = ("", "s", "sec", "secs", "second", "seconds")
 PLAUSIBLE = (1e-9, 1e8)  # [s] of a sampling time that a file states
 
 
@@ -33,6 +35,9 @@ def why_not_stated(Ts: float, table: Table, columns: Mapping[str, Look]) -> str:
     said = f"the header says that the sampling time Ts is {Ts:g} s"
     if not PLAUSIBLE[0] <= Ts <= PLAUSIBLE[1]:
         return f"{said}, which no rig has; give the right one with --ts, or correct the header"
+    for name, text in table.meta.items():
+        if name.lower() in UNIT_OF_TS and isinstance(text, str) and text.strip().lower() not in SECONDS:
+            return f"{said.removesuffix(' s')} and {name} {text[:40]!r}; give the sampling time in seconds with --ts"
     for look in columns.values():
         if (look.header.has(CLOCK) or look.header.base.lower() in CLOCK) and len(look.finite) > 1:
             falls = np.flatnonzero(np.diff(look.values) < 0)

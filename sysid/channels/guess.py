@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.channels.complaints import listed
-from sysid.channels.contradictions import other_than_stated, stated, two_units, why_not_stated
+from sysid.channels.contradictions import other_than_stated, stated, two_units, why_not_stated, written_unit
 from sysid.channels.guess_clock import ClockGuess, clock_of, guess_clock
 from sysid.channels.looks import Look, looks
 from sysid.channels.mapping import Channel, ChannelMap, Clock
 from sysid.channels.names import (
     ASIDE,
+    BEFORE,
+    BEHIND,
     COUNTERS,
     INPUT,
     INPUT_TOO,
@@ -185,6 +187,7 @@ def _pair(table: Table, rest: Mapping[str, Look], why: list[str], unclear: list[
     if OWN[0] in rest and OWN[1] in rest:
         why.append(f"read column {OWN[0]!r} as the input and {OWN[1]!r} as the output: a log of this program")
         return {"input": rest[OWN[0]], "output": rest[OWN[1]]}
+    said = len(why)
     found = {role: _one(role, _candidates(rest, role), why, unclear, rest) for role in ("input", "output")}
     if len(table.names) == 2 and len(rest) == 2:
         first, second = rest.values()
@@ -193,7 +196,7 @@ def _pair(table: Table, rest: Mapping[str, Look], why: list[str], unclear: list[
             turned = _is_turned(first, second, unclear)
         if not unclear and (found["input"] is None or found["input"] is not found["output"]):
             pair = (second, first) if turned else (first, second)
-            why[:] = [f"read column {pair[0].name!r} as the input and {pair[1].name!r} as the output"]
+            why[said:] = [f"read column {pair[0].name!r} as the input and {pair[1].name!r} as the output"]
             return dict(zip(("input", "output"), pair, strict=True))
     if unclear:
         return {"input": None, "output": None} | {role: look for role, look in found.items() if look}
@@ -235,7 +238,9 @@ def _role(look: Look) -> str:
     head = look.header
     if head.has(NEVER) or head.base.lower() in COUNTERS:
         return "none"
-    to, of = head.has(INPUT | REFERENCE), head.has(OUTPUT)
+    to, of = head.has(INPUT | REFERENCE), head.has(OUTPUT) and not (head.words & OUTPUT == {"q"} and "Q" in head.base)
+    if (of and head.has(BEFORE)) or (to and head.has(BEHIND)):
+        return "both"
     if head.has(REFERENCE):
         return "input"
     if to and of:
@@ -285,7 +290,9 @@ def _say_unit(role: str, look: Look, unit: str, why: list[str], remarks: dict[st
     found = convert(unit)
     entry = f"unit of [[{role}]] in a mapping"
     if unit == "":
-        why.append(f"column {look.name!r} names no unit: its numbers stay as they are; set {entry} if you know it")
+        text = written_unit(look)
+        named = f"names {text!r}, which is no known unit" if text else "names no unit"
+        why.append(f"column {look.name!r} {named}: its numbers stay as they are; set {entry} if you know it")
         remarks[f"{role}.unit"] = "not known: set it"
     elif unit == COUNTS:
         why.append(f"column {look.name!r} holds counts: its numbers stay as they are; set adc or scale of [[{role}]]")

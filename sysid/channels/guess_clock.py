@@ -16,6 +16,7 @@ OWN = "time_s"  # in the logs that this program writes
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 STEPS = (2e-4, 10.0)  # [s] between samples of an actuator's log; a unit that gives another step is implausible
 SINCE_1970 = (1e9, 4e9)  # [s] stamps of the years 2001 to 2096
+TICKS = (1e17, 1e18)  # of 100 ns since the year 1601 or 1, today
 WRAPS: tuple[Bits, ...] = (16, 32)
 NEAR_WRAP = 20  # steps: a counter that starts again was at most so far from its end
 
@@ -153,11 +154,18 @@ def _unit(look: Look) -> tuple[str | None, str]:
     for unit, size in {**UNITS, "ns": 1e-9}.items():
         if SINCE_1970[0] <= largest * size <= SINCE_1970[1] and step * size <= STEPS[1]:
             return unit, "its stamps count from 1970"
-    fits = [u for u, size in UNITS.items() if STEPS[0] <= step * size <= STEPS[1]]
+    usual = float(np.median(np.abs(look.finite)))  # a single wrong stamp says nothing of the unit
+    latest = SINCE_1970[1]
+    fits = [u for u, size in UNITS.items() if STEPS[0] <= step * size <= STEPS[1] and usual * size <= latest]
     if len(fits) == 1:
         return fits[0], (
             f"it names no unit, and its steps of {step:.6g} are plausible in {fits[0]} alone (a step from "
             f"{STEPS[0]:g} to {STEPS[1]:g} s)"
+        )
+    if not fits and look.whole and TICKS[0] <= usual <= TICKS[1]:
+        return None, (
+            f"column {look.name!r} has stamps near {usual:.3g}, as a clock of 100 ns has (FILETIME, ticks of .NET); "
+            "give the sampling time with --ts, or write the stamps in seconds"
         )
     readings = " or ".join(f"{step * UNITS[u]:.6g} s (if in {u})" for u in fits or UNITS)
     return None, (

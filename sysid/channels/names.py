@@ -29,6 +29,9 @@ INPUT = {
 REFERENCE = {"reference", "ref", "goal", "setpoint", "target", "desired", "des", "cmd", "command", "commanded"}
 OUTPUT = {"y", "angle", "pos", "position", "adc", "pot", "potentiometer", "theta", "q", "encoder", "enc", "output"}
 OUTPUT |= {"out", "winkel"}
+# The output of a controller is the input of what it moves: controller_output beside sensor_input.
+BEFORE = {"controller", "control", "ctrl", "pid", "mpc", "regler", "actuator", "drive", "driver", "amplifier", "dac"}
+BEHIND = {"sensor", "adc", "daq", "measurement", "feedback"}
 NEVER = {"true", "error", "err", "std", "sigma", "var", "residual", "enable", "enabled", "flag", "state", "status"}
 ASIDE = {"speed", "velocity", "vel", "omega", "rate", "acceleration", "acc", "accel", "temp", "temperature", "load"}
 ASIDE |= {"current", "torque", "supply", "vin", "vbat", "battery", "vcc", "vdd", "power", "effort", "gyro"}

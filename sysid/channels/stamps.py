@@ -118,6 +118,9 @@ def last_digit(values: np.ndarray) -> float:
     for digits in range(DIGITS + 1):
         if whole(few, digits) and whole(values, digits):
             return float(10.0**-digits)
+    single = np.float32
+    if all(np.array_equal(part, part.astype(single)) for part in np.array_split(values, len(values) // CHUNK + 1)):
+        return float(np.spacing(single(np.abs(values).max())))  # stamps that were kept in 32 bits
     return 0.0
 
 

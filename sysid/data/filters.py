@@ -8,6 +8,7 @@ from sysid.base.errors import InputError, unknown
 from sysid.data.record import IOData
 
 KINDS = {"low": "lowpass", "high": "highpass", "band": "bandpass", "stop": "bandstop"}
+LOWEST = 1e-6  # of half the sampling rate: a lower cutoff lies within the rounding of the filter's own numbers
 
 
 @dataclass(frozen=True)
@@ -35,10 +36,11 @@ def butterworth(
     edges = np.atleast_1d(np.asarray(cutoff, dtype=float))
     half = 0.5 / data.Ts
     wanted = 2 if kind in ("band", "stop") else 1
-    if edges.shape != (wanted,) or not np.all((edges > 0) & (edges < half)) or np.any(np.diff(edges) <= 0):
+    lowest = LOWEST * half
+    if edges.shape != (wanted,) or not np.all((edges >= lowest) & (edges < half)) or np.any(np.diff(edges) <= 0):
         raise InputError(
-            f"cutoff is {cutoff} Hz for a {kind} filter; give {wanted} frequency(ies) above 0 and below {half:g} Hz, "
-            "half the sampling rate, in rising order"
+            f"cutoff is {cutoff} Hz for a {kind} filter; give {wanted} frequency(ies) from {lowest:g} Hz to below "
+            f"{half:g} Hz, half the sampling rate, in rising order"
         )
     if not isinstance(order, (int, np.integer)) or order < 1:
         raise InputError(f"order is {order}; give a whole number of at least 1")

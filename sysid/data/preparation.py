@@ -122,8 +122,8 @@ def between(data: IOData, start: float | None = None, stop: float | None = None)
     parts = []
     for e in data.experiments:
         slack = 1e-6 * e.Ts  # a time that a person writes is not exactly a multiple of Ts
-        low = 0 if start is None else max(0, int(np.ceil((start - slack) / e.Ts)))
-        high = e.N if stop is None else min(e.N, int(np.floor((stop + slack) / e.Ts)) + 1)
+        low = 0 if start is None else int(np.clip(np.ceil((start - slack) / e.Ts), 0, e.N))
+        high = e.N if stop is None else int(np.clip(np.floor((stop + slack) / e.Ts) + 1, 0, e.N))
         if high - low < 2:
             raise InputError(
                 f"the range {_pair(start, stop)} s holds {max(high - low, 0)} sample(s) of a record from 0 to "

@@ -9,6 +9,7 @@ from sysid.base.errors import InputError, unknown
 from sysid.data.record import IOData
 
 INPUTS = ("filtered", "held")
+MOST = 1000  # of the two whole numbers of a ratio
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,11 @@ def resample(data: IOData, Ts: float, input: str = "filtered") -> Resampled:
         raise unknown("input", input, INPUTS)
     if not (np.isfinite(Ts) and Ts > 0):
         raise InputError(f"Ts is {Ts}; give the new sampling time as a positive number of seconds")
-    ratio = Fraction(data.Ts / Ts).limit_denominator(1000)
-    if ratio == 0 or abs(float(ratio) * Ts / data.Ts - 1.0) > 1e-9 or ratio.numerator > 1000:
+    near = data.Ts / Ts
+    ratio = Fraction(near if near < 2 * MOST else 0).limit_denominator(MOST)
+    if ratio == 0 or abs(float(ratio) * Ts / data.Ts - 1.0) > 1e-9 or ratio.numerator > MOST:
         raise InputError(
-            f"Ts goes from {data.Ts} to {Ts} s, not a ratio of whole numbers up to 1000; choose a Ts near it that is"
+            f"Ts goes from {data.Ts} to {Ts} s, not a ratio of whole numbers up to {MOST}; choose a Ts near it that is"
         )
     up, down = ratio.numerator, ratio.denominator
     parts = [_experiment(e, up, down, input) for e in data.experiments]

@@ -12,8 +12,8 @@ from collections.abc import Iterable
 
 PREFIXED = "s|V|A|m|g|N|Nm|Pa|J|W|Wh|F|H|Hz|T|C|K|Ω|Ohm|ohm|rad|bar|sec|Ah"
 PLAIN = (
-    "min|h|hr|hrs|deg|°|º|rpm|RPM|rps|rev|revs|turns?|°C|º ?C|degC|°F|degF|degrees?C|%|percent|pct|counts?|cts|ticks?|"
-    "steps?|LSB|lsb|digits?|pulses?|samples?|bits?|in|inch|inches|ft|feet|lb|lbs|lbf|ozf?|psi|dB|ppm|ppr|cpr|kgf|gon|"
+    "min|h|hr|hrs|deg|mdeg|°|º|rpm|RPM|rps|rev|revs|turns?|°C|º ?C|degC|°F|degF|degrees?C|%|percent|pct|counts?|cts|"
+    "ticks?|steps?|LSB|lsb|digits?|pulses?|samples?|bits?|in|inch|inches|ft|feet|lb|lbs|lbf|ozf?|psi|dB|ppm|ppr|cpr|kgf|gon|"
     "G|dps|px|V_?rms|Vpp|mmHg|rad"
 )
 WORDS = (
@@ -50,6 +50,7 @@ FORMS = (
     re.compile(r"(?P<stem>.+?)(?P<mark>\s*)\(\s*(?P<unit>[^()]*(?:\([^()]*\))?[^()]*?)\s*\)"),
     re.compile(r"(?P<stem>.+?)(?P<mark>\s*)\{\s*(?P<unit>[^{}]+?)\s*\}"),
 )
+LOUD = ("deg", "rad", "rpm")  # as a unit within brackets, in letters of any size
 SLASH = re.compile(r"(?P<stem>[^/]*[^/\s\d])\s*/\s*(?P<unit>[^/\s].*)")
 FAMILY = re.compile(r"(.+?)([_ ]|\s*[/([{])\s*([A-Za-z])\s*[])}]?")
 LONGEST = 300  # letters of a name in which a unit is looked for; the time that this takes grows with their square
@@ -87,7 +88,8 @@ def _unit(name: str) -> str | None:
         if match := form.fullmatch(name.strip()):
             stem, unit = match["stem"], match["unit"]
             plural = unit == "s" and not match["mark"] and not _names(stem, "s")  # motor(s)
-            return unit if is_unit(unit) and not plural else None
+            spelled = is_unit(unit) or unit.lower() in LOUD
+            return unit if spelled and not plural else None
     if match := RATE.fullmatch(name):
         return f"{match[2]}/{match[3].replace('s2', 's^2')}"
     if match := SLASH.fullmatch(name):

@@ -122,8 +122,21 @@ class _Found:
             shown = [{f"{prefix}:{j + 1}" if prefix else str(j + 1): cell for j, cell in enumerate(e)} for e in entries]
         else:
             shown = [dict(_flat(prefix, entry or {})) for entry in entries]
+            self._check_forms(shown, rows)
         for name in dict.fromkeys(name for sample in shown for name in sample):
             self._column(name, [sample.get(name) for sample in shown], rows)
+
+    def _check_forms(self, samples: list[dict[str, Any]], rows: Sequence[int]) -> None:
+        """Raises InputError for an entry that is a number in one sample and a list or an object in another."""
+        names = {name for sample in samples for name in sample}
+        below = {name: parent for name in names for parent in _parents(name) if parent in names}
+        for row, sample in zip(rows, samples, strict=True):
+            for name in sample if below else ():
+                if below.get(name, name) not in sample:
+                    raise InputError(
+                        f"{self.path}, {self.place} {row}: found a list or an object for {below[name]!r}, which is a "
+                        "number elsewhere; give every sample the same form"
+                    )
 
     def _rows_of(self, entries: list[list[Any]], rows: Sequence[int]) -> list[list[Any]]:
         """A matrix by samples, along its longer side."""
@@ -235,6 +248,13 @@ def _flat(prefix: str, entry: Any) -> Iterator[tuple[str, Any]]:
             yield from _flat(f"{prefix}[{k}]", value)
     else:
         yield prefix, entry
+
+
+def _parents(name: str) -> Iterator[str]:
+    """a and a.b of a.b[0]."""
+    for k, letter in enumerate(name):
+        if k and letter in ".[":
+            yield name[:k]
 
 
 def _joined(prefix: str, key: str) -> str:

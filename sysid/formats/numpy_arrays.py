@@ -61,6 +61,9 @@ def _load(path: Path) -> Any:
             if isinstance(content, np.ndarray):
                 return content
             with content:
+                for name in content.files:
+                    if content.files.count(name) > 1:
+                        raise InputError(f"{wrong}: two of its arrays are called {name!r}; save it again")
                 return {name: content[name] for name in content.files}
     except (InputError, MemoryError):
         raise

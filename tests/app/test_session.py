@@ -3,6 +3,7 @@
 import json
 import os
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
@@ -161,3 +162,16 @@ def test_a_suffix_from_a_file_cannot_lead_out_of_its_folder():
 def test_the_second_app_is_told_which_process_has_the_session(session):
     with pytest.raises(InputError, match=rf"another qpal app \(process {os.getpid()}\)"):
         Session.open(session.folder)
+
+
+def test_a_record_of_another_compression_is_a_sentence(tmp_path):
+    from twin.app import records
+
+    np.savez(tmp_path / "data.npz", u=np.zeros(9), y=np.zeros(9))
+    raw = bytearray((tmp_path / "data.npz").read_bytes())
+    for mark, place in ((b"PK\x03\x04", 8), (b"PK\x01\x02", 10)):
+        at = raw.find(mark)
+        raw[at + place : at + place + 2] = (99).to_bytes(2, "little")
+    (tmp_path / "data.npz").write_bytes(raw)
+    with pytest.raises(InputError, match=r"data.npz cannot be read .*; add the log"):
+        records.load(tmp_path / "data.npz")

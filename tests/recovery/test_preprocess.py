@@ -274,3 +274,40 @@ def test_gaps_that_make_no_sense():
         fill(np.full(5, np.nan))
     with pytest.raises(InputError, match="one for each"):
         fill(T, missing=np.ones(3))
+
+
+# --- numbers of a damaged session
+
+
+@pytest.mark.parametrize(
+    ("steps", "said"),
+    [
+        ({"start": -1e308, "stop": -1e300}, "holds 0 sample"),
+        ({"start": 1e300}, "holds 0 sample"),
+        ({"resample": 1e-308}, "not a ratio of whole numbers up to 1000"),
+        ({"resample": 5e-324}, "not a ratio of whole numbers up to 1000"),
+        ({"filter": (1e-300, None)}, "from 5e-06 Hz to below 5 Hz"),
+        ({"filter": (None, 1e-9)}, "from 5e-06 Hz to below 5 Hz"),
+    ],
+)
+def test_steps_beyond_what_a_record_allows_are_a_sentence(steps, said):
+    from sysid.data.preparation import Preparation
+
+    data = IOData(sine(1.0, 0.1), sine(1.0, 0.1), 0.1)
+    with pytest.raises(InputError, match=said):
+        Preparation(**steps).apply(data)
+
+
+def test_a_range_far_beyond_the_record_is_the_record():
+    from sysid.data.preparation import between
+
+    data = IOData(sine(1.0, 0.1), sine(1.0, 0.1), 0.1)
+    assert between(data, -1e308, 1e308).N == data.N
+
+
+@pytest.mark.parametrize("kind", ["low", "high"])
+def test_the_lowest_cutoff_still_filters(kind):
+    data = IOData(sine(1.0, 0.1) + 3.0, sine(1.0, 0.1) + 3.0, 0.1)
+    found = butterworth(data, 5e-6, kind, causal=True).data.u[:, 0]
+    expected = 3.0 + 0.0 * T if kind == "low" else data.u[:, 0] - data.u[0, 0]
+    np.testing.assert_allclose(found, expected, atol=2e-2)
