@@ -105,7 +105,7 @@ def references(chain, data: sysid.IOData, seed: int) -> dict[str, float]:
 
 def network_references(model: Nlarx, data: sysid.IOData, seed: int) -> dict[str, float]:
     linear = sysid.fit_nlarx(replace(model, units=0), data, seed=seed)
-    y = data.y[data.observed]
+    y = data.y[model.lag :][data.observed[model.lag :]]  # the samples before are not scored
     return {"linear_start": linear.criteria.mse, "constant": float(np.mean((y - y.mean()) ** 2))}
 
 
