@@ -247,7 +247,7 @@ def attempt(verb: Verb, given: Path, checkout: Path, number: str, moment: float,
             found.fails("a process is left", number, tell + str(each))
             os.kill(each, signal.SIGKILL)
         if number != "KILL" and code not in (0, 1, 130):
-            found.fails(f"ends with {code}", number, tell)
+            found.fails(f"ends with {code}", number, tell + (place / "tmp.err").read_text())
         said = (place / "tmp.err").read_text()
         if "Traceback" in said:
             found.fails("traceback", number, tell + said)
@@ -328,6 +328,7 @@ def main() -> None:
     parser.add_argument("--signals", nargs="*", choices=SIGNALS, default=list(SIGNALS))
     parser.add_argument("--checkout", type=Path, default=HERE)
     asked = parser.parse_args()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for what runs in the background
     shown = {}
     with tempfile.TemporaryDirectory(prefix="kills-") as folder:
         given = Path(folder) / "given"
