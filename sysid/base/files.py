@@ -32,6 +32,9 @@ def ordinary(path: str | os.PathLike[str]) -> Path:
         try:
             str(path).encode()
         except UnicodeEncodeError:
+            with suppress(UnicodeDecodeError):
+                name = repr(os.fsencode(found).decode())
+                raise InputError(f"this locale has no letters for the name {name}; set PYTHONUTF8=1") from None
             raise InputError(f"the name {name} is not UTF-8 text; rename the file") from None
         if "\0" in str(path):
             raise InputError(f"the name {name} holds a zero byte; give the name of a file")

@@ -11,6 +11,7 @@ from sysid.channels.units import seconds
 from sysid.data.table import Table
 
 MOST_REPEATED = 0.1  # share of stamps that repeat; more is a clock too coarse for its samples, not a fault
+NEAR = 5  # stamps on either side of one that repeats; fewer repeats than these are a fault of single rows
 CHUNK = 1 << 18  # numbers that are looked at together: copies of a long record would be what needs most memory
 DIGITS = 9  # decimals of a stamp in the file's unit that are looked at
 
@@ -170,13 +171,24 @@ def _check_repeated(
         raise table.error(
             j, int(rows[k]), f"found {values[k] * factor:.9g} s again; time must increase: remove the row"
         )
-    if count > MOST_REPEATED * len(fresh):
+    if count > MOST_REPEATED * len(fresh) or _is_rounded(values, fresh):
         raise table.error(
             j,
             int(rows[k]),
             f"found {values[k] * factor:.9g} s again, as {count} of {len(fresh)} stamps are; the clock is too coarse "
             "for its samples: give the sampling time with --ts instead, or in [clock] of a mapping without a column",
         )
+
+
+def _is_rounded(values: np.ndarray, fresh: np.ndarray) -> bool:
+    """Whether stamps repeat where their last digit is longer than a step, as those with five digits do after 1000 s."""
+    step = float(np.median(np.diff(values)))
+    again = np.flatnonzero(~fresh)
+    coarse = 0
+    for k in again[:: max(1, len(again) // 50)].tolist():
+        around = np.diff(values[max(0, k - NEAR) : k + NEAR])
+        coarse += bool(np.min(around, where=around > 0, initial=np.inf) > 1.5 * step)
+    return bool(len(again) >= NEAR and coarse > 0.5 * len(again[:: max(1, len(again) // 50)]))
 
 
 __all__ = ["Stamps", "increasing", "last_digit", "read_stamps", "unwrapped"]

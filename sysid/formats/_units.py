@@ -53,6 +53,7 @@ FORMS = (
 LOUD = ("deg", "rad", "rpm")  # as a unit within brackets, in letters of any size
 SLASH = re.compile(r"(?P<stem>[^/]*[^/\s\d])\s*/\s*(?P<unit>[^/\s].*)")
 FAMILY = re.compile(r"(.+?)([_ ]|\s*[/([{])\s*([A-Za-z])\s*[])}]?")
+TIMES = re.compile(r"[_ ](?:x?10+x?|times_?10+|deci|centi|tenths?|hundredths?)$", re.IGNORECASE)  # angle_x10_deg
 LONGEST = 300  # letters of a name in which a unit is looked for; the time that this takes grows with their square
 TAIL = re.compile(r"(?P<stem>.+)(?P<mark>[_ ])(?P<unit>[^\W\d_]+\d?|%)")
 
@@ -99,6 +100,8 @@ def _unit(name: str) -> str | None:
         return unit if known else None
     if match := TAIL.fullmatch(name):
         stem, unit = match["stem"], match["unit"]
+        if TIMES.search(stem):
+            return None
         if unit in SHORT or unit == "%" or (unit in LONG_TIMES and OF_TIME.fullmatch(stem)):
             return unit
         if unit in JOINED:

@@ -200,6 +200,8 @@ def _names_in_comment(path: Path, layout: Layout) -> list[str] | None:
 
 
 def _check_names(path: Path, names: list[str]) -> None:
-    for j, name in enumerate(names):
-        if name in names[:j]:
+    seen = set()
+    for name in names:
+        if name in seen:
             raise InputError(f"{path}: two columns are called {name!r}; rename one of them")
+        seen.add(name)

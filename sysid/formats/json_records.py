@@ -219,6 +219,8 @@ def _lines(path: Path, notes: list[str]) -> list[tuple[int, Any]]:
 
 def _broken(path: Path, error: ValueError, row: int | None = None) -> InputError:
     what = f"{error.msg} at character {error.colno}" if isinstance(error, json.JSONDecodeError) else str(error)
+    if "int_max_str_digits" in what:  # Python's advice is for programmers
+        what = "a whole number of more than 4300 digits"
     place = "" if row is None else f", row {row},"
     return InputError(f"{path}{place} is not a readable JSON file ({what}); it is cut or damaged; save it again")
 

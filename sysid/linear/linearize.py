@@ -56,6 +56,9 @@ def tangent(fit: Fit | NlarxFit, u: float = 0.0, x: float | None = None) -> "Tra
 
     For a nonlinear ARX fit use `sysid.nlarx.linearize`; it may have several steady states.
     """
+    from sysid.base.looks import load
+
+    load()  # matplotlib, which control imports, whatever its settings are
     import control
 
     if isinstance(fit, NlarxFit):
@@ -75,6 +78,9 @@ def tangent(fit: Fit | NlarxFit, u: float = 0.0, x: float | None = None) -> "Tra
 
 def tangent_ss(fit: Fit, u: float = 0.0, x: float | None = None) -> "StateSpace":
     """The same as a control.StateSpace in controllable companion form, as the paper's equations (6), (8), (10)."""
+    from sysid.base.looks import load
+
+    load()  # matplotlib, which control imports, whatever its settings are
     import control
 
     op = findop(fit, u, x)
@@ -96,6 +102,9 @@ def linapp(fit: Fit, u: np.ndarray) -> "TransferFunction":
 
     Valid for inputs like this one only (section III.F of Guni and Irawan 2016).
     """
+    from sysid.base.looks import load
+
+    load()  # matplotlib, which control imports, whatever its settings are
     import control
 
     from sysid.data.record import IOData

@@ -38,6 +38,9 @@ def d2c(fit: Fit, u: float = 0.0, method: str = "zoh") -> Continuous:
     """
     if method not in METHODS:
         raise unknown("method", method, METHODS)
+    from sysid.base.looks import load
+
+    load()  # matplotlib, which control imports, whatever its settings are
     import control
 
     B, F, extra = _parts(fit, u)
@@ -55,6 +58,9 @@ def d2d(fit: Fit, Ts: float, u: float = 0.0) -> "TransferFunction":
 
     Raises InputError where `d2c` has no zero-order hold form, and for a delay that is no multiple of the new `Ts`.
     """
+    from sysid.base.looks import load
+
+    load()  # matplotlib, which control imports, whatever its settings are
     import control
 
     if not (np.isfinite(Ts) and Ts > 0):

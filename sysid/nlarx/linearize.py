@@ -72,6 +72,9 @@ def findop(fit: NlarxFit, u: float = 0.0, y: float | None = None) -> OperatingPo
 
 def tangent(fit: NlarxFit, u: float = 0.0, y: float | None = None) -> "TransferFunction":
     """The tangent at `findop(fit, u, y)` as a discrete control.TransferFunction: B/(1 - sum dg/dy_i z^-i)."""
+    from sysid.base.looks import load
+
+    load()  # matplotlib, which control imports, whatever its settings are
     import control
 
     model, slopes = fit.model, findop(fit, u, y).slopes

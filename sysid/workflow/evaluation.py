@@ -322,6 +322,9 @@ def _values(fit: Fit, data: IOData, options: dict[str, Any]) -> tuple[JointValue
 
 def _step_response(fit: Fit, u0: float) -> Curve | None:
     """Unit step response [y per u] of the model tangent at u0, until its slowest pole has settled."""
+    from sysid.base.looks import load
+
+    load()  # matplotlib, which control imports, whatever its settings are
     import control
 
     poles = np.abs(fit.poles)

@@ -129,3 +129,14 @@ def test_what_else_a_callback_raises_is_printed(capfd, monkeypatch):
     with Stopping():
         ctypes.CFUNCTYPE(None)(lambda: 1 / 0)()
     assert "ZeroDivisionError" in capfd.readouterr().err
+
+
+def test_a_closed_terminal_ends_a_run_as_ctrl_c_does():
+    def work():
+        with Stopping():
+            os.kill(os.getpid(), signal.SIGHUP)
+            time.sleep(10.0)
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert signal.getsignal(signal.SIGHUP) == signal.SIG_DFL

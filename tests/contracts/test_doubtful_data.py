@@ -68,6 +68,33 @@ def test_degrees_are_degrees_in_letters_of_any_size(unit, path):
     np.testing.assert_allclose(sysid.read(path).y[:, 0], np.deg2rad(Y))
 
 
+@pytest.mark.parametrize("name", ["angle_x10_deg", "angle_deci_deg", "angle_100x_deg"])
+def test_tenths_of_a_unit_are_not_the_unit(name, path):
+    path.write_text(table(f"t,u,{name}", K / 100, U, Y))
+    np.testing.assert_array_equal(sysid.read(path).y[:, 0], Y)
+
+
+def test_a_clock_whose_last_digits_are_gone_after_1000_s_is_refused(path):
+    stamps = 100 - 4 + 0.05 * np.arange(40_000) / 10  # the step is 5 ms; five digits show it below 100 s
+    few = slice(0, 900)
+    path.write_text(table("time_s,u,y", [f"{t:.5g}" for t in stamps[few]], *(np.arange(900) % n for n in (7, 11))))
+    with pytest.raises(InputError, match=r"the clock is too coarse for its samples: give the sampling time with Ts="):
+        sysid.read(path)
+
+
+def test_a_row_that_was_written_twice_is_still_dropped(path):
+    rows = np.repeat(K, np.where(np.isin(K, (20, 40)), 2, 1))
+    path.write_text(table("time_s,u,y", rows / 100, U[rows], Y[rows]))
+    assert len(K) == sysid.read(path).N
+
+
+def test_a_number_of_5000_digits_is_told_without_advice_for_programmers(path):
+    source = path.with_suffix(".json")
+    source.write_text('[{"t": 0, "u": ' + "1" * 5000 + ', "y": 1}]')
+    with pytest.raises(InputError, match="a whole number of more than 4300 digits"):
+        sysid.read(source)
+
+
 def test_a_unit_that_nobody_knows_is_said(path):
     path.write_text(table("t,u,angle [grad]", K / 100, U, Y))
     assert any("names 'grad', which is no known unit" in note for note in read_record(path).notes)

@@ -1,14 +1,17 @@
 """A figure of ours is the same whatever matplotlib is set to, and the user's own settings stay as they were."""
 
 import os
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 import pytest
 
 import sysid
+import twin
 from sysid import plots
 from sysid.base import style
 from sysid.base.windows import for_a_person
@@ -110,3 +113,17 @@ def test_a_file_of_settings_that_cannot_be_read_costs_no_figure(content, tmp_pat
     scope: dict = {}
     exec(CODE.replace("print(", "found = ("), scope)
     assert done.stdout.strip() == scope["found"]
+
+
+def test_control_which_imports_matplotlib_comes_after_it(tmp_path):
+    """An odd MPLBACKEND ends the import of matplotlib; `load` imports it without."""
+    first, late = re.compile(r"^ +load\(\).*\n +import control$", re.MULTILINE), r"^ *import control\b"
+    for package in (sysid, twin):
+        for path in Path(package.__path__[0]).rglob("*.py"):
+            text = path.read_text(encoding="utf-8")
+            if path.name != "written.py":  # that one writes a program
+                assert len(first.findall(text)) == len(re.findall(late, text, re.MULTILINE)), path
+    code = "from sysid.base.looks import load; load(); import control; print(len(control.tf([1], [1, 2]).poles()))"
+    variables = {**os.environ, "MPLBACKEND": "nowhere"}
+    done = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == "1", done.stderr[-500:]

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM end a run, also where the first request is lost.
+"""Ctrl-C, SIGTERM and a closed terminal end a run, also where the first request is lost.
 
 A KeyboardInterrupt that rises within a callback (of a compiled kernel, a destructor, a library that catches all) is
 printed or dropped by Python, and the run would go on for hours. So the request is repeated twice a second until it is
@@ -15,7 +15,7 @@ from types import FrameType, TracebackType
 from typing import Any
 
 AGAIN = 0.5  # [s] between two requests
-NUMBERS = (signal.SIGINT, signal.SIGTERM)
+NUMBERS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))  # a closed terminal
 _held, _late = 0, False
 
 
