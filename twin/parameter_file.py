@@ -70,6 +70,7 @@ def write(parameters: Parameters, path: str | os.PathLike[str], all: bool = Fals
     return write_text(target, _to_toml(tables) if check_suffix(target) == ".toml" else _to_json(tables))
 
 
+@checked(late=True)
 def to_toml(parameters: Parameters, head: Sequence[str], comments: Mapping[str, str]) -> str:
     """The values that differ from nominal as TOML, under the comment lines `head`, with comments by name."""
     return _to_toml(_tables_of(parameters.changed()), head, comments)

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sysid.base.checks import checked
+from sysid.base.checks import checked, shown
 from sysid.base.errors import InputError, unknown
 from sysid.base.json_values import plain
 from twin.hardware.drive import MODES, drive
@@ -20,6 +20,7 @@ from twin.parameters import Parameters
 from twin.plant.arrival import rest_angles, switch_angles
 from twin.plant.leg import BENCH_LEG, bench, check_joint
 
+LONGEST = 1000.0  # [s] of a sampling time: a million steps of the simulation
 # Effects that the linearisation omits besides Coulomb friction.
 LINEAR = tuple(name for name in IMPERFECTIONS if name != "friction")
 
@@ -80,6 +81,8 @@ def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mod
     check_joint(joint)
     if mode not in MODES:
         raise unknown("mode", mode, MODES)
+    if isinstance(Ts, (int, float)) and LONGEST < Ts < np.inf:
+        raise InputError(f"Ts is {shown(Ts)} s; give at most {LONGEST:g} s, since each step of the simulation is made")
     p = parameters or Parameters()
     model, data = linear_bench(joint, p)
     h = model.opt.timestep

@@ -81,6 +81,7 @@ def _guarded(function: Callable[..., Any], own: tuple[str, ...], late: bool, own
             given = _bound(signature, args, kwargs)
             if given is not None:
                 look(given, None if late else own)
+                _check_arrays(kinds(), given.arguments)
             raise
 
     return guarded
@@ -92,6 +93,13 @@ def _check_sizes(sizes: Mapping[str, Span], given: Mapping[str, Any]) -> None:
         value: Any = given.get(name)
         if is_number(value) and span.highest < value < np.inf:
             raise InputError(f"{name} is {shown(value)}; give {span.allowed(value, 'number')}")
+
+
+def _check_arrays(kinds: Mapping[str, Kind], given: Mapping[str, Any]) -> None:
+    """After an error: raises InputError for one number in place of an array, which many functions take too."""
+    for name, value in given.items():
+        if ARRAY.words in kinds[name].words and value is not None and np.ndim(value) == 0:
+            raise InputError(f"{name} is {shown(value)}; give {ARRAY.words}")
 
 
 def _bound(signature: inspect.Signature, args: Any, kwargs: Any) -> inspect.BoundArguments | None:

@@ -78,6 +78,7 @@ BY_NAME: Mapping[str, Span] = {
     "horizon": Span(1, SAMPLES),
     "jobs": Span(1, PROCESSES),
     "knots": COUNT,
+    "level": Span(0.0, 1.0 - 1e-9, above=True),  # of confidence: at 1 every band is infinite
     "lower": BOUND,
     "max_halvings": Span(0, 1000),
     "max_iterations": Span(0, ITERATIONS),
@@ -93,6 +94,7 @@ BY_NAME: Mapping[str, Span] = {
     "nk": Span(0, DELAY),
     "nk2": Span(0, DELAY),
     "nu": Span(1, CHANNELS),
+    "number": Span(0, SAMPLES),
     "nx": Span(1, ORDER),
     "ny": Span(1, CHANNELS),
     "part": Span(1, SAMPLES),

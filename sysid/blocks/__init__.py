@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+from sysid.base.checks import checked
 from sysid.base.errors import unknown
 from sysid.block.block import Block, StaticBlock
 from sysid.blocks.bowed_gain import BowedGain
@@ -71,6 +72,7 @@ TABLE: dict[str, Callable[..., Block]] = {
 }
 
 
+@checked(late=True)
 def static(kind: "str | StaticBlock", role: str) -> StaticBlock:
     """The static map called `kind`, or the given map, in its role in the chain."""
     if isinstance(kind, StaticBlock):

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.data.record import IOData
 
@@ -19,6 +20,7 @@ class Filtered:
     sentence: str
 
 
+@checked
 def butterworth(
     data: IOData, cutoff: float | tuple[float, float], kind: str = "low", order: int = 4, causal: bool = False
 ) -> Filtered:

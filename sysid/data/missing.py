@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 
@@ -19,6 +20,7 @@ class Filled:
     sentence: str
 
 
+@checked(own=("values", "missing"))
 def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None, hold: bool = False) -> Filled:
     """Fill gaps of up to `longest` samples in values (N,): a straight line between neighbours, or the last value held.
 
@@ -49,6 +51,7 @@ def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None
     return Filled(x, filled, lost & ~filled, _sentence(gaps, filled, lost, longest, hold))
 
 
+@checked(own=("u", "y", "Ts"))
 def record(u: np.ndarray, y: np.ndarray, Ts: float, longest: int = 3, **names: Any) -> tuple[IOData, str]:
     """IOData from u (N,) and y (N,) with nan in them: short gaps filled, long ones of y marked as missing.
 

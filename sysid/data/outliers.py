@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 
@@ -22,6 +23,7 @@ class Outliers:
         return tuple(tuple(np.flatnonzero(column).tolist()) for column in self.found.T)
 
 
+@checked(own=("y",))
 def hampel(y: np.ndarray, half_width: int = 5, threshold: float = 5.0, floor: float | None = None) -> np.ndarray:
     """True (N,) where y (N,) is over threshold robust spreads from the median of its 2 half_width + 1 neighbours.
 
@@ -43,6 +45,7 @@ def hampel(y: np.ndarray, half_width: int = 5, threshold: float = 5.0, floor: fl
     return np.abs(y - median) > threshold * np.maximum(spread, _floor(y) if floor is None else floor)
 
 
+@checked
 def outliers(data: IOData, treat: str = "missing", half_width: int = 5, threshold: float = 5.0) -> Outliers:
     """Outliers of every output, per experiment; treat 'missing' marks them, 'interpolate' replaces them by lines.
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from sysid.base.checks import checked
+from sysid.base.checks import checked, shown
 from sysid.base.errors import InputError
 from sysid.base.handlers import Shown, handler
 from sysid.data import frames
@@ -63,10 +63,14 @@ class IOData(Shown):
         object.__setattr__(self, "Ts", float(self.Ts))
         object.__setattr__(self, "lengths", lengths)
         for name, n in (("u_offset", u.shape[1]), ("y_offset", y.shape[1])):
-            offset = np.broadcast_to(np.asarray(getattr(self, name), dtype=float), (n,)).copy()
+            try:
+                offset = np.broadcast_to(np.asarray(getattr(self, name), dtype=float), (n,)).copy()
+            except ValueError:
+                raise InputError(f"{name} is {shown(getattr(self, name))}; give {n} number(s), one a channel") from None
             object.__setattr__(self, name, offset)
 
     @classmethod
+    @checked
     def merge(cls, *records: "IOData") -> "IOData":
         """One record of several experiments with the same channels and rate; each keeps its own initial state."""
         if not records:
@@ -182,6 +186,7 @@ class IOData(Shown):
         return figure
 
     @classmethod
+    @checked
     def from_pandas(cls, table: Any, input: Names, output: Names, Ts: float | None = None) -> "IOData":
         """The record in columns of a pandas DataFrame; nan in an output marks a missing sample.
 
@@ -201,6 +206,7 @@ class IOData(Shown):
         return frames.to_pandas(self)
 
     @classmethod
+    @checked
     def from_xarray(cls, table: Any, input: Names, output: Names, Ts: float | None = None) -> "IOData":
         """The record in variables of an xarray Dataset of one dimension, as `from_pandas`; units from their attrs."""
         return cls(**frames.of_xarray(table, input, output, Ts))

@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.data.record import IOData
 
@@ -22,6 +23,7 @@ class Resampled:
     sentence: str
 
 
+@checked(own=("Ts", "input"))
 def resample(data: IOData, Ts: float, input: str = "filtered") -> Resampled:
     """The record sampled every Ts [s]; Ts / data.Ts must be a ratio of whole numbers up to 1000.
 

@@ -12,6 +12,7 @@ from sysid.base.levels import Paces, check, check_from_zero, within_reach
 from sysid.base.limits import MOST, check_steps
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Aprbs:
     """Levels uniform in [-amplitude, amplitude], each held for a time uniform in [hold_min, hold_max] [s].

@@ -11,6 +11,7 @@ from sysid.base.errors import InputError
 from sysid.base.levels import Paces, check, check_band, check_from_zero, check_name, samples
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Chirp:
     """Sine of `amplitude` from f_min to f_max [Hz] within `period` [s]; a period of 0 is the whole record.

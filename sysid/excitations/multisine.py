@@ -18,6 +18,7 @@ GROUP = 4  # odd lines per detection line of a random odd grid
 NORMS = (4, 8, 16, 32, 64, 128, 256)
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Multisine:
     """Sines of equal power at multiples of 1 / `period` from f_min to f_max [Hz], scaled to a peak of `amplitude`.

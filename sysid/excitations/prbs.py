@@ -11,6 +11,7 @@ from sysid.base.checks import checked
 from sysid.base.levels import Paces, check, check_name, check_whole, half_way, samples
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Prbs:
     """+-amplitude, clocked every `hold` [s] by a shift register of `nbits`, with period (2^nbits - 1) hold.

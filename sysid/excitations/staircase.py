@@ -10,6 +10,7 @@ from sysid.base.checks import checked
 from sysid.base.levels import Paces, check, check_name, check_whole, samples
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Staircase:
     """2 `steps` + 1 equally spaced levels from -amplitude to amplitude, each held for `hold` [s], repeatedly.

@@ -10,6 +10,7 @@ from sysid.base.checks import checked
 from sysid.base.levels import Paces, check, check_from_zero, check_name, samples, within_reach
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Steps:
     """Rest of `rest` [s], a level held for `hold` [s], rest again, and so on; rest is at `offset`.

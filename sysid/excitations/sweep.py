@@ -12,6 +12,7 @@ from sysid.base.levels import Paces, check, check_from_zero
 from sysid.base.limits import check_steps
 
 
+@checked(late=True)
 @dataclass(frozen=True)
 class Sweep:
     """Square wave +amplitude, -amplitude, ... with levels of `half_period` [s], each varied by up to `jitter`.

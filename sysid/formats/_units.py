@@ -10,6 +10,8 @@ differ in such a letter alone none has a unit if one of the letters is none: `u_
 import re
 from collections.abc import Iterable
 
+from sysid.base.checks import checked
+
 PREFIXED = "s|V|A|m|g|N|Nm|Pa|J|W|Wh|F|H|Hz|T|C|K|Ω|Ohm|ohm|rad|bar|sec|Ah"
 PLAIN = (
     "min|h|hr|hrs|deg|mdeg|°|º|rpm|RPM|rps|rev|revs|turns?|°C|º ?C|degC|°F|degF|degrees?C|%|percent|pct|counts?|cts|"
@@ -79,6 +81,7 @@ def units_of(names: Iterable[str]) -> dict[str, str]:
     return found
 
 
+@checked
 def unit_in(name: str) -> str:
     """The unit in one name, as it is written there; nothing if there is none."""
     return units_of([name]).get(name, "")

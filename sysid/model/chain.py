@@ -285,7 +285,7 @@ class Chain:
         shape = (len(xs[0]), len(theta))
         # With several channels, the columns of the other channels' parameters stay zero.
         if self.channels == (1, 1):
-            Js = [np.empty(shape) if out is None or out.shape != shape else out]
+            Js = [np.empty(shape) if not isinstance(out, np.ndarray) or out.shape != shape else out]
         else:
             Js = [np.zeros(shape) for _ in xs]
         with np.errstate(over="ignore", invalid="ignore"):

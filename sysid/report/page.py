@@ -190,8 +190,9 @@ def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:
     figures.mkdir()
     for picture in page.pictures():
         (figures / f"{picture.name}.png").write_bytes(picture.png)
-    (folder / "report.html").write_text(page.html(), encoding="utf-8")
-    (folder / "summary.json").write_text(to_json(summary), encoding="utf-8")
+    for name, text in (("report.html", page.html()), ("summary.json", to_json(summary))):
+        # Bytes of a file name that are no text are written as \\udcff.
+        (folder / name).write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def to_json(summary: dict[str, Any]) -> str:

@@ -45,6 +45,7 @@ class MotorProfile(Recipe):
     delay: str = choice("none", "whether a profiled motor's input acts late", ("none", "found"))
 
     @classmethod
+    @checked
     def ladder(cls, data: IOData) -> tuple[Recipe, ...]:
         """Few and many places over the range of the record, and a delay."""
         low, high = float(data.y.min()), float(data.y.max())

@@ -122,6 +122,7 @@ class ServoJoint(Recipe):
         super().__post_init__()
 
     @classmethod
+    @checked
     def ladder(cls, data: IOData) -> tuple[Recipe, ...]:
         """P and PD, with the turn of the record's unit."""
         plain = cls(turn=turn_of(data))

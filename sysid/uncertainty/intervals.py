@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import fdtri
 
-from sysid.base.checks import checked
+from sysid.base.checks import checked, shown
 from sysid.base.errors import InputError
 from sysid.blocks import StateSpace, TransferFunction
 from sysid.model.tangents import Rational, steady_curve, tangent, transfer
@@ -92,7 +92,7 @@ class Root:
 @checked(own=("value", "gradient"))  # an unstable model has infinite ones
 def interval(info: Information, value: float, gradient: np.ndarray, level: float = 0.95) -> Interval:
     """Interval of any quantity of theta from its value and gradient (P,)."""
-    std = float(info.std_of(gradient)[0])
+    std = float(info.std_of(_gradients(info, gradient))[0])
     if not np.isfinite(std):
         return Interval(float(value), np.nan, -np.inf, np.inf, info.note_of(gradient))
     half = info.quantile(level) * std
@@ -102,9 +102,16 @@ def interval(info: Information, value: float, gradient: np.ndarray, level: float
 @checked(own=("value", "gradient"))
 def band(info: Information, x: np.ndarray, value: np.ndarray, gradient: np.ndarray, level: float = 0.95) -> Band:
     """Pointwise band of a curve from its values (n,) and gradients (n, P); undetermined points have an infinite one."""
-    std = info.std_of(gradient)
+    std = info.std_of(_gradients(info, gradient))
     half = np.where(np.isfinite(std), info.quantile(level) * std, np.inf)
     return Band(x, value, std, value - half, value + half, level, info.note_of(gradient))
+
+
+def _gradients(info: Information, gradient: np.ndarray) -> np.ndarray:
+    """Gradients (n, P) or (P,); raises InputError for another number of parameters."""
+    if np.ndim(gradient) not in (1, 2) or np.shape(gradient)[-1] != len(info.theta):
+        raise InputError(f"gradient is {shown(gradient)}; give rows of {len(info.theta)} numbers, one a parameter")
+    return gradient
 
 
 @checked

@@ -52,6 +52,14 @@ ODD = {
     "path of a number": (lambda: sysid.read(3), "path is 3; give the path of a file"),
     "joint of a list": (lambda: twin.truth(["thigh"]), r"joint is \['thigh'\]; give a text"),
     "parameters of a dict": (lambda: twin.truth("thigh", parameters={}), "parameters is {}; give a Parameters or None"),
+    "level of -1": (lambda: sysid.residual_tests(DATA.y, DATA.u, level=-1), "level is -1; give a number above 0"),
+    "merged numbers": (lambda: sysid.IOData.merge(1.0), "records is 1.0; give an IOData"),
+    "offsets": (lambda: sysid.IOData(DATA.u, DATA.y, 0.1, u_offset=np.ones(3)), r"u_offset is .*give 1 number"),
+    "phases of an array": (lambda: sysid.excitations.Multisine(phases=np.empty(0)), "phases is an array"),
+    "search of a slice": (lambda: sysid.solver.searches.search(slice(None)), "name is a slice; give a text"),
+    "no log": (lambda: twin.compare.compare_log(1.0, 2.0, "thigh", "a"), "log is 1.0; give a Log"),
+    "resampled text": (lambda: sysid.data.preprocess.resample("log.csv", 0.2), "data is 'log.csv'; give an IOData"),
+    "Ts of years": (lambda: twin.truth("thigh", Ts=1e9), r"Ts is 1000000000.0 s; give at most 1000 s"),
     "Ts of 1e308": (lambda: twin.truth("thigh", Ts=1e308), "Ts is 1e[+]308; give a number up to 1e[+]12"),
 }
 

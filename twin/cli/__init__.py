@@ -61,7 +61,8 @@ def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
             return _fail(str(error))
         elif isinstance(error, TyperException):
             command = getattr(getattr(error, "ctx", None), "command_path", "qpal")
-            return _fail(f"{error.format_message().rstrip('.')}; see {command} --help")
+            said = str(InputError(error.format_message().rstrip(".")))  # a long or strange text is cut there
+            return _fail(f"{said}; see {command} --help")
         elif isinstance(error, OSError):
             streams.drop()
             return _fail(f"{error.filename or 'output'}: {error.strerror or error}; {moving.kept()}")

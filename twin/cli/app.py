@@ -3,7 +3,7 @@
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperArgument, TyperCommand
+from typer.core import TyperArgument
 
 from twin.cli import bench
 from twin.cli.browser import app as browser
@@ -18,6 +18,7 @@ from twin.cli.models import models
 from twin.cli.reproduce import reproduce
 from twin.cli.run import run
 from twin.cli.simulate import simulate
+from twin.cli.verb import Verb
 from twin.cli.view import view
 
 VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, run, models, export, browser)
@@ -44,7 +45,7 @@ def whole(
     """Digital twin of a robot leg, and system identification that is checked against it."""
 
 
-class _Verb(TyperCommand):
+class _Verb(Verb):
     """A verb whose help shows its arguments by name alone, without their Python types."""
 
     def get_params(self, ctx: Any) -> list[Any]:

@@ -12,6 +12,7 @@ from twin.cli import bench_cells as chosen
 from twin.cli import console, options
 from twin.cli.moving import written
 from twin.cli.output import output_folder, run_folder
+from twin.cli.verb import Verb
 
 DEFAULT = Path("runs/bench.parquet")
 Table = Annotated[Path, typer.Argument(metavar="TABLE.parquet", help="results of qpal bench run")]
@@ -26,7 +27,7 @@ def build() -> typer.Typer:
         rich_markup_mode=None,
     )
     for name, verb in VERBS.items():
-        app.command(name=name)(verb)
+        app.command(name=name, cls=Verb)(verb)
     return app
 
 

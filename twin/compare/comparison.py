@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError, unknown
 from sysid.base.json_values import plain
@@ -103,6 +104,7 @@ class Comparison:
         )
 
 
+@checked
 def compare(
     log: Log,
     joint: str,
@@ -162,6 +164,7 @@ def compare(
     return _finished(TWIN, "the twin", joint, log, other, 0, found, alignment=alignment, verdict=verdict)
 
 
+@checked
 def compare_model(log: Log, joint: str, fit: Any, label: str, tell: Tell = lambda what: None) -> Comparison:
     """The log beside a model, which `sysid.load` read: its free run over the log, in the log's units.
 
@@ -180,6 +183,7 @@ def compare_model(log: Log, joint: str, fit: Any, label: str, tell: Tell = lambd
     return _finished(MODEL, label, joint, alone, other, fit.n_init, ())
 
 
+@checked
 def compare_log(log: Log, second: Log, joint: str, label: str, tell: Tell = lambda what: None) -> Comparison:
     """Two logs of one experiment: how well it repeats. Raises InputError if their inputs differ."""
     one, two = (each.io(joint if each.joint else None) for each in (log, second))

@@ -65,6 +65,7 @@ def robot(parameters: Parameters | None = None, without: Collection[str] = ()) -
     return spec.compile()
 
 
+@checked(late=True)
 def robot_circuits(parameters: Parameters) -> list[Circuit]:
     """The circuits of the whole robot in the order of its actuators; all four legs are equal."""
     return [circuit(parameters, joint) for joint in JOINTS] * len(LEGS)

@@ -154,7 +154,7 @@ def run(
     draws: int = 12,
     seed: int = 1,
     threads: int = 1,
-    steps: Any = None,
+    steps: Callable[..., Any] | None = None,
 ) -> Crawl:
     """Crawl with `gait`, stand for `standing` [s] with and without power, and let `draws` other robots crawl.
 
@@ -203,6 +203,7 @@ def _part(steps: Any, name: str) -> Callable[[float], None]:
     return lambda done: steps.part(done, name)
 
 
+@checked
 def draw(parameters: Parameters, rng: np.random.Generator) -> dict[str, float]:
     """Friction and masses drawn uniformly within SPREAD of those of `parameters`."""
     chosen = [row for row in TABLE if row.name.endswith(DRAWN)]

@@ -1,5 +1,6 @@
 """Search methods: one file, one class, one line in `TABLE`. The loop around them is `sysid.solver.iterate`."""
 
+from sysid.base.checks import checked
 from sysid.base.errors import unknown
 from sysid.solver.iterate import Search
 from sysid.solver.searches.adaptive_gauss_newton import AdaptiveGaussNewton
@@ -19,6 +20,7 @@ TABLE: dict[str, type[Search]] = {
 }
 
 
+@checked
 def search(name: str) -> Search:
     """The search called `name`; raises InputError for a name that is not in `TABLE`."""
     if name not in TABLE:
