@@ -1,8 +1,9 @@
 """How fits depend on the units of a record: each structure is fitted to one record in several units, and compared.
 
 A change of unit is a factor, a sign or an offset of a signal, or another sampling time. The fits must be the same
-fits: for a power of two and a sign the outputs agree to the bit, for other factors and for offsets to rounding. An
-offset is tried where the structure has parameters that take it up. Joints, servos, coupled drives and motor profiles
+fits: for a power of two and another sampling time the outputs agree to the bit, for a sign but for the rounding of a
+map that is turned round, for other factors and for offsets to rounding. An offset is tried where the structure has
+parameters that take it up. Joints, servos, coupled drives and motor profiles
 have starts and limits in volts and angles, and are left out. Prints JSON with the number of comparisons and of those
 that differ, for every change.
 

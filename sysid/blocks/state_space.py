@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sysid.base.checks import checked
+from sysid.base.direction import direction
 from sysid.base.errors import InputError
 from sysid.block.block import Block, Law, Slot, Symmetry
 from sysid.block.writing import Code, Writer
@@ -350,12 +351,7 @@ def _columns(Y: np.ndarray) -> list[np.ndarray]:
 
 def _scale(x: np.ndarray) -> tuple[float, float]:
     """Mean and standard deviation of x (N,); the latter with a sign that turns with the signal's."""
-    centre = float(np.mean(x))
-    z = x - centre
-    size = float(np.std(x)) or 1.0
-    cubes, late = float(np.mean(z**3)) / size**3, float(z @ np.arange(len(z)))
-    odd = cubes if abs(cubes) > 1e-3 else late
-    return centre, float(np.copysign(size, odd)) if odd else size
+    return float(np.mean(x)), direction(x) * (float(np.std(x)) or 1.0)
 
 
 def _pace(Y: np.ndarray) -> float:

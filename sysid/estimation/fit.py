@@ -55,8 +55,10 @@ def fit_chain(
     with one_blas_thread():
         there = replace(run, model=normal.chain, data=normal.data, size=normal.size)
         raced = guarded(there, _raced(there, starts, seed, start), seed)
-        problem, outcome = normal.back(model, data, *_follow_noise(there, raced.problem, raced.outcome))
-        thetas, (cov, d) = problem.thetas(outcome.p), problem.uncertainty(outcome.p)
+        ended = _follow_noise(there, raced.problem, raced.outcome)
+        cov, d = ended[0].uncertainty(ended[1].p)
+        problem, outcome = normal.back(model, data, *ended)
+        thetas = problem.thetas(outcome.p)
         theta, noise = thetas[0], _noise(model, thetas, data)
     N = int(data.observed.sum())
     e, plain = problem.bare.residual(outcome.p), problem.plain.residual(outcome.p)
@@ -68,10 +70,12 @@ def fit_chain(
         theta=theta,
         Ts=data.Ts,
         criteria=criteria(float(e @ e) / N, N, d, mse=mse),
-        covariance=cov,
+        covariance=normal.covariance(cov),
         stop=outcome.stop,
         history=outcome.history,
-        warnings=_warnings(model, theta, cov, outcome) + _alone(raced) + worse_than_constant(data, mse),
+        warnings=_warnings(model, theta, normal.covariance(cov), outcome)
+        + _alone(raced)
+        + worse_than_constant(data, mse),
         losses=tuple(c * normal.size**2 / N for c in raced.costs),
         members=raced.members,
         agreed=raced.agreed,

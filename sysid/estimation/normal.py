@@ -1,20 +1,27 @@
 """Normal units: a fit takes place where input and output have a spread near 1, whatever the units of its record.
 
 Searches and starts have limits and shares that suit such signals. A power of two for each signal rounds nothing, so
-that a record in other units gives the same fit: to the bit for powers of two.
+that a record in other units gives the same fit: to the bit for powers of two. A unit is negative where its signal is
+the mirror image of the one that is fitted (`sysid.base.direction`), so that a record and the same one with a signal of
+the other sign are one record there. Chains that have no law for a sign (functions of the user's own, blocks with
+physical numbers) keep that of the record: nothing is promised for their mirror images.
 """
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
+from sysid.base.direction import direction
 from sysid.data.record import IOData
 from sysid.estimation.objective import Objective
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
 from sysid.model.units import rescaled
+from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Outcome
 
+_MANY = 8  # channels: the signs of more are not tried
 _LEAST = 0.55  # spread in normal units: from here to twice as much, so that plain test signals stay as they are
 
 
@@ -33,12 +40,12 @@ class Normal:
 
         A ridge is in the units of the record by its definition, so that with one all stays as it is.
         """
-        u, y = np.array([unit_of(column) for column in data.u.T]), largest_unit(data)
+        u, y = np.array([unit_of(column) for column in data.u.T]), np.full(data.y.shape[1], largest_unit(data))
         if not objective.ridge:
-            for a, b in ((u, y), (np.ones_like(u), y), (u, 1.0)):
-                found = rescaled(chain, a, np.full(data.y.shape[1], b))
+            for a, b in ((u, y), (np.ones_like(u), y), (u, np.ones_like(y))):
+                found = _turned(chain, data, a, b)
                 if found is not None:
-                    return cls(found.chain, replace(data, u=data.u / a, y=data.y / b), found.M, abs(b))
+                    return found
         return cls.kept(chain, data)
 
     @classmethod
@@ -61,6 +68,36 @@ class Normal:
         history = tuple({**row, "loss": row["loss"] * self.size**2} for row in outcome.history)
         return own, replace(outcome, p=own.start, cost=outcome.cost * self.size**2, history=history)
 
+    def covariance(self, found: Covariance) -> Covariance:
+        """The covariance of theta in the units of the record, with the same directions left out."""
+        M = self.M
+        lost = np.abs(M) @ found.unidentifiable > 0.0
+        return Covariance(M @ found.cov @ M.T, lost, found.noise_variance * self.size**2)
+
+
+def _turned(chain: Chain, data: IOData, a: np.ndarray, b: np.ndarray) -> Normal | None:
+    """The chain and the record in units of these sizes, with signs that the chain has laws for; None if it has none.
+
+    The signs that it takes are a group. Of all mirror images of the record that the group makes, the first one in a
+    fixed order of their directions is the one for the fit, whichever of them the record is.
+    """
+    if rescaled(chain, a, b) is None:
+        return None
+    seen, nu = np.array([*map(direction, data.u.T), *map(direction, observed(data))]), len(a)
+    images = product((1.0, -1.0), repeat=len(seen)) if len(seen) <= _MANY else (tuple(seen),)
+    for signs in (seen * np.array(image) for image in images):
+        found = rescaled(chain, a * signs[:nu], b * signs[nu:])
+        if found is not None:
+            # Without a zero of its own sign: the image of a record is that record, also where a kernel divides.
+            there = replace(data, u=data.u / (a * signs[:nu]) + 0.0, y=data.y / (b * signs[nu:]) + 0.0)
+            return Normal(found.chain, there, found.M, float(b[0]))
+    return None
+
+
+def observed(data: IOData) -> list[np.ndarray]:
+    """The measured samples of each output."""
+    return [column[seen] for column, seen in zip(data.y.T, data.observed.T, strict=True)]
+
 
 def unit_of(x: np.ndarray) -> float:
     """The power of two that brings the spread of x (N,) to `_LEAST` or up to twice as much; 1 of a constant."""
@@ -72,6 +109,5 @@ def unit_of(x: np.ndarray) -> float:
 
 def largest_unit(data: IOData) -> float:
     """The unit of the output that varies most: errors of several outputs add up in one unit."""
-    columns = [column[seen] for column, seen in zip(data.y.T, data.observed.T, strict=True)]
-    varied = [column for column in columns if len(column) and np.ptp(column) > 0.0]
+    varied = [column for column in observed(data) if len(column) and np.ptp(column) > 0.0]
     return max((unit_of(column) for column in varied), default=1.0)

@@ -26,12 +26,10 @@ class Rescaled(NamedTuple):
 def rescaled(chain: Chain, a: np.ndarray, b: np.ndarray) -> Rescaled | None:
     """The chain for an input u / a (a (nu,)) and an output y / b (b (ny,)), powers of two or their negatives.
 
-    None if a block has no law for these units. Values that the chain fixes or limits keep their places only where
-    no signal changes its sign, so there is none then either.
+    None if a block has no law for these units. Where a signal changes its sign, values that the chain fixes or limits
+    move with their parameters: the lower end of a dead zone is the upper one there. There is no chain then if such a
+    parameter is a sum of several there.
     """
-    held = bool(chain.fixed or chain.bounds)
-    if held and min(a.min(), b.min()) < 0.0:
-        return None
     laws = _laws(chain, a, b)
     if laws is None:
         return None
@@ -39,13 +37,22 @@ def rescaled(chain: Chain, a: np.ndarray, b: np.ndarray) -> Rescaled | None:
     sizes = np.abs(M[M != 0.0])
     if not np.all((sizes > _SMALLEST) & (sizes < 1.0 / _SMALLEST)) or not np.all(np.any(M != 0.0, axis=1)):
         return None  # a high power of a large unit
-    if not held:
-        return Rescaled(replace(chain, blocks=tuple(own.block for own in laws)), M)
-    by = dict(zip(chain.names, np.diag(M).tolist(), strict=True))
-    fixed = {name: value / by[name] for name, value in chain.fixed.items()}
-    bounds = {name: (low / by[name], high / by[name]) for name, (low, high) in chain.bounds.items()}
-    there = replace(chain, blocks=tuple(own.block for own in laws), fixed=fixed, bounds=bounds)
-    return Rescaled(there, M)
+    there = replace(chain, blocks=tuple(own.block for own in laws), fixed={}, bounds={})
+    if not (chain.fixed or chain.bounds):
+        return Rescaled(there, M)
+    place = np.argmax(M != 0.0, axis=1)
+    fixed, bounds = {}, {}
+    for name in {**chain.fixed, **chain.bounds}:
+        i = chain.names.index(name)
+        if np.count_nonzero(M[i]) > 1:
+            return None
+        other, factor = there.names[place[i]], M[i, place[i]]
+        if name in chain.fixed:
+            fixed[other] = chain.fixed[name] / factor
+        if name in chain.bounds:
+            low, high = sorted(end / factor for end in chain.bounds[name])
+            bounds[other] = (low, high)
+    return Rescaled(replace(there, fixed=fixed, bounds=bounds), M)
 
 
 def _laws(chain: Chain, a: np.ndarray, b: np.ndarray) -> list[Law] | None:

@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.base.direction import direction
 from sysid.data.record import IOData
-from sysid.estimation.normal import largest_unit, unit_of
+from sysid.estimation.normal import largest_unit, observed, unit_of
 from sysid.nlarx.model import Network
 from sysid.nlarx.result import Choice
 from sysid.solver.covariance import Covariance
@@ -20,12 +21,13 @@ class Units:
 
     @classmethod
     def of(cls, data: IOData) -> "Units":
-        """The units that bring the spread of a record of one input and one output near 1."""
-        return cls(unit_of(data.u[:, 0]), largest_unit(data))
+        """The units that bring the spread of a record of one input and one output near 1, and its signs to one side."""
+        u, (y,) = data.u[:, 0], observed(data)
+        return cls(direction(u) * unit_of(u), direction(y) * largest_unit(data))
 
     def normal(self, data: IOData) -> IOData:
         """The record in normal units."""
-        return replace(data, u=data.u / self.a, y=data.y / self.b)
+        return replace(data, u=data.u / self.a + 0.0, y=data.y / self.b + 0.0)
 
     def factors(self, network: Network) -> np.ndarray:
         """theta (P,) of the network by theta in normal units: its units see coordinates, which have none."""

@@ -7,7 +7,8 @@ import pytest
 
 import sysid
 from sysid.base.criteria import fit_percent
-from sysid.blocks import CubicSpline, Custom, WaveletNetwork
+from sysid.base.direction import direction
+from sysid.blocks import STATIC, CubicSpline, Custom, PiecewiseLinear, WaveletNetwork
 from sysid.estimation import race, safeguard
 
 S = sysid.structures
@@ -70,6 +71,128 @@ def test_a_fit_in_other_units_is_the_same_to_the_bit(name):
         np.testing.assert_allclose(deviations(fit), deviations(plain), rtol=1e-6)
 
 
+SIGNS = [(-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-(2.0**10), 2.0**-3)]
+STRUCTURES = (
+    LAWS
+    | {f"hammerstein {name}": S.hammerstein(1, 1, 1, input=name) for name in STATIC}
+    | {f"wiener {name}": S.wiener(1, 1, 1, output=name) for name in STATIC}
+    | {
+        "both": S.hammerstein_wiener(1, 1, 1, input="sigmoid_network", output="wavelet_network"),
+        "before and behind": S.hammerstein_wiener(1, 2, 1, input="cubic_spline", output="cubic_spline"),
+        "monotone behind": S.wiener(1, 1, 1, output=CubicSpline(4, monotone=True)),
+        "fixed knots": S.wiener(1, 1, 1, output=PiecewiseLinear(4, free_knots=False, at=(-1.0, 0.0, 0.5, 2.0))),
+        "several states": S.state_space(2, 2),
+        "polynomial states": S.state_space(1, 0, degree=2),
+        "chosen size": S.nlarx(1, 1, 1),
+    }
+)
+
+
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_a_fit_of_the_mirror_image_of_a_record_is_the_mirror_image_of_the_fit(name):
+    """Searches take the same steps to the bit. A map that is turned round rounds the other way when it is run."""
+    u, y = nonlinear()
+    model, options = STRUCTURES[name], sysid.Options(max_iterations=4)
+    plain = sysid.fit(model, sysid.IOData(u, y), starts=1, options=options)
+    for a, b in SIGNS:
+        turned = with_knots(model, b) if name == "fixed knots" else model  # these are values of the output
+        fit = sysid.fit(turned, sysid.IOData(a * u, b * y), starts=1, options=options)
+        assert [row["loss"] for row in fit.history] == [row["loss"] * b**2 for row in plain.history]
+        assert fit.losses == tuple(loss * b**2 for loss in plain.losses)
+        assert fit.stop == plain.stop
+        np.testing.assert_allclose(run(fit, a * u, b * y) / b, run(plain, u, y), rtol=0.0, atol=1e-9 * np.std(y))
+        assert fit.criteria.mse == pytest.approx(plain.criteria.mse * b**2, rel=1e-9)
+        assert fit.covariance.unidentifiable.sum() == plain.covariance.unidentifiable.sum()
+        assert fit.warnings == plain.warnings
+
+
+def with_knots(model, b):
+    """The map behind the filter with its break points at b times those of the model."""
+    behind = model.blocks[-1]
+    places = tuple(sorted(b * x for x in behind.at))
+    return replace(model, blocks=(*model.blocks[:-1], replace(behind, at=places)))
+
+
+@pytest.mark.parametrize("name", ["state_space", "prediction", "simulation", "piecewise_linear", "dead_zone"])
+def test_standard_deviations_and_records_with_gaps_follow_a_sign(name):
+    u, y = nonlinear()
+    missing = np.arange(len(y)) % 17 == 5
+    fits = [
+        sysid.fit(
+            STRUCTURES[name],
+            sysid.IOData(a * u, b * y, missing=missing),
+            starts=1,
+            options=sysid.Options(max_iterations=4),
+        )
+        for a, b in ((1.0, 1.0), (-1.0, 1.0), (1.0, -1.0))
+    ]
+    for other in fits[1:]:
+        assert [row["loss"] for row in other.history] == [row["loss"] for row in fits[0].history]
+        np.testing.assert_allclose(np.sort(other.covariance.std()), np.sort(fits[0].covariance.std()), rtol=1e-9)
+
+
+def test_a_record_of_several_channels_is_one_with_its_mirror_images():
+    rng = np.random.default_rng(4)
+    u = rng.normal(0.2, 1.0, (200, 2))
+    y = np.column_stack([np.convolve(u[:, 0] + 0.2 * u[:, 0] ** 2, [0, 0.5, 0.3])[:200], np.roll(u[:, 1], 1)])
+    y = y + 0.01 * rng.normal(size=y.shape)
+    for model in (S.hammerstein(1, 1, 1, input="polynomial", nu=2, ny=2), S.state_space(2, 1, nu=2, ny=2)):
+        plain = sysid.fit(model, sysid.IOData(u, y), starts=1, options=sysid.Options(max_iterations=4))
+        for a, b in (([-1, 1], [1, 1]), ([1, -1], [-1, 1]), ([-1, -1], [-1, -1])):
+            fit = sysid.fit(model, sysid.IOData(a * u, b * y), starts=1, options=sysid.Options(max_iterations=4))
+            assert [row["loss"] for row in fit.history] == [row["loss"] for row in plain.history]
+            np.testing.assert_allclose(
+                fit.model.outputs(fit.theta, a * u) * b, plain.model.outputs(plain.theta, u), rtol=0.0, atol=1e-9
+            )
+
+
+@pytest.mark.parametrize("factor", [2.0**-7, 1e3, 0.1, 3600.0])
+def test_the_sampling_time_changes_no_discrete_model(factor):
+    u, y = nonlinear()
+    for name in ("output_error", "dead_zone", "piecewise_linear", "state_space", "simulation"):
+        fits = [
+            sysid.fit(LAWS[name], sysid.IOData(u, y, Ts), starts=1, options=sysid.Options(max_iterations=4))
+            for Ts in (1.0, factor)
+        ]
+        np.testing.assert_array_equal(fits[0].theta, fits[1].theta)
+        np.testing.assert_array_equal(fits[0].covariance.cov, fits[1].covariance.cov)
+        other = sysid.IOData(u[50:], y[50:])
+        np.testing.assert_array_equal(fits[0].simulate(other), fits[1].simulate(replace(other, Ts=factor)))
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0**-100, 1e3, 1e55])
+def test_a_direction_turns_with_the_signal_and_with_nothing_else(factor):
+    rng = np.random.default_rng(3)
+    t = np.arange(400.0)
+    signals = {
+        "skewed": rng.exponential(size=400),
+        "two levels": np.sign(np.sin(0.31 * t)),
+        "ramp": t,
+        "whole periods": np.cos(2 * np.pi * t / 40),
+        "there and back": np.minimum(t, 399.0 - t),
+    }
+    for x in signals.values():
+        plain = direction(x)
+        assert plain in (1.0, -1.0)
+        assert direction(factor * x) == plain
+        assert direction(-factor * x) == -plain
+        assert direction(factor * (x + 10.0)) == plain
+    assert direction(np.full(5, 3.0)) == 1.0
+
+
+def test_a_structure_takes_the_signs_that_its_maps_have_laws_for():
+    """A function of the user's own stands on the input: nothing is promised for -u, but -y is the same fit."""
+    own = Custom(lambda x, p: p[0] * np.arctan(x) + x**2, names=("height",), initial=(1.0,))
+    u, y = nonlinear()
+    fits = [
+        sysid.fit(
+            S.hammerstein(1, 1, 1, input=own), sysid.IOData(u, b * y), starts=1, options=sysid.Options(max_iterations=4)
+        )
+        for b in (1.0, -1.0)
+    ]
+    np.testing.assert_array_equal(run(fits[0], u, y), -run(fits[1], u, -y))
+
+
 def deviations(fit):
     """Standard deviations as shares of the values."""
     return [np.nan if p.std is None else p.std / max(abs(p.value), 1e-300) for p in fit.parameters]
@@ -101,6 +224,12 @@ def test_held_values_and_limits_keep_their_meaning_in_other_units():
     model = S.hammerstein(2, 2, 1, input="dead_zone", **tiny)
     other = sysid.fit(model, sysid.IOData(u / 1024, y), starts=1)
     np.testing.assert_array_equal(run(other, u / 1024, y), run(fit, u, y))
+    turned = {"fixed": {"input.upper": 0.3}, "bounds": {"input.lower": (-0.2, -0.1), "linear.b0": (-0.05, 0.0)}}
+    model = S.hammerstein(2, 2, 1, input="dead_zone", **turned)
+    other = sysid.fit(model, sysid.IOData(-u, y), starts=1)
+    assert other.model.fixed == turned["fixed"]
+    np.testing.assert_array_equal(run(other, -u, y), run(fit, u, y))
+    np.testing.assert_allclose(np.sort(other.covariance.std()), np.sort(fit.covariance.std()))
 
 
 def test_a_map_of_the_users_own_keeps_its_units():
