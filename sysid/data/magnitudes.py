@@ -5,9 +5,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 
-# A parameter of a fit is a ratio of two units, and its variance the square of that: both are still numbers, and a fit
-# takes place in normal units.
-LARGEST, SMALLEST = 1e60, 1e-60
+LARGEST, SMALLEST = 1e151, 1e-151  # the squares of a record of a million samples still add up to a number
 
 
 def check_magnitudes(data: IOData) -> None:

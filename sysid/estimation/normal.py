@@ -72,7 +72,9 @@ class Normal:
         """The covariance of theta in the units of the record, with the same directions left out."""
         M = self.M
         lost = np.abs(M) @ found.unidentifiable > 0.0
-        return Covariance(M @ found.cov @ M.T, lost, found.noise_variance * self.size**2)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a parameter that hardly any sample shows
+            cov = M @ found.cov @ M.T
+        return Covariance(cov, lost, found.noise_variance * self.size**2)
 
 
 def _turned(chain: Chain, data: IOData, a: np.ndarray, b: np.ndarray) -> Normal | None:

@@ -13,7 +13,7 @@ from sysid.block.block import Law, StaticBlock
 from sysid.block.units import joined
 from sysid.model.chain import Chain
 
-_SMALLEST = 1e-150  # of a factor of a parameter, whose square is that of a variance
+_SMALLEST = 1e-152  # of a factor of a parameter, whose square is that of a variance
 
 
 class Rescaled(NamedTuple):
