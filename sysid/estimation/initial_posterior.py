@@ -132,7 +132,10 @@ def _settled(chain: Chain, rest: np.ndarray, data: IOData, g: Gaussian, noise: f
         return window
     for _ in range(_STEPS if len(z) else 0):
         A = np.vstack([here.J @ g.root / np.sqrt(noise), np.eye(len(z))])
-        step = np.linalg.lstsq(A, np.concatenate([here.r / np.sqrt(noise), -z]), rcond=None)[0]
+        wanted = np.concatenate([here.r / np.sqrt(noise), -z])
+        if not (np.all(np.isfinite(A)) and np.all(np.isfinite(wanted))):  # the states stay where they are
+            break
+        step = np.linalg.lstsq(A, wanted, rcond=None)[0]
         before, scale = cost(here, z), 1.0
         while scale > 1e-3:
             tried = _linearised(chain, rest, data, g.mean + g.root @ (z + scale * step))

@@ -239,7 +239,11 @@ class Fit(FitMethods):
         if n >= 2:
             with one_blas_thread():
                 # In the unit of y, also for weighted errors; errors that the fit took for outliers make it cautious.
-                noise = self.criteria.mse * self.criteria.N / max(self.criteria.N - self.criteria.d, 1)
+                c = self.criteria
+                mse = c.mse if np.isfinite(c.mse) else c.loss  # a file may lack the one; for most fits they are equal
+                if not np.isfinite(mse):
+                    raise InputError("the model has neither mse nor loss, which give the initial state; fit it again")
+                noise = mse * c.N / max(c.N - c.d, 1)
                 theta = estimate_initial(self.model, theta, data.select(0, n), data.u, noise)
         return self.model.outputs(theta, data.u)
 

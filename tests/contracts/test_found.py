@@ -62,3 +62,16 @@ def test_an_infinite_covariance_gives_unknown_deviations_and_no_warning(tmp_path
         warnings.simplefilter("error")
         assert not np.isfinite(fit.pole_std).any()
         assert all(not np.isfinite(mode.pole_std) for mode in sysid.linear.modes(fit))
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in SAVED.glob("*.json") if ".run" not in path.name))
+def test_a_model_without_a_size_of_its_noise_still_runs_from_the_states_of_a_record(name, tmp_path):
+    fit = sysid.load(changed(name, lambda d: d["criteria"].pop("mse", None), tmp_path))
+    rng = np.random.default_rng(0)
+    nu, ny = fit.model.channels
+    data = sysid.IOData(rng.uniform(-1, 1, (60, nu)), rng.uniform(-1, 1, (60, ny)), fit.Ts)
+    assert np.isfinite(fit.simulate(data)).all()
+    bare = sysid.load(changed(name, lambda d: [d["criteria"].pop(each, None) for each in ("mse", "loss")], tmp_path))
+    if bare.n_init > 1:
+        with pytest.raises(InputError, match="neither mse nor loss, which give the initial state; fit it again"):
+            bare.simulate(data)
