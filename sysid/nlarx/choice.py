@@ -51,8 +51,8 @@ def choices(
             # The first units may gain nothing where several do; beyond some that gain, fewer need to be tried.
             if fruitless >= _PATIENCE - bool(preferred(tuple(found)).units) or time.monotonic() > deadline:
                 break
-        k = sizes.index(preferred(tuple(found)).units)
-        sizes = sizes[k : k + 2]  # another ridge may allow one size more
+        units = preferred(tuple(found)).units  # of another ridge, if this one's sizes proved to run away
+        sizes = sizes[sizes.index(units) :][:2] if units in sizes else [units]  # another ridge may allow one size more
         if time.monotonic() > deadline:
             break
     return tuple(found)

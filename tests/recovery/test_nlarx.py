@@ -311,3 +311,23 @@ def test_bad_input_is_refused_in_a_sentence():
         fit.simulate(sysid.IOData(data.u, data.y, 0.5))
     with pytest.raises(sysid.InputError, match="give a longer one"):
         fit.fit_percent(data.select(0, 30), n_init=29)
+
+
+def test_a_size_that_another_ridge_puts_out_leaves_the_choice_to_a_smaller_one(monkeypatch):
+    """With 3 units under the second ridge the run is so much better that the first ridge's 3 units are out."""
+    scripted = {(0, 1e-2): (1.0, 1.0), (1, 1e-2): (1.0, 1.0), (3, 1e-2): (0.5, 1.15), (3, 1e-4): (1.0, 0.9)}
+    found = []
+
+    def errors(self, units, ridge):
+        found.append((units, ridge))
+        step, free = scripted.get((units, ridge), (1.5, 1.5))
+        return step**2, free**2
+
+    monkeypatch.setattr("sysid.nlarx.choice._Judge.errors", errors)
+    rng = np.random.default_rng(0)
+    u = rng.uniform(-1, 1, 300)
+    y = np.tanh(np.convolve(u, [0.0, 0.5, 0.3])[:300]) + 0.1 * rng.standard_normal(300)
+    model = nlarx(1, 1, 1, focus="prediction")
+    tried = choices(model, sysid.IOData(u, y, 0.1), (1e-2, 1e-4, 0.1), "lm")
+    assert preferred(tried).units == 0
+    assert found[-1] == (0, 0.1)  # which the last ridge is tried with
