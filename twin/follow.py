@@ -73,6 +73,7 @@ class Follower:
         """
         which = range(len(parameters)) if which is None else which
         shifts = np.zeros(len(which)) if shifts is None else np.asarray(shifts, dtype=float)
+        _check_each("shifts", shifts, len(which), "rows")
         courses = self.courses(parameters, starts)
         return np.stack([self.at(courses[k], shift) for k, shift in zip(which, shifts, strict=True)])
 
@@ -83,6 +84,7 @@ class Follower:
         """The same readings (runs, steps) [rad] at every simulation step; `at` takes those at the log's samples."""
         runs = len(parameters)
         starts = np.full(runs, self.y[0]) if starts is None else np.asarray(starts, dtype=float)
+        _check_each("starts", starts, runs, "parameters")
         commands = self._commands()
         experiments = [self._experiment(p, len(commands)) for p in parameters]
         places = [
@@ -140,3 +142,8 @@ class Follower:
             pot_side=self.pot_side,
             realisation=self.realisation,
         )
+
+
+def _check_each(name: str, values: np.ndarray, count: int, of: str) -> None:
+    if values.shape != (count,):
+        raise InputError(f"{name} has shape {values.shape}; give one number for each of the {count} {of}")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.checks import shown
 from sysid.base.errors import InputError
 
 Names = str | Sequence[str]
@@ -22,6 +23,8 @@ def library(name: str) -> Any:
 
 def of_pandas(table: Any, input: Names, output: Names, Ts: float | None) -> dict[str, Any]:
     """The arguments of IOData for columns of a DataFrame."""
+    _check_kind(table, "pandas DataFrame", ("columns", "index", "attrs"))
+    _check_named(input, output)
     for name in (*_listed(input), *_listed(output)):
         if name not in table.columns:
             raise InputError(f"the table has no column {name!r}; choose one of {', '.join(map(str, table.columns))}")
@@ -45,6 +48,8 @@ def of_pandas(table: Any, input: Names, output: Names, Ts: float | None) -> dict
 
 def of_xarray(table: Any, input: Names, output: Names, Ts: float | None) -> dict[str, Any]:
     """The arguments of IOData for variables of a Dataset."""
+    _check_kind(table, "xarray Dataset", ("data_vars", "coords"))
+    _check_named(input, output)
     names = (*_listed(input), *_listed(output))
     for name in names:
         if name not in table.data_vars:
@@ -63,6 +68,17 @@ def of_xarray(table: Any, input: Names, output: Names, Ts: float | None) -> dict
     values = {name: table[name].to_numpy() for name in names}
     lengths = (len(values[names[0]]),)
     return _arguments(values, input, output, _step(times, Ts, lengths), units, lengths)
+
+
+def _check_kind(table: Any, wanted: str, has: Sequence[str]) -> None:
+    if isinstance(table, type) or not all(hasattr(table, name) for name in has):
+        raise InputError(f"the table is {shown(table)}; give a {wanted}")
+
+
+def _check_named(input: Names, output: Names) -> None:
+    for role, names in (("input", input), ("output", output)):
+        if not _listed(names):
+            raise InputError(f"{role} names no column; give the name of one, or a list of names")
 
 
 def to_pandas(data: Any) -> Any:

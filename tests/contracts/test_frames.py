@@ -175,3 +175,17 @@ def test_what_read_says_names_its_arguments_and_no_option_of_the_command_line():
     assert in_python(said) == (
         "give it with Ts=SECONDS or name a time column with time=; time_unit is 'h'; keep one with start= and stop= 1:2"
     )
+
+
+@pytest.mark.parametrize("table", [None, 3, "log.csv", [1, 2], {"u": [1]}, np.zeros((3, 2)), int])
+@pytest.mark.parametrize(("read", "wanted"), [("from_pandas", "pandas DataFrame"), ("from_xarray", "xarray Dataset")])
+def test_what_is_no_table_is_refused_by_what_it_is(read, wanted, table):
+    with pytest.raises(sysid.InputError, match=f"^the table is .*; give a {wanted}$"):
+        getattr(sysid.IOData, read)(table, "u", "y", 0.1)
+
+
+@pytest.mark.parametrize(("into", "back"), [("to_pandas", "from_pandas"), ("to_xarray", "from_xarray")])
+def test_a_role_without_a_column_is_refused(into, back, data):
+    for names, role in ((([], "angle"), "input"), (("volt", []), "output")):
+        with pytest.raises(sysid.InputError, match=f"^{role} names no column"):
+            getattr(sysid.IOData, back)(getattr(data, into)(), *names, 0.1)

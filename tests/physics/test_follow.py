@@ -112,3 +112,11 @@ def test_courses_are_read_between_steps():
     (course,) = follower.courses([twin.Parameters()])
     (row,) = follower.readings([twin.Parameters()], shifts=[0.0305])
     np.testing.assert_allclose(row[1:], 0.5 * (course[69::100] + course[70::100])[: len(row) - 1], rtol=0, atol=1e-15)
+
+
+def test_starts_and_shifts_are_one_for_each_run():
+    follower, two = twin.Follower(made("shank"), "shank"), [twin.Parameters()] * 2
+    with pytest.raises(InputError, match=r"^starts has shape \(3,\); give one number for each of the 2 parameters$"):
+        follower.courses(two, [0.1, 0.2, 0.3])
+    with pytest.raises(InputError, match=r"^shifts has shape \(1,\); give one number for each of the 2 rows$"):
+        follower.readings(two, [0.1, 0.2], [0.0])
