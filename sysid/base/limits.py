@@ -30,12 +30,16 @@ SECONDS = 1e12  # a time in seconds: 30,000 years
 
 @dataclass(frozen=True)
 class Span:
-    """The numbers from `lowest` to `highest`; `above` leaves `lowest` itself out. `infinite`: inf is allowed too."""
+    """The numbers from `lowest` to `highest`; `above` leaves `lowest` itself out. `infinite`: inf is allowed too.
+
+    `say` is what to give instead of another number, where that says it better than the limits do.
+    """
 
     lowest: float = -SIZE
     highest: float = SIZE
     above: bool = False
     infinite: bool = False
+    say: str = ""
 
     def holds(self, value: float) -> bool:
         """Whether a number lies in it; nan does not."""
@@ -45,6 +49,8 @@ class Span:
 
     def allowed(self, value: float, noun: str) -> str:
         """What to give instead of `value`, in words."""
+        if self.say:
+            return self.say
         if value != value or abs(value) == math.inf:
             return f"a finite {noun}"
         if value > self.highest:
@@ -78,7 +84,8 @@ BY_NAME: Mapping[str, Span] = {
     "horizon": Span(1, SAMPLES),
     "jobs": Span(1, PROCESSES),
     "knots": COUNT,
-    "level": Span(0.0, 1.0 - 1e-9, above=True),  # of confidence: at 1 every band is infinite
+    # Of confidence: at 1 every band is infinite.
+    "level": Span(0.0, 1.0 - 1e-9, above=True, say="a probability between 0 and 1, for example 0.95"),
     "lower": BOUND,
     "max_halvings": Span(0, 1000),
     "max_iterations": Span(0, ITERATIONS),
