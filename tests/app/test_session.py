@@ -2,6 +2,7 @@
 
 import json
 import os
+import zipfile
 
 import numpy as np
 import pytest
@@ -162,6 +163,17 @@ def test_a_suffix_from_a_file_cannot_lead_out_of_its_folder():
 def test_the_second_app_is_told_which_process_has_the_session(session):
     with pytest.raises(InputError, match=rf"another qpal app \(process {os.getpid()}\)"):
         Session.open(session.folder)
+
+
+def test_a_record_with_a_member_that_is_no_array_is_a_sentence(tmp_path):
+    from twin.app import records
+
+    with zipfile.ZipFile(tmp_path / "data.npz", "w") as file:
+        file.writestr("u.npy", b"NUMPY no more")
+        file.writestr("missing.npy", b"NUMPY no more")
+    for load in (records.load, records.load_runs):
+        with pytest.raises(InputError, match=r"data.npz cannot be read \(one of its members is no array\)"):
+            load(tmp_path / "data.npz")
 
 
 def test_a_record_of_another_compression_is_a_sentence(tmp_path):

@@ -52,7 +52,10 @@ ODD = {
     "path of a number": (lambda: sysid.read(3), "path is 3; give the path of a file"),
     "joint of a list": (lambda: twin.truth(["thigh"]), r"joint is \['thigh'\]; give a text"),
     "parameters of a dict": (lambda: twin.truth("thigh", parameters={}), "parameters is {}; give a Parameters or None"),
-    "level of -1": (lambda: sysid.residual_tests(DATA.y, DATA.u, level=-1), "level is -1; give a probability between 0 and 1"),
+    "level of -1": (
+        lambda: sysid.residual_tests(DATA.y, DATA.u, level=-1),
+        "level is -1; give a probability between 0 and 1",
+    ),
     "merged numbers": (lambda: sysid.IOData.merge(1.0), "records is 1.0; give an IOData"),
     "offsets": (lambda: sysid.IOData(DATA.u, DATA.y, 0.1, u_offset=np.ones(3)), r"u_offset is .*give 1 number"),
     "phases of an array": (lambda: sysid.excitations.Multisine(phases=np.empty(0)), "phases is an array"),

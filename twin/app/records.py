@@ -78,6 +78,9 @@ def _write(path: Path, **arrays: np.ndarray) -> None:
 def _read(path: Path) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
+            found = {name: file[name] for name in file.files}
+            if not all(isinstance(array, np.ndarray) for array in found.values()):  # numpy gives other members as bytes
+                raise ValueError("one of its members is no array")
+            return found
     except Exception as error:  # a damaged file fails in many ways inside numpy and zipfile
         raise InputError(f"{path.name} cannot be read ({error}); add the log, or fit the model, again") from None
