@@ -14,7 +14,7 @@ _watched: set[int] = set()
 
 
 def end_with(parent: int) -> None:
-    """End this process soon after `parent`, the number of the process that started it, is gone.
+    """End this process soon after `parent`, the number of the process that started it, is gone, and not by Ctrl-C.
 
     A thread looks, because the signal that Linux can send comes when the thread ends that started the worker, and a
     pool of workers outlives such a thread.
@@ -22,6 +22,8 @@ def end_with(parent: int) -> None:
     if os.name != "posix" or os.getpid() == parent or parent in _watched:
         return
     _watched.add(parent)
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # of one that joblib replaces too
     threading.Thread(target=_watch, args=(parent,), name="parent", daemon=True).start()
 
 

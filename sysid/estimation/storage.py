@@ -16,7 +16,7 @@ from sysid.base.checks import shown
 from sysid.base.criteria import Criteria
 from sysid.base.errors import InputError
 from sysid.base.files import ordinary
-from sysid.base.limits import SAMPLES, SECONDS
+from sysid.base.limits import MOST, SAMPLES, SECONDS
 from sysid.data.table import LARGEST
 from sysid.estimation.codec import build
 from sysid.estimation.migrations import VERSION, migrate
@@ -130,10 +130,11 @@ def check_numbers(theta: np.ndarray, covariance: Covariance, criteria: Criteria)
         )
     if covariance.unidentifiable.dtype != bool:
         raise InputError("unidentifiable of the covariance is not a list of true and false; save the fit again")
-    if criteria.N < 1 or criteria.d < 0 or min(criteria.loss, criteria.mse) < 0:
+    if not 1 <= criteria.N <= MOST or not 0 <= criteria.d <= MOST or min(criteria.loss, criteria.mse) < 0:
         raise InputError(
             f"the criteria have N = {criteria.N}, d = {criteria.d}, loss = {criteria.loss:g} and mse = "
-            f"{criteria.mse:g}; N is at least 1 and none of the others is below 0: save the fit again"
+            f"{criteria.mse:g}; N is at least 1, none of the others is below 0 and no count above {MOST:,}: save the "
+            "fit again"
         )
 
 

@@ -119,3 +119,17 @@ def test_what_is_wrong_is_a_sentence(arguments, sentence, here, capsys):
     assert sentence in " ".join(text.split())
     assert "Traceback" not in text
     assert not list(here.glob("**/*.parquet"))
+
+
+@pytest.mark.parametrize("rows", [True, False])
+def test_a_stopped_run_says_what_is_there(rows, here, capsys, monkeypatch):
+    def stopped(cells, table, *rest):
+        if rows:
+            (here / "t.journal").write_text("{}\n")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sysid.bench.runner.run", stopped)
+    arguments = ["run", "--scenario", "stress/short", "--method", "output_error", "--seeds", "1", "--out", "t.parquet"]
+    kept = "the rows so far are in t.parquet; the same command goes on from there"
+    found = said(arguments, capsys, 130)
+    assert found.endswith(f"qpal: stopped; {kept if rows else 'no row was finished, and nothing was written'}\n")

@@ -1,5 +1,6 @@
 """The one executor: the same results here, on processes and on a cluster."""
 
+import signal
 import subprocess
 import sys
 import time
@@ -24,6 +25,12 @@ def test_results_carry_the_number_of_their_job():
         assert in_order(abs, jobs, workers) == [abs(job) for job in jobs]
     assert sorted(results(abs, [-3, 5], 2)) == [(0, 3), (1, 5)]
     assert list(results(abs, [], 2)) == []
+
+
+def test_ctrl_c_of_a_terminal_reaches_no_worker():
+    """It would print a traceback beside the sentence of the process that started it, which ends its workers itself."""
+    assert in_order(signal.getsignal, [signal.SIGINT] * 4, 2) == [signal.SIG_IGN] * 4
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_a_function_of_a_script_that_knows_the_facades_runs_in_worker_processes(tmp_path):

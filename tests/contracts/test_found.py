@@ -26,6 +26,8 @@ def changed(name: str, change, folder: Path) -> Path:
     ("change", "said"),
     [
         (lambda d: d["criteria"].update(N=-1), "N = -1"),
+        (lambda d: d["criteria"].update(N=10**30), "N = 10{30}.* no count above"),
+        (lambda d: d["criteria"].update(d=10**30), "d = 10{30}.* no count above"),
         (lambda d: d["criteria"].update(mse=-0.5), "mse = -0.5"),
         (lambda d: d["theta"].update(dict.fromkeys(list(d["theta"])[:1], 1e308)), "above 1e"),
         (lambda d: d["covariance"]["unidentifiable"].__setitem__(0, 1e308), "unidentifiable"),

@@ -58,7 +58,9 @@ def run(
         try:
             count = run_cells(cells, table, workers, scheduler, lambda done, todo: step(f"{done} of {todo}"))
         except KeyboardInterrupt:
-            raise console.Stopped(f"the rows so far are in {out}; the same command goes on from there") from None
+            there = any(path.exists() for path in (out, out.with_suffix(".journal")))
+            kept = f"the rows so far are in {out}; the same command goes on from there"
+            raise console.Stopped(kept if there else "no row was finished, and nothing was written") from None
     written(out)
     for note in table.notes:
         print(f"Note: {note}.", file=sys.stderr)
