@@ -33,7 +33,7 @@ def mirrored(f: np.ndarray) -> np.ndarray:
     poles = np.roots(np.concatenate([[1.0], f])).astype(complex)
     outside = np.abs(poles) > 1.0
     poles[outside] = 1.0 / np.conj(poles[outside])
-    return np.real(np.poly(poles))[1:]
+    return np.atleast_1d(np.real(np.poly(poles)))[1:]
 
 
 def pairs(estimated: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -217,7 +217,7 @@ return y"""
         """
         fresh = theta.copy()
         poles = self.stretched(theta, rng) if rng.uniform() < 2 / 3 else _drawn(self.nf, rng)
-        fresh[self.nb : self.nb + self.nf] = np.real(np.poly(poles))[1:]
+        fresh[self.nb : self.nb + self.nf] = np.atleast_1d(np.real(np.poly(poles)))[1:]
         fresh[self.nb + self.nf :] = 0.0
         return fresh
 

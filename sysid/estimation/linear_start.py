@@ -79,7 +79,7 @@ def denominators(
         poles = np.roots(np.concatenate([[1.0], slow])).astype(complex)
         # A pole on the negative real axis is the alias of none; it becomes a fast one.
         poles = np.where((poles.real <= 0) & (np.abs(poles.imag) < 1e-12), 1e-3, poles)
-        found.append(np.real(np.poly(poles ** (1.0 / thin)))[1:])
+        found.append(np.atleast_1d(np.real(np.poly(poles ** (1.0 / thin))))[1:])
     return found
 
 

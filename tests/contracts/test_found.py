@@ -77,3 +77,17 @@ def test_a_model_without_a_size_of_its_noise_still_runs_from_the_states_of_a_rec
     if bare.n_init > 1:
         with pytest.raises(InputError, match="neither mse nor loss, which give the initial state; fit it again"):
             bare.simulate(data)
+
+
+@pytest.mark.parametrize(("nf", "nf2"), [(0, 0), (0, 2), (2, 0)])
+def test_a_start_of_two_filters_of_which_one_has_no_pole(nf, nf2):
+    from sysid.estimation.starts import starts
+
+    rng = np.random.default_rng(0)
+    u = rng.uniform(-1.0, 1.0, 300)
+    data = sysid.IOData(u, np.convolve(np.tanh(2.0 * u), [0.0, 0.5, 0.3])[:300], 0.1)
+    chain = sysid.structures.wiener_hammerstein(nb=2, nf=nf, nk=1, nb2=1, nf2=nf2, middle="sigmoid_network")
+    found = starts(chain.scaled(data.u, data.y), data, 3, 0)
+    assert len(found) == 3
+    assert np.isfinite(found).all()
+    assert sysid.fit(chain, data, starts=2).fit_percent(data) > 80.0

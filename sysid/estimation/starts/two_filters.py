@@ -43,7 +43,7 @@ def _deals(poles: np.ndarray, n: int) -> list[tuple[int, ...]]:
     whole = []
     for mine in itertools.combinations(range(len(poles)), n):
         picked = poles[list(mine)]
-        if abs(np.poly(picked).imag).max() < 1e-9:
+        if np.abs(np.imag(np.poly(picked))).max() < 1e-9:
             whole.append(mine)
     return whole or [tuple(range(n))]
 
@@ -62,7 +62,7 @@ def _dealt(
     u = start_maps(chain, theta, before, u, u - u.mean())
     others = [i for i in range(len(poles)) if i not in mine]
     part = np.zeros(first.n_parameters)
-    F = np.real(np.poly(poles[list(mine)]))
+    F = np.atleast_1d(np.real(np.poly(poles[list(mine)])))  # of no pole it is a number
     part[first.nb : first.nb + first.nf] = F[1:]
     part[0] = F.sum() if abs(F.sum()) > 1e-9 else 1.0  # gain 1, so that the map between sees the scale of u
     theta[at_first] = part
@@ -73,7 +73,7 @@ def _dealt(
         for b in (*before, *between):
             theta[chain.index(b)] = b.vary(theta[chain.index(b)], rng)
     part = np.zeros(second.n_parameters)
-    part[second.nb : second.nb + second.nf] = np.real(np.poly(poles[others]))[1:]
+    part[second.nb : second.nb + second.nf] = np.atleast_1d(np.real(np.poly(poles[others])))[1:]
     solve_linear(second, part, x, y)
     theta[at_second] = part
     return theta
