@@ -9,6 +9,7 @@ import polars
 import pytest
 import scipy.io
 
+import sysid
 from sysid.blocks import (
     BowedGain,
     Channels,
@@ -369,3 +370,14 @@ VERBS = {
     "run": ["model.json", "log.csv", "--ts", "0.1", "--horizon", "2"],
     "simulate": ["--duration", "5"],
 }
+
+
+def write_lag(folder):
+    """log.csv, a record of y_t = 0.8 y_{t-1} + u_{t-1}, and model.json, a saved model of it."""
+    u = np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 60), 4)
+    y = np.zeros(240)
+    for t in range(1, 240):
+        y[t] = 0.8 * y[t - 1] + u[t - 1]
+    rows = "".join(f"{a!r},{b!r}\n" for a, b in zip(u.tolist(), y.tolist(), strict=True))
+    (folder / "log.csv").write_text("u,y\n" + rows)
+    sysid.fit(sysid.structures.output_error(1, 1, 1), sysid.IOData(u, y, 0.1)).save(folder / "model.json")

@@ -26,6 +26,11 @@ def to_s(z: np.ndarray, Ts: float) -> np.ndarray:
         return np.log(z) / Ts
 
 
+def monic(roots: np.ndarray) -> np.ndarray:
+    """f (n,) of F = 1 + f1 z^-1 + ... with these roots (n,), complex ones in pairs; empty for none."""
+    return np.atleast_1d(np.real(np.poly(roots)))[1:]  # of no root np.poly gives a plain number
+
+
 def mirrored(f: np.ndarray) -> np.ndarray:
     """f (n,) of F = 1 + f1 z^-1 + ... with roots outside the unit circle mirrored inside; 0 if it is not finite."""
     if not len(f) or not np.all(np.isfinite(f)):
@@ -33,7 +38,7 @@ def mirrored(f: np.ndarray) -> np.ndarray:
     poles = np.roots(np.concatenate([[1.0], f])).astype(complex)
     outside = np.abs(poles) > 1.0
     poles[outside] = 1.0 / np.conj(poles[outside])
-    return np.atleast_1d(np.real(np.poly(poles)))[1:]
+    return monic(poles)
 
 
 def pairs(estimated: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

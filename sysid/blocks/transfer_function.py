@@ -6,6 +6,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.base.poles import monic
 from sysid.block.block import Block, Law, Piecewise, Slot, Symmetry
 from sysid.block.writing import Code, Writer, number
 
@@ -217,7 +218,7 @@ return y"""
         """
         fresh = theta.copy()
         poles = self.stretched(theta, rng) if rng.uniform() < 2 / 3 else _drawn(self.nf, rng)
-        fresh[self.nb : self.nb + self.nf] = np.atleast_1d(np.real(np.poly(poles)))[1:]
+        fresh[self.nb : self.nb + self.nf] = monic(poles)
         fresh[self.nb + self.nf :] = 0.0
         return fresh
 

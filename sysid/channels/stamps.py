@@ -184,11 +184,11 @@ def _is_rounded(values: np.ndarray, fresh: np.ndarray) -> bool:
     """Whether stamps repeat where their last digit is longer than a step, as those with five digits do after 1000 s."""
     step = float(np.median(np.diff(values)))
     again = np.flatnonzero(~fresh)
-    coarse = 0
-    for k in again[:: max(1, len(again) // 50)].tolist():
+    some, coarse = again[:: max(1, len(again) // 50)], 0
+    for k in some.tolist():
         around = np.diff(values[max(0, k - NEAR) : k + NEAR])
         coarse += bool(np.min(around, where=around > 0, initial=np.inf) > 1.5 * step)
-    return bool(len(again) >= NEAR and coarse > 0.5 * len(again[:: max(1, len(again) // 50)]))
+    return bool(len(again) >= NEAR and coarse > 0.5 * len(some))
 
 
 __all__ = ["Stamps", "increasing", "last_digit", "read_stamps", "unwrapped"]

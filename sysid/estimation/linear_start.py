@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sysid.base.poles import mirrored
+from sysid.base.poles import mirrored, monic
 from sysid.blocks import TransferFunction
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
@@ -79,7 +79,7 @@ def denominators(
         poles = np.roots(np.concatenate([[1.0], slow])).astype(complex)
         # A pole on the negative real axis is the alias of none; it becomes a fast one.
         poles = np.where((poles.real <= 0) & (np.abs(poles.imag) < 1e-12), 1e-3, poles)
-        found.append(np.atleast_1d(np.real(np.poly(poles ** (1.0 / thin))))[1:])
+        found.append(monic(poles ** (1.0 / thin)))
     return found
 
 

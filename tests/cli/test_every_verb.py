@@ -6,12 +6,10 @@ import re
 from functools import cache
 from typing import get_args
 
-import numpy as np
 import pytest
 import typer
-from cases import VERBS
+from cases import VERBS, write_lag
 
-import sysid
 import twin
 from twin.cli import app, main
 
@@ -25,13 +23,7 @@ SHARED = ("input", "output", "time", "params", "out", "as_json")  # one text whe
 def folder(tmp_path, monkeypatch):
     """A working folder with a record of y_t = 0.8 y_{t-1} + u_{t-1}, and a saved model of it."""
     monkeypatch.chdir(tmp_path)
-    u = np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 60), 4)
-    y = np.zeros(240)
-    for t in range(1, 240):
-        y[t] = 0.8 * y[t - 1] + u[t - 1]
-    rows = "".join(f"{a!r},{b!r}\n" for a, b in zip(u.tolist(), y.tolist(), strict=True))
-    (tmp_path / "log.csv").write_text("u,y\n" + rows)
-    sysid.fit(sysid.structures.output_error(1, 1, 1), sysid.IOData(u, y, 0.1)).save("model.json")
+    write_lag(tmp_path)
     leg().save("leg.csv")
     return tmp_path
 

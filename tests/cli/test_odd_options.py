@@ -8,12 +8,10 @@ import inspect
 import re
 from typing import get_args
 
-import numpy as np
 import pytest
 import typer
-from cases import VERBS
+from cases import VERBS, write_lag
 
-import sysid
 import twin
 from sysid.report.page import Page, write
 from twin.cli import app, main, output
@@ -46,13 +44,7 @@ def takes_a_number(verb, option):
 def place(tmp_path_factory):
     """A record of y_t = 0.8 y_{t-1} + u_{t-1}, a model of it, and a log of the leg."""
     folder = tmp_path_factory.mktemp("odd")
-    u = np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 60), 4)
-    y = np.zeros(240)
-    for t in range(1, 240):
-        y[t] = 0.8 * y[t - 1] + u[t - 1]
-    rows = "".join(f"{a!r},{b!r}\n" for a, b in zip(u.tolist(), y.tolist(), strict=True))
-    (folder / "log.csv").write_text("u,y\n" + rows)
-    sysid.fit(sysid.structures.output_error(1, 1, 1), sysid.IOData(u, y, 0.1)).save(folder / "model.json")
+    write_lag(folder)
     log = twin.Experiment("shoulder", "sweep", 8.0, 0.05, options={"half_period": 2.0}).run()
     log.save(folder / "leg.csv")
     (folder / "folder").mkdir()

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.signal import lfilter
 
-from sysid.base.poles import mirrored
+from sysid.base.poles import mirrored, monic
 from sysid.blocks import TransferFunction
 from sysid.estimation.linear_start import denominators, polished
 from sysid.estimation.portfolio.screen import Screen
@@ -132,4 +132,4 @@ def random_poles(n: int, N: int, rng: np.random.Generator) -> np.ndarray:
             poles += [radius * turn, radius / turn]
         else:
             poles.append(radius if rng.uniform() < 0.85 else -radius)
-    return np.real(np.poly(np.array(poles)))[1:] if poles else np.empty(0)
+    return monic(np.array(poles))

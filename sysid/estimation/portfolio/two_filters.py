@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
+from sysid.base.poles import monic
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.linear_start import denominators, polished
@@ -144,11 +145,7 @@ def _dealt(
     for (mine, others), (own, _) in ways:
         b = np.zeros(first.nb)
         b[: len(own) + 1] = np.real(np.poly(own)) if len(own) else 1.0
-        yield b, np.real(np.poly(mine))[1:] if len(mine) else np.empty(0), _monic(others)
-
-
-def _monic(roots: np.ndarray) -> np.ndarray:
-    return np.real(np.poly(roots))[1:] if len(roots) else np.empty(0)
+        yield b, monic(mine), monic(others)
 
 
 def picked(roots: np.ndarray, n: int) -> list[tuple[np.ndarray, np.ndarray]]:

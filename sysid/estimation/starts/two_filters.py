@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 
+from sysid.base.poles import monic
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.linear_start import output_error_start, solve_linear
@@ -62,7 +63,7 @@ def _dealt(
     u = start_maps(chain, theta, before, u, u - u.mean())
     others = [i for i in range(len(poles)) if i not in mine]
     part = np.zeros(first.n_parameters)
-    F = np.atleast_1d(np.real(np.poly(poles[list(mine)])))  # of no pole it is a number
+    F = np.concatenate([[1.0], monic(poles[list(mine)])])
     part[first.nb : first.nb + first.nf] = F[1:]
     part[0] = F.sum() if abs(F.sum()) > 1e-9 else 1.0  # gain 1, so that the map between sees the scale of u
     theta[at_first] = part
@@ -73,7 +74,7 @@ def _dealt(
         for b in (*before, *between):
             theta[chain.index(b)] = b.vary(theta[chain.index(b)], rng)
     part = np.zeros(second.n_parameters)
-    part[second.nb : second.nb + second.nf] = np.atleast_1d(np.real(np.poly(poles[others])))[1:]
+    part[second.nb : second.nb + second.nf] = monic(poles[others])
     solve_linear(second, part, x, y)
     theta[at_second] = part
     return theta
