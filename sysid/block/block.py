@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -60,6 +60,7 @@ class Block(ABC):
     """One element of a chain. A block has only structure; parameter values theta (p,) are arguments."""
 
     role: str = field(default="block", kw_only=True)
+    centred: ClassVar[bool] = False  # whether a fit takes the means off its signals, see `sysid.model.shift`
 
     @abstractmethod
     def slots(self) -> tuple[Slot, ...]:

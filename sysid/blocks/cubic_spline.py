@@ -56,6 +56,7 @@ class CubicSpline(Written, StaticBlock):
     """
 
     functions: ClassVar = {"value": value}
+    centred: ClassVar = True
 
     knots: int = 8
     monotone: bool = False

@@ -41,6 +41,7 @@ class PiecewiseLinear(Written, StaticBlock):
     """
 
     functions: ClassVar = {"value": value}
+    centred: ClassVar = True
 
     knots: int = 10
     free_knots: bool = True

@@ -28,6 +28,7 @@ class Polynomial(Map):
     """
 
     functions: ClassVar = {"value": value}
+    centred: ClassVar = True
 
     degree: int = 3
 

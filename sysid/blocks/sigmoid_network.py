@@ -29,6 +29,7 @@ class SigmoidNetwork(Map):
     """
 
     functions: ClassVar = {"value": value}
+    centred: ClassVar = True
 
     units: int = 10
 

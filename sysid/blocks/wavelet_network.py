@@ -34,6 +34,7 @@ class WaveletNetwork(Map):
     """
 
     functions: ClassVar = {"value": value}
+    centred: ClassVar = True
 
     wavelets: int = 6
     scaling: int = 3

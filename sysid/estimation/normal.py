@@ -1,5 +1,7 @@
 """Normal units: a fit takes place where input and output have a spread near 1, whatever the units of its record.
 
+Where a map can take up the mean of the signal at its end of the chain, it is taken off (`sysid.model.shift`).
+
 Searches and starts have limits and shares that suit such signals. A power of two for each signal rounds nothing, so
 that a record in other units gives the same fit: to the bit for powers of two. A unit is negative where its signal is
 the mirror image of the one that is fitted (`sysid.base.direction`), so that a record and the same one with a signal of
@@ -17,6 +19,7 @@ from sysid.data.record import IOData
 from sysid.estimation.objective import Objective
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
+from sysid.model.shift import shifted
 from sysid.model.units import rescaled
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Outcome
@@ -27,11 +30,12 @@ _LEAST = 0.55  # spread in normal units: from here to twice as much, so that pla
 
 @dataclass(frozen=True)
 class Normal:
-    """A chain and a record in normal units, and the way back: theta = M theta there, y = size y there."""
+    """A chain and a record in normal units, and the way back: theta = M theta there + m, errors = size errors there."""
 
     chain: Chain
     data: IOData
     M: np.ndarray
+    m: np.ndarray
     size: float
 
     @classmethod
@@ -51,11 +55,11 @@ class Normal:
     @classmethod
     def kept(cls, chain: Chain, data: IOData) -> "Normal":
         """The units of the record."""
-        return cls(chain, data, np.eye(len(chain.names)), 1.0)
+        return cls(chain, data, np.eye(len(chain.names)), np.zeros(len(chain.names)), 1.0)
 
     def back(self, chain: Chain, data: IOData, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
         """A problem and the end of its search as those of the chain and record in their own units."""
-        thetas = problem.thetas(outcome.p) @ self.M.T
+        thetas = problem.thetas(outcome.p) @ self.M.T + self.m
         own = replace(
             problem,
             chain=chain,
@@ -90,9 +94,12 @@ def _turned(chain: Chain, data: IOData, a: np.ndarray, b: np.ndarray) -> Normal 
     for signs in (seen * np.array(image) for image in images):
         found = rescaled(chain, a * signs[:nu], b * signs[nu:])
         if found is not None:
+            u, y = data.u / (a * signs[:nu]), data.y / (b * signs[nu:])
+            means = [float(np.mean(part)) if len(part) else 0.0 for part in observed(replace(data, y=y))]
+            law = shifted(found.chain, np.mean(u, axis=0), np.array(means))
             # Without a zero of its own sign: the image of a record is that record, also where a kernel divides.
-            there = replace(data, u=data.u / (a * signs[:nu]) + 0.0, y=data.y / (b * signs[nu:]) + 0.0)
-            return Normal(found.chain, there, found.M, float(b[0]))
+            there = replace(data, u=u - law.input + 0.0, y=y - law.output + 0.0)
+            return Normal(found.chain, there, found.M @ law.M, found.M @ law.m, float(b[0]))
     return None
 
 
