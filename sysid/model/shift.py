@@ -59,8 +59,9 @@ def _flow(block: Block, end: str, offset: float) -> np.ndarray | None:
     if not (block.centred and offset):
         return None
     base, p = block.start(np.linspace(0.0, _APART, 50)), block.n_parameters
-    moves = [_move(block, end, theta) for theta in (base, *(base + unit for unit in np.eye(p)))]
-    if any(move is None for move in moves):
+    tried = (_move(block, end, theta) for theta in (base, *(base + unit for unit in np.eye(p))))
+    moves = [move for move in tried if move is not None]
+    if not moves:
         return None
     field = np.zeros((p + 1, p + 1))
     field[:-1, :-1] = np.transpose([move - moves[0] for move in moves[1:]])
