@@ -310,8 +310,8 @@ def test_the_record_lasts_while_the_torque_is_on():
 
 
 def test_a_named_column_that_is_missing_brings_the_closest_names():
-    mapping = tuy(Clock(column="time"))
+    mapping, k = tuy(Clock(column="time")), np.arange(50)
     with pytest.raises(
         InputError, match=r"unknown column 'time' \(clock.column of the mapping\); the closest is 'tim'"
     ):
-        sample(table(tim=K, u=K, y=K), mapping)
+        sample(table(tim=k, u=k, y=k), mapping)
