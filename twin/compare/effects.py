@@ -42,7 +42,7 @@ TABLE: dict[str, Effect] = {
             ("JOINT.coulomb", "JOINT.asymmetry", "JOINT.stribeck"),
             ("JOINT.coulomb", "JOINT.asymmetry", "JOINT.stribeck"),
             "--excitation staircase --set amplitude=7,hold=0.1,steps=120,order=stairs",
-            "slow stairs start the joint often from low voltages",
+            "slow stairs that start the joint often from low voltages",
         ),
         Effect(
             "backlash",
