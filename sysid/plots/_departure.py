@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.log_axes import power
 from sysid.base.units import Quantity, number
 
 if TYPE_CHECKING:
@@ -132,6 +133,4 @@ def _ticks(low: float, high: float, bottom: float, top: float) -> tuple[list[flo
             step = max(1.0, np.ceil((last - first + 1.0) / 3.0))
             outer += [sign * 10.0**k for k in np.arange(last, first - 0.5, -step)]
     ticks = sorted([*inner, *outer])
-    return ticks, [
-        f"{t:.0e}".replace("e+0", "e").replace("e+", "e").replace("-", "−") if t in outer else f"{t:g}" for t in ticks
-    ]
+    return ticks, [power(t) for t in ticks]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from sysid.base import style
 from sysid.base.checks import checked
+from sysid.base.log_axes import log_axis
 from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.plots._shade import level_name, shade
@@ -27,8 +28,10 @@ def bode(
     for ax, band, factor in ((both[0], magnitude, gain.factor), (both[1], phase, 1.0)):
         ax.plot(band.x, band.value * factor, color=style.MODEL, label="tangent")
         shade(ax, band.x, band.lower * factor, band.upper * factor, level_name(band.level), band.note)
-    both[0].set(title="frequency response of the tangent model", ylabel=gain.label, xscale="log", yscale="log")
-    both[1].set(xlabel="frequency [rad/s]", ylabel="phase [deg]", xscale="log")
+    both[0].set(title="frequency response of the tangent model", ylabel=gain.label)
+    both[1].set(xlabel="frequency [rad/s]", ylabel="phase [deg]")
+    log_axis(both[0])
+    log_axis(both[1], "x")
     # A band that is wide at the edge of what was excited must not squeeze the curve into a line.
     size = magnitude.value[magnitude.value > 0] * gain.factor
     both[0].set_ylim(0.3 * size.min(), 3.0 * size.max())

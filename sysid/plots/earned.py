@@ -9,12 +9,14 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.checks import checked
+from sysid.base.log_axes import log_axis
 from sysid.base.style import styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Bar = tuple[str, float, bool, bool]  # name of the part, fall of BIC, kept in its round, still in the final joint
+LINEAR = 10.0  # [BIC] below which a fall is drawn to scale
 
 
 @checked(own=("axes",))
@@ -32,8 +34,8 @@ def earned(rounds: Sequence[Sequence[Bar]], margin: float, axes: Sequence[Axes] 
             ax.barh(place, fall, 0.6, color=colour, hatch=hatch, edgecolor=style.MODEL, linewidth=1.0)
         ax.axvline(0, color=style.SECOND, linewidth=0.8)
         ax.axvline(margin, color=style.INK, linewidth=0.8, linestyle="--")
-        ax.set_xscale("symlog", linthresh=10.0)
+        log_axis(ax, "x", LINEAR)
         ax.set_yticks(places, [name for name, *_ in bars])
-        ax.set(title=f"round {k + 1}", xlabel="fall of BIC")
+        ax.set(title=f"round {k + 1}", xlabel=f"fall of BIC, logarithmic beyond {LINEAR:g}")
         ax.invert_yaxis()
     return row

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.log_axes import log_axis
 from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.base.versions import versions
@@ -166,7 +167,8 @@ def steps(signals: Signals) -> list[Axes]:
         edges = np.linspace(ms.min(), ms.max(), BINS + 1)
     axes.hist(ms, bins=edges.tolist(), color=style.INPUT)
     axes.axvline(1e3 * signals.Ts, color=style.MODEL, ls="--", lw=1.0)
-    axes.set(yscale="log", xlabel="step between time stamps [ms]", ylabel="steps [number]")
+    log_axis(axes, "y")
+    axes.set(xlabel="step between time stamps [ms]", ylabel="steps [number]")
     return [axes]
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.log_axes import log_axis
 from sysid.base.style import styled
 from sysid.base.units import number, shown
 from sysid.base.versions import versions
@@ -208,6 +209,8 @@ def cost(result: Calibration) -> "Axes":
     (ax,) = style.panels(None, height=2.2)
     scored = sum(int(np.isfinite(run.y).sum()) for run in result.runs if not run.held_out)
     losses = [result.found.first / scored, *(row["loss"] for row in result.found.history)]
-    ax.semilogy(range(len(losses)), np.degrees(np.sqrt(losses)), "o-", color=style.MODEL, markersize=3)
+    ax.plot(range(len(losses)), np.degrees(np.sqrt(losses)), "o-", color=style.MODEL, markersize=3)
+    log_axis(ax, "y")
+    ax.locator_params(axis="x", integer=True)
     ax.set(xlabel="iteration", ylabel="RMS error [deg]")
     return ax

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.log_axes import log_axis
 from sysid.base.style import styled
 from sysid.data.record import IOData
 from sysid.report import zoom
@@ -122,7 +123,9 @@ def spectra(result: Comparison) -> list[Axes]:
             axes.fill_between(f, low, high, where=known, color=colour, alpha=0.18, lw=0, label=f"95 %, {name}")
             seen.append(value)
     size, turns = np.concatenate(sizes), np.concatenate(phases)
-    both[0].set(xscale="log", yscale="log", ylabel="magnitude [deg/V]", title="frequency response")
+    log_axis(both[0])
+    log_axis(both[1], "x")
+    both[0].set(ylabel="magnitude [deg/V]", title="frequency response")
     both[0].set_ylim(0.3 * size[size > 0].min(), 3.0 * size.max())
     both[1].set(xlabel="frequency [Hz]", ylabel="phase [deg]")
     both[1].set_ylim(turns.min() - 60.0, turns.max() + 60.0)
