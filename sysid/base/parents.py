@@ -53,8 +53,29 @@ def interrupts_wait() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    _trackers()
     former = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, former)
+
+
+def _trackers() -> None:
+    """Starts the two processes that keep account of what workers share, before the workers that would start them.
+
+    Up to Python 3.12 its own one lets interrupts through again as it starts. A closed terminal would end both, and what
+    they no longer know is told by tracebacks: they ignore it.
+    """
+    from multiprocessing import resource_tracker
+
+    from joblib.externals.loky.backend import resource_tracker as of_joblib
+
+    main = threading.current_thread() is threading.main_thread()
+    former = signal.signal(signal.SIGHUP, signal.SIG_IGN) if main else None
+    try:
+        resource_tracker.ensure_running()
+        of_joblib.ensure_running()
+    finally:
+        if main:
+            signal.signal(signal.SIGHUP, former)

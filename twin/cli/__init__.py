@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 
 from twin.cli import settings, streams
-from twin.cli.stopping import Stopping, at_once, caused_by
+from twin.cli.stopping import Stopping, at_once, caused_by, stay_ignored
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -38,6 +38,7 @@ def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
         from twin.cli.console import Stopped
 
         verbs = build()
+        stay_ignored()
     moving.begin()
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:

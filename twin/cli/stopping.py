@@ -9,6 +9,7 @@ are moved into place, after which the request is made again.
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
@@ -62,6 +63,14 @@ def _set(handler: Any) -> dict[int, Any]:
             if signal.getsignal(number) is not signal.SIG_IGN:
                 former[number] = signal.signal(number, handler)
     return former
+
+
+def stay_ignored() -> None:
+    """Ctrl-C that is ignored, as in the background of a script, stays so: polars takes it when it is first imported."""
+    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        import polars  # noqa: F401
+
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 class Stopping:
