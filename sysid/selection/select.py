@@ -27,9 +27,8 @@ from sysid.selection.folds import Fold, folds
 from sysid.selection.journal import Journal, writing
 from sysid.selection.judge import Effort, Job, from_journal, judge, unchanged
 from sysid.selection.space import ORDERS, Space
-from sysid.selection.table import BLOCKS, Row, Selection, ranked, settings
+from sysid.selection.table import BLOCKS, SECONDS, Row, Selection, ranked, settings
 
-SECONDS = 110.0  # of a whole search
 _SCREENED = 2000  # samples of each part in the first two rounds
 _LEADERS = 12  # candidates of round 3
 _CLIMBS = 10  # rounds around the best
@@ -78,7 +77,9 @@ def select(
         chosen, fit, notes = final_fit(rows, chosen, data, search, seed, Effort(space.starts, 200, left))
         fit.remember(chosen.candidate.scale(data))
         rows += work.untried(space.kinds, {r.candidate.name for r in rows})
-        return Selection(tuple(rows), chosen, fit, (*book.notes, *work.notes(), *notes), time.time() - work.begun)
+        notes = (*book.notes, *work.notes(), *notes)
+        path = None if journal is None else Path(journal)
+        return Selection(tuple(rows), chosen, fit, notes, time.time() - work.begun, seconds, len(work.left_out), path)
 
 
 def _rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:

@@ -1,6 +1,7 @@
 """The table of a structure search: one row a candidate, ranked, and the row that is handed over."""
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from sysid.estimation.result import Fit
 from sysid.model.recipes import Recipe
 from sysid.nlarx.result import NlarxFit
 
+SECONDS = 110.0  # of a whole search
 BLOCKS = 20  # stretches of the judged samples whose errors are compared pair by pair
 _SAME, _NEAR = 1.01, 1.1  # times the loss of the best
 _POINTS = 0.5  # of fit [%] within which a smaller candidate may replace the best
@@ -42,7 +44,8 @@ class Row:
 class Selection(Shown):
     """Ranked rows, the chosen one (the smallest of those equal to the best), and its fit to all the data.
 
-    `notes` say what the search left out, and why.
+    `notes` say what the search left out, and why: `left_out` candidates had no time in its `budget` [s]. `journal` is
+    its file, from which it goes on.
     """
 
     rows: tuple[Row, ...]
@@ -50,6 +53,9 @@ class Selection(Shown):
     fit: Fit | NlarxFit
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
+    budget: float = SECONDS
+    left_out: int = 0
+    journal: Path | None = None
 
     @property
     def best_of_each(self) -> tuple[Row, ...]:

@@ -12,9 +12,9 @@ from sysid.data.preparation import Preparation
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import advise
 from sysid.model.recipes import Several
-from sysid.selection.select import SECONDS, select
+from sysid.selection.select import select
 from sysid.selection.space import Space
-from sysid.selection.table import Selection
+from sysid.selection.table import SECONDS, Selection
 from sysid.solver.searches import TABLE as SEARCHES
 from sysid.structures import TABLE as STRUCTURES
 from sysid.workflow.advised import after

@@ -11,6 +11,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import POOR, poor
 from sysid.model.recipes import Recipe
+from sysid.selection.table import SECONDS
 from sysid.structures import ActuatedJoint, HammersteinWiener, NonlinearArx, NonlinearStateSpace, OutputError
 from sysid.workflow.evaluation import OVERFITTED, Evaluation, ample
 from sysid.workflow.extrapolation import extrapolated_signals
@@ -36,9 +37,10 @@ def next_step(result: Identification) -> NextStep | None:
     if e.joint is not None and not e.joint.joint:
         rules = (_no_joint,)
     elif e.outputs:
-        rules = (_unseen, _coverage, _nonlinear, _more_starts, _general) if again else ()
+        rules = (_budget, _unseen, _coverage, _nonlinear, _more_starts, _general) if again else ()
     elif again:
-        rules = (_unseen, _ends, _delay, _focus, _coverage, _nonlinear, _more_starts, _search_structures, _other_kind)
+        rules = (_budget, _unseen, _ends, _delay, _focus, _coverage, _nonlinear, _more_starts)
+        rules += (_search_structures, _other_kind)
     elif not e.fit.stop.converged:
         rules = (_more_starts,)
     elif e.tests is not None and not e.tests.white and not isinstance(e.setting.recipe, ActuatedJoint):
@@ -52,6 +54,15 @@ def against_the_record(e: Evaluation) -> bool:
 
 
 _Rule = Callable[[Identification], NextStep | None]
+
+
+def _budget(result: Identification) -> NextStep | None:
+    """A search for structures whose time ended before it had tried them all: it goes on from its journal."""
+    found = result.selection
+    if found is None or not found.left_out:
+        return None
+    why = f"the budget of {found.budget:g} s ended the search before {found.left_out} of its candidates"
+    return NextStep(why, command(result, seconds=3.0 * found.budget))
 
 
 def _no_joint(result: Identification) -> NextStep | None:
@@ -196,10 +207,12 @@ def command(
     starts: int | None = None,
     split: float | None = None,
     anew: bool = False,
+    seconds: float | None = None,
     **changed: Any,
 ) -> str:
     """The command that made `result`, with changes; a new `structure` uses its default orders and maps.
 
+    `seconds` are the budget of the same search over structures, which goes on from its journal.
     `changed` are settings of the current structure; with them, or `anew`, the fit does not start from a saved one.
     """
     record, s = result.record, result.evaluation.setting
@@ -222,6 +235,11 @@ def command(
         ("--seed", str(s.seed), "0"),
     ):
         words += [] if value == default else [option, value]
+    found = result.selection
+    if auto and found is not None and (seconds or found.budget) != SECONDS:
+        words += ["--seconds", f"{seconds or found.budget:g}"]
+    if seconds is not None and found is not None and found.journal is not None:
+        words += ["--resume", str(found.journal)]
     return shlex.join(words)
 
 

@@ -53,7 +53,7 @@ def said(*arguments, **options) -> list[list[str]]:
 
 
 def test_workers_are_born_deaf_to_ctrl_c_and_the_processes_beside_them_to_a_closed_terminal(tmp_path):
-    """A worker that Ctrl-C meets while it imports prints a traceback; a tracker that is gone makes others print them."""
+    """A worker that Ctrl-C meets at its import prints a traceback; what a lost tracker knew is told by tracebacks."""
     script = tmp_path / "script.py"
     script.write_text(POOL)
     lines = said(script)

@@ -1,8 +1,10 @@
 """What is said to try next after a poor fit: a command that runs, and that helps where the plant is known."""
 
+import itertools
 import json
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,12 @@ import pytest
 import scipy.signal
 
 import twin
+from sysid.diagnosis.residuals import poor
+from sysid.selection.table import Selection
+from sysid.structures import HammersteinWiener
+from sysid.workflow.evaluation import Setting
+from sysid.workflow.identification import identify_file
+from sysid.workflow.next_step import next_step
 from twin.cli import main
 
 TS = 0.1
@@ -140,3 +148,24 @@ def test_the_console_and_the_report_say_it(capsys):
         for text in (out, re.sub("<[^>]*>", "", html)):
             assert ("try: qpal identify log.csv" in text) is said
             assert ("--orders 1,1,7" in text) is said
+
+
+@pytest.mark.parametrize(("left_out", "journal"), [(0, None), (7, None), (7, "a journal.jsonl")])
+def test_a_search_that_had_no_time_for_all_goes_on_from_its_journal(left_out, journal):
+    """The fit is of a plant with end stops, poor as a Hammerstein-Wiener model; the rest of the table is made up."""
+    twin.Experiment("thigh", "sweep", 60.0, TS, 1).run().save("log.csv")
+    plain = identify_file("log.csv", Setting(HammersteinWiener(), starts=1))
+    assert poor(plain.evaluation.validation_fit, plain.evaluation.tests)
+    path = None if journal is None else Path(journal)
+    searched = Selection((), None, plain.evaluation.fit, (), 50.0, 50.0, left_out, path)
+    step = next_step(replace(plain, selection=searched))
+    words = shlex.split(step.command)
+    if not left_out:
+        assert "budget" not in step.why
+        return
+    assert "the budget of 50 s ended the search before 7 of its candidates" in step.why
+    given = dict(itertools.pairwise(words))
+    assert given["--structure"] == "auto"
+    assert float(given["--seconds"]) == 150.0
+    assert given.get("--resume") == journal
+    assert given["--starts"] == "1", "a journal belongs to its search"

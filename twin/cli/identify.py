@@ -23,7 +23,7 @@ AUTO = "auto"
 STARTS = 5
 SHARES = (0.03, 0.92, 0.05)  # of the time: reading, fitting, drawing
 ROUNDS = 6  # of a structure search, about
-SECONDS = 110.0  # `sysid.selection.select.SECONDS`, whose import would cost the help text its speed
+SECONDS = 110.0  # `sysid.selection.table.SECONDS`, whose import would cost the help text its speed
 
 
 @recipes.takes_recipes
