@@ -13,6 +13,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.looks import house_look
+from sysid.base.titles import legend_above, make_room
 from sysid.base.windows import DPI, new_figure
 
 if TYPE_CHECKING:
@@ -75,6 +76,7 @@ def png(drawn: Figure | Axes | Sequence[Axes]) -> bytes:
     with house_look():
         _shorten(figure)
         FigureCanvasAgg(figure)
+        make_room(figure)
         figure.savefig(buffer, format="png", dpi=DPI)
     return buffer.getvalue()
 
@@ -132,4 +134,4 @@ def legend(axes: Axes, **kwargs) -> None:
         name = str(artist.get_label())
         if name.startswith("_") and not _UNNAMED.match(name):  # a channel: matplotlib hides what begins so
             artist.set_label(f"\u200b{name}")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1, handlelength=1.6, **kwargs)
+    legend_above(axes, **kwargs)

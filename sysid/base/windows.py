@@ -16,6 +16,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from sysid.base.looks import house_look, load
+from sysid.base.titles import make_room
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,6 +57,7 @@ def _sheet() -> type[Figure]:
     def picture(self: Figure) -> bytes:
         buffer = io.BytesIO()
         with house_look():
+            make_room(self)
             self.savefig(buffer, format="png", dpi=DPI)  # through the canvas that it has: a window stays one
         return buffer.getvalue()
 

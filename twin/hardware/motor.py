@@ -56,7 +56,7 @@ def check_rotor(parameters: Parameters, joint: str) -> None:
     """Raises InputError if the rotor of `joint` is too light for the simulation's step."""
     one = motor(parameters, joint)
     mass, lag = one.reflected_inertia, one.inertia * one.resistance / one.constant**2
-    unit = "kg m2" if joint == "shoulder" else "kg"
+    unit = "kg m²" if joint == "shoulder" else "kg"
     if mass < LIGHTEST[joint] or lag < QUICKEST:
         raise InputError(
             f"the {joint}'s rotor weighs {mass:.2g} {unit} at the output, time constant {1e3 * lag:.2g} ms; "

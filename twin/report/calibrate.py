@@ -149,7 +149,7 @@ def overlay(run: Run) -> "list[Axes]":
     style.line(below, t, np.degrees(run.y - run.before), color=style.SECOND, linewidth=0.8)
     style.line(below, t, np.degrees(run.y - run.after), color=style.MODEL, linewidth=0.8)
     above.set(ylabel="angle [deg]", title=run.name)
-    above.legend(loc="upper right", ncols=3)
+    style.legend(above)
     below.set(xlabel="time [s]", ylabel="log less twin [deg]")
     return [above, below]
 
@@ -164,7 +164,8 @@ def correlation(result: Calibration) -> "Axes":
     """The correlation matrix with its numbers."""
     (ax,) = style.panels(None, height=4.2)
     names = [value.name.rpartition(".")[2] for value in result.values]
-    ax.imshow(result.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
+    drawn = ax.imshow(result.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
+    ax.figure.colorbar(drawn, ax=ax, label="correlation", ticks=[-1.0, -0.5, 0.0, 0.5, 1.0])
     for (i, j), r in np.ndenumerate(result.correlation):
         ax.text(j, i, f"{r:.2f}", ha="center", va="center", fontsize=7, color="white" if abs(r) > 0.6 else style.INK)
     ax.set_xticks(range(len(names)), names, rotation=40, ha="right")

@@ -230,7 +230,11 @@ def alignment_table(result: Comparison) -> Grid:
 def effect_table(verdict: Verdict) -> Grid:
     """Every effect moved alone, best first."""
     rows = [
-        (TABLE[share.effect].words, _percent(share.share), number(shown("", "rad").factor * share.rms, 3))
+        (
+            TABLE[share.effect].words,
+            "–" if verdict.chance else _percent(share.share),
+            number(shown("", "rad").factor * share.rms, 3),
+        )
         for share in verdict.alone
     ]
     return Grid(("effect, moved alone", "departure that vanishes", "RMS left [deg]"), rows)
@@ -293,10 +297,21 @@ def _regime_caption(result: Comparison) -> str:
 
 
 def _effect_caption(verdict: Verdict) -> str:
-    best = verdict.alone[0]
+    if verdict.chance:
+        return (
+            "RMS of the error that is left when one effect alone is moved to fit the log, and with nothing moved "
+            "(dashed). No effect makes it smaller by more than chance does."
+        )
+    best, longest = verdict.alone[0], max(verdict.alone, key=lambda share: share.share)
+    said = (
+        "Share of the departure that vanishes when one effect alone is moved to fit the log. Filled: the effects that "
+        f"the verdict names. The best alone is {TABLE[best.effect].words}, {_percent(best.share)}"
+    )
+    if _percent(longest.share) == _percent(best.share):
+        return f"{said}."
     return (
-        f"Share of the departure that vanishes when one effect alone is moved to fit the log. Filled: the effects that "
-        f"the verdict names. The best alone is {TABLE[best.effect].words}, {_percent(best.share)}."
+        f"{said}; {TABLE[longest.effect].words}, {_percent(longest.share)}, stands behind it because it moves more "
+        "values (BIC)."
     )
 
 

@@ -83,8 +83,18 @@ def regimes(result: Comparison) -> list[Axes]:
 
 @styled
 def effects(verdict: Verdict) -> Axes:
-    """The share that each effect explains alone, best first."""
+    """The share that each effect explains alone, best first; without a departure, the error that each one leaves."""
     (axes,) = style.panels(None, height=0.9 + 0.3 * len(verdict.alone))
+    places = np.arange(len(verdict.alone))
+    axes.set_yticks(places, [TABLE[share.effect].words for share in verdict.alone])
+    if verdict.chance:  # shares of what is not there would make bars of any length
+        left = [DEG * share.rms for share in verdict.alone]
+        axes.barh(places, left, 0.6, color="none", edgecolor=style.MODEL, linewidth=1.0, label="one effect moved")
+        axes.axvline(DEG * verdict.rms, color=style.INK, linewidth=0.9, linestyle="--", label="nothing moved")
+        axes.set(xlabel="RMS of the error that is left [deg]", title="each effect moved alone")
+        axes.invert_yaxis()
+        style.legend(axes)
+        return axes
     named = {share.effect for share in verdict.named}
     done: set[str] = set()
     for place, share in enumerate(verdict.alone):
@@ -99,7 +109,6 @@ def effects(verdict: Verdict) -> Axes:
             label=None if kind in done else kind,
         )
         done.add(kind)
-    axes.set_yticks(np.arange(len(verdict.alone)), [TABLE[share.effect].words for share in verdict.alone])
     axes.set(xlabel="departure that vanishes [%]", xlim=(0, 102), title="each effect moved alone")
     axes.invert_yaxis()
     style.legend(axes)

@@ -110,8 +110,7 @@ def _traces(found: Mapping[str, Poses], k: int) -> list[dict[str, Any]]:
             look
             | _points(apart)
             | {
-                "name": f"{side}: actuators",
-                "showlegend": False,
+                "name": f"{side}, actuators",
                 "line": {"color": style.INPUT if n == 0 else COLOURS[n], "width": 6},
                 "marker": {"size": 3, "color": style.SECOND},
                 "hoverinfo": "skip",

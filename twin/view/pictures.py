@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.style import INK, line, styled
+from sysid.base.style import INK, legend, line, styled
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import LEGS, robot
 from twin.view.replay import GHOST, Replay
@@ -120,7 +120,7 @@ def strip(replay: Replay, names: Names, count: int, traces: Traces | None = None
         axes = figure.add_subplot(grid[row, :])
         _trace(axes, replay, names, joint, times)
         if row == 1:
-            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, handlelength=1.6)
+            legend(axes)
         if row == rows:
             axes.set_xlabel("time [s]")
         else:

@@ -1,0 +1,47 @@
+"""Bars, table and caption of a verdict say the same, and shares are told only where there is a departure to share."""
+
+import numpy as np
+import pytest
+
+from twin.compare.explain import Share, Verdict
+from twin.report import compare, compare_figures
+
+SHARES = {"delay": 0.15, "backlash": 0.01, "end_stop": 1.0, "friction": 0.68}
+
+
+def verdict(shares, chance, named=()):
+    """Effects in the order of BIC, of which the later ones move more values."""
+    rms, noise = 0.0040, 0.0030
+    left = {name: np.sqrt(rms**2 - share * (rms**2 - noise**2)) for name, share in shares.items()}
+    alone = tuple(Share(name, share, left[name]) for name, share in shares.items())
+    own = tuple(share for share in alone if share.effect in named)
+    return Verdict(rms, noise, alone, own, (), chance, 60.0, 100, {})
+
+
+def widths(axes):
+    return [bar.get_width() for bar in axes.patches]
+
+
+def test_without_a_departure_bars_are_the_error_that_is_left():
+    found = verdict(SHARES, chance=True)
+    axes = compare_figures.effects(found)
+    assert axes.get_xlabel() == "RMS of the error that is left [deg]"
+    np.testing.assert_allclose(widths(axes), np.degrees([share.rms for share in found.alone]))
+    assert axes.lines[0].get_xdata()[0] == pytest.approx(np.degrees(found.rms))
+    assert {t.get_text() for t in axes.get_legend().get_texts()} == {"one effect moved", "nothing moved"}
+    caption = compare._effect_caption(found)
+    assert "%" not in caption
+    assert "by more than chance" in caption
+    assert {row[1] for row in compare.effect_table(found).rows} == {"–"}
+
+
+def test_the_caption_names_the_longest_bar_too():
+    found = verdict(SHARES, chance=False, named=("delay",))
+    assert widths(compare_figures.effects(found)) == [100 * share for share in SHARES.values()]
+    caption = compare._effect_caption(found)
+    assert "The best alone is delay, 15 %; end stops, 100 %, stands behind it because it moves more values" in caption
+
+
+def test_one_bar_that_is_best_and_longest_is_named_once():
+    caption = compare._effect_caption(verdict({"load": 0.97, "friction": 0.9}, False, ("load",)))
+    assert caption.endswith("The best alone is load, 97 %.")
