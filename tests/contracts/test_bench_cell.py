@@ -5,17 +5,23 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import scipy.signal
 
+import sysid
 from sysid.base.criteria import fit_percent
 from sysid.base.poles import pairs
 from sysid.bench import cell
 from sysid.bench.cell import Cell
+from sysid.bench.contract import Data
 from sysid.bench.method import Inside
+from sysid.bench.methods import ours
 from sysid.bench.scenarios import TABLE as FAMILIES
 from sysid.bench.task import Task, Truth
 from sysid.blocks import Saturation, TransferFunction
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
+from sysid.selection.table import BLOCKS, Row, Selection
+from sysid.structures import OutputError
 
 POLES = np.array([0.9, 0.7 + 0.2j, 0.7 - 0.2j])
 
@@ -152,3 +158,21 @@ def test_poles_that_are_no_numbers_are_left_out():
     assert row(poles=(np.nan, 0.5))["pole_error"] is None
     assert row(poles=(np.inf,))["pole_error"] is None
     assert row(poles=(0.8,))["pole_error"] == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("left", [0, 9])
+def test_a_row_of_auto_tells_that_its_budget_ended_the_search(left, monkeypatch):
+    """Two such rows may differ from machine to machine."""
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(200)
+    y = scipy.signal.lfilter([0.0, 0.4], [1.0, -0.6], u)
+    data = Data((u,), (y,), (np.zeros(200, dtype=bool),), 1.0, (1, 1, 1), 1e4, 0)
+
+    def quick(data, seconds, **_):
+        fit = sysid.fit(sysid.structures.output_error(1, 1, 1), data, starts=1)
+        none = Row(OutputError(), 99.0, 3, 1, np.zeros(BLOCKS), True)
+        return Selection((none,), none, fit, budget=seconds, left_out=left)
+
+    monkeypatch.setattr(ours, "select", quick)
+    stop = ours.auto(data).details["stop"]
+    assert (stop == "the budget of 8000 s ended the search before 9 candidates") == bool(left)

@@ -35,6 +35,7 @@ class Ours:
     data: IOData
     zero: tuple[float, float]
     chosen: str = ""  # what a search chose, in words
+    cut: str = ""  # what a search had no time for, in words
 
     def simulate(self, u: np.ndarray, y_init: np.ndarray) -> np.ndarray:
         """Free run (N,); the initial state is fitted to y_init (n,), rest without it."""
@@ -53,7 +54,7 @@ class Ours:
     @property
     def details(self) -> dict[str, Any]:
         """See `sysid.bench.contract.Model`."""
-        found: dict[str, Any] = {"stop": self.fit.stop.reason, "loss": self.fit.criteria.mse}
+        found: dict[str, Any] = {"stop": self.cut or self.fit.stop.reason, "loss": self.fit.criteria.mse}
         if isinstance(self.fit, Fit):
             found["structure"] = f"{self.chosen or self.fit.model.structure}, d {self.fit.criteria.d}"
             found["intervals"] = {"pole": _claims(self.fit, self.data)}
@@ -114,9 +115,11 @@ def auto(data: Data) -> Ours:
     raw = record(data)
     own, zero = about_means(raw)
     found = select(own, seed=data.seed, jobs=1, seconds=SHARE * data.seconds)
+    cut = f"the budget of {found.budget:g} s ended the search before {found.left_out} candidates"
+    words = str(found.chosen.candidate), cut if found.left_out else ""
     if found.chosen.candidate.zero:  # a structure whose zero means something, such as no voltage: fitted to raw
-        return Ours(found.fit, raw, (0.0, 0.0), str(found.chosen.candidate))
-    return Ours(found.fit, own, zero, str(found.chosen.candidate))
+        return Ours(found.fit, raw, (0.0, 0.0), *words)
+    return Ours(found.fit, own, zero, *words)
 
 
 METHODS = (
