@@ -90,4 +90,7 @@ def test_a_start_of_two_filters_of_which_one_has_no_pole(nf, nf2):
     found = starts(chain.scaled(data.u, data.y), data, 3, 0)
     assert len(found) == 3
     assert np.isfinite(found).all()
+    for theta in found:
+        first = theta[chain.dynamics[0][0]]
+        assert first[:2].sum() == pytest.approx(1.0 + first[2 : 2 + nf].sum()), "its gain is 1: B(1) = F(1)"
     assert sysid.fit(chain, data, starts=2).fit_percent(data) > 80.0
