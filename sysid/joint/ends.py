@@ -59,6 +59,13 @@ def variant(chain: Chain, which: str, low: float, high: float) -> Chain:
     return sub(chain, blocks, scale[which] if which in scale and _mapped(chain) else {})
 
 
+def as_given(fit: Fit) -> Ends:
+    """The end stops that the fitted joint has, without a choice."""
+    if motor_of(fit.model).stops:
+        return Ends("both", fit, {})
+    return Ends("none" if _mapped(fit.model) else "straight", fit, {})
+
+
 def chosen_ends(
     both: Fit,
     data: IOData,
@@ -78,7 +85,7 @@ def chosen_ends(
     turns, curved = "turns" in parts, "stribeck" in parts
     chain = both.model
     if not motor_of(chain).stops:
-        return Ends("none" if _mapped(chain) else "straight", both, {})
+        return as_given(both)
     low, high = _outputs(both)
     fits = {"both": both}
     for which in ENDS:

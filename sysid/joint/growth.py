@@ -15,9 +15,10 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lifted, shaken
 from sysid.estimation.result import Fit
 from sysid.estimation.starts import starts as make_starts
+from sysid.joint.clock import Clock
 from sysid.joint.coarse import coarse, factor
 from sysid.joint.ends import WORDS as ENDS_IN_WORDS
-from sysid.joint.ends import Ends, chosen_ends
+from sysid.joint.ends import Ends, as_given, chosen_ends
 from sysid.joint.nearby import SHAKES, beside, better
 from sysid.joint.parts import PARTS, is_plain
 from sysid.joint.pruning import pruned, remaining
@@ -37,6 +38,7 @@ WORDS = {name: part.words for name, part in PARTS.items()}
 _ROUNDS = 4  # at most, of the last search, as long as each lowers BIC by MARGIN
 _WAYS = 2  # starts anew, at most, to come to the same joint
 _BETTER = 1.0  # of BIC, less than which is the same optimum reached to another tolerance
+_NEARBY = "places nearby were searched"
 _LOST = 3.0  # points of fit on unseen parts that a warning speaks of
 
 
@@ -48,7 +50,7 @@ class Growth(Shown):
     `sysid.joint.ends`). `dropped` are the parts that were kept, and that the grown joint does without. `undecided`
     names parts that the record does not tell apart from a kept one. `agreed` counts independent starts that came to
     this joint; `unseen_percent` is its free-run fit [%] on parts of the record that it was not fitted to. `warnings`
-    are sentences for a report.
+    are sentences for a report; `stopped` is the one of them that says what the time left out, empty if nothing.
     """
 
     fit: Fit
@@ -60,6 +62,7 @@ class Growth(Shown):
     agreed: int = 1
     unseen_percent: float = float("nan")
     warnings: tuple[str, ...] = field(default=())
+    stopped: str = ""
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -129,6 +132,7 @@ def grow_joint(
     seed: int = 0,
     parts: Iterable[str] = tuple(PARTS),
     progress: Callable[[str], None] | None = None,
+    seconds: float = np.inf,
 ) -> Growth:
     """Fit an actuated joint to `data` and repeatedly add the part that lowers BIC most, as long as one does.
 
@@ -138,47 +142,60 @@ def grow_joint(
     of a joint without travel map, as a pendulum's). Each part starts from the current fit, must lower BIC by `MARGIN`,
     and must not do harm in free run over parts of the record that it was not fitted to. The end stops are chosen first,
     by the same rules. `plain` is the initial joint, an `actuated_joint` with a motor and without those parts or
-    backlash; search, starts, seed and progress are those of `sysid.fit`. Raises InputError for an unsuitable part or
-    plain joint, and the errors of `sysid.fit`.
+    backlash; search, starts, seed and progress are those of `sysid.fit`. After `seconds` growth ends with what it has,
+    at the least a plain joint fitted to the whole record, and `warnings` say what it left out. Raises InputError for an
+    unsuitable part or plain joint, for seconds that are not positive, and the errors of `sysid.fit`.
     """
     names = tuple(parts)
     for part in names:
         if part not in PARTS:
             raise unknown("part of a joint", part, PARTS)
+    if not seconds > 0.0:
+        raise InputError(f"seconds is {seconds:g}; give a positive number, or leave it out")
     chain = actuated_joint(play=False) if plain is None else plain
     if not is_plain(chain):
         raise InputError("grow_joint begins with a plain actuated_joint; leave Stribeck, loss, jam and play out")
     options: dict[str, Any] = {"search": search, "seed": seed, "progress": progress}
     # A motor that does not suit runs away.
     with one_blas_thread(), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        return _grown(chain.scaled(data.u, data.y), data, starts, names, options)
+        return _grown(chain.scaled(data.u, data.y), data, starts, names, options, Clock(seconds))
 
 
-def _grown(chain: Chain, data: IOData, starts: int, names: tuple[str, ...], options: dict[str, Any]) -> Growth:
-    """Ends and parts on the record in stretches, of a long one with fewer samples; then the whole record."""
+def _grown(
+    chain: Chain, data: IOData, starts: int, names: tuple[str, ...], options: dict[str, Any], clock: Clock
+) -> Growth:
+    """Ends and parts on the record in stretches, of a long one with fewer samples; then the whole record.
+
+    The plain joint and the fit to the whole record are made whatever the time, so that there is a result.
+    """
+    timed = {**options, "progress": clock.hears(options["progress"])}
     k = factor(data, chain)
     rough = coarse(data, k)
     cut, pair = in_stretches(rough, chain), unseen_folds(data)
     short = unseen_folds(cut)
-    ends = chosen_ends(_plain(chain, rough, cut, starts, options), rough, cut, short, MARGIN, options, names)
+    both = _plain(chain, rough, cut, starts, options)
+    known = (both, rough, cut, short, MARGIN, timed, names)
+    ends = clock.within("its end stops were chosen", chosen_ends, as_given(both), *known)
     # Over stretches a search seldom stops beside its optimum.
-    plain = beside(ends.fit, cut, options) if cut is rough else ends.fit
-    fit, steps, undecided = rounds(plain, cut, short, names, options)
+    plain = clock.within(_NEARBY, beside, ends.fit, ends.fit, cut, timed) if cut is rough else ends.fit
+    fit, steps, undecided = rounds(plain, cut, short, names, timed, clock)
     kept = tuple(step.part for step in steps if step.kept)
     first = float(ends.fit.criteria.bic)
     try:
         whole = _over(fit, data, k, options)
     except InputError:  # it runs away over the whole record, which stretches do not show
         whole, steps, kept = fit_chain(rated(ends.fit.model, k), data, starts=starts, **options), (), ()
-    fit, dropped = pruned(beside(whole, data, options, kept), data, kept, MARGIN, options)
+    fit = clock.within(_NEARBY, beside, whole, whole, data, timed, kept)
+    uncut: tuple[Fit, tuple[str, ...]] = fit, ()
+    fit, dropped = clock.within("parts were left out again", pruned, uncut, fit, data, kept, MARGIN, timed)
     left = remaining(kept, dropped)
     for turn in range(_ROUNDS):
-        bic, fit = fit.criteria.bic, beside(fit, data, options, left if turn else ())
+        bic, fit = fit.criteria.bic, clock.within(_NEARBY, beside, fit, fit, data, timed, left if turn else ())
         if fit.criteria.bic > bic - MARGIN:
             break
     doubts = tuple((a, b) for a, b in undecided if b not in kept and a in left)
     growth = Growth(fit, first, steps, ends=ends.which, dropped=dropped, undecided=doubts)
-    return _checked(growth, ends, data, _Rough(rough, cut, k), pair, starts, options)
+    return _checked(growth, ends, data, _Rough(rough, cut, k), pair, starts, timed, clock)
 
 
 def _plain(chain: Chain, data: IOData, cut: IOData, starts: int, options: dict[str, Any]) -> Fit:
@@ -202,15 +219,19 @@ def _checked(
     pair: tuple[Fold, ...],
     starts: int,
     options: dict[str, Any],
+    clock: Clock,
 ) -> Growth:
     """The growth with what independent starts and unseen parts say of it."""
     fit, agreed, ways = growth.fit, 1, 0
     for k in range(1, _WAYS + 1):
         ways += 1
         try:
-            other = _another(fit, ends, data, rough, starts, {**options, "seed": options["seed"] + 1000 * k})
+            again = (fit, ends, data, rough, starts, {**options, "seed": options["seed"] + 1000 * k})
+            other = clock.within("other starts confirmed it", _another, None, *again)
         except (InputError, np.linalg.LinAlgError):  # no start gives a valid model
             continue
+        if other is None:
+            break
         gap = float(other.criteria.bic - fit.criteria.bic)
         if abs(gap) <= MARGIN:
             agreed += 1
@@ -221,7 +242,7 @@ def _checked(
         if agreed > 1:
             break
     seen = free_runs(fit.model, fit.theta, pair).percent if pair else float("nan")
-    growth = replace(growth, fit=fit, agreed=agreed, unseen_percent=seen)
+    growth = replace(growth, fit=fit, agreed=agreed, unseen_percent=seen, stopped=clock.sentence())
     growth.fit.remember(data)
     return replace(growth, warnings=tuple(_warnings(growth, data, ways)))
 
@@ -241,8 +262,8 @@ def _another(fit: Fit, ends: Ends, data: IOData, rough: _Rough, starts: int, opt
 
 
 def _warnings(growth: Growth, data: IOData, ways: int) -> list[str]:
-    fit, said = growth.fit, []
-    if growth.agreed < 2:
+    fit, said = growth.fit, [growth.stopped] if growth.stopped else []
+    if growth.agreed < 2 and not growth.stopped:
         said.append(
             f"only one of {1 + ways} independent starts led to this joint, so a better one may exist; try --starts 20"
         )

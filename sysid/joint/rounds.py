@@ -7,6 +7,7 @@ import numpy as np
 
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
+from sysid.joint.clock import Clock
 from sysid.joint.nearby import searched
 from sysid.joint.parts import PARTS, more
 from sysid.joint.unseen import Unseen, free_runs, harms
@@ -38,18 +39,18 @@ class Step:
 
 
 def rounds(
-    fit: Fit, data: IOData, pair: tuple[Fold, ...], names: tuple[str, ...], options: dict[str, Any]
+    fit: Fit, data: IOData, pair: tuple[Fold, ...], names: tuple[str, ...], options: dict[str, Any], clock: Clock
 ) -> tuple[Fit, tuple[Step, ...], tuple[tuple[str, str], ...]]:
-    """The grown fit, the parts tried, and pairs (kept, other) of parts that the record does not tell apart."""
+    """The grown fit, the parts tried, and pairs (kept, other) of parts that the record does not tell apart.
+
+    A round that the clock ends does not count: parts are judged beside each other.
+    """
     steps: list[Step] = []
     undecided: list[tuple[str, str]] = []
+    nothing: dict[str, Fit] = {}
     k = 0
     while True:
-        tried: dict[str, Fit] = {}
-        for name, chain, points in more(fit, data, names):
-            other = searched(chain, points, data, options, _SCREENING)
-            if other is not None:
-                tried[name] = other
+        tried = clock.within("every part was tried", _tried, nothing, fit, data, names, options)
         earned = {name: float(fit.criteria.bic - other.criteria.bic) for name, other in tried.items()}
         best, ratios = _best(fit, tried, earned, pair)
         steps += [
@@ -60,7 +61,18 @@ def rounds(
             return fit, tuple(steps), tuple(undecided)
         undecided += [(best, name) for name in tried if _close(best, name, earned)]
         k += 1
-        fit = searched(tried[best].model, tried[best].theta[None], data, options) or tried[best]
+        last = (tried[best].model, tried[best].theta[None], data, options)
+        fit = clock.within("every part was tried", searched, None, *last) or tried[best]
+
+
+def _tried(fit: Fit, data: IOData, names: tuple[str, ...], options: dict[str, Any]) -> dict[str, Fit]:
+    """The fits with one more part, by its name."""
+    tried: dict[str, Fit] = {}
+    for name, chain, points in more(fit, data, names):
+        other = searched(chain, points, data, options, _SCREENING)
+        if other is not None:
+            tried[name] = other
+    return tried
 
 
 def _best(

@@ -23,6 +23,7 @@ from sysid.solver.covariance import covariance
 from sysid.solver.iterate import Linearisation, Options
 from sysid.solver.searches import search as make_search
 
+ITERATIONS = 100  # of each search, at most
 _FREE = 2.0  # times the least mean square of a free run, above which a start is out
 
 
@@ -47,7 +48,7 @@ def fit_nlarx(
     constant.
     """
     began = time.perf_counter()
-    options = (options or Options(max_iterations=100)).begun()
+    options = (options or Options(max_iterations=ITERATIONS)).begun()
     make_search(search)
     check_magnitudes(data)
     pieces = Piece.of(data)

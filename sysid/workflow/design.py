@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -70,14 +70,17 @@ def propose(
     sample: float | None = None,
     to_stops: bool = False,
     progress: Callable[[], None] = lambda: None,
+    heard: Callable[[str], None] | None = None,
+    seconds: float = np.inf,
     **columns: Any,
 ) -> Proposal:
     """The next experiment on the joint in the log at `path`, in samples of `sample` [s]; `columns` as in `read_record`.
 
     volts: largest input [unit of u]. strike: largest speed, in the unit of the output's column per second. `to_stops`:
-    it may run into stops that the log does not show. Raises InputError for limits that are not positive or longer
-    samples than the log's, before any fit; for a file that is no log, a log that is not a joint's, and as
-    `sysid.joint.design.design`.
+    it may run into stops that the log does not show. `progress` is called before the fit, `heard` with a text after
+    each search of it; after `seconds` the fit is stopped, as `sysid.grow_joint` says, with a note in the design. Raises
+    InputError for limits that are not positive or longer samples than the log's, before any fit; for a file that is no
+    log, a log that is not a joint's, and as `sysid.joint.design.design`.
     """
     for name, value in (("volts", volts), ("strike", strike), ("sample", sample)):
         if value is not None and not 0.0 < value < np.inf:
@@ -90,15 +93,19 @@ def propose(
     strike = None if strike is None else strike * convert(_column_unit(record)).factor
     progress()
     data = ActuatedJoint().scale(record.data)
-    growth = grow_joint(data, seed=seed)
+    growth = grow_joint(data, seed=seed, progress=heard, seconds=seconds)
     said = verdict(growth, data)
     if not said.joint:
+        early = f"{growth.stopped}; " if growth.stopped else ""
         raise InputError(
-            f"{said.sentence().rstrip('.')}, and no experiment is designed; to see the fit: qpal identify "
+            f"{early}{said.sentence().rstrip('.')}, and no experiment is designed; to see the fit: qpal identify "
             f"{shlex.quote(str(path))} --structure {ActuatedJoint.name}"
         )
     fit = growth.fit
-    return Proposal(record, fit, design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops))
+    found = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops)
+    if growth.stopped:
+        found = replace(found, notes=(growth.stopped, *found.notes))
+    return Proposal(record, fit, found)
 
 
 def _column_unit(record: Record) -> str:

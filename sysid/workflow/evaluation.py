@@ -18,7 +18,10 @@ from sysid.joint.values import JointValue, as_read, in_unit, joint_values
 from sysid.joint.verdict import Verdict, verdict
 from sysid.linear import linearize
 from sysid.nlarx.dispatch import fit as fit_model
+from sysid.nlarx.fit import ITERATIONS as NETWORK_ITERATIONS
+from sysid.nlarx.model import Nlarx
 from sysid.nlarx.result import NlarxFit
+from sysid.solver.iterate import Options
 from sysid.uncertainty import intervals
 from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import Root
@@ -167,13 +170,16 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     setting = replace(setting, search=recipe.auto if setting.search == "auto" else setting.search)
     model, start = setting.held.apply(recipe.model_of(estimation), estimation, recipe.grown)
     if recipe.grown and start is None:
-        growth = grow_joint(estimation, model, search=setting.search, **options)
+        growth = grow_joint(estimation, model, search=setting.search, seconds=setting.seconds, **options)
         gone = setting.held.missing_in(growth.fit.model)
         said = verdict(growth, estimation)
         found = evaluate_fit(setting, growth.fit, estimation, validation, physical=said.joint)
         return replace(found, growth=growth, joint=said, notes=(*found.notes, *growth.warnings, *gone))
     if start is not None:
         options["start"] = start
+    if setting.seconds < np.inf:
+        usual = NETWORK_ITERATIONS if isinstance(model, Nlarx) else Options.max_iterations
+        options["options"] = Options(max_iterations=usual, max_seconds=setting.seconds)
     try:
         fit = fit_model(model, estimation, search=setting.search, **options)
     except InputError as error:
@@ -183,7 +189,14 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
             "with what --fix and --bound hold, no start is a valid model, for example because its poles would be "
             "outside the unit circle; hold other values, hold all coefficients of a filter, or start with --from"
         ) from None
-    return evaluate_fit(setting, fit, estimation, validation)
+    found = evaluate_fit(setting, fit, estimation, validation)
+    if fit.seconds < setting.seconds:
+        return found
+    early = (
+        f"the fit was stopped after {setting.seconds:g} s with the best so far; for all of the search run it again "
+        f"with --seconds {2.0 * setting.seconds:g}, or without --seconds"
+    )
+    return replace(found, notes=(early, *found.notes))
 
 
 def evaluate_fit(

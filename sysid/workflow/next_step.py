@@ -34,6 +34,10 @@ def next_step(result: Identification) -> NextStep | None:
     e = result.evaluation
     again = poor(e.validation_fit, e.tests) or against_the_record(e)
     rules: tuple[_Rule, ...] = ()
+    if not e.fit.stop.converged or (e.growth is not None and e.growth.stopped):
+        late = _more_time(result)
+        if late is not None:  # what else may be wrong is seen after the whole search
+            return late
     if e.joint is not None and not e.joint.joint:
         rules = (_no_joint,)
     elif e.outputs:
@@ -51,6 +55,14 @@ def next_step(result: Identification) -> NextStep | None:
 def against_the_record(e: Evaluation) -> bool:
     """Whether the model's gain has the other sign than the record's."""
     return bool(gain_remarks(e.estimation, e.validation, e.validation_output, None if e.step is None else e.step.y))
+
+
+def _more_time(result: Identification) -> NextStep | None:
+    """A search with a budget of its own that ended before it was done."""
+    seconds = result.evaluation.setting.seconds
+    if result.selection is not None or not seconds < np.inf:
+        return None
+    return NextStep("the search ran out of time", f"{command(result)} --seconds {2.0 * seconds:g}")
 
 
 _Rule = Callable[[Identification], NextStep | None]

@@ -100,3 +100,26 @@ def test_the_progress_of_a_structure_search_moves_before_its_first_candidate_is_
     assert "round 1 of a search of up to 2 s" in lines[0]
     assert main([*given, "--json"]) == 2
     assert capsys.readouterr().err == "qpal: the end\n"
+
+
+def test_work_of_known_length_tells_the_time_that_is_left(monkeypatch, capsys):
+    now = [100.0]
+    monkeypatch.setattr(console.time, "monotonic", lambda: now[0])
+    known, unknown = console._Lines(200.0, known=True), console._Lines(200.0)
+    said = []
+    for gone, done in ((10.0, 2.0), (20.0, 50.0), (90.0, 10.0), (300.0, 200.0)):
+        now[0] = 100.0 + gone
+        for lines in (known, unknown):
+            lines.update(done, "12 robots")
+            lines.write()
+        said += capsys.readouterr().err.splitlines()
+    assert said == [
+        "qpal: 10 s, 1 %: 12 robots",  # too little is done to tell
+        "qpal: 10 s, 1 %: 12 robots",
+        "qpal: 20 s, 25 %: 12 robots, about 60 s left",
+        "qpal: 20 s, 25 %: 12 robots",
+        "qpal: 90 s, 5 %: 12 robots, about 28 min left",
+        "qpal: 90 s, 5 %: 12 robots",
+        "qpal: 300 s, 100 %: 12 robots, about 0 s left",
+        "qpal: 300 s, 100 %: 12 robots",
+    ]

@@ -234,6 +234,25 @@ def test_the_verb_writes_a_report_and_the_summary(tmp_path, monkeypatch, capsys)
     assert "not in this test" in (folder / "report.html").read_text(encoding="utf-8")
 
 
+def test_the_shares_of_the_progress_are_the_seconds_that_are_simulated():
+    walk, standing, robots = crawl.shares(2, 30.0, 12)
+    assert walk == pytest.approx(plan(Gait(cycles=2)).t[-1], rel=0.1)
+    assert (standing, robots) == (60.0, 12 * walk)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--steps", "4000"], "the crawl has 1000 cycles; give a whole number from 0 to 100"),
+        (["--duration", "1e9"], "standing takes 1000000000.0 s; give 1 to 3600 s"),
+        (["--robots", "1001"], "the number of other robots is 1001; give 0 to 1000"),
+    ],
+)
+def test_a_crawl_without_end_is_refused(words, said, tmp_path, capsys):
+    assert main(["crawl", *words, "--out", str(tmp_path / "walk")]) == 2
+    assert said in capsys.readouterr().err
+
+
 def test_the_verb_refuses_half_a_cycle(tmp_path, capsys):
     assert main(["crawl", "--steps", "6", "--out", str(tmp_path / "walk")]) == 2
     assert "6 steps are not a whole number of cycles" in capsys.readouterr().err

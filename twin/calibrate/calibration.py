@@ -1,7 +1,7 @@
 """Calibration of a joint of the twin from logs of the leg: values, intervals, scores, and why the search stopped."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -9,10 +9,11 @@ from scipy.stats import norm
 
 from sysid.base.errors import InputError, unknown
 from sysid.base.threads import available, one_blas_thread
+from sysid.solver.iterate import Options
 from twin.calibrate import discrepancy
 from twin.calibrate.leg import DELAY, ROWS, Leg, free, row_name, scale, usual
 from twin.calibrate.problem import Record, Simulations
-from twin.calibrate.search import Found, find
+from twin.calibrate.search import USUAL, Found, find
 from twin.calibrate.start import from_joint
 from twin.calibrate.tellable import Told, tell
 from twin.imperfections import TABLE as IMPERFECTIONS
@@ -72,7 +73,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A joint of the twin, calibrated: `parameters` is the whole twin with `values` in it."""
+    """A joint of the twin, calibrated: `parameters` is the whole twin with `values` in it; `seconds` was the budget."""
 
     joint: str
     parameters: Parameters
@@ -88,6 +89,7 @@ class Calibration:
     runs: tuple[Run, ...] = field(repr=False)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     level: float = LEVEL
+    seconds: float = np.inf
 
     def as_dict(self) -> dict[str, Any]:
         """Values, scores and provenance, ready for JSON."""
@@ -114,6 +116,8 @@ class Calibration:
 
     def next_step(self) -> str:
         """What to do about a search that did not converge; empty if it did."""
+        if self.found.late:
+            return f"Run it again with --seconds {2.0 * self.seconds:g}, or without --seconds, for all of the search."
         if self.converged:
             return ""
         return (
@@ -143,25 +147,30 @@ def calibrate(
     threads: int | None = None,
     labels: Sequence[str] | None = None,
     progress: Callable[[str], None] | None = None,
+    seconds: float = np.inf,
 ) -> Calibration:
     """Fit the twin's `joint` to `logs`, from `base` (nominal if None).
 
     `names` are the rows to free (those that records of voltage and angle usually tell, if None); rows in `fixed` are
-    known and keep their values. What the logs cannot tell is fixed too, with a sentence in `fixed`. Raises InputError
-    for unknown names, and if nothing is left to calibrate.
+    known and keep their values. What the logs cannot tell is fixed too, with a sentence in `fixed`. After `seconds` the
+    search ends with the best so far, see `reason`; intervals and free runs take their time after that. Raises
+    InputError for unknown names, for seconds that are not positive, and if nothing is left to calibrate.
     """
     say = progress or (lambda text: None)
     if joint not in JOINTS:
         raise unknown("joint", joint, JOINTS)
+    if not seconds > 0.0:
+        raise InputError(f"seconds is {seconds:g}; give a positive number, or leave it out")
     if not logs:
         raise InputError("there is no log to calibrate from; give at least one")
     base = base or Parameters()
     rows, held = chosen(joint, names, fixed, without), [row_name(joint, name) for name in fixed]
     labels = labels or [f"log {k + 1}" for k in range(len(logs) + len(held_out))]
     settings = (tuple(without), pot_side, realisation, threads or available())
+    time = Options(max_seconds=seconds).begun()
     with one_blas_thread():
         say("actuated joint as a start")
-        start = from_joint(logs, joint, base, rows, seed)
+        start = from_joint(logs, joint, base, rows, seed, time)
         say("what the logs can tell")
         others = [row for row in CONSIDERED if row not in (*rows, *held) and row not in switched_off(without)]
         first = _problem(Leg(joint, start.parameters, (*rows, *others), *settings), logs, labels)
@@ -181,7 +190,9 @@ def calibrate(
         leg = Leg(joint, begun, kept, *settings)
         task = _problem(leg, logs, labels)
         _take_over(first, J, task, begun == start.parameters)
-        found = find(task, np.random.default_rng(seed), progress=lambda k, loss: say(f"iteration {k}"))
+        limits = replace(USUAL, max_seconds=seconds, deadline=time.deadline)
+        draw = np.random.default_rng(seed)
+        found = find(task, draw, progress=lambda k, loss: say(f"iteration {k}"), options=limits)
         say("intervals")
         e, J = task.linearise(found.p)
         responses, steps = task.at(found.p), [record.Ts for record in task.records]
@@ -195,7 +206,7 @@ def calibrate(
         values = _values(task, found, cov, J, size, base, level)
         after = _as_board_sees(leg.parameters(task.values(found.p)[: len(kept)]))
         runs = _runs(Leg(joint, base, (), *settings), leg, task, found, logs, held_out, labels)
-    converged, reason = _verdict(found, e, J, cov)
+    converged, reason = _verdict(found, e, J, cov, seconds)
     cov = cov[: len(kept), : len(kept)]
     std = np.sqrt(np.diag(cov))
     return Calibration(
@@ -220,8 +231,10 @@ def calibrate(
             "fixed": held,
             "considered": unsure,
             "seed": seed,
+            "seconds": seconds if np.isfinite(seconds) else None,
         },
         level,
+        seconds,
     )
 
 
@@ -361,13 +374,18 @@ def _score(run: Run) -> Score:
     return Score(run.name, run.held_out, rms(run.before), rms(run.after), fit(run.before), fit(run.after))
 
 
-def _verdict(found: Found, e: np.ndarray, J: np.ndarray, cov: np.ndarray) -> tuple[bool, str]:
+def _verdict(found: Found, e: np.ndarray, J: np.ndarray, cov: np.ndarray, seconds: float) -> tuple[bool, str]:
     """Whether the search ended at a minimum, and why it ended.
 
     The response of a joint that trips limit switches jumps a little, so that the last steps may find no descent. That
     is good enough if what is left of the way is short beside the standard deviations.
     """
     left = float(np.max(np.abs(np.linalg.lstsq(J, e)[0]) / np.sqrt(np.diag(cov)), initial=0.0))
+    if found.late:
+        before = "other starts were followed" if found.stop.converged else "it converged"
+        step = f"the next step would be {left:.2g} standard deviations long"
+        said = f"it was stopped after {seconds:g} s, before {before}; {step}"
+        return found.stop.converged or left <= SHORT, said
     if found.stop.converged or left > SHORT:
         return found.stop.converged, found.stop.reason
     return True, f"no step lowers the error, and the next one would be at most {left:.2f} standard deviations long"

@@ -9,6 +9,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.joint.values import JointValue, joint_values
+from sysid.solver.iterate import Options
 from sysid.structures import actuated_joint
 from twin.calibrate.leg import DELAY, ROWS
 from twin.hardware.drive import drive
@@ -40,7 +41,14 @@ class Start:
     missed: tuple[str, ...] = ()
 
 
-def from_joint(logs: Sequence[Log], joint: str, base: Parameters, names: Sequence[str], seed: int = 0) -> Start:
+def from_joint(
+    logs: Sequence[Log],
+    joint: str,
+    base: Parameters,
+    names: Sequence[str],
+    seed: int = 0,
+    options: Options | None = None,
+) -> Start:
     """Start at the values of an actuated joint fitted to the logs (to the longest one if their Ts differ).
 
     Rows not in `names` keep their values, and so do those that the fitted joint does not determine. Logs of the servo
@@ -52,7 +60,7 @@ def from_joint(logs: Sequence[Log], joint: str, base: Parameters, names: Sequenc
     longest = max(data, key=lambda one: len(one.y))
     same = all(one.Ts == longest.Ts for one in data)
     record = IOData.merge(*data) if same and len(data) > 1 else longest
-    fit = fit_chain(actuated_joint(play=False), record, search="lm", starts=4, seed=seed)
+    fit = fit_chain(actuated_joint(play=False), record, search="lm", starts=4, seed=seed, options=options)
     values = joint_values(fit)
     by_name = {value.name: value for value in values}
     missed = _not_struck(data, by_name)

@@ -54,7 +54,7 @@ def run(
 
     cells = chosen.cells(tag, scenario, method, seeds, first, budget, records)
     table = Results(out)
-    with console.progress(max(len(cells), 1)) as step:
+    with console.progress(max(len(cells), 1), lines=not as_json) as step:
         try:
             count = run_cells(cells, table, workers, scheduler, lambda done, todo: step(f"{done} of {todo}"))
         except KeyboardInterrupt:

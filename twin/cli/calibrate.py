@@ -33,6 +33,7 @@ def calibrate(
     params: options.Params = None,
     map: options.Map = None,
     seed: Annotated[int, options.whole("N", "of the drawn starts")] = 0,
+    seconds: options.Budget = None,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> int:
@@ -40,6 +41,7 @@ def calibrate(
 
     They are written, with intervals, as a file for --params.
     """
+    limit = options.budget(seconds)
     from sysid.report.page import write
     from twin.calibrate.calibration import calibrate as run
     from twin.calibrate.written import write as write_parameters
@@ -47,7 +49,7 @@ def calibrate(
 
     held_out = options.names(hold_out)
     logs = {file: twin.Log.load(file, map, joint) for file in (*files, *held_out)}
-    with run_folder(out, "calibrate") as (folder, scratch), console.progress(STEPS) as step:
+    with run_folder(out, "calibrate") as (folder, scratch), console.progress(STEPS, lines=not as_json) as step:
         result = run(
             [logs[file] for file in files],
             joint,
@@ -61,6 +63,7 @@ def calibrate(
             seed=options.seed(seed),
             labels=[Path(file).name for file in (*files, *held_out)],
             progress=step,
+            seconds=limit,
         )
         target = folder / f"{joint}.toml"
         summary = {"file": str(target), **result.as_dict()}

@@ -58,7 +58,7 @@ def compare(
     from sysid.report.page import write
     from twin.report import compare as report
 
-    with run_folder(out, "compare") as (folder, scratch), console.progress(6) as step:
+    with run_folder(out, "compare") as (folder, scratch), console.progress(6, lines=not as_json) as step:
         step(f"reading {file}")
         log = twin.Log.load(file, map)
         which = _joint(file, log, joint)

@@ -106,18 +106,19 @@ class Searches:
 
 
 @contextmanager
-def progress(steps: int, shares: Sequence[float] = (), lines: bool = False) -> Iterator[Steps]:
+def progress(steps: int, shares: Sequence[float] = (), lines: bool = False, known: bool = False) -> Iterator[Steps]:
     """Receives the names of `steps` steps and shows them on a progress bar in a terminal.
 
     `shares` are the parts of the whole that the steps take, see `Steps`. `lines`: without a terminal a line tells the
-    progress now and then, so that a log or a pipe shows that a long run lives.
+    progress now and then, so that a log or a pipe shows that a long run lives. `known`: the length of the work is
+    known and `shares` are those of its time, so the time that is left is told too.
     """
     total = sum(shares) or steps
     if not sys.stderr.isatty():
         if not lines:
             yield Steps()
             return
-        written = _Lines(total)
+        written = _Lines(total, known)
         quiet = Steps(written.update, shares)
         with _every(_SLOW, quiet.tick, written.write):
             yield quiet
@@ -132,12 +133,18 @@ def progress(steps: int, shares: Sequence[float] = (), lines: bool = False) -> I
         TextColumn("{task.description}"),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=total)
-        told = Steps(lambda done, name: bar.update(task, completed=done, description=name), shares)
+        task, begun = bar.add_task("", total=total), time.monotonic()
+
+        def update(done: float, name: str) -> None:
+            left = _left(time.monotonic() - begun, done / total) if known else ""
+            bar.update(task, completed=done, description=f"{name}{left}")
+
+        told = Steps(update, shares)
         with _every((1.0,), told.tick):
             yield told
 
 
+_TELLING = 0.05  # of the work: before that it does not tell how long the rest takes
 _BUDGET = 0.97  # of a step, at the end of its budget
 _SLOW = (10.0, 30.0)  # [s] until the first line without a terminal, and between two
 
@@ -145,8 +152,9 @@ _SLOW = (10.0, 30.0)  # [s] until the first line without a terminal, and between
 class _Lines:
     """The progress as lines on standard error; a run of a few seconds says nothing."""
 
-    def __init__(self, total: float) -> None:
+    def __init__(self, total: float, known: bool = False) -> None:
         self._total, self._begun, self._share, self._name = total, time.monotonic(), 0.0, ""
+        self._known = known
 
     def update(self, done: float, name: str) -> None:
         """Keep it for the next line."""
@@ -155,7 +163,16 @@ class _Lines:
     def write(self) -> None:
         """The next line."""
         gone = time.monotonic() - self._begun
-        say(f"qpal: {gone:.0f} s, {100 * self._share:.0f} %: {self._name}")
+        left = _left(gone, self._share) if self._known else ""
+        say(f"qpal: {gone:.0f} s, {100 * self._share:.0f} %: {self._name}{left}")
+
+
+def _left(gone: float, share: float) -> str:
+    """The time left after `gone` [s], in words; nothing while too little is done to tell."""
+    if share < _TELLING:
+        return ""
+    seconds = gone * (1.0 - share) / share
+    return f", about {seconds:.0f} s left" if seconds < 120.0 else f", about {seconds / 60.0:.0f} min left"
 
 
 @contextmanager

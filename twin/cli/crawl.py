@@ -7,6 +7,8 @@ import typer
 from twin.cli import console, options
 from twin.cli.output import run_folder
 
+PICTURES, DRAWING = 450.0, 30.0  # as many seconds of one robot are simulated in that time
+
 
 def crawl(
     steps: Annotated[int, options.whole("N", "number of steps; four are one gait cycle")] = 8,
@@ -28,8 +30,10 @@ def crawl(
     from twin.view.crawl import Pictures, pictures
     from twin.view.stills import NoRenderer
 
+    shares = (*walking.shares(walking.cycles(steps), duration, robots), PICTURES, DRAWING)
+    told = console.progress(len(shares), shares, not as_json, known=True)
     gait, parameters = Gait(cycles=walking.cycles(steps)), options.parameters(params)
-    with run_folder(out, "crawl") as (folder, scratch), console.progress(walking.STEPS + 2) as step:
+    with run_folder(out, "crawl") as (folder, scratch), told as step:
         result = walking.run(gait, parameters, duration, robots, options.seed(seed), threads=0, steps=step)
         step("pictures of the robot")
         seen: Pictures | str

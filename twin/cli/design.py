@@ -10,6 +10,8 @@ from twin.cli.output import run_folder
 
 TARGETS = ("ends", "breakaway", "backlash")  # `sysid.joint.design.TARGETS`, whose import would slow the help text down
 
+SHARES = (0.05, 0.85, 0.1)  # of the time: reading, fitting and designing, drawing
+
 
 def design(
     file: options.RecordFile,
@@ -36,6 +38,7 @@ def design(
     map: options.Map = None,
     range: options.Range = None,
     seed: Annotated[int, options.whole("N", "seed of the drawn levels")] = 0,
+    seconds: options.Budget = None,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
@@ -47,11 +50,12 @@ def design(
     for name in names:
         if name not in TARGETS:
             raise InputError(f"--for has {name!r}; give some of {', '.join(TARGETS)}")
+    limit = options.budget(seconds)
     from sysid.report import design as report
     from sysid.report.page import write
     from sysid.workflow.design import propose, write_input
 
-    with run_folder(out, "design") as (folder, scratch), console.progress(3) as step:
+    with run_folder(out, "design") as (folder, scratch), console.progress(3, SHARES, not as_json) as step:
         step(f"reading {file}")
         result = propose(
             file,
@@ -62,6 +66,8 @@ def design(
             sample,
             to_stops,
             lambda: step("fitting the joint and designing"),
+            console.Searches(step),
+            limit,
             input=input,
             output=output,
             Ts=ts,

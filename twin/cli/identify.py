@@ -78,7 +78,10 @@ def identify(
     resume: Annotated[
         str | None, typer.Option(metavar="FILE", help="journal of --structure auto; a stopped search continues from it")
     ] = None,
-    seconds: Annotated[float | None, options.number("S", f"budget of --structure auto [{SECONDS:g}]")] = None,
+    seconds: Annotated[
+        float | None,
+        options.number("S", f"budget of the search, which ends with the best so far [none; auto {SECONDS:g}]"),
+    ] = None,
     scheduler: options.Scheduler = None,
     out: options.Out = None,
     as_json: options.Json = False,
@@ -165,6 +168,7 @@ def _setting(
     from sysid.workflow.setting import Setting
 
     search, starts, seed = steps
+    limit = options.budget(seconds)
     count = STARTS if starts is None else starts
     if structure == AUTO:
         recipes.none_given(settings, AUTO)
@@ -176,14 +180,13 @@ def _setting(
         journal = None if resume is None else Path(resume)
         return Auto(search, count, seed, journal, scheduler, SECONDS if seconds is None else seconds)
     given = f"--structure {structure or recipes.DEFAULT}; only --structure {AUTO}"
-    for option, value, has in (("resume", resume, "keeps a journal"), ("seconds", seconds, "has a budget")):
-        if value is not None:
-            raise InputError(f"--{option} is given with {given} {has}")
+    if resume is not None:
+        raise InputError(f"--resume is given with {given} keeps a journal")
     if scheduler is not None:
         raise InputError(f"--scheduler is given with {given} has jobs for it")
     if held.start is None:
-        return Setting(recipes.recipe(structure or recipes.DEFAULT, settings), search, count, seed, held)
+        return Setting(recipes.recipe(structure or recipes.DEFAULT, settings), search, count, seed, held, limit)
     if starts is not None:
         raise InputError("--starts and --from are given; a saved fit is the only start: leave one of the two out")
     structure = structure or held.start.model.structure
-    return Setting(recipes.recipe(structure, settings, held.start), search, 1, seed, held)
+    return Setting(recipes.recipe(structure, settings, held.start), search, 1, seed, held, limit)

@@ -82,7 +82,7 @@ def info(
         parameter_file.check_suffix(target)
     with (
         run_folder(out, "info") as (folder, scratch),
-        console.progress(2 + len(SIGNATURES) * signatures) as step,
+        console.progress(2 + len(SIGNATURES) * signatures, lines=not as_json) as step,
     ):
         inside = target is not None and target.parent.resolve() == folder.resolve()
         if target is not None and not inside:

@@ -76,7 +76,9 @@ Range = Annotated[
     str | None, typer.Option("--range", metavar="A:B", help="part of the record, in seconds after its first sample")
 ]
 
-
+Budget = Annotated[
+    float | None, number("S", "budget of the search, which then ends with the best so far; none if not given")
+]
 Scheduler = Annotated[
     str | None,
     typer.Option(
@@ -121,6 +123,15 @@ def settings(text: str) -> dict[str, float | str]:
         except ValueError:
             found[name] = value
     return found
+
+
+def budget(seconds: float | None) -> float:
+    """The seconds that a search may take; infinite where none are given."""
+    if seconds is None:
+        return math.inf
+    if not 0.0 < seconds < math.inf:
+        raise InputError(f"--seconds is {seconds:g}; give a positive number, or leave it out")
+    return seconds
 
 
 def seed(value: int) -> int:

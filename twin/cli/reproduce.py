@@ -28,7 +28,8 @@ def reproduce(
     from twin.studies import protocol
     from twin.view.stills import NoRenderer, leg_stills
 
-    with run_folder(out, "reproduce") as (folder, scratch), console.progress(protocol.steps(ablation) + 2) as step:
+    told = console.progress(protocol.steps(ablation) + 2, lines=not as_json, known=True)
+    with run_folder(out, "reproduce") as (folder, scratch), told as step:
         result = protocol.run(options.seed(seed), duration, step, ablation)
         step("3-D stills of the leg")
         stills: Stills

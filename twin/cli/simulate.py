@@ -92,7 +92,7 @@ def simulate(
 
             experiment = fit_stroke(experiment, stroke)
         what = f"{duration:g} s of {excitation}"
-    with run_folder(out, "simulate") as (folder, scratch), console.progress(2) as step:
+    with run_folder(out, "simulate") as (folder, scratch), console.progress(2, lines=not as_json) as step:
         target = Path(log) if log is not None else folder / "log.csv"
         inside = target.parent.resolve() == folder.resolve()
         formats.check_written(target)

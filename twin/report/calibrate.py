@@ -56,7 +56,7 @@ def verdict(result: Calibration) -> list[str]:
         f"The search {'converged' if result.converged else 'did not converge'} after {result.found.stop.iterations} "
         f"iterations: {result.reason}."
     ]
-    if not result.converged:
+    if result.next_step():
         said.append(result.next_step())
     if result.found.descents > 1:
         said.append(f"{result.found.agreed} of {result.found.descents} starts led to this place.")

@@ -18,7 +18,7 @@ from twin.robot.shaping import shaped
 from twin.robot.statics import stability_margin
 from twin.robot.walk import Walk, drive
 
-STEPS = 3  # of `run`, for a progress bar: crawl, standing, other robots
+CYCLE = 17.7  # [s] of the usual gait
 SPREAD = 0.2  # largest relative difference of a drawn robot's friction and masses from nominal
 DRAWN = ("coulomb", "viscous", "load_friction", "stribeck", "mass")  # suffixes of the names of drawn parameters
 FALLEN = np.deg2rad(15.0)  # [rad] of tilt
@@ -174,7 +174,7 @@ def run(
     (walk,) = drive([parameters], references, made.Ts, made.torso[0], [seed], heard=_part(steps, "crawl"))
     measures = measure(made, walk)
     steps("standing, with power and without")
-    stood = stand(gait, parameters, standing, seed)
+    stood = stand(gait, parameters, standing, seed, heard=_part(steps, "standing"))
     steps("robots of other friction and mass")
     changes = [draw(parameters, rng) for rng in np.random.default_rng(seed).spawn(draws)]
     trials: list[Trial] = []
@@ -187,6 +187,11 @@ def run(
             found = measure(made, each)
             trials.append(Trial(change, found, fault(made, found)))
     return Crawl(made, walk, measures, fault(made, measures), stood, tuple(trials), seed)
+
+
+def shares(cycles: int, standing: float, draws: int) -> tuple[float, ...]:
+    """Of the steps of `run`: about as many seconds as each simulates of one robot in the usual gait."""
+    return CYCLE * cycles, 2.0 * standing, CYCLE * cycles * draws
 
 
 @checked(late=True)
@@ -215,11 +220,24 @@ def draw(parameters: Parameters, rng: np.random.Generator) -> dict[str, float]:
 
 
 @checked(late=True)
-def stand(gait: Gait, parameters: Parameters, seconds: float, seed: int = 1) -> Standing:
-    """The stance in which a crawl starts, held for `seconds` [s] by the servos, and then without any voltage."""
+def stand(
+    gait: Gait,
+    parameters: Parameters,
+    seconds: float,
+    seed: int = 1,
+    heard: Callable[[float], None] = lambda done: None,
+) -> Standing:
+    """The stance in which a crawl starts, held for `seconds` [s] by the servos, and then without any voltage.
+
+    `heard` receives the completed share, 0 to 1.
+    """
     still = plan(Gait(**(vars(gait) | {"cycles": 0})), parameters)
     held = np.repeat(still.angles[:1], round(seconds / gait.Ts), axis=0)
-    on, off = (drive([parameters], held, gait.Ts, still.torso[0], [seed], power=power)[0] for power in (True, False))
+    halves = (lambda done: heard(done / 2.0), lambda done: heard((1.0 + done) / 2.0))
+    on, off = (
+        drive([parameters], held, gait.Ts, still.torso[0], [seed], power=power, heard=half)[0]
+        for power, half in zip((True, False), halves, strict=True)
+    )
     return Standing(
         seconds,
         _sink(on),
