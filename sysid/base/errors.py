@@ -15,9 +15,15 @@ class InputError(ValueError):
         super().__init__(*(_readable(s) if isinstance(s, str) else s for s in said))
 
 
+def printable(text: str) -> str:
+    """The text with what steers a terminal written as \\x1b."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in BLANKS else ascii(c)[1:-1] for c in text)
+
+
 def _readable(text: str) -> str:
-    if not text.isprintable():
-        text = "".join(c if c.isprintable() or c in BLANKS else ascii(c)[1:-1] for c in text)
+    text = printable(text)
     text = re.sub(rf"\S{{{WORD},}}", lambda word: f"{word[0][:200]}...{word[0][-200:]}", text)
     return text if len(text) <= TEXT else f"{text[: TEXT // 2]} ... {text[-TEXT // 2 :]}"
 

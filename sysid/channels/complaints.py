@@ -22,6 +22,7 @@ class MappingError(InputError):
         super().__init__(f"{place}: {said}" if place else said)
 
 
+_ONCE = (("clock",), ("repair",), ("range",))
 _KINDS = {
     "float": "a number",
     "int": "a whole number",
@@ -39,7 +40,9 @@ def complaint(error: ValidationError, kind: type[BaseModel]) -> tuple[Where, str
     name = next((str(part) for part in reversed(where) if isinstance(part, str)), "")
     if what == "extra_forbidden":
         allowed = list(_model(kind, where[:-1]).model_fields)
-        return where, f"unknown entry {last!r}; {closest(str(last), allowed)}"
+        return where, f"unknown entry {brief(str(last))!r}; {closest(str(last), allowed)}"
+    if what == "missing" and isinstance(last, int):
+        return where[:-1], f"{name} has {last} number(s); give {_KINDS['tuple']}"
     if what == "missing":
         return where[:-1], f"{last} is missing; add {last} = ..."
     if what == "value_error":
@@ -55,8 +58,16 @@ def complaint(error: ValidationError, kind: type[BaseModel]) -> tuple[Where, str
         return where, f"{name} is {shown(found)}; give {_KINDS['tuple']}"
     if what == "tuple_type" and len(where) == 1:
         return where, f"found one table [{name}]; write [[{name}]], since there may be several"
+    if what.startswith("model") and where in _ONCE and isinstance(found, list):
+        return where, f"found tables [[{name}]]; write [{name}], since there is one"
     kinds = next((words for key, words in _KINDS.items() if what.startswith(key)), "another value")
     return where, f"{name} is {shown(found)}; give {kinds}"
+
+
+def one_of(choices: Sequence[Any]) -> str:
+    """The allowed values as pydantic lists them."""
+    texts = [f'"{each}"' if isinstance(each, str) else str(each) for each in choices]
+    return f"{', '.join(texts[:-1])} or {texts[-1]}"
 
 
 def closest(name: str, allowed: Sequence[str]) -> str:

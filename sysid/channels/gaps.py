@@ -3,7 +3,7 @@
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.channels.grid import Grid
+from sysid.channels.grid import LONG, Grid
 from sysid.channels.mapping import ChannelMap
 from sysid.channels.stamps import Stamps
 from sysid.data.table import Table
@@ -25,8 +25,15 @@ def check_gaps(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid) ->
 
 
 def _gap_error(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid, gap: int, said: str) -> InputError:
-    k = int(grid.gaps[gap, 0])
+    k, repair = int(grid.gaps[gap, 0]), mapping.repair
     step = stamps.t[k + 1] - stamps.t[k]
+    asked = mapping.clock.Ts
+    if asked is not None and asked < grid.median / LONG:
+        least = grid.median / (repair.longest_gap + 1)
+        return InputError(
+            f"{table.path}: Ts of [clock] is {asked:g} s and most steps of column {mapping.clock.column!r} are "
+            f"{grid.median:.4g} s, and {said}; give Ts of at least {least:.4g} s, or leave it out"
+        )
     tolerance = f" (within {mapping.repair.jitter:.0%})" if grid.index is not None else ""
     return table.error(
         table.names.index(mapping.clock.column),

@@ -1,14 +1,16 @@
 """ChannelMap: which columns of a file are time, input and output, in what units, and what is done about gaps."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from sysid.base.errors import InputError
-from sysid.channels.complaints import MappingError, complaint
+from sysid.base.limits import SECONDS, SIZE
+from sysid.channels.complaints import MappingError, complaint, one_of, shown
 from sysid.channels.units import seconds
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-SIZE, le=SIZE)]
+SHORTEST = 1e-12  # [s] a sampling time; no converter is as fast
 Whole = Annotated[int, Field(strict=True)]
 Text = Annotated[str, Field(strict=True)]
 Pair = tuple[Number, Number]
@@ -27,6 +29,16 @@ class _Part(BaseModel):
         except ValidationError as error:
             raise MappingError(*complaint(error, type(self))) from None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _no_truth_for_a_choice(cls, values: Any) -> Any:
+        """True equals 1, and Literal takes it for that."""
+        for name, value in values.items() if isinstance(values, dict) else ():
+            field = cls.model_fields.get(name)
+            if isinstance(value, bool) and field is not None and get_origin(field.annotation) is Literal:
+                raise MappingError((name,), f"{name} is {shown(value)}; give {one_of(get_args(field.annotation))}")
+        return values
+
 
 class Clock(_Part):
     """Where the time of a sample comes from: a column of stamps, or Ts alone."""
@@ -34,7 +46,7 @@ class Clock(_Part):
     column: Text = Field(default="", description='column of the time stamps; "" if there is none, then Ts is needed')
     unit: Text = Field(default="s", description="unit of the stamps: s, ms, us, ns, min, h")
     wrap: Bits = Field(default=0, description="bits after which the counter starts again at 0: 8, 16, 24, 32; 0: never")
-    Ts: Annotated[Number, Field(gt=0)] | None = Field(
+    Ts: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=SHORTEST, le=SECONDS)] | None = Field(
         default=None, description="[s] sampling time of the record; left out: that of the stamps"
     )
 
@@ -43,7 +55,7 @@ class Clock(_Part):
         try:
             seconds(self.unit)
         except InputError as error:
-            raise MappingError(("unit",), f"unit is {error}") from None
+            raise MappingError(("unit",), f"unit {error}") from None
         if not self.column and self.wrap:
             raise InputError(f"wrap is {self.wrap} and there is no column; name the column of the stamps")
         return self
@@ -105,6 +117,10 @@ class Channel(_Part):
     def _makes_sense(self) -> Self:
         if self.scale == 0:
             raise InputError("scale is 0, which makes a constant of the channel; give the value of one unit")
+        if self.times and self.times == self.column:
+            raise MappingError(
+                ("times",), f"times is {shown(self.times)}, the column itself; name another one, or leave times out"
+            )
         return self
 
 

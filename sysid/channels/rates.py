@@ -1,13 +1,28 @@
 """A record at the sampling time that its mapping asks for: through a filter where it becomes longer."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from sysid.base.errors import InputError
+from sysid.base.limits import SAMPLES
 from sysid.channels.mapping import ROLES
 from sysid.channels.signals import Signal, Signals
 from sysid.data.record import IOData
 from sysid.data.resampling import resample
+
+FINER = 1000  # times as many samples as stamps, at most: what is made between them tells nothing
+
+
+def check_size(path: Path, N: float, stamps: int, Ts: float) -> None:
+    """Raises InputError, before the memory is taken, for N samples every `Ts` [s] made of far fewer `stamps`."""
+    most = min(SAMPLES, FINER * stamps)
+    if max(most, stamps) < N:
+        raise InputError(
+            f"{path}: {stamps:,} stamps would become {N:,.0f} samples, one every {Ts:g} s, and at most {most:,} are "
+            "made of them; give a longer Ts in [clock] of the mapping, or keep a part without the gap with --range"
+        )
 
 
 def at(record: Signals, Ts: float | None) -> Signals:
@@ -23,6 +38,7 @@ def at(record: Signals, Ts: float | None) -> Signals:
 
 def _refined(record: Signals, Ts: float) -> Signals:
     """The record on another grid: inputs held, others by straight lines."""
+    check_size(record.path, record.N * record.Ts / Ts, record.N, Ts)
     N = int((record.N - 1) * record.Ts / Ts * (1.0 + 1e-12) + 1e-6) + 1
     at = np.arange(N) * Ts
     before = np.minimum((at / record.Ts * (1.0 + 1e-12) + 1e-6).astype(int), record.N - 1)

@@ -4,14 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, printable
 from sysid.channels.contradictions import with_header_units
 from sysid.channels.cut import cut, kept
 from sysid.channels.gaps import check_gaps
 from sysid.channels.grid import LONG, Grid, find_grid
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Range
-from sysid.channels.names import label
-from sysid.channels.rates import at
+from sysid.channels.named import check_mapping, names_of
+from sysid.channels.rates import at, check_size
 from sysid.channels.signals import Sampling, Signal, Signals
 from sysid.channels.stamps import Stamps, read_stamps, taken
 from sysid.channels.values import channel_values, numbers
@@ -34,7 +34,7 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
 
     Raises InputError that names file, row and column for what the mapping's repairs do not cover.
     """
-    _check_mapping(table, mapping)
+    check_mapping(table, mapping)
     mapping, said = with_header_units(table, mapping)
     notes = (*notes, *said)
     if mapping.range != Range():
@@ -55,13 +55,15 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     rows = _rows(table, mapping, len(whole[0]))
     counts = _counts(rows) | {"ends": ends}
     signals: dict[str, list[Signal]] = {role: [] for role in ROLES}
-    for (role, channel, _), (values, unit) in zip(channels, found, strict=True):
+    names, said = names_of(channels)
+    notes = (*notes, *said)
+    for (role, channel, entry), (values, unit) in zip(channels, found, strict=True):
         held = channel.between == "held" or (channel.between == "" and role == "input")
         gathered = _gathered(values, rows, mapping)
         counts["empty cells"] += int(np.isnan(gathered).sum())
         longest = rows.grid.N if missing and role == "output" else mapping.repair.longest_gap
         placed, marks = _placed(table, rows, channel, gathered, held, longest)
-        signals[role].append(Signal(label(channel, role), channel.column, unit.unit, placed, marks))
+        signals[role].append(Signal(names[entry], channel.column, printable(unit.unit), placed, marks))
     record = Signals(
         table.path,
         mapping,
@@ -82,29 +84,6 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
 
 def _entry(mapping: ChannelMap, role: str, k: int) -> str:
     return f"{role} {k + 1}" if len(getattr(mapping, role)) > 1 else role
-
-
-def _check_mapping(table: Table, mapping: ChannelMap) -> None:
-    for column, entry in mapping.columns().items():
-        if column not in table.names:
-            numbers(table, column, entry)  # which says what is like it
-    if not any(getattr(mapping, role) for role in ROLES):
-        raise InputError(f"{table.path}: the mapping has no channel; add a table [[input]] and one [[output]]")
-    for role in ROLES:
-        for channel in getattr(mapping, role):
-            if not channel.column:
-                raise InputError(
-                    f"{table.path}: the mapping names no column of the {role}; set column of [[{role}]] to one of "
-                    f"{', '.join(table.names)}"
-                )
-    both = {c.column for c in mapping.input} & {c.column for c in mapping.output}
-    if both:
-        raise InputError(f"{table.path}: column {both.pop()!r} is given as input and as output; name two columns")
-    if not mapping.clock.column and mapping.clock.Ts is None:
-        raise InputError(
-            f"{table.path}: no sampling time is given; give it with --ts SECONDS or name a time column with --time "
-            "(in a mapping: Ts or column of [clock])"
-        )
 
 
 def _check_lengths(table: Table, names: list[str], columns: list[np.ndarray]) -> None:
@@ -149,6 +128,7 @@ def _rows(table: Table, mapping: ChannelMap, n: int) -> _Rows:
             "rounding; give the sampling time with --ts instead, or in [clock] of a mapping without a column"
         )
     check_gaps(table, mapping, stamps, grid)
+    check_size(table.path, grid.N, n, grid.Ts)
     return _Rows(stamps, grid, stamps.rows)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.channels.complaints import closest
+from sysid.channels.complaints import brief, closest
 from sysid.channels.mapping import Channel
 from sysid.channels.units import COUNTS, Conversion, convert
 from sysid.data.table import LARGEST, Table, Texts, is_number
@@ -19,7 +19,7 @@ def numbers(table: Table, name: str, entry: str = "", fill: bool = False) -> np.
     """
     if name not in table.names:
         where = f" ({entry} of the mapping)" if entry else ""
-        raise InputError(f"{table.path}: unknown column {name!r}{where}; {closest(name, table.names)}")
+        raise InputError(f"{table.path}: unknown column {brief(name)!r}{where}; {closest(name, table.names)}")
     cells = table.columns[table.names.index(name)]
     if isinstance(cells, np.ndarray) and cells.dtype == np.float64 and len(cells):
         low, high = cells.min(), cells.max()  # nan if one is
@@ -60,6 +60,26 @@ def channel_values(table: Table, channel: Channel, entry: str, fill: bool) -> tu
     x = numbers(table, channel.column, f"{entry}.column", fill)
     if channel.signed:
         x = _signed(table, channel, x)
+    unit = convert(channel.unit)
+    if not is_calibrated(channel) and channel.sign * unit.factor == 1.0:
+        return x, unit
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        values = _calibrated(table, channel, entry, x, fill) * (channel.sign * unit.factor)
+    lost = np.isinf(values) | (np.isnan(values) & np.isfinite(x))
+    if channel.times and lost.any():
+        lost &= np.isfinite(numbers(table, channel.times, f"{entry}.times", fill))
+    if lost.any():
+        k = int(np.argmax(lost))
+        raise table.error(
+            table.names.index(channel.column),
+            k,
+            f"found {x[k]:g}, of which adc, times, scale and offset of the mapping make {values[k]:g}; correct them",
+        )
+    return values, unit
+
+
+def _calibrated(table: Table, channel: Channel, entry: str, x: np.ndarray, fill: bool) -> np.ndarray:
+    """scale x + offset (n,), with x through the adc's line, times another column."""
     if channel.adc is not None:
         low, high, first, second = channel.adc.line()
         if channel.adc.bits is not None:
@@ -69,11 +89,7 @@ def channel_values(table: Table, channel: Channel, entry: str, fill: bool) -> tu
         x = x * numbers(table, channel.times, f"{entry}.times", fill)
     if channel.scale != 1.0:
         x = channel.scale * x
-    if channel.offset:
-        x = x + channel.offset
-    unit = convert(channel.unit)
-    factor = channel.sign * unit.factor
-    return (x if factor == 1.0 else x * factor), unit
+    return x + channel.offset if channel.offset else x
 
 
 def is_calibrated(channel: Channel) -> bool:

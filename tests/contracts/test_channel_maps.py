@@ -108,7 +108,7 @@ BAD = {
     "unit of the clock": ('[clock]\nunit = "V"\n', ["line 2, table [clock]", "'V'", "ms"]),
     "wrap": ('[clock]\ncolumn = "t"\nwrap = 10\n', ["line 3", "wrap is 10", "16"]),
     "wrap without a column": ("[clock]\nwrap = 16\n", ["table [clock]", "wrap is 16", "name the column"]),
-    "Ts": ("[clock]\nTs = 0\n", ["line 2", "Ts is 0", "above 0"]),
+    "Ts": ("[clock]\nTs = 0\n", ["line 2", "Ts is 0", "at least 1e-12"]),
     "Ts text": ('[clock]\nTs = "10 ms"\n', ["line 2", "'10 ms'", "a number"]),
     "one bracket": ('[input]\ncolumn = "u"\n', ["line 1", "[[input]]"]),
     "no column": ('[[input]]\nunit = "V"\n', ["line 1, table [input]", "column is missing"]),
@@ -142,6 +142,26 @@ BAD = {
     "range": ("[range]\nstart = 3\nstop = 2\n", ["table [range]", "start is 3 s", "before the stop"]),
     "empty": ("\n", ["is empty", "--write-map"]),
     "bytes": (b"[clock]\n# \xff\n", ["line 2", "UTF-8"]),
+    "Ts of no converter": ("[clock]\nTs = 5e-324\n", ["line 2", "Ts is 5e-324", "at least 1e-12"]),
+    "Ts beyond years": ("[clock]\nTs = 1e300\n", ["line 2", "Ts is 1e+300", "at most 1e+12"]),
+    "several clocks": ('[[clock]]\ncolumn = "t"\n', ["line 1", "[[clock]]", "write [clock]"]),
+    "true for 1": ('[[input]]\ncolumn = "u"\nsign = true\n', ["line 3, table [input]", "sign is True", "give 1 or -1"]),
+    "false for 0": ('[clock]\ncolumn = "t"\nwrap = false\n', ["line 3", "wrap is False", "give 0, 8, 16, 24 or 32"]),
+    "scale beyond numbers": (
+        '[[input]]\ncolumn = "u"\nscale = 1e308\n',
+        ["line 3", "scale is 1e+308", "at most 1e+151"],
+    ),
+    "adc beyond numbers": (
+        '[[output]]\ncolumn = "y"\nadc = {counts = [-1e308, 1e308], value = [0, 1]}\n',
+        ["line 3", "counts is -1e+308", "at least -1e+151"],
+    ),
+    "adc of one value": (
+        '[[output]]\ncolumn = "y"\nadc = {bits = 10, value = [1]}\n',
+        ["line 3", "value has 1 number(s)", "two numbers"],
+    ),
+    "adc list": ('[[output]]\ncolumn = "y"\nadc = [{bits = 10, value = [0, 1]}]\n', ["line 3", "adc is", "a table"]),
+    "times itself": ('[[input]]\ncolumn = "u"\ntimes = "u"\n', ["line 3", "times is 'u'", "the column itself"]),
+    "long": ("[clock]\n" + 5000 * "a" + " = 3\n", ["line 2", "unknown entry 'aaa", "aaa...'; choose one of"]),
     "deep": ("a = " + 3000 * "[", ["rig.toml"]),
 }
 
@@ -194,3 +214,97 @@ def test_a_mapping_without_its_channels(tmp_path):
             sample(table, mapping)
     with pytest.raises(InputError, match="the mapping has no output"):
         sample(table, ChannelMap(clock=Clock(column="t"), input=(u,))).io()
+
+
+STEPS = np.array([0.0, 1.0, 3.0, 2.0, 5.0, 4.0, 7.0, 6.0, 9.0, 8.0])
+
+
+def table(tmp_path, t=None, **more):
+    columns = {"t": np.arange(10) * 0.01 if t is None else t, "u": STEPS, "y": STEPS[::-1].copy(), **more}
+    return Table(tmp_path / "a.csv", tuple(columns), tuple(columns.values()), (range(1, 11),) * len(columns))
+
+
+def mapped(**changed):
+    parts = {"clock": Clock(column="t"), "input": (Channel(column="u"),), "output": (Channel(column="y"),)}
+    return ChannelMap(**parts | changed)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (
+            {"input": (Channel(column="u"), Channel(column="u", scale=2.0))},
+            "column 'u' is given twice as input; name two",
+        ),
+        ({"output": (Channel(column="y"), Channel(column="y"))}, "column 'y' is given twice as output; name two"),
+        ({"output": (Channel(column="u"),)}, "column 'u' is given as input and as output; name two"),
+        ({"input": (Channel(column="t"),)}, "column 't' is given as the clock and as input; name two"),
+        ({"input": (Channel(column="u", times="t"),)}, "times of the mapping is the clock 't'; name another"),
+        ({"range": Range(active="t")}, r"active of \[range\] is the clock 't'; name another"),
+    ],
+)
+def test_a_column_is_one_thing(changed, said, tmp_path):
+    with pytest.raises(InputError, match=said):
+        sample(table(tmp_path), mapped(**changed))
+    aside = mapped(other=(Channel(column="u"), Channel(column="u", scale=2.0)))  # kept beside the record, for looking
+    assert np.array_equal(sample(table(tmp_path), aside).other[1].values, 2.0 * STEPS)
+
+
+def test_channels_of_one_name_are_told_by_column(tmp_path):
+    twins = mapped(input=(Channel(column="u", name="a"),), output=(Channel(column="y", name="a"),))
+    record = sample(table(tmp_path), twins)
+    assert [record.input[0].name, record.output[0].name] == ["u", "y"]
+    assert "2 channels have the name 'a'; they are told by column" in record.notes
+    units = mapped(input=(Channel(column="u [V]"), Channel(column="u [A]")))
+    record = sample(table(tmp_path, **{"u [V]": STEPS, "u [A]": STEPS**2}), units)
+    assert [signal.name for signal in record.input] == ["u [V]", "u [A]"]
+
+
+def test_no_name_and_no_unit_steers_a_terminal(tmp_path):
+    odd = mapped(input=(Channel(column="u", name="a\x1b[31m", unit="\x1b]0;x\x07"),))
+    (signal,) = sample(table(tmp_path), odd).input
+    assert (signal.name, signal.unit) == (r"a\x1b[31m", r"\x1b]0;x\x07")
+
+
+@pytest.mark.parametrize(
+    "channel",
+    [
+        {"adc": {"counts": [0, 1e-320], "value": [0, 1]}},
+        {"times": "v", "scale": 1e151},
+    ],
+)
+def test_a_calibration_that_makes_no_number_is_told_with_its_row(channel, tmp_path):
+    vast = table(tmp_path, v=np.full(10, 1e99), u=1e99 * STEPS)
+    with pytest.raises(
+        InputError, match=r"row \d+, column 'u': found .*, of which adc, times, scale .* make (inf|nan)"
+    ):
+        sample(vast, mapped(input=(Channel(column="u", **channel),)))
+
+
+def test_empty_cells_of_either_column_are_no_fault_of_the_calibration(tmp_path):
+    holed, supply = STEPS.copy(), np.full(10, 2.0)
+    holed[3], supply[6] = np.nan, np.nan
+    scaled = mapped(input=(Channel(column="u", times="v", scale=3.0),), repair=Repair(empty="fill", most_lost=0.5))
+    record = sample(table(tmp_path, u=holed, v=supply), scaled)
+    assert record.counts["empty cells"] == 2
+    assert record.input[0].values[9] == 6.0 * STEPS[9]
+
+
+def test_a_sampling_time_far_below_that_of_the_stamps_is_told_as_such(tmp_path):
+    with pytest.raises(InputError, match=r"Ts of \[clock\] is 0.001 s and most steps of column 't' are 0.01 s, and"):
+        sample(table(tmp_path), mapped(clock=Clock(column="t", Ts=0.001)))
+
+
+@pytest.mark.parametrize(
+    ("clock", "last", "samples"),
+    [(Clock(column="t", Ts=1e-9), 0.09, "90,000,001"), (Clock(column="t"), 1e9, "100,000,000,001")],
+)
+def test_no_memory_is_taken_for_samples_that_nobody_recorded(clock, last, samples, tmp_path):
+    t = np.append(np.arange(9) * 0.01, last)
+    repair = Repair(longest_gap=10**15, most_lost=1.0, jitter=0.49)
+    with pytest.raises(InputError, match=rf"10 stamps would become {samples} samples, .* at most 10,000 "):
+        sample(table(tmp_path, t), mapped(clock=clock, repair=repair))
+    fine = Clock(column="t", Ts=1e-12)
+    jittered = np.arange(10) * 0.01 + 1e-5 * np.sin(np.arange(10.0))
+    with pytest.raises(InputError, match=r"stamps would become .* samples"):
+        sample(table(tmp_path, jittered), mapped(clock=fine, repair=repair))
