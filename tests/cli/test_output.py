@@ -1,6 +1,7 @@
 """Every run has a folder of its own, also among runs that begin in the same second."""
 
 import json
+import os
 import subprocess
 import sys
 from datetime import datetime
@@ -122,3 +123,81 @@ def test_the_current_folder_can_be_written_to(out, tmp_path, monkeypatch):
         (scratch / "summary.json").touch()
     assert [path.name for path in (tmp_path / "here").iterdir()] == ["summary.json"]
     assert [path.name for path in tmp_path.iterdir()] == ["here"]
+
+
+def test_files_that_no_run_had_made_are_named_when_they_are_replaced(tmp_path, monkeypatch, capsys):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "summary.json").write_text('{"a": 1}')
+    (tmp_path / "mine" / "notes.txt").write_text("kept")
+    monkeypatch.chdir(tmp_path / "mine")
+
+    def run(*names):
+        with run_folder(".", "info") as (_, scratch):
+            (scratch / "summary.json").write_text('{"versions": {"qpal": "1"}}')
+            for name in names:
+                (scratch / name).write_text("new")
+        return capsys.readouterr().err
+
+    assert run().endswith("mine: summary.json\n")
+    assert run() == ""  # a former run made it
+    Path("summary.json").write_text("[" * 100_000)
+    said = run(*(f"{k}.png" for k in range(4)))
+    assert "files of the same name were replaced in" in said
+    Path("summary.json").unlink()
+    assert run(*(f"{k}.png" for k in range(9))).endswith(": 0.png, 1.png, 2.png, 3.png\n")
+    Path("summary.json").unlink()
+    assert run(*(f"{k}.png" for k in range(9))).endswith(": 0.png, 1.png, 2.png, 3.png, 4.png and 4 more\n")
+    assert Path("notes.txt").read_text() == "kept"
+
+
+def test_a_link_to_a_folder_is_written_to_as_that_folder(tmp_path):
+    """The scratch folder lies beside the folder itself: a link may lead to another disk."""
+    (tmp_path / "real" / "out").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "real" / "out")
+    with run_folder(str(tmp_path / "link"), "info") as (folder, scratch):
+        assert scratch.parent == tmp_path / "real"
+        (scratch / "report.html").touch()
+    assert folder == tmp_path / "link"
+    assert [path.name for path in (tmp_path / "real" / "out").iterdir()] == ["report.html"]
+    assert (tmp_path / "link").is_symlink()
+    (tmp_path / "astray").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"cannot write to .*astray"), run_folder(str(tmp_path / "astray"), "info"):
+        pass
+
+
+@pytest.mark.parametrize(("why", "said"), [("denied", "cannot be written to"), ("mounted", "is on another disk")])
+def test_a_folder_beside_which_nothing_can_be_made_is_refused_before_the_work(why, said, tmp_path, monkeypatch):
+    """Root may write everywhere, and a test mounts nothing: what the system would say is put in its place."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    access, stat = output.os.access, Path.stat
+
+    def device(path, **how):
+        found = stat(path, **how)
+        return os.stat_result([*found[:2], found[2] + (path == place), *found[3:]])
+
+    if why == "denied":
+        monkeypatch.setattr(output.os, "access", lambda path, mode: path != tmp_path and access(path, mode))
+    else:
+        monkeypatch.setattr(Path, "stat", device)
+    told = pytest.raises(InputError, match=rf"{said}; give a new folder in it, for example .*results")
+    with told, run_folder(str(place), "info"):
+        pytest.fail("the work begins")
+    with run_folder(str(place / "results"), "info") as (folder, scratch):
+        (scratch / "report.html").touch()
+    assert (folder / "report.html").is_file()
+    assert [path.name for path in tmp_path.iterdir()] == ["disk"]
+
+
+@pytest.mark.parametrize("out", ["~", "~/runs"])
+def test_a_tilde_that_no_shell_has_replaced_makes_no_folder_of_that_name(out, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", "/home/me")
+    assert main(["info", f"--out={out}"]) == 2
+    said = capsys.readouterr().err
+    assert f"--out is {out!r}, and the shell has not put your home folder in place of ~" in said
+    assert f"give {out.replace('~', '/home/me')!r}, or ./~" in said
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "~").mkdir()
+    assert main(["info", "--out=~"]) == 0
+    assert (tmp_path / "~" / "report.html").is_file()

@@ -4,6 +4,7 @@ It lies there as `.NAME.<mark>.part`, see `sysid.base.leftovers`, and as `.NAME.
 those of an existing folder: a run that is killed just then is finished by the next one that writes in that place.
 """
 
+import json
 import os
 import shutil
 import time
@@ -87,12 +88,14 @@ def tidy(place: Path) -> None:
     leftovers.sweep(place)
 
 
-def move(scratch: Path, folder: Path, claimed: bool) -> None:
+def move(scratch: Path, folder: Path, claimed: bool) -> list[str]:
     """`scratch` becomes `folder`, whole: where that fails, `folder` is as it was. A request to stop waits for the end.
 
-    Of an existing folder, files of the same name are replaced and the others stay. Raises OSError.
+    Of an existing folder, files of the same name are replaced and the others stay. Returns the names of those that were
+    replaced and that no former run of this program had made, as far as its summary tells. Raises OSError.
     """
     with held():
+        foreign = [] if _is_result(folder) else _in_both(scratch, folder)
         if claimed:
             with suppress(OSError):  # Windows renames onto no folder, not even an empty one
                 os.rename(scratch, folder)
@@ -112,6 +115,23 @@ def move(scratch: Path, folder: Path, claimed: bool) -> None:
                 shutil.rmtree(old, ignore_errors=True)
             shutil.rmtree(ready, ignore_errors=True)
         written(folder)
+    return foreign
+
+
+def _is_result(folder: Path) -> bool:
+    """Whether the folder has the summary of a run, which says by which version of the program it was made."""
+    try:
+        summary = json.loads((folder / "summary.json").read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return False
+    found = summary.get("versions") if isinstance(summary, dict) else None
+    return isinstance(found, dict) and "qpal" in found
+
+
+def _in_both(scratch: Path, folder: Path) -> list[str]:
+    """Files of `scratch` whose names `folder` has too."""
+    files = (path.relative_to(scratch) for path in sorted(scratch.rglob("*")) if path.is_file())
+    return [str(name) for name in files if (folder / name).is_file()]
 
 
 def _check(scratch: Path, folder: Path) -> None:

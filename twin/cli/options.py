@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from twin.parameters import Parameters
 
 Out = Annotated[
-    str | None, typer.Option("--out", metavar="DIR", help="where to write; runs/<stamp>-<verb> if not given")
+    str | None,
+    typer.Option(
+        "--out", metavar="DIR", help="where to write, over files of the same name; runs/<stamp>-<verb> if not given"
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="print only the summary, as JSON")]
 Params = Annotated[

@@ -11,8 +11,10 @@ from pathlib import Path
 from sysid.base.errors import InputError
 from twin.cli import moving
 from twin.cli.stopping import held
+from twin.cli.streams import say
 
 RUNS = Path("runs")
+MANY = 5  # names in a sentence
 
 
 @contextmanager
@@ -70,10 +72,11 @@ def output_folder(folder: Path) -> Iterator[Path]:
     """A scratch folder beside `folder`; its content moves to `folder` when the block succeeds.
 
     A block that fails or is interrupted leaves nothing, not even a parent folder made for it. An existing folder keeps
-    its other files; files of the same name are replaced, all of them or none. Raises InputError before the work if the
-    place cannot be written to, or if another run is writing to it.
+    its other files; files of the same name are replaced, all of them or none, and a sentence names those that no run
+    had made. Raises InputError before the work if the place cannot be written to, or if another run is writing to it.
     """
-    if folder.name in ("", ".."):  # . and .. have no name of their own
+    # . and .. have no name of their own; a link may lead to another disk.
+    if folder.name in ("", "..") or (folder.is_symlink() and folder.is_dir()):
         folder = folder.resolve()
     with _scratch(folder, lambda: _reserve(folder), False) as (_, scratch):
         yield scratch
@@ -84,6 +87,11 @@ def _reserve(folder: Path) -> tuple[Path, Path]:
         raise NotADirectoryError(0, "it is a file")
     if folder.exists() and not os.access(folder, os.W_OK | os.X_OK):
         raise PermissionError(0, "permission denied")
+    if folder.exists() and (why := _nothing_beside(folder)):
+        raise InputError(
+            f"cannot write to {folder}: results are made beside it first, and {folder.parent.resolve()} {why}; give a "
+            f"new folder in it, for example {folder / 'results'}"
+        )
     return folder, moving.reserve(folder, claimed=False)
 
 
@@ -101,15 +109,27 @@ def _scratch(folder: Path, reserve: Callable[[], tuple[Path, Path]], claimed: bo
             raise _not_writable(folder, error) from None
         yield folder, scratch
         try:
-            moving.move(scratch, folder, claimed)
+            foreign = moving.move(scratch, folder, claimed)
         except OSError as error:
             raise _not_writable(folder, error) from None
+        if foreign:
+            more = f" and {len(foreign) - MANY} more" if len(foreign) > MANY else ""
+            say(f"qpal: files of the same name were replaced in {folder}: {', '.join(foreign[:MANY])}{more}")
     except BaseException:
         with held():
             if scratch is not None:
                 shutil.rmtree(scratch, ignore_errors=True)
             _remove_empty(*([folder] if claimed and scratch is not None else []), *reversed(made))
         raise
+
+
+def _nothing_beside(folder: Path) -> str:
+    """Why no scratch folder beside an existing folder could become its content; empty if it can."""
+    if not os.access(folder.parent, os.W_OK | os.X_OK):
+        return "cannot be written to"
+    if folder.stat().st_dev != folder.parent.stat().st_dev:  # it is where a disk is mounted
+        return "is on another disk"
+    return ""
 
 
 def check_writable_file(path: Path) -> None:

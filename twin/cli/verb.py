@@ -1,5 +1,6 @@
 """A verb of the command line: what every verb looks at in its options before it begins."""
 
+import os
 import re
 from collections.abc import Iterable
 from typing import Any
@@ -8,6 +9,7 @@ from typer.core import TyperCommand
 
 from sysid.base.errors import InputError
 
+_HOME = re.compile(r"~(/|$)")  # a shell leaves it after an equals sign: --out=~/runs
 _PLACE = re.compile(r"[\[{]?(FILE|DIR|LOG|MODEL|TABLE|BASE)\b")  # how a file or a folder is called in the help
 
 
@@ -39,3 +41,9 @@ def _check(parameter: Any, texts: list[str]) -> None:
             raise InputError(f"{called} has a character of code 0; give a text without it")
         if _PLACE.match(metavar) and not text.strip():
             raise InputError(f"{called} is {text!r}, which names no file or folder; {remedy}")
+        if option and _PLACE.match(metavar) and _HOME.match(text) and not os.path.lexists(text):
+            home = os.path.expanduser(text)
+            raise InputError(
+                f"{called} is {text!r}, and the shell has not put your home folder in place of ~; give {home!r}, or "
+                "./~ where a folder has this name"
+            )
