@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from cases import BLOCKS, MOVING, STRUCTURES, VARIANTS
+from often import often
 from scipy.signal import lfilter
 
 from sysid.base.errors import InputError
@@ -130,7 +131,7 @@ def test_every_map_on_knots_gives_its_kinks_with_their_derivative(name, inner):
         np.testing.assert_allclose(d[:, i], numeric, atol=1e-6 * np.abs(d).max())
 
 
-@pytest.mark.parametrize("seed", range(200))
+@pytest.mark.parametrize("seed", often(200, 60))
 def test_admissible_is_what_the_roots_say(seed):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 6))

@@ -5,6 +5,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
+from often import often
 
 import twin
 from sysid.blocks import CoastingPlay, Play
@@ -78,7 +79,7 @@ FREE = {
 }
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", often(3, 1))
 @pytest.mark.parametrize("case", FREE)
 def test_a_link_that_its_drag_brings_to_rest_is_where_small_steps_put_it(case: str, seed: int) -> None:
     theta = FREE[case]
@@ -90,7 +91,7 @@ def test_a_link_that_its_drag_brings_to_rest_is_where_small_steps_put_it(case: s
     np.testing.assert_allclose(through(CoastingPlay(), theta, x), expected, rtol=0, atol=rate / STEPS**2 / 8 + 1e-11)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", often(3, 1))
 @pytest.mark.parametrize("pull", [0.3, -0.3])
 def test_a_link_that_is_thrown_and_falls_back_is_where_small_steps_put_it(pull: float, seed: int) -> None:
     theta = [10.0, -0.5 * np.sign(pull), 0.05, pull, 0.0]  # so wide that it never reaches the other side
@@ -113,7 +114,7 @@ CARELESS = {
 }
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", often(3, 1))
 @pytest.mark.parametrize("case", CARELESS)
 def test_any_link_under_any_drive_is_off_by_one_samples_way_at_most(case: str, seed: int) -> None:
     """The block looks at the sides at its samples only, and takes the pull of a sample's start: both vanish with it."""

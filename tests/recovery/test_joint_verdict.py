@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from often import often
 from scipy.signal import lfilter
 
 from sysid.blocks import Motor
@@ -130,7 +131,7 @@ def without_stops(seed: int) -> tuple[IOData, Growth]:
     return data, grow_joint(data, parts=())
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", often(4, 2))
 def test_a_motor_without_stops_gets_none(seed: int) -> None:
     _, growth = without_stops(seed)
     assert growth.ends in ("straight", "none")

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from often import often
 
 import sysid
 from sysid import IOData, structures
@@ -42,7 +43,7 @@ def test_fewer_places_are_the_best_of_all_choices():
     np.testing.assert_array_equal(hats.fewer(at, values, mass, 5), at[list(best)])
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", often(5, 2))
 def test_exchange_ends_where_no_single_place_improves_and_beats_chance(seed):
     rng = np.random.default_rng(seed)
     k, m = 16, 5
