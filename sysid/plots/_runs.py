@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sysid.base import style
 from sysid.base.units import Quantity, percent, shown
+from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.plots._departure import frame_all
 
@@ -31,6 +32,10 @@ class Run:
         """Legend text: name and fit."""
         return f"{self.what}, fit {percent(self.fit)}"
 
+    def recorded(self) -> Run:
+        """The same as the output was recorded: the constant that was removed before the fit is added again."""
+        return replace(self, data=retrend(self.data), y=self.y + self.data.y_offset[0])
+
 
 def output(data: IOData) -> Quantity:
     """Display of the output of a record."""
@@ -38,7 +43,8 @@ def output(data: IOData) -> Quantity:
 
 
 def draw(ax: Axes, run: Run, n: int | None = None, colour: str = style.MODEL) -> None:
-    """Measured and model output over the first n samples, by default all, with a legend above."""
+    """Measured and model output as recorded, over the first n samples, by default all, with a legend above."""
+    run = run.recorded()
     data, y = run.data, output(run.data)
     style.line(ax, data.t[:n], data.y[:n, 0] * y.factor, color=style.INK, label="measured")
     style.line(ax, data.t[:n], run.y[:n] * y.factor, color=colour, label=run.label)

@@ -10,6 +10,7 @@ import numpy as np
 from sysid.base import style
 from sysid.base.checks import checked
 from sysid.base.style import styled
+from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.plots._departure import frame_all
 from sysid.plots._runs import output
@@ -21,10 +22,11 @@ if TYPE_CHECKING:
 @checked(own=("axes", "run"))
 @styled
 def close_ups(data: IOData, run: np.ndarray, axes: Sequence[Axes] | None = None, time: str = "time [s]") -> list[Axes]:
-    """The first upper and the first lower peak of the measured output, with the free run (N,) over it.
+    """The first whole upper and lower peak of the measured output, with the free run (N,) over it.
 
     `time` labels the axis.
     """
+    data, run = retrend(data), run + data.y_offset[0]
     y, width, both = output(data), _peak_width(data.y[:, 0]), style.panels(axes, 1, 2, height=2.8)
     for ax, title, sign in ((both[0], "(a) upper peak", 1.0), (both[1], "(b) lower peak", -1.0)):
         centre = _first_peak(sign * data.y[:, 0])
@@ -40,12 +42,15 @@ def close_ups(data: IOData, run: np.ndarray, axes: Sequence[Axes] | None = None,
 
 
 def _first_peak(y: np.ndarray) -> int:
-    """Middle of the first segment in which y is in the top 15 % of its range."""
-    high = y >= y.max() - 0.15 * np.ptp(y)
-    start = int(np.argmax(high))
-    after = np.flatnonzero(~high[start:])
-    stop = start + (int(after[0]) if len(after) else len(y) - start)
-    return (start + stop) // 2
+    """Middle of the first segment in which y is in the top 15 % of its range.
+
+    A segment at an end of the record shows only a fall or a rise; it counts where there is no other.
+    """
+    high = np.concatenate([[False], y >= y.max() - 0.15 * np.ptp(y), [False]])
+    starts, stops = np.flatnonzero(np.diff(high.astype(int)) == 1), np.flatnonzero(np.diff(high.astype(int)) == -1)
+    whole = np.flatnonzero((starts > 0) & (stops < len(y)))
+    k = int(whole[0]) if len(whole) else 0
+    return int(starts[k] + stops[k]) // 2
 
 
 def _peak_width(y: np.ndarray) -> int:

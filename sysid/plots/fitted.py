@@ -11,6 +11,7 @@ from sysid.base import style
 from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.base.units import percent
+from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.plots._departure import departure, frame, frame_all
 from sysid.plots._runs import output
@@ -31,7 +32,7 @@ def fitted(
     """
     y, ny = output(data), data.y.shape[1]
     rows = style.panels(axes, 2 * ny, height=0.6 + 3.4 * ny, sharex=True)
-    runs = np.reshape(run, data.y.shape)
+    runs, data = np.reshape(run, data.y.shape) + data.y_offset, retrend(data)
     for j in range(ny):
         over, under = rows[2 * j], rows[2 * j + 1]
         measured, model = data.y[:, j] * y.factor, runs[:, j] * y.factor

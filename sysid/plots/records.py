@@ -11,6 +11,7 @@ from sysid.base import style
 from sysid.base.checks import checked
 from sysid.base.style import styled
 from sysid.base.units import Quantity, shown
+from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.plots._runs import first
 
@@ -46,7 +47,8 @@ def record(data: IOData, axes: Sequence[Axes] | None = None, seconds: float | No
 @checked(own=("axes",))
 @styled
 def parts(estimation: IOData, validation: IOData, axes: Sequence[Axes] | None = None) -> list[Axes]:
-    """Input over output after preprocessing, with the two parts marked."""
+    """Input over output with the two parts marked; constants that were removed are added again."""
+    estimation, validation = retrend(estimation), retrend(validation)
     u, y = _signals(estimation)
     both = style.panels(axes, 2, height=3.6, sharex=True)
     start = 0.0

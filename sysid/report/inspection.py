@@ -160,13 +160,17 @@ def steps(signals: Signals) -> list[Axes]:
     """Histogram of the steps between stamps."""
     (axes,) = style.panels(None, 1, height=2.6)
     ms = 1e3 * signals.sampling.steps
-    middle = float(np.median(ms))
+    middle, Ts = float(np.median(ms)), 1e3 * signals.Ts
     if np.ptp(ms) <= 1e-6 * middle:
-        ms, edges = np.full(len(ms), middle), np.linspace(0.5 * middle, 1.5 * middle, BINS + 1)
+        ms, low, high = np.full(len(ms), middle), 0.5 * middle, 1.5 * middle
     else:
-        edges = np.linspace(ms.min(), ms.max(), BINS + 1)
+        low, high = float(ms.min()), float(ms.max())
+    width = (high - low) / BINS
+    # The sampling time is the middle of a bin, so that its line stands on its bar.
+    first, last = np.floor((low - Ts) / width + 0.5), np.floor((high - Ts) / width + 0.5)
+    edges = Ts + width * (np.arange(first, last + 2) - 0.5)
     axes.hist(ms, bins=edges.tolist(), color=style.INPUT)
-    axes.axvline(1e3 * signals.Ts, color=style.MODEL, ls="--", lw=1.0)
+    axes.axvline(Ts, color=style.MODEL, ls="--", lw=1.0)
     log_axis(axes, "y")
     axes.set(xlabel="step between time stamps [ms]", ylabel="steps [number]")
     return [axes]

@@ -93,9 +93,9 @@ def _bad(result: Identification) -> str:
 
 def left(e: Evaluation) -> str:
     """Where and how far the free run leaves the validation data first; empty if it stays near them."""
-    run = np.asarray(e.validation_output, dtype=float).reshape(e.validation.N, -1)
+    run = np.asarray(e.validation_output, dtype=float).reshape(e.validation.N, -1) + e.validation.y_offset
     for k in range(run.shape[1]):
-        away = departure(e.validation.y[:, k], run[:, k])
+        away = departure(e.validation.y[:, k] + e.validation.y_offset[k], run[:, k])
         if away is not None:
             y = shown(e.validation.y_name, e.validation.y_unit)
             return f"{away.sentence('free run', e.validation.Ts, y)} "

@@ -63,4 +63,5 @@ def test_a_frame_stands_for_its_moment_and_the_slider_says_which():
         every = [v for f in figure["frames"] for trace in f["data"] for v in trace[axis] if v is not None]
         assert low < min(every) < max(every) < high
         assert figure["layout"]["scene"][f"{axis}axis"]["title"]["text"].endswith("[m]")
+    assert not [trace for trace in drawn.values() if trace.get("showlegend") is False]  # all that is drawn has a name
     assert made.png.startswith(b"\x89PNG")

@@ -3,7 +3,6 @@
 from base64 import b64encode
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import replace
 from html import escape
 from typing import Any
 
@@ -37,31 +36,18 @@ def of_model(e: Evaluation, start: float = 0.0) -> tuple[dict[str, Figure], list
 
     Free runs are on the record's own levels, over the time of the log, in which the fitted range begins at `start` [s].
     """
-    own = _own_levels(e)
     drawn, complaints = dict[str, Figure](), list[str]()
     for name, title in TITLES.items():
         figure = TABLE[name]
         if figure.zoom is None or not figure.applies(e):
             continue
         try:
-            found = _later(figure.zoom(own), start) if name == "free-run" else figure.zoom(e)
+            found = figure.zoom(e)
+            found = _later(found, start) if name == "free-run" else found
             drawn[name] = {"figure": found, "caption": figure.caption(e)}
         except (InputError, np.linalg.LinAlgError) as error:
             complaints.append(f"no figure '{title}': {error}")
     return drawn, complaints
-
-
-def _own_levels(e: Evaluation) -> Evaluation:
-    """The records and runs with the offsets that were removed before the fit."""
-    parts = [(e.estimation, e.estimation_output), (e.validation, e.validation_output)]
-    records = [
-        replace(d, u=d.u + d.u_offset, y=d.y + d.y_offset, u_offset=0 * d.u_offset, y_offset=0 * d.y_offset)
-        for d, _ in parts
-    ]
-    runs = [np.asarray(run) + (d.y_offset if np.ndim(run) > 1 else d.y_offset[0]) for d, run in parts]
-    return replace(
-        e, estimation=records[0], validation=records[1], estimation_output=runs[0], validation_output=runs[1]
-    )
 
 
 def _later(figure: Figure, start: float) -> Figure:

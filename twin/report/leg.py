@@ -25,6 +25,9 @@ LINKS = ("shoulder_hub", "thigh_lever", "shank_lever")  # whose origins are shou
 RODS = JOINTS[1:]
 AXES = ("forward", "outward", "up")
 COLOURS = (style.INK, style.MODEL)
+# As near as all three names of axes stay inside the picture.
+CAMERA = {"eye": {"x": 2.35, "y": 1.8, "z": 0.7}, "center": {"x": 0.0, "y": 0.05, "z": -0.27}}
+CROWDED = 0.2  # [m] of an axis, below which five numbers would cover each other
 WIDTHS = (14, 6)  # of the links [px]: where two legs agree, both are seen
 Course = Mapping[str, np.ndarray]  # angle (N,) [rad] by joint
 
@@ -153,7 +156,7 @@ def _layout(every: np.ndarray, labels: list[str]) -> Figure:
             "gridcolor": "#e4e7eb",
             "backgroundcolor": "rgba(0,0,0,0)",
             "zeroline": False,
-            "nticks": 5,
+            "nticks": 5 if b - a > CROWDED else 2,
         }
         for axis, name, a, b in zip("xyz", AXES, low, high, strict=True)
     }
@@ -169,7 +172,7 @@ def _layout(every: np.ndarray, labels: list[str]) -> Figure:
     ]
     side = {"x": 0, "xanchor": "left"}
     return {
-        "scene": axes | {"aspectmode": "data", "camera": {"eye": {"x": 1.9, "y": 1.5, "z": 0.5}}},
+        "scene": axes | {"aspectmode": "data", "camera": CAMERA},
         "height": 520,
         "margin": {"l": 8, "r": 8, "t": 30, "b": 8},
         "paper_bgcolor": "rgba(0,0,0,0)",

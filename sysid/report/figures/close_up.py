@@ -20,7 +20,7 @@ def draw(e: Evaluation) -> Sequence[Axes]:
 
 def caption(e: Evaluation) -> str:
     """What it is."""
-    return "Close-up of the first upper and lower peak of the validation data."
+    return "Close-up of the first whole upper and lower peak of the validation data."
 
 
 FIGURE = ReportFigure("Model output", draw, caption)

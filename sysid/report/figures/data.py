@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def draw(e: Evaluation) -> Sequence[Axes]:
-    """Both parts after preprocessing."""
+    """Both parts."""
     return parts(e.estimation, e.validation)
 
 
@@ -23,8 +23,15 @@ def caption(e: Evaluation) -> str:
     """The split of the record."""
     return (
         f"The record as used: the first {e.estimation.N} samples are estimation data, the other {e.validation.N} "
-        f"are validation data."
+        f"are validation data.{_restored(e)}"
     )
+
+
+def _restored(e: Evaluation) -> str:
+    """What was done to the values that are shown."""
+    if not (e.estimation.u_offset.any() or e.estimation.y_offset.any()):
+        return ""
+    return " Constants that were removed before the fit are added again, here and in the figures of the output."
 
 
 def zoomed(e: Evaluation) -> zoom.Figure:

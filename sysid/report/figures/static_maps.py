@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sysid.plots import static_maps
 from sysid.report import zoom
-from sysid.report.bands import bands
+from sysid.report.bands import GIVES_OUTPUT, SEES_INPUT, bands
 from sysid.report.figures._figure import ReportFigure
 from sysid.uncertainty.curves import NORMALISED, Curve
 from sysid.workflow.evaluation import Evaluation
@@ -33,8 +34,25 @@ SCALED: dict[str, Words] = {  # the same where the record gives the scale of the
 
 def draw(e: Evaluation) -> Sequence[Axes]:
     """A panel for each map, in the order of the signal."""
-    curves = bands(e).maps
+    curves = recorded(e)
     return static_maps(curves, words=_words(curves))
+
+
+def recorded(e: Evaluation) -> list[Curve]:
+    """The maps over signals as recorded: constants that were removed from input and output are added again.
+
+    A normalised map has the outer signal's scale on both sides.
+    """
+    u, y = (0.0 if len(each) > 1 else float(each[0]) for each in (e.estimation.u_offset, e.estimation.y_offset))
+    found = list[Curve]()
+    for curve in bands(e).maps:
+        x0, y0 = u * (curve.role in SEES_INPUT), y * (curve.role in GIVES_OUTPUT)
+        if curve.scale == NORMALISED:
+            x0 = y0 = x0 or y0
+        b = curve.band
+        moved = replace(b, x=b.x + x0, value=b.value + y0, lower=b.lower + y0, upper=b.upper + y0)
+        found.append(replace(curve, band=moved))
+    return found
 
 
 def _words(curves: Sequence[Curve]) -> dict[str, Words]:
@@ -44,7 +62,7 @@ def _words(curves: Sequence[Curve]) -> dict[str, Words]:
 
 def zoomed(e: Evaluation) -> zoom.Figure:
     """The same to zoom."""
-    curves = bands(e).maps
+    curves = recorded(e)
     return zoom.static_maps(curves, _words(curves))
 
 

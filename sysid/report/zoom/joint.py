@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.base import style
+from sysid.base.log_axes import power
 from sysid.base.units import number, shown
 from sysid.joint.growth import Growth
 from sysid.joint.rounds import MARGIN
@@ -82,7 +83,7 @@ def _meaning(v: JointValue) -> str:
 
 def growth(found: Growth) -> Figure:
     """Parts tried, round by round: the fall of BIC, on an axis that is logarithmic beyond 10."""
-    layout = parts.base("fall of BIC [1]", height=130 + 26 * len(found.steps))
+    layout = parts.base("fall of BIC, logarithmic beyond 10 [1]", height=130 + 26 * len(found.steps))
     names, lengths, texts = list[str](), list[float](), list[str]()
     colours, hatches = list[str](), list[str]()  # as `plots.earned` draws them
     for step in found.steps:
@@ -101,7 +102,7 @@ def growth(found: Growth) -> Figure:
     layout["yaxis"] = parts.side("") | {"type": "category", "autorange": "reversed"}
     ticks = [sign * 10.0**k for k in range(1, 8) for sign in (-1.0, 1.0)]
     shown_ticks = [0.0, *(t for t in ticks if min(lengths) - 1 <= _squeezed(t) <= max([*lengths, 0.0]) + 1)]
-    layout["xaxis"] |= {"tickvals": [_squeezed(t) for t in shown_ticks], "ticktext": [f"{t:g}" for t in shown_ticks]}
+    layout["xaxis"] |= {"tickvals": [_squeezed(t) for t in shown_ticks], "ticktext": [power(t) for t in shown_ticks]}
     layout["shapes"] = [
         {"type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": _squeezed(x), "x1": _squeezed(x), "line": line}
         for x, line in ((0.0, {"color": FRAME, "width": 1}), (MARGIN, DASHED))

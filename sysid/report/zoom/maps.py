@@ -6,6 +6,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.units import shown
+from sysid.plots._shade import has_area
 from sysid.plots.static_maps import Words, words_of
 from sysid.report.zoom import _parts as parts
 from sysid.report.zoom._parts import DASHED, Figure, Trace
@@ -40,7 +41,7 @@ def static_maps(curves: Sequence[Curve], words: Mapping[str, Words] | None = Non
         b = curve.band
         own = {"xaxis": f"x{suffix}", "yaxis": f"y{suffix}", "showlegend": False}
         at, value = b.x * x.factor, b.value * y.factor
-        if np.isfinite(b.lower).any():
+        if has_area(b.lower, b.upper):
             area = parts.band(at, b.lower * y.factor, b.upper * y.factor, f"{100 * b.level:g} % band")
             traces.append(area | own | {"showlegend": k == 0})
         if curve.scale == NORMALISED:

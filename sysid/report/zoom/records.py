@@ -8,6 +8,7 @@ import numpy as np
 from sysid.base import style
 from sysid.base.units import Quantity
 from sysid.base.units import shown as quantity_of
+from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.report.zoom import _parts as parts_of
 from sysid.report.zoom._parts import Figure, Row, Trace
@@ -24,8 +25,8 @@ def record(data: IOData) -> Figure:
 
 
 def parts(estimation: IOData, validation: IOData) -> Figure:
-    """The two parts of a record as a fit uses them, one after the other."""
-    return _figure([(estimation, "estimation", True), (validation, "validation", False)])
+    """The two parts of a record, one after the other; constants that were removed are added again."""
+    return _figure([(retrend(estimation), "estimation", True), (retrend(validation), "validation", False)])
 
 
 def lines(t: np.ndarray, signals: Mapping[str, np.ndarray], name: str, unit: str = "", title: str = "") -> Figure:

@@ -4,6 +4,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.units import shown
+from sysid.plots._shade import has_area
 from sysid.report.words import noted
 from sysid.report.zoom import _parts as parts
 from sysid.report.zoom._parts import Figure, Row, Trace
@@ -43,12 +44,12 @@ def _with_band(
     x: np.ndarray, value: np.ndarray, band: Band, factor: float, row: int, unit: str, steps: bool = False
 ) -> list[Trace]:
     lower, upper = parts.times(band.lower, factor), parts.times(band.upper, factor)
-    known = np.isfinite(lower) & np.isfinite(upper)
+    seen = has_area(lower, upper)
     traces = list[Trace]()
-    if known.any():
+    if seen:
         area = parts.band(x, lower, upper, f"{100 * band.level:g} % band", row, steps)
         traces.append(area | {"legendgroup": "band", "showlegend": row == 0})
-    line = parts.line(x, value, "tangent", style.MODEL, unit, row, steps=steps, legend=row == 0 and bool(known.any()))
+    line = parts.line(x, value, "tangent", style.MODEL, unit, row, steps=steps, legend=row == 0 and seen)
     if np.isfinite(band.std).any():
         line["customdata"] = parts.numbers(upper - band.value * factor)
         line["hovertemplate"] += f" ± %{{customdata:.2g}} ({100 * band.level:g} %)"

@@ -5,13 +5,13 @@ goes, and a button (or a double click) shows it whole.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from sysid.base import style
 from sysid.base.units import Quantity, percent
+from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.plots._departure import departure, frame
 from sysid.report.zoom import _parts as parts
@@ -44,15 +44,16 @@ def runs(data: IOData, models: Mapping[str, np.ndarray], measured: str = MEASURE
 
     `measured` is the name of the record in the legend.
     """
-    shown = {name: parts.columns(run, data.N) for name, run in models.items()}
-    return _figure(data, shown, dict(zip(shown, COLOURS * len(shown), strict=False)), measured)
+    shown = {name: parts.columns(run, data.N) + data.y_offset for name, run in models.items()}
+    return _figure(retrend(data), shown, dict(zip(shown, COLOURS * len(shown), strict=False)), measured)
 
 
 def _over_both(
     e: Evaluation, estimation: np.ndarray, validation: np.ndarray, what: str, colour: str, fit: float
 ) -> Figure:
     both = joined(e.estimation, e.validation)
-    run = np.concatenate([parts.columns(estimation, e.estimation.N), parts.columns(validation, e.validation.N)])
+    pairs = ((e.estimation, estimation), (e.validation, validation))
+    run = np.concatenate([parts.columns(output, data.N) + data.y_offset for data, output in pairs])
     name = f"{what}, fit {percent(fit)} in validation"
     figure = _figure(both, {name: run}, {name: colour})
     cut = (e.estimation.N - 0.5) * both.Ts
@@ -66,10 +67,8 @@ def _over_both(
 
 
 def joined(estimation: IOData, validation: IOData) -> IOData:
-    """Both parts as one record of several experiments, on the scale of the data that a fit uses."""
-    return IOData.merge(
-        *(replace(data, u_offset=np.zeros(1), y_offset=np.zeros(1)) for data in (estimation, validation))
-    )
+    """Both parts as one record of several experiments, as recorded: constants that were removed are added again."""
+    return IOData.merge(retrend(estimation), retrend(validation))
 
 
 def _figure(
