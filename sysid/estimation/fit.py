@@ -21,7 +21,7 @@ from sysid.estimation.portfolio.points import applies
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.race import ENOUGH, SAME, Raced, Run, noise_of, portfolio, race, with_curvature_weight
 from sysid.estimation.result import Fit, check_channels
-from sysid.estimation.safeguard import guarded, worse_than_constant
+from sysid.estimation.safeguard import guarded, less_smoothed, linear_start, worse_than_constant
 from sysid.estimation.starts import starts as make_starts
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance
@@ -54,8 +54,10 @@ def fit_chain(
         raise InputError(f"starts is {starts!r}; give {AUTO!r} or a number of at least 1")
     with one_blas_thread():
         there = replace(run, model=normal.chain, data=normal.data, size=normal.size)
-        raced = guarded(there, _raced(there, starts, seed, start), seed)
-        ended = _follow_noise(there, raced.problem, raced.outcome)
+        raced = _raced(there, starts, seed, start)
+        first = linear_start(there, seed) if start is None else None
+        raced = guarded(there, raced, first)
+        ended = less_smoothed(there, *_follow_noise(there, raced.problem, raced.outcome), first)
         cov, d = ended[0].uncertainty(ended[1].p)
         problem, outcome = normal.back(model, data, *ended)
         thetas = problem.thetas(outcome.p)

@@ -8,37 +8,70 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.portfolio.surrogate import is_map
+from sysid.estimation.problem import ChainProblem
 from sysid.estimation.race import Raced, Run
 from sysid.estimation.start import longest
 from sysid.estimation.starts import starts as make_starts
+from sysid.solver.iterate import Outcome
 
 _SHOWN = 20_000  # samples that give the linear start
 _QUICK = 5000  # samples whose linear start takes less than a second: also where the time is over
+_EASED, _EASE = 3, 0.1  # times that the weight of the kinks is made smaller, and the share that is left of it
 _CLEAR = 1.0 + 1e-6  # times the mean square of the output, above which a fit explains less than a constant
 
 
-def guarded(run: Run, raced: Raced, seed: int) -> Raced:
-    """The result, or that of a search from the linear start of the chain where it ends lower.
-
-    A portfolio need not contain that start: its candidates come from curves, and a map may not come near to them.
-    """
-    if not raced.members or not any(is_map(b) for b in run.model.blocks):
-        return raced  # a race of starts contains the linear one, and so does the portfolio of a filter without maps
+def linear_start(run: Run, seed: int) -> ChainProblem | None:
+    """The problem around the chain's linear start, without smoothing; None where there is none, or no time for it."""
     part = longest(run.data)
-    if run.late and part.N > _QUICK:
-        return raced
+    if not any(is_map(b) for b in run.model.blocks) or (run.late and part.N > _QUICK):
+        return None
     try:
         first = make_starts(run.model, part.select(0, min(part.N, _SHOWN)), 1, seed)[0]
     except (InputError, np.linalg.LinAlgError):
-        return raced
+        return None
     problem = run.problem(with_initial_states(run.model, first, run.data))
-    problem = replace(problem, curvature_weight=raced.problem.curvature_weight)
-    e = problem.residual(problem.start)
-    if e is None or not np.all(np.isfinite(e)) or not float(e @ e) < raced.outcome.cost:
+    return problem if np.isfinite(_cost(problem, problem.start)) else None
+
+
+def guarded(run: Run, raced: Raced, first: ChainProblem | None) -> Raced:
+    """The result, or that of a search from the linear start `first` where it ends lower.
+
+    A portfolio need not contain that start: its candidates come from curves, and a map may not come near to them. A
+    race of starts contains it.
+    """
+    if first is None or not raced.members:
+        return raced
+    problem = replace(first, curvature_weight=raced.problem.curvature_weight)
+    if not _cost(problem, problem.start) < raced.outcome.cost:
         return raced
     outcome = run.iterate(problem, problem.start, run.options)
     members, costs = (*raced.members, "linear"), (*raced.costs, outcome.cost)
     return replace(raced, problem=problem, outcome=outcome, members=members, costs=costs, agreed=1)
+
+
+def less_smoothed(
+    run: Run, problem: ChainProblem, outcome: Outcome, first: ChainProblem | None
+) -> tuple[ChainProblem, Outcome]:
+    """The fit with a smaller weight of the kinks where that weight keeps its errors above those of `first`.
+
+    The linear start has curves of its own, which are not smoothed. On a short or noisy record the weight may be large.
+    """
+    if first is None or not problem.curvature_weight:
+        return problem, outcome
+    limit = _cost(first.plain, first.start)
+    for _ in range(_EASED):
+        if _cost(problem.plain, outcome.p) <= limit:
+            return problem, outcome
+        problem = replace(problem, curvature_weight=_EASE * problem.curvature_weight)
+        outcome = outcome.then(run.iterate(problem, outcome.p, run.options))
+    if _cost(problem.plain, outcome.p) <= limit:
+        return problem, outcome
+    return first, outcome.then(run.iterate(first, first.start, run.options))
+
+
+def _cost(problem: ChainProblem, p: np.ndarray) -> float:
+    e = problem.residual(p)
+    return float(e @ e) if e is not None and np.all(np.isfinite(e)) else np.inf
 
 
 def worse_than_constant(data: IOData, mse: float) -> tuple[str, ...]:

@@ -10,6 +10,8 @@ from sysid.base.criteria import fit_percent
 from sysid.base.direction import direction
 from sysid.blocks import STATIC, CubicSpline, Custom, PiecewiseLinear, WaveletNetwork
 from sysid.estimation import race, safeguard
+from sysid.estimation.normal import Normal
+from sysid.estimation.starts import starts
 from sysid.model.units import rescaled
 
 S = sysid.structures
@@ -275,10 +277,41 @@ def test_a_portfolio_that_ends_above_the_linear_start_goes_on_from_there():
     found = race.Raced(
         problem, run.iterate(problem, problem.start, sysid.Options(max_iterations=0)), (1.0,), ("drawn",)
     )
-    better = safeguard.guarded(run, found, 0)
+    first = safeguard.linear_start(run, 0)
+    better = safeguard.guarded(run, found, first)
     assert better.outcome.cost < 0.01 * found.outcome.cost
     assert better.members == ("drawn", "linear")
-    assert safeguard.guarded(run, better, 0) is better, "a result that is good enough stays what it is"
+    assert safeguard.guarded(run, better, first) is better, "a result that is good enough stays what it is"
+
+
+def test_smoothing_puts_no_fit_above_its_linear_start():
+    """Short records that are half noise: the linear start has a curve with kinks, which the fit is to smooth."""
+    chain = S.hammerstein_wiener(1, 2, 0, input="unit_gain", output="piecewise_linear")
+    smoothed, few, rough = 0, sysid.Options(max_iterations=20), sysid.Objective(curvature_weight=0.0)
+    for seed in range(20):
+        rng = np.random.default_rng([seed, 9])
+        u, y = rng.normal(size=100), np.zeros(100)
+        for t in range(1, 100):
+            y[t] = 0.8 * y[t - 1] + 0.2 * np.tanh(2.0 * u[t - 1])
+        data = sysid.IOData(u, y + 0.5 * np.std(y) * rng.normal(size=100))
+        there = Normal.of(chain.scaled(data.u, data.y), data, sysid.Objective())
+        theta = starts(there.chain, there.data, 1, 0)[0]
+        errors = there.size * (there.data.y - there.chain.outputs(theta, there.data.u))
+        fit = sysid.fit(chain, data, starts=1, options=sysid.Options(max_iterations=20))
+        assert fit.criteria.mse <= np.mean(errors**2), seed
+        rough = sysid.fit(
+            chain,
+            data,
+            starts=1,
+            options=sysid.Options(max_iterations=20),
+            objective=sysid.Objective(curvature_weight=0.0),
+        )
+        smoothed += kinks(fit) < kinks(rough)
+    assert smoothed >= 15, "smoothing is made weaker, not left out"
+
+
+def kinks(fit):
+    return np.linalg.norm(fit.model.kinks(fit.theta)[0])
 
 
 def test_a_fit_further_away_than_the_mean_is_told():
