@@ -7,7 +7,6 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.portfolio.surrogate import is_map
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.race import Raced, Run
 from sysid.estimation.start import longest
@@ -23,7 +22,7 @@ _CLEAR = 1.0 + 1e-6  # times the mean square of the output, above which a fit ex
 def linear_start(run: Run, seed: int) -> ChainProblem | None:
     """The problem around the chain's linear start, without smoothing; None where there is none, or no time for it."""
     part = longest(run.data)
-    if not any(is_map(b) for b in run.model.blocks) or (run.late and part.N > _QUICK):
+    if run.late and part.N > _QUICK:
         return None
     try:
         first = make_starts(run.model, part.select(0, min(part.N, _SHOWN)), 1, seed)[0]

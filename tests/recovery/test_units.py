@@ -268,9 +268,10 @@ def test_the_fit_of_a_tiny_output_is_that_of_the_same_output_in_other_units(fact
     assert fit_percent(factor * np.ones(9), factor * np.ones(9)) == 100.0
 
 
-def test_a_portfolio_that_ends_above_the_linear_start_goes_on_from_there():
+@pytest.mark.parametrize("chain", [S.wiener(2, 2, 1, output="polynomial"), S.output_error(2, 2, 1)])
+def test_a_portfolio_that_ends_above_the_linear_start_goes_on_from_there(chain):
     u, y = record()
-    chain, data = S.wiener(2, 2, 1, output="polynomial"), sysid.IOData(u, y)
+    data = sysid.IOData(u, y)
     run = race.Run(chain, data, sysid.Objective(), "lm", sysid.Options(), None)
     poor = np.zeros(len(chain.names))
     problem = run.problem(poor[None])
@@ -284,10 +285,17 @@ def test_a_portfolio_that_ends_above_the_linear_start_goes_on_from_there():
     assert safeguard.guarded(run, better, first) is better, "a result that is good enough stays what it is"
 
 
-def test_smoothing_puts_no_fit_above_its_linear_start():
+def test_smoothing_puts_no_fit_above_its_linear_start(monkeypatch):
     """Short records that are half noise: the linear start has a curve with kinks, which the fit is to smooth."""
     chain = S.hammerstein_wiener(1, 2, 0, input="unit_gain", output="piecewise_linear")
-    smoothed, few, rough = 0, sysid.Options(max_iterations=20), sysid.Objective(curvature_weight=0.0)
+    weights = []
+
+    def seen(run, problem, outcome, first):
+        found = safeguard.less_smoothed(run, problem, outcome, first)
+        weights.append((problem.curvature_weight, found[0].curvature_weight))
+        return found
+
+    monkeypatch.setattr("sysid.estimation.fit.less_smoothed", seen)
     for seed in range(20):
         rng = np.random.default_rng([seed, 9])
         u, y = rng.normal(size=100), np.zeros(100)
@@ -299,19 +307,9 @@ def test_smoothing_puts_no_fit_above_its_linear_start():
         errors = there.size * (there.data.y - there.chain.outputs(theta, there.data.u))
         fit = sysid.fit(chain, data, starts=1, options=sysid.Options(max_iterations=20))
         assert fit.criteria.mse <= np.mean(errors**2), seed
-        rough = sysid.fit(
-            chain,
-            data,
-            starts=1,
-            options=sysid.Options(max_iterations=20),
-            objective=sysid.Objective(curvature_weight=0.0),
-        )
-        smoothed += kinks(fit) < kinks(rough)
-    assert smoothed >= 15, "smoothing is made weaker, not left out"
-
-
-def kinks(fit):
-    return np.linalg.norm(fit.model.kinks(fit.theta)[0])
+    eased = [after for before, after in weights if after < before]
+    assert eased
+    assert np.count_nonzero(eased) >= len(eased) / 2, "smoothing is made weaker, and seldom left out"
 
 
 def test_a_fit_further_away_than_the_mean_is_told():
