@@ -55,7 +55,7 @@ def fit_chain(
     with one_blas_thread():
         there = replace(run, model=normal.chain, data=normal.data, size=normal.size)
         raced = _raced(there, starts, seed, start)
-        first = linear_start(there, seed) if start is None else None
+        first = linear_start(there, raced, seed) if start is None else None
         raced = guarded(there, raced, first)
         ended = less_smoothed(there, *_follow_noise(there, raced.problem, raced.outcome), first)
         cov, d = ended[0].uncertainty(ended[1].p)

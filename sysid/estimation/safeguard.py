@@ -19,10 +19,13 @@ _EASED, _EASE = 3, 0.1  # times that the weight of the kinks is made smaller, an
 _CLEAR = 1.0 + 1e-6  # times the mean square of the output, above which a fit explains less than a constant
 
 
-def linear_start(run: Run, seed: int) -> ChainProblem | None:
-    """The problem around the chain's linear start, without smoothing; None where there is none, or no time for it."""
+def linear_start(run: Run, raced: Raced, seed: int) -> ChainProblem | None:
+    """The problem around the chain's linear start, without smoothing.
+
+    None where a race of starts contained it and nothing is smoothed, where there is none, or no time for it.
+    """
     part = longest(run.data)
-    if run.late and part.N > _QUICK:
+    if not (raced.members or raced.problem.curvature_weight) or (run.late and part.N > _QUICK):
         return None
     try:
         first = make_starts(run.model, part.select(0, min(part.N, _SHOWN)), 1, seed)[0]

@@ -278,7 +278,7 @@ def test_a_portfolio_that_ends_above_the_linear_start_goes_on_from_there(chain):
     found = race.Raced(
         problem, run.iterate(problem, problem.start, sysid.Options(max_iterations=0)), (1.0,), ("drawn",)
     )
-    first = safeguard.linear_start(run, 0)
+    first = safeguard.linear_start(run, found, 0)
     better = safeguard.guarded(run, found, first)
     assert better.outcome.cost < 0.01 * found.outcome.cost
     assert better.members == ("drawn", "linear")
