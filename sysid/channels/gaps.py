@@ -5,7 +5,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.channels.grid import LONG, Grid
 from sysid.channels.mapping import ChannelMap
-from sysid.channels.stamps import Stamps
+from sysid.channels.stamps import Stamps, change_of_clocks
 from sysid.data.table import Table
 
 MOST_PIECES = 4  # that a message lists
@@ -38,7 +38,8 @@ def _gap_error(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid, ga
     return table.error(
         table.names.index(mapping.clock.column),
         int(stamps.rows[k + 1]),
-        f"found a step of {step:.4g} s where most are {grid.median:.4g} s{tolerance}; {said}: "
+        f"found a step of {step:.4g} s where most are {grid.median:.4g} s{tolerance}"
+        f"{change_of_clocks(table, mapping.clock, step)}; {said}: "
         f"{_pieces(mapping, stamps, grid)}, or set longest_gap and most_lost in [repair] of a mapping",
     )
 

@@ -36,6 +36,9 @@ OWN = ("voltage_V", "angle_rad")  # input and output of the logs that this progr
 PLAIN_VOLTS = {"voltage", "volt", "volts"}  # of which quantity, another word says: pot_voltage
 STRONG = {"input": {"u", "input"}, "output": {"y", "output"}}
 MANY = 6  # names in a sentence
+NO_CLOCK = (
+    "no sampling time is given; give it with --ts SECONDS or name a time column with --time (no column is a clock)"
+)
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     timed = _clock(table, columns, given)
     why, unclear, remarks = timed.why, timed.unclear, timed.remarks
     clock = timed.clock or Clock()
-    rest = {name: look for name, look in columns.items() if name not in (clock.column, timed.aside)}
+    rest = {name: look for name, look in columns.items() if name not in (clock.column, timed.aside) and not look.dated}
     if given.input is None and given.output is None:
         picked = _pair(table, rest, why, unclear)
         _say_text(table, columns, picked, unclear)
@@ -124,7 +127,9 @@ def _clock(table: Table, columns: Mapping[str, Look], given: Given) -> ClockGues
             raise InputError(f"{table.path}: {error}") from None
         other = other_than_stated(table, clock, columns[given.time].values)
         return ClockGuess(clock, [*why, f"{other}: the column is used, as given"] if other else why)
-    timed = guess_clock(columns)
+    timed = guess_clock({name: look for name, look in columns.items() if not look.dated})
+    if timed.clock is None and stated(table) is None:  # dates are often coarser than the samples
+        timed = guess_clock({name: look for name, look in columns.items() if look.dated})
     if given.Ts is not None:
         note = _other_step(timed, columns, given.Ts) if not timed.unclear else []
         aside = timed.clock.column if timed.clock is not None and len(columns) > 2 else ""
@@ -136,10 +141,7 @@ def _clock(table: Table, columns: Mapping[str, Look], given: Given) -> ClockGues
         other = other_than_stated(table, timed.clock, columns[timed.clock.column].values)
         timed.unclear += [f"{other}; say which with --ts, or with --time {timed.clock.column!r}"] if other else []
     if timed.clock is None:
-        timed.unclear.append(
-            "no sampling time is given; give it with --ts SECONDS or name a time column with --time (no column is a "
-            "clock)"
-        )
+        timed.unclear.append(next(iter(table.undated.values()), NO_CLOCK))
         timed.remarks["clock.Ts"] = "NEEDED"
     return timed
 

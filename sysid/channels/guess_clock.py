@@ -134,6 +134,8 @@ def _by_numbers(columns: Mapping[str, Look], found: ClockGuess) -> None:
 
 def _unit(look: Look) -> tuple[str | None, str]:
     """The unit of a clock and why, or None and what is unclear."""
+    if look.dated:
+        return "s", "it holds dates or times of day"
     if apart := two_units(look):
         return None, f"{apart}; say which with --time {look.name!r} --time-unit, or as unit of [clock] in a mapping"
     if look.header.unit:

@@ -15,10 +15,14 @@ ALIKE = 0.9  # of the steps of an unnamed clock are within a tenth of the middle
 
 @dataclass(frozen=True)
 class Look:
-    """A column of a table: `values` (n,) with nan for cells that are no numbers; `finite` are the others."""
+    """A column of a table: `values` (n,) with nan for cells that are no numbers; `finite` are the others.
+
+    `dated` columns held dates or times of day, which were read as seconds.
+    """
 
     header: Header
     values: np.ndarray
+    dated: bool = False
 
     @property
     def name(self) -> str:
@@ -81,7 +85,7 @@ def looks(table: Table) -> dict[str, Look]:
     """Every column that holds numbers, by name."""
     found = {}
     for name in table.names:
-        look = Look(header(name, table.units.get(name, "")), soft_numbers(table, name))
+        look = Look(header(name, table.units.get(name, "")), soft_numbers(table, name), name in table.dates)
         if look.numeric:
             found[name] = look
     return found

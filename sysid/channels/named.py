@@ -4,6 +4,7 @@ from sysid.base.errors import InputError, printable
 from sysid.channels.complaints import brief
 from sysid.channels.mapping import ROLES, Channel, ChannelMap
 from sysid.channels.names import label
+from sysid.channels.units import seconds
 from sysid.channels.values import numbers
 from sysid.data.table import Table
 
@@ -23,6 +24,12 @@ def check_mapping(table: Table, mapping: ChannelMap) -> None:
                     f"{', '.join(table.names)}"
                 )
     _check_columns(table, mapping)
+    clock = mapping.clock
+    if clock.column in table.dates and (clock.wrap or seconds(clock.unit) != 1.0):
+        raise InputError(
+            f"{table.path}: column {brief(clock.column)!r} holds dates or times of day, which become seconds; leave unit "
+            "and wrap of the clock out"
+        )
     if not mapping.clock.column and mapping.clock.Ts is None:
         raise InputError(
             f"{table.path}: no sampling time is given; give it with --ts SECONDS or name a time column with --time "

@@ -36,7 +36,8 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     """
     check_mapping(table, mapping)
     mapping, said = with_header_units(table, mapping)
-    notes = (*notes, *said)
+    read = table.dates.get(mapping.clock.column)
+    notes = (*notes, *said, *([read] if read else []))
     if mapping.range != Range():
         table, note = cut(table, mapping)
         notes = (*notes, note)

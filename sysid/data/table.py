@@ -26,6 +26,7 @@ class Table:
 
     `units` has the unit of a column as the file writes it, without the columns that name none. `meta` is what the
     writer said of the whole record. `notes` are sentences about what the reader repaired or left out, with counts.
+    `dates` says of a column of dates how it became seconds; `undated` why one was not read: it stayed text.
     """
 
     path: Path
@@ -37,12 +38,16 @@ class Table:
     units: Mapping[str, str] = field(default_factory=dict)
     meta: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    dates: Mapping[str, str] = field(default_factory=dict)
+    undated: Mapping[str, str] = field(default_factory=dict)
 
     def numbers(self, name: str) -> np.ndarray:
         """Column `name` (n,) as float64; raises InputError that names the first cell that is not finite."""
         if name not in self.names:
             error = unknown("column", name, self.names)
             raise InputError(f"{self.path}: {error}")
+        if name in self.undated:
+            raise InputError(f"{self.path}: {self.undated[name]}")
         j = self.names.index(name)
         cells = self.columns[j]
         values = self._from_text(j) if len(cells) and isinstance(cells[0], str) else np.array(cells, dtype=float)

@@ -17,6 +17,7 @@ from sysid.base.errors import InputError
 from sysid.base.files import ordinary, whole_file
 from sysid.data.table import Table
 from sysid.formats import _survived
+from sysid.formats._dates import dated
 from sysid.formats._units import unit_in
 from sysid.formats.delimited import Delimited
 from sysid.formats.json_records import JsonRecords
@@ -61,7 +62,8 @@ WRITTEN: tuple[str, ...] = tuple(suffix for suffix, each in TABLE.items() if suf
 def read_table(path: str | os.PathLike[str]) -> Table:
     """The columns of the file at `path`, or the folder of a bag, read in the format for its suffix in `TABLE`.
 
-    `meta` of the table holds what the writer said of the record, as far as it is a JSON object.
+    `meta` of the table holds what the writer said of the record, as far as it is a JSON object. Dates and times of
+    day become seconds since their first cell; `dates` and `undated` say how, or why not.
     Raises InputError with the file name if it is missing, empty, damaged or of an unknown format.
     """
     path = ordinary(path)
@@ -77,7 +79,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         if path.is_file() and path.stat().st_size == 0:
             raise InputError(f"{path} is empty; give a file with at least one column of input and one of output")
         table, header = _read(path, RobotLog if bag else TABLE[path.suffix.lower()])
-        return replace(table, meta={**_meta(header), **table.meta})
+        return dated(replace(table, meta={**_meta(header), **table.meta}))
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror or error}); check that it is a readable file"

@@ -17,24 +17,102 @@ def counted(first: float, step: float, digits: int = 0) -> str:
 
 
 LOGS: dict[str, Log] = {
-    # dates: a column of texts is no clock yet, so that a sentence is right; other numbers never are
-    "ISO dates": log(HEAD + stamped([f"2024-05-06T12:00:0{t}" for t in TENTHS]), SAFE),
-    "ISO dates with a blank": log(HEAD + stamped([f"2024-05-06 12:00:0{t}" for t in TENTHS]), SAFE),
-    "ISO dates in UTC": log(HEAD + stamped([f"2024-05-06T12:00:0{t}00Z" for t in TENTHS]), SAFE),
-    "ISO dates with a zone": log(HEAD + stamped([f"2024-05-06T12:00:0{t}00+02:00" for t in TENTHS]), SAFE),
-    "dates with the day first": log(HEAD + stamped([f"06.05.2024 12:00:0{t}" for t in TENTHS]), SAFE),
-    "dates with the month first": log(HEAD + stamped([f"5/6/2024 12:00:0{t}" for t in TENTHS]), SAFE),
-    "dates with AM and PM": log(HEAD + stamped([f"5/6/2024 11:59:5{k % 10} AM" for k in range(12)]), SAFE),
-    "times of day": log(HEAD + stamped([f"12:00:0{t}" for t in TENTHS]), SAFE),
+    # dates and times of day become seconds where they have one reading
+    "ISO dates": log(HEAD + stamped([f"2024-05-06T12:00:0{t}" for t in TENTHS])),
+    "ISO dates with a blank": log(HEAD + stamped([f"2024-05-06 12:00:0{t}" for t in TENTHS])),
+    "ISO dates in UTC": log(HEAD + stamped([f"2024-05-06T12:00:0{t}00Z" for t in TENTHS])),
+    "ISO dates with a zone": log(HEAD + stamped([f"2024-05-06T12:00:0{t}00+02:00" for t in TENTHS])),
+    "ISO dates whose zone changes": log(
+        HEAD
+        + stamped(
+            [f"2026-03-29T01:59:59.{k}+01:00" for k in range(4, 10)]
+            + [f"2026-03-29T03:00:00.{k}+02:00" for k in range(6)]
+        )
+    ),
+    "ISO dates of which some have a zone": log(
+        HEAD + stamped([f"2024-05-06T12:00:0{t}{'Z' if t > '0.4' else ''}" for t in TENTHS]),
+        refused("row 7", "offset from UTC", "--ts"),
+    ),
+    "ISO dates over the change of clocks": log(
+        HEAD
+        + stamped([f"2026-03-29T01:59:59.{k}" for k in range(4, 10)] + [f"2026-03-29T03:00:00.{k}" for k in range(6)]),
+        refused("row 8", "3600 s", "change of clocks", "--range"),
+    ),
+    "ISO dates over the change of clocks back": log(
+        HEAD
+        + stamped([f"2026-10-25T02:59:59.{k}" for k in range(4, 10)] + [f"2026-10-25T02:00:00.{k}" for k in range(6)]),
+        refused("row 8", "time must increase", "change of clocks"),
+    ),
+    "ISO dates, one garbled": log(
+        HEAD + stamped([f"2024-05-06T12:00:0{t}".replace("00:00.5", "00:xx.5") for t in TENTHS]),
+        refused("row 7", "12:00:xx.5", "correct the cell"),
+    ),
+    "ISO dates, one not in the calendar": log(
+        HEAD + stamped([f"2023-02-{'29' if t == '0.5' else '28'}T12:00:0{t}" for t in TENTHS]),
+        refused("row 7", "2023-02-29", "correct the cell"),
+    ),
+    "dates with the day first": log(HEAD + stamped([f"06.05.2024 12:00:0{t}" for t in TENTHS])),
+    "dates with the day first and a decimal comma": log(
+        "Datum;u;y\n"
+        + stamped(
+            [
+                f"23.11.2026 23:59:{59 + k / 10:.1f}" if k < 10 else f"24.11.2026 00:00:0{k / 10 - 1:.1f}"
+                for k in range(12)
+            ],
+            ";",
+        )
+        .replace(".", ",")
+        .replace(",11,2026", ".11.2026")
+    ),
+    "dates with the month first": log(HEAD + stamped([f"5/6/2024 12:00:0{t}" for t in TENTHS])),
+    "dates with two readings that differ": log(
+        HEAD + stamped([f"5/6/2024 23:59:59.{k}" for k in range(10)] + ["5/7/2024 00:00:00.0", "5/7/2024 00:00:00.1"]),
+        refused("day/month/year or month/day/year", "write the year first"),
+    ),
+    "dates with one reading over midnight": log(
+        HEAD
+        + stamped([f"5/13/2024 23:59:59.{k}" for k in range(10)] + ["5/14/2024 00:00:00.0", "5/14/2024 00:00:00.1"])
+    ),
+    "dates with AM and PM": log(
+        HEAD
+        + stamped([f"5/6/2024 11:59:{50 + k} AM" if k < 10 else f"5/6/2024 12:00:{k - 10:02d} PM" for k in range(12)]),
+        Right(Ts=1.0),
+    ),
+    "dates that are coarser than the samples": log(
+        HEAD + stamped([f"2024-05-06 12:00:0{t[0]}" for t in TENTHS]), refused("--ts")
+    ),
+    "dates in words": log(
+        HEAD + stamped([f"Mon 6 May 12:00:0{t}" for t in TENTHS]), refused("holds dates or times", "'Mon 6 May", "--ts")
+    ),
+    "dates and their unit in the mapping": log(
+        HEAD + stamped([f"2024-05-06T12:00:0{t}" for t in TENTHS]),
+        refused("holds dates", "leave unit"),
+        time="time",
+        time_unit="ms",
+    ),
+    "times of day": log(HEAD + stamped([f"12:00:0{t}" for t in TENTHS])),
     "times of day over midnight": log(
-        HEAD + stamped([f"23:59:{59 + k / 10:04.1f}" if k < 10 else f"00:00:0{(k - 10) / 10}" for k in range(12)]), SAFE
+        HEAD + stamped([f"23:59:{59 + k / 10:04.1f}" if k < 10 else f"00:00:0{(k - 10) / 10}" for k in range(12)])
     ),
+    "times of day that run back": log(
+        HEAD + stamped([f"12:00:0{t}" for t in [*TENTHS[:6], *TENTHS[:6]]]), refused("row 8", "time must increase")
+    ),
+    "spans longer than a day": log(HEAD + stamped([f"{24 - (t < '0.5')}:59:0{t}" for t in TENTHS]), refused("3600 s")),
     "times of day with milliseconds behind a colon": log(
-        HEAD + stamped([f"12:00:{k // 10:02d}:{100 * (k % 10):03d}" for k in range(12)]), SAFE
+        HEAD + stamped([f"12:00:{k // 10:02d}:{100 * (k % 10):03d}" for k in range(12)])
     ),
-    "minutes and seconds": log(HEAD + stamped([f"00:0{t}" for t in TENTHS]), SAFE),
+    "minutes and seconds": log(
+        HEAD + stamped([f"00:0{t}" for t in TENTHS]), refused("column 'time' holds dates or times", "--ts")
+    ),
     "a date and a time in two columns": log(
-        "Date,Time,u,y\n" + "".join(f"2024-05-06,12:00:0{row}\n" for row in ROWS.split()), SAFE
+        "Date,Time,u,y\n" + "".join(f"2024-05-06,12:00:0{row}\n" for row in ROWS.split())
+    ),
+    "a date beside a finer clock": log(
+        "timestamp,t_ms,u,y\n"
+        + "".join(
+            f"2024-05-06T12:00:00,{100 * k},{row}\n"
+            for k, row in enumerate(line.partition(",")[2] for line in ROWS.split())
+        )
     ),
     "dates beside seconds": log("date,time_s,u,y\n" + "".join(f"2024-05-06,{row}\n" for row in ROWS.split())),
     "dates and the sampling time": log(

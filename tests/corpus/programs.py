@@ -66,7 +66,6 @@ LOGS: dict[str, Log] = {
         + stamped(
             [f"2024-05-06 12:00:0{k / 10:.6f}" for k in range(10)] + ["2024-05-06 12:00:01.0", "2024-05-06 12:00:01.1"]
         ),
-        SAFE,
     ),
     "pandas to_csv with columns of two levels": log("t,motor,motor\n,u,y\n" + ROWS, refused("'motor'")),
     "polars write_csv": log("time_s,u,y\n" + ROWS),
