@@ -4,11 +4,14 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.channels.complaints import listed
 from sysid.channels.contradictions import other_than_stated, stated, two_units, why_not_stated, written_unit
 from sysid.channels.guess_clock import ClockGuess, clock_of, guess_clock
+from sysid.channels.lacking import lacking
 from sysid.channels.looks import Look, looks
 from sysid.channels.mapping import Channel, ChannelMap, Clock
 from sysid.channels.names import (
@@ -28,7 +31,8 @@ from sysid.channels.names import (
     unit_text,
 )
 from sysid.channels.units import COUNTS, convert, seconds
-from sysid.channels.values import numbers
+from sysid.channels.unread import unread
+from sysid.channels.values import numbers, soft_numbers
 from sysid.data.table import Table
 from sysid.formats import read_table
 
@@ -87,7 +91,9 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
         table = read_table(table)
     columns = looks(table)
     if not columns:
-        raise InputError(f"{table.path}: no column holds numbers; found {listed(table.names) or 'none'}")
+        why_not = unread(table, columns) or next(iter(table.undated.values()), "")
+        found = f"no column holds numbers; found {listed(table.names) or 'none'}"
+        raise InputError(f"{table.path}: {found}{f': {why_not}' if why_not else ''}")
     more = given.more or {}
     for name in (given.input, given.output, given.time, *(name for names in more.values() for name in names)):
         if name is not None and name not in columns:
@@ -97,11 +103,14 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     clock = timed.clock or Clock()
     rest = {name: look for name, look in columns.items() if name not in (clock.column, timed.aside) and not look.dated}
     if given.input is None and given.output is None:
+        sure = not unclear
         picked = _pair(table, rest, why, unclear)
+        if sure and not unclear:
+            unclear += lacking(table, picked, columns, rest)
         _say_text(table, columns, picked, unclear)
     else:
         picked = {role: columns.get(getattr(given, role) or "") for role in ("input", "output")}
-        _say_missing(table, picked, columns, unclear)
+        unclear += lacking(table, picked, columns, rest)
     channels: dict[str, list[Channel]] = {}
     for role, first in picked.items():
         channels[role] = [] if first is not None else [Channel(column="")]
@@ -127,7 +136,8 @@ def _clock(table: Table, columns: Mapping[str, Look], given: Given) -> ClockGues
             raise InputError(f"{table.path}: {error}") from None
         other = other_than_stated(table, clock, columns[given.time].values)
         return ClockGuess(clock, [*why, f"{other}: the column is used, as given"] if other else why)
-    timed = guess_clock({name: look for name, look in columns.items() if not look.dated})
+    named = (given.input, given.output)  # no clock, whatever they look like
+    timed = guess_clock({name: look for name, look in columns.items() if not look.dated and name not in named})
     if timed.clock is None and stated(table) is None:  # dates are often coarser than the samples
         timed = guess_clock({name: look for name, look in columns.items() if look.dated})
     if given.Ts is not None:
@@ -141,7 +151,7 @@ def _clock(table: Table, columns: Mapping[str, Look], given: Given) -> ClockGues
         other = other_than_stated(table, timed.clock, columns[timed.clock.column].values)
         timed.unclear += [f"{other}; say which with --ts, or with --time {timed.clock.column!r}"] if other else []
     if timed.clock is None:
-        timed.unclear.append(next(iter(table.undated.values()), NO_CLOCK))
+        timed.unclear.append(next(iter(table.undated.values()), "") or unread(table, columns) or NO_CLOCK)
         timed.remarks["clock.Ts"] = "NEEDED"
     return timed
 
@@ -156,20 +166,6 @@ def _other_step(timed: ClockGuess, columns: Mapping[str, Look], Ts: float) -> li
     return [f"the sampling time is {Ts:g} s as given; column {timed.clock.column!r} steps by {step:.6g} s"]
 
 
-def _say_missing(
-    table: Table, picked: Mapping[str, Look | None], columns: Mapping[str, Look], unclear: list[str]
-) -> None:
-    missing = [role for role in ("input", "output") if picked[role] is None]
-    if missing:
-        wanted = " and one with ".join(f"--{role}" for role in missing)
-        still = [name for name, look in columns.items() if look.constant]
-        which = f"; {' and '.join(still)} never {'changes' if len(still) == 1 else 'change'}" if still else ""
-        unclear.append(
-            f"found {len(table.names)} columns ({listed(table.names)}){which}; name one with {wanted}, "
-            "or in the mapping file of --map"
-        )
-
-
 def _say_text(table: Table, columns: Mapping[str, Look], picked: Mapping[str, Look | None], unclear: list[str]) -> None:
     """A column called u or y that holds no numbers is not passed over for another one."""
     for name, cells in zip(table.names, table.columns, strict=True):
@@ -177,11 +173,11 @@ def _say_text(table: Table, columns: Mapping[str, Look], picked: Mapping[str, Lo
         for role, look in picked.items():
             strong = look is not None and look.header.words <= STRONG[role]
             if name not in columns and words and words <= STRONG[role] and not strong:
-                unclear.insert(
-                    0,
-                    f"column {name!r} is the {role} by its name, but most of its cells are no numbers (the first is "
-                    f"{str(cells[0] if len(cells) else '')[:40]!r}); correct them, or name another with --{role}",
-                )
+                wrong = np.flatnonzero(np.isnan(soft_numbers(table, name)))
+                first = str(cells[int(wrong[0])]) if len(wrong) else ""
+                said = f"column {name!r} is the {role} by its name, but most of its cells are no numbers"
+                why = unread(table, columns, only=name) or f"the first is {first[:40]!r}; correct them"
+                unclear.insert(0, f"{said}: {why}, or name another with --{role}")
 
 
 def _pair(table: Table, rest: Mapping[str, Look], why: list[str], unclear: list[str]) -> dict[str, Look | None]:
@@ -205,7 +201,6 @@ def _pair(table: Table, rest: Mapping[str, Look], why: list[str], unclear: list[
     for role, other in (("input", "output"), ("output", "input")):
         if found[role] is None and found[other] is not None:
             found[role] = _left_over(role, found[other], rest, why)
-    _say_missing(table, found, rest, unclear)
     return found
 
 

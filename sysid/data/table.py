@@ -1,6 +1,5 @@
 """Table: the columns of a file as they were read; a column becomes numbers only when it is used."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from sysid.data.spelling import why_no_number
 from sysid.data.texts import Texts, is_number
 
-PARTED = re.compile(r"[+-]?\d{1,3}(?:([,.'\u2019 \u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d*)?")
-FORTRAN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+")
 LARGEST = 1e100  # squares of it still fit a float64, sums of squares of a million of them too
 
 
@@ -91,23 +89,7 @@ class Table:
             raise self.error(j, k, "found an empty cell; remove the row or fill it") from None
         if not is_number(cell):
             shown = self.columns[j][k]  # as the file has it
-            said = f"found {_short(shown)}, which is not a number; correct the cell{_spelled(shown)}"
-            raise self.error(j, k, said) from None
-
-
-def _spelled(text: str) -> str:
-    """How a number is written that other programs spell with thousands marks or with the exponent of Fortran."""
-    text = text.strip()
-    if FORTRAN.fullmatch(text):
-        return f": write {text.upper().replace('D', 'e')}"
-    if len(text) > 40 or not (parted := PARTED.fullmatch(text)):
-        return ""
-    whole, _, rest = text.replace(parted[1], "").replace(",", ".").partition(".")
-    return f": write numbers without thousands marks, {whole + ('.' + rest if rest else '')} if that is meant"
-
-
-def _short(text: str) -> str:
-    return repr(text if len(text) <= 40 else text[:37] + "...")
+            raise self.error(j, k, why_no_number(shown, self.names[j], self.decimal)) from None
 
 
 __all__ = ["LARGEST", "Table", "Texts", "is_number"]

@@ -6,6 +6,7 @@ fewer or more of them. Renames are in `sysid.estimation.migrations`.
 
 import json
 import os
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any, NoReturn, TypeVar
@@ -22,6 +23,7 @@ from sysid.estimation.codec import build
 from sysid.estimation.migrations import VERSION, migrate
 from sysid.estimation.result import Fit
 from sysid.estimation.saving import FORMAT
+from sysid.formats import TABLE
 from sysid.solver.covariance import Covariance
 
 F = TypeVar("F")
@@ -39,9 +41,14 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
         document = json.loads(source.read_text(encoding="utf-8"), parse_constant=_refused)
     except OSError as e:
         raise InputError(f"cannot read {source}: {e.strerror}; give the path of a saved fit") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{source} is not text; give a file that save() wrote") from None
-    except json.JSONDecodeError as e:
+    except (UnicodeDecodeError, json.JSONDecodeError) as e:
+        if source.suffix.lower() in TABLE and source.suffix.lower() != ".json":
+            raise InputError(
+                f"{source} is a log by its suffix and no saved model; give the model.json of a fit in its place, which "
+                f"this makes of the log: {shlex.join(['qpal', 'identify', str(source)])}"
+            ) from None
+        if isinstance(e, UnicodeDecodeError):
+            raise InputError(f"{source} is not text; give a file that save() wrote") from None
         raise InputError(
             f"{source} is incomplete or damaged at line {e.lineno}, column {e.colno} ({e.msg}); save the fit again"
         ) from None

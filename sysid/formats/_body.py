@@ -1,5 +1,6 @@
 """The rows of a text table below its header as columns of numbers, block by block, with what its commas mean."""
 
+import re
 from array import array
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.table import Texts
 from sysid.formats._cells import Layout, Part, cut, numbers, part
-from sysid.formats._marks import WITH_COMMA, WITH_POINT, Marks, first_match
+from sysid.formats._marks import THOUSANDS, WITH_COMMA, WITH_POINT, Marks, first_match
 from sysid.formats._text import blocks
 
 
@@ -101,8 +102,20 @@ class Body:
                 if (k := first_match(column, WITH_POINT)) is not None:
                     raise InputError(
                         f"{self.path}, row {block.rows[k]}, column {self.names[j]!r}: found {column[k]!r} with a point "
-                        f"where row {comma[0]} has {comma[1]!r} with a comma; write all numbers with a decimal point"
+                        f"where row {comma[0]} has {comma[1]!r} with a comma; {_one_mark(column[k], comma[1])}"
                     )
+
+
+def _one_mark(point: str, comma: str) -> str:
+    """What to do about two numbers with different marks, of which one may part thousands."""
+    parts = [re.match(THOUSANDS[mark], text) is not None for mark, text in ((".", point), (",", comma))]
+    if parts[0] == parts[1]:
+        return "write all numbers with a decimal point"
+    name, text = ("point", point) if parts[0] else ("comma", comma)
+    return (
+        f"if the {name} in {text.strip()!r} parts thousands, remove the thousands marks, else write all numbers with a "
+        "decimal point"
+    )
 
 
 def _joined(rows: list[Sequence[int]]) -> Sequence[int]:

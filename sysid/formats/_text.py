@@ -2,6 +2,7 @@
 
 import codecs
 import io
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -12,6 +13,7 @@ BLOCK = 1 << 23  # bytes: large enough for polars' threads, small beside the num
 COMMENT = (b"#", b"%")
 ERRORS = (b"#N/A", b"#DIV/0!", b"#VALUE!", b"#REF!", b"#NAME?", b"#NUM!", b"#NULL!")  # of a spreadsheet: no comments
 BLANKS = bytes.maketrans(b"\f\v", b"  ")
+MINUS = re.compile("\u2212(?=[0-9.,])".encode())  # as people print numbers
 TEXT = bytes(c for c in range(256) if (c >= 32 and c != 127) or c in b"\t\n\f\v")
 
 
@@ -74,6 +76,7 @@ def _plain(block: bytes) -> bytes:
             block.decode()
         except UnicodeDecodeError:
             block = _of_windows(block)  # an old degree sign in a header is no reason to refuse the numbers
+        block = MINUS.sub(b"-", block)
     return block
 
 

@@ -60,7 +60,7 @@ MOVES = {"a": np.sin(K), "b": np.cos(0.3 * K), "c": np.sin(0.2 * K**1.1)}
         (("t", "u", "angle_1", "angle_2"), {}, "columns 'angle_1', 'angle_2' may each be the output"),
         (("t", "control_output", "angle"), {}, "'control_output' fits an input and an output"),
         (("t", "angle", "speed"), {}, "name one with --input"),
-        (("t", "angle"), {}, "name one with --input"),
+        (("t", "angle"), {}, "no column is left for the input"),
         (("t", "p", "q1", "r"), {"p": "V", "r": "V"}, "columns 'p', 'r' may each be the input"),
         (("u", "y"), {}, "no sampling time is given; give it with --ts"),
         (("index", "u", "y"), {}, "no sampling time is given"),

@@ -81,7 +81,9 @@ LOGS: dict[str, Log] = {
     "npz with texts beside": of(npz(t=t, u=u, y=y, rig=np.array(["seven"])), "npz"),
     "npz of other lengths": of(npz(t=t, u=u, y=y[:-1]), "npz", refused("y")),
     "npz with NaN": of(npz(t=t, u=u, y=Y_GAP), "npz", BRIDGED, missing="mark"),
-    "npz of complex numbers": of(npz(t=t, u=u, y=y + 1j), "npz", refused("--output")),
+    "npz of complex numbers": of(
+        npz(t=t, u=u, y=y + 1j), "npz", refused("left out what is no signal: y", "left for the output")
+    ),
     "npz of an empty vector": of(npz(t=t[:0], u=u[:0], y=y[:0]), "npz", refused("")),
     "npz of nothing": of(npz(), "npz", refused("")),
     "npz cut": of(npz(t=t, u=u, y=y)[:-100], "npz", refused("not a readable npz")),

@@ -61,7 +61,7 @@ LOGS: dict[str, Log] = {
     "a name twice": log("t,u,u\n" + ROWS, refused("'u'", "rename")),
     "three outputs": log("t,u,y1,y2\n" + ROWS.replace("\n", ",7\n").replace("1.25,7", "1.25,8"), SAFE),
     "an input and no output": log(
-        "t,u\n" + "".join(row.rpartition(",")[0] + "\n" for row in ROWS.split()), refused("--output")
+        "t,u\n" + "".join(row.rpartition(",")[0] + "\n" for row in ROWS.split()), refused("left for the output")
     ),
     "an index in front, as pandas writes it": log(
         ",t,u,y\n" + "".join(f"{k},{row}\n" for k, row in enumerate(ROWS.split()))
