@@ -27,8 +27,8 @@ def check_mapping(table: Table, mapping: ChannelMap) -> None:
     clock = mapping.clock
     if clock.column in table.dates and (clock.wrap or seconds(clock.unit) != 1.0):
         raise InputError(
-            f"{table.path}: column {brief(clock.column)!r} holds dates or times of day, which become seconds; leave unit "
-            "and wrap of the clock out"
+            f"{table.path}: column {brief(clock.column)!r} holds dates or times of day, which become seconds; leave "
+            "unit and wrap of the clock out"
         )
     if not mapping.clock.column and mapping.clock.Ts is None:
         raise InputError(
