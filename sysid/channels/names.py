@@ -41,6 +41,7 @@ INPUT_TOO |= {"current", "load", "power", "effort", "cmds", "commands", "eingang
 OUTPUT_TOO = {"outputs", "yout", "uout", "response", "measured", "measurement", "meas", "sensor", "reading", "speed"}
 OUTPUT_TOO |= {"velocity", "vel", "omega", "rate", "acceleration", "acc", "accel", "gyro", "temp", "temperature"}
 OUTPUT_TOO |= {"displacement", "ausgang", "messwert", "istwert", "lage", "drehzahl", "angles", "positions"}
+IN = re.compile(r"(?<=\S)\s+in\s+(?=\S)")  # before a unit
 
 
 @dataclass(frozen=True)
@@ -61,12 +62,17 @@ def header(name: str, unit: str = "") -> Header:
     """The header of a column; `unit` is what its reader found in or beside the name."""
     base = name.strip()
     if unit:
-        for form in (r"(.+?)\s*[\[({]\s*[^\[\](){}]*\s*[\])}]", rf"(.+?)\s*[/_, ]\s*{_spelled(unit)}"):
+        for form in (
+            r"(.+?)\s*[\[({]\s*[^\[\](){}]*\s*[\])}]",
+            rf"(.+?)\s+in\s+{_spelled(unit)}",
+            rf"(.+?)\s*[/_, ]\s*{_spelled(unit)}",
+        ):
             match = re.fullmatch(form, base)
             if match:
                 base = match[1]
                 break
-    words = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+", base)
+    said = IN.sub(" ", base)  # "Weg in Schritten" names no input
+    words = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+", said)
     return Header(name, base, unit.strip(), frozenset(word.lower() for word in words))
 
 

@@ -85,6 +85,7 @@ WORDS = {  # spellings that are no units of the registry; looked up in small let
     "": "",
 }
 _SIGNS = str.maketrans({"µ": "u", "μ": "u", "·": "*", "×": "*", "°": "deg", "º": "deg", "²": "^2", "⁻": "-", "¹": "1"})
+_DEGREES = re.compile(r"\b(?:Grad|[Gg]rados?|[Dd]egrés?)\b")  # a grad in small letters may be a gon
 _TERM = r"(?:[A-Za-z]+(?:\^?-?[1-9])?|1)"
 _UNIT = re.compile(rf"{_TERM}(?:\s*[*/.]\s*{_TERM}|\s+{_TERM}){{0,3}}")  # nothing that could compute for long
 _TIME = "[time]"
@@ -126,7 +127,7 @@ def _convert(text: str) -> Conversion:
         return Conversion(text, 1.0)
     if text == "":
         return Conversion("", 1.0, False)
-    plain = text.translate(_SIGNS)
+    plain = _DEGREES.sub("deg", text).translate(_SIGNS)
     found = _by_pint(plain)
     if found is None:
         word = WORDS.get(text.lower(), WORDS.get(plain.lower()))

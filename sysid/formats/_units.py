@@ -16,7 +16,7 @@ PREFIXED = "s|V|A|m|g|N|Nm|Pa|J|W|Wh|F|H|Hz|T|C|K|Ω|Ohm|ohm|rad|bar|sec|Ah"
 PLAIN = (
     "min|h|hr|hrs|deg|mdeg|°|º|rpm|RPM|rps|rev|revs|turns?|°C|º ?C|degC|°F|degF|degrees?C|%|percent|pct|counts?|cts|"
     "ticks?|steps?|LSB|lsb|digits?|pulses?|samples?|bits?|in|inch|inches|ft|feet|lb|lbs|lbf|ozf?|psi|dB|ppm|ppr|cpr|kgf|gon|"
-    "G|dps|px|V_?rms|Vpp|mmHg|rad"
+    "Grad|[Gg]rados?|[Dd]egrés?|G|dps|px|V_?rms|Vpp|mmHg|rad"
 )
 WORDS = (
     "(?:nano|micro|milli|centi|kilo|mega)?(?:seconds?|volts?|amps?|amperes?|met(?:er|re)s?|grams?|newtons?|pascals?|"
@@ -29,7 +29,24 @@ UNIT = re.compile(rf"(?:1/)?{FACTOR}(?:(?:/| ?[*·⋅.] ?|-| per | ){FACTOR}|/\(
 SHORT = (  # spelled with more than one letter, and hardly anything else behind an underscore
     *("ms", "us", "µs", "μs", "ns", "sec", "secs", "msec", "usec", "seconds", "milliseconds", "microseconds"),
     *("mV", "uV", "kV", "volt", "volts", "mA", "uA", "amp", "amps", "mW", "kW", "mm", "cm", "um", "µm", "km"),
-    *("deg", "rad", "mrad", "degrees", "radians", "dps", "rpm", "rps", "Hz", "kHz", "MHz", "Nm", "mNm", "mN", "kN"),
+    *(
+        "deg",
+        "Grad",
+        "rad",
+        "mrad",
+        "degrees",
+        "radians",
+        "dps",
+        "rpm",
+        "rps",
+        "Hz",
+        "kHz",
+        "MHz",
+        "Nm",
+        "mNm",
+        "mN",
+        "kN",
+    ),
     *("Pa", "kPa", "hPa", "MPa", "bar", "mbar", "psi", "degC", "degF", "percent", "pct", "counts", "ticks"),
     *("ohm", "Ohm", "kOhm", "kg"),
 )
@@ -53,6 +70,7 @@ FORMS = (
     re.compile(r"(?P<stem>.+?)(?P<mark>\s*)\{\s*(?P<unit>[^{}]+?)\s*\}"),
 )
 LOUD = ("deg", "rad", "rpm")  # as a unit within brackets, in letters of any size
+IN = re.compile(r"(?P<stem>.+?)\s+in\s+(?P<unit>\S.*)")
 SLASH = re.compile(r"(?P<stem>[^/]*[^/\s\d])\s*/\s*(?P<unit>[^/\s].*)")
 FAMILY = re.compile(r"(.+?)([_ ]|\s*[/([{])\s*([A-Za-z])\s*[])}]?")
 TIMES = re.compile(r"[_ ](?:x?10+x?|times_?10+|deci|centi|tenths?|hundredths?)$", re.IGNORECASE)  # angle_x10_deg
@@ -94,6 +112,8 @@ def _unit(name: str) -> str | None:
             plural = unit == "s" and not match["mark"] and not _names(stem, "s")  # motor(s)
             spelled = is_unit(unit) or unit.lower() in LOUD
             return unit if spelled and not plural else None
+    if (match := IN.fullmatch(name.strip())) and is_unit(match["unit"]):
+        return match["unit"].strip()
     if match := RATE.fullmatch(name):
         return f"{match[2]}/{match[3].replace('s2', 's^2')}"
     if match := SLASH.fullmatch(name):

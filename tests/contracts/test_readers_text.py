@@ -44,11 +44,31 @@ def test_names_and_units(text, names, units, tmp_path):
 UNITS = {
     **{"speed [rad/s]": "rad/s", "acc [m/s^2]": "m/s^2", "M [N\u00b7m]": "N\u00b7m", "k [V/(rad*s)]": "V/(rad*s)"},
     **{"Time(s)": "s", "TIME_MS": "ms", "Time ms": "ms", "speed_rad_s": "rad/s", "acc_m_s2": "m/s^2", "U/V": "V"},
+    **{
+        "Spannung in V": "V",
+        "Winkel in \u00b0": "\u00b0",
+        "Winkel in Grad": "Grad",
+        "Angle (degr\u00e9s)": "degr\u00e9s",
+    },
     **{"i_A": "A", "height_m": "m", "temp_C": "C", "voltage_thigh_V": "V", "speed / rpm": "rpm", "pwm [%]": "%"},
 }
 NO_UNITS = (  # a name, an index, a phase, a measured or desired value
     *("q[0]", "x(k)", "f(t)", "angle (raw)", "motor(s)", "phase_A", "y_m", "x_s", "x_d", "u_s", "t_min", "u_max"),
-    *("u_in", "acc_g", "encoder_A", "km/h", "m/s", "U/min", "in/out", "/topic/m", "s", "position", "load_raw"),
+    *(
+        "u_in",
+        "acc_g",
+        "encoder_A",
+        "km/h",
+        "m/s",
+        "U/min",
+        "in/out",
+        "/topic/m",
+        "s",
+        "speed in raw",
+        "u in",
+        "position",
+        "load_raw",
+    ),
 )
 
 

@@ -60,6 +60,11 @@ LOGS: dict[str, Log] = {
     "names in capital letters": log("T,U,Y\n" + ROWS),
     "a name twice": log("t,u,u\n" + ROWS, refused("'u'", "rename")),
     "three outputs": log("t,u,y1,y2\n" + ROWS.replace("\n", ",7\n").replace("1.25,7", "1.25,8"), SAFE),
+    "German units behind in": log("Zeit in s;Spannung in V;Winkel in Grad\n" + SEMI, DEG),
+    "a German degree sign behind in": log("Zeit in s;Spannung in V;Winkel in \u00b0\n" + SEMI, DEG),
+    "Spanish degrees": log("t,u,angle (grados)\n" + ROWS, DEG),
+    "French degrees": log("t,u,angle [degr\u00e9s]\n" + ROWS, DEG),
+    "a unit that is not known behind in": log("Zeit in s;Spannung in V;Winkel in Schritten\n" + SEMI),
     "an input and no output": log(
         "t,u\n" + "".join(row.rpartition(",")[0] + "\n" for row in ROWS.split()), refused("left for the output")
     ),
