@@ -45,6 +45,8 @@ def tangent_at(fit: Fit | NlarxFit, u: float | None = None) -> Tangent:
             f"the model has {fit.model.channels[0]} input(s) and {fit.model.channels[1]} output(s); a transfer "
             "function is written for one of each"
         )
+    if isinstance(fit, Fit):
+        _check_linear(fit)
     u0, y0 = (0.0 if o is None else float(o[0]) for o in (fit.u_offset, fit.y_offset))
     own = 0.5 * sum(fit.u_span) if u is None else u - u0
     integrates = _integrates(fit)
@@ -58,6 +60,15 @@ def tangent_at(fit: Fit | NlarxFit, u: float | None = None) -> Tangent:
             findop(fit, own, 0.0 if integrates else None).y,
         )
     return Tangent(np.array(G.num[0][0]), np.array(G.den[0][0]), fit.Ts, own + u0, y + y0, integrates)
+
+
+def _check_linear(fit: Fit) -> None:
+    n = len(fit.model.dynamics)
+    if n != 1 and not any(isinstance(b, StateSpace) for b in fit.model.blocks):
+        raise InputError(
+            f"a linear model is written of a chain with one transfer function, and {fit.model.structure or 'this one'} "
+            f"has {n or 'none'}; fit such a one to the same log, for example qpal identify LOG --structure output_error"
+        )
 
 
 def _integrates(fit: Fit | NlarxFit) -> bool:

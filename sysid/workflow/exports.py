@@ -5,12 +5,15 @@ from math import isfinite
 from pathlib import Path
 
 from sysid.base.errors import InputError
+from sysid.base.units import percent
+from sysid.diagnosis.residuals import poor
 from sysid.estimation.result import Fit
 from sysid.export import c as export_c
 from sysid.export import python as export_python
 from sysid.nlarx.dispatch import save
 from sysid.nlarx.result import NlarxFit
 from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.gain_sign import WRONG
 
 SAVED = ("model.json", "the fit for sysid.load, qpal run and qpal export; it runs on raw records")
 
@@ -44,9 +47,23 @@ def export(evaluation: Evaluation, folder: Path) -> Exports:
     )
 
 
+UNFIT = "do NOT use this model: "  # a warning of a saved fit that begins so is repeated wherever it is used
+
+
 def _as_told(evaluation: Evaluation) -> Fit | NlarxFit:
-    """The fit with the percentage that the summary names, so that `qpal run` repeats it to the last digit."""
+    """The fit with what was said of it: the percentage, so that `qpal run` repeats it to the last digit, and a warning.
+
+    The record does not travel with the file; whoever takes the model from there would not know.
+    """
     fit, told = evaluation.fit, evaluation.estimation_fit
+    why = (
+        [f"the free run fits the validation data to {percent(evaluation.validation_fit)}"]
+        if poor(evaluation.validation_fit, evaluation.tests)
+        else []
+    )
+    why += [note for note in evaluation.notes if WRONG in note and note not in fit.warnings]
+    if why:
+        fit = replace(fit, warnings=(f"{UNFIT}{'; '.join(why)}", *fit.warnings))
     if fit.origin is None or not isfinite(told):
         return fit
     return replace(fit, origin=replace(fit.origin, fit=told))

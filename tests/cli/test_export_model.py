@@ -4,6 +4,7 @@ import json
 import runpy
 import shutil
 import subprocess
+from types import SimpleNamespace
 
 import control
 import numpy as np
@@ -13,7 +14,10 @@ import sysid
 from sysid.blocks import TransferFunction
 from sysid.data.preprocess import detrend
 from sysid.linear.written import source, tangent_at
+from sysid.workflow.exports import export
 from twin.cli import main
+from twin.report import export as report
+from twin.studies.write_back import read_model, write_back
 
 
 def record(N=400, seed=0):
@@ -123,3 +127,53 @@ def test_a_joint_without_its_means_is_not_written_as_mjcf(tmp_path, monkeypatch,
     sysid.fit(sysid.structures.actuated_joint(play=False), data, starts=1, options=few).save("model.json")
     assert main(["export", "model.json", "--mjcf"]) == 2
     assert "fit it with --detrend none" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def joint(tmp_path_factory):
+    """A joint in volts and radians, whose fit was told not to be used."""
+    folder = tmp_path_factory.mktemp("joint")
+    rng = np.random.default_rng(4)
+    u = np.repeat(rng.uniform(-6.0, 6.0, 30), 10)
+    y = np.clip(np.cumsum(np.where(np.abs(u) > 2.0, 0.02 * u, 0.0)), -1.0, 1.0) + 0.01 * rng.normal(size=300)
+    data = sysid.IOData(u, y, 0.1, "voltage", "angle", "V", "rad")
+    few = sysid.Options(max_iterations=3)
+    fit = sysid.fit(sysid.structures.actuated_joint(play=False), data, starts=1, options=few)
+    fit.save(folder / "model.json")
+    return folder
+
+
+def test_a_way_that_is_not_possible_is_told_before_anything_is_written_with_those_that_are(joint, monkeypatch, capsys):
+    monkeypatch.chdir(joint)
+    assert main(["export", "model.json", "--c", "--control", "--out", "both"]) == 2
+    err = capsys.readouterr().err
+    assert "--control: a linear model is written of a chain with one transfer function, and actuated_joint has" in err
+    assert "qpal identify LOG --structure output_error" in err
+    assert "nothing is written; possible: --c, --python, --matlab, --mjcf" in err
+    assert not (joint / "both").exists()
+
+
+def test_the_free_run_of_a_joint_has_units_on_its_axes(joint):
+    result = write_back(read_model(str(joint / "model.json")), ["c"], "joint", None, 0.0, None, joint)
+    assert [axes.get_ylabel() for axes in report.free_run(result)] == ["input u [V]", "output y [deg]"]
+
+
+def test_what_identify_said_against_a_model_goes_with_its_file(joint, tmp_path, monkeypatch, capsys):
+    fit, notes = (
+        sysid.load(joint / "model.json"),
+        ("the gain has the WRONG SIGN: so it does", "a word on the input map"),
+    )
+    told = SimpleNamespace(fit=fit, notes=notes, estimation_fit=80.0, validation_fit=-66.2, tests=None)
+    monkeypatch.chdir(tmp_path)
+    export(told, tmp_path)
+    assert main(["export", "model.json", "--c", "--json", "--out", "out"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    doubt = "do NOT use this model: the free run fits the validation data to −66.20 %; the gain has the WRONG SIGN"
+    assert found["warnings"][0].startswith(doubt)
+    assert not any("word on the input map" in text for text in found["warnings"])
+    assert main(["export", "model.json", "--matlab", "--out", "out2"]) == 0
+    assert "Do NOT use this model: the free run fits" in " ".join(capsys.readouterr().out.split())
+    good = SimpleNamespace(fit=fit, notes=notes[1:], estimation_fit=99.0, validation_fit=98.0, tests=None)
+    (tmp_path / "good").mkdir()
+    export(good, tmp_path / "good")
+    assert sysid.load(tmp_path / "good" / "model.json").warnings == fit.warnings

@@ -10,6 +10,7 @@ from sysid.base.units import number, poles, shown
 from sysid.base.versions import versions
 from sysid.estimation.result import Fit
 from sysid.report.page import Grid, Listing, Page, Picture, Section
+from sysid.workflow.exports import UNFIT
 from twin.fragment import Check
 from twin.studies.write_back import CLOSE, Written
 
@@ -42,8 +43,17 @@ def tables(result: Written) -> list[Grid]:
 
 
 def sentences(result: Written) -> list[str]:
-    """The levels that the files take, the linear model, what the check found, what the elements cannot hold."""
-    return [*_levels(result), *_linear(result), *_checked(result)]
+    """Warnings of the fit, levels of the files, the linear model, what the check found, what the elements lack."""
+    return [*_warned(result), *_levels(result), *_linear(result), *_checked(result)]
+
+
+def _warned(result: Written) -> list[str]:
+    """What the saved fit says against itself, the gravest first."""
+    warnings = sorted(result.source.fit.warnings, key=lambda text: not text.startswith(UNFIT))
+    return [
+        f"{text[0].upper()}{text[1:]}." if text.startswith(UNFIT) else f"Warning of the fit: {text}."
+        for text in warnings
+    ]
 
 
 def _levels(result: Written) -> list[str]:
@@ -98,7 +108,7 @@ def _checked(result: Written) -> list[str]:
 
 
 @styled
-def free_run(result: Written) -> "Axes":
+def free_run(result: Written) -> "list[Axes]":
     """Input and output of the fit."""
     data, fit = result.source.data, result.source.fit
     first, second = style.panels(None, rows=2, height=4.2, sharex=True)
@@ -115,7 +125,7 @@ def free_run(result: Written) -> "Axes":
         if len(columns) > 1:
             style.legend(axes)
     second.set(xlabel="time [s]")
-    return second
+    return [first, second]
 
 
 @styled

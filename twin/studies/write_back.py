@@ -72,6 +72,7 @@ class Written:
             }
         if self.tangent is not None:
             found["tangent"] = self.tangent.as_dict()
+        found["warnings"] = list(self.source.fit.warnings)
         return found | {"offsets": _offsets(self.source.fit), "versions": versions()}
 
 
@@ -114,13 +115,13 @@ def read_model(
 
 def _drawn(fit: Fit | NlarxFit) -> IOData:
     """A drawn input, which takes a joint across its stroke many times, and the fit's free run."""
+    was = fit.origin
+    named = {} if was is None else {k: getattr(was, k) for k in ("u_name", "y_name", "u_unit", "y_unit")}
     if isinstance(fit, NlarxFit) or not is_joint(fit.model):
         low, high = fit.u_span if fit.u_span[1] > fit.u_span[0] else (-1.0, 1.0)
         n_in = 1 if isinstance(fit, NlarxFit) else fit.model.channels[0]
         u = np.repeat(np.random.default_rng(0).uniform(low, high, (12, n_in)), 20, axis=0)
         y = fit.simulate(u).reshape(len(u), -1)
-        was = fit.origin
-        named = {} if was is None else {k: getattr(was, k) for k in ("u_name", "y_name", "u_unit", "y_unit")}
         u0, y0 = (0.0 if offset is None else offset for offset in (fit.u_offset, fit.y_offset))
         return IOData(u + u0, np.where(np.isfinite(y), y, 0.0) + y0, fit.Ts, **named)
     motor = motor_of(fit.model)
@@ -135,7 +136,7 @@ def _drawn(fit: Fit | NlarxFit) -> IOData:
     u = signal.generate(TURNS * crossing, fit.Ts, np.random.default_rng(0))
     run = fit.model.simulate(fit.theta, u[:, None]).ravel()
     stay = len(u) if motor.stops is True else max(_stay(run, _span(fit)), 2)
-    return IOData(u[:stay], run[:stay], fit.Ts)
+    return IOData(u[:stay], run[:stay], fit.Ts, **named)
 
 
 def _span(fit: Fit) -> float:
@@ -148,6 +149,54 @@ def _stay(y: np.ndarray, span: float) -> int:
     """Samples before a joint that nothing stops has gone its whole way from where it began, or is lost."""
     left = ~(np.abs(y - y[0]) < span)
     return int(np.argmax(left)) if left.any() else len(y)
+
+
+WAYS = ("c", "python", "matlab", "control", "mjcf")
+
+
+def _check_ways(source: Source, asked: Sequence[str], name: str, at: float | None) -> None:
+    """Raises InputError, with the reason and with the ways that are possible, before any file is written."""
+    reasons = {way: _refused(source, way, name, at) for way in asked}
+    if not any(reasons.values()):
+        return
+    reasons |= {way: _refused(source, way, name, None) for way in WAYS if way not in reasons}
+    told = "; ".join(f"--{way}: {reasons[way]}" for way in asked if reasons[way])
+    fine = [f"--{way}" for way in WAYS if not reasons[way]]
+    raise InputError(f"{told} (nothing is written; possible: {', '.join(fine)})" if fine else told)
+
+
+def _refused(source: Source, way: str, name: str, at: float | None) -> str:
+    """Why the fit cannot be written in this way; empty if it can."""
+    fit = source.fit
+    try:
+        if way == "control":
+            written.tangent_at(fit, at)
+        elif way == "mjcf":
+            _check_mjcf(source, name)
+        elif way == "python":
+            python.source(fit)
+        else:
+            (c if way == "c" else matlab).source(fit, name)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def _check_mjcf(source: Source, name: str) -> None:
+    fit = source.fit
+    if source.data.N < LEAST:
+        raise InputError(
+            "this joint has no stop that keeps a drawn input in its range; fit one to a log that meets both ends, or "
+            "give the log itself: qpal export LOG --mjcf"
+        )
+    if isinstance(fit, NlarxFit):
+        raise InputError("a nonlinear ARX model has no motor, so it has no MJCF; fit an actuated_joint")
+    if any(offset is not None and offset.any() for offset in (fit.u_offset, fit.y_offset)):
+        raise InputError(
+            "this joint was fitted to a record without its means, and MJCF counts from zero volts and the sensor's "
+            "zero; fit it with --detrend none"
+        )
+    mjcf.fragment(fit, name, 1.0, 0.0)
 
 
 def write_back(
@@ -167,6 +216,7 @@ def write_back(
     files = []
     scale = 1.0 if torque_per_volt is None else torque_per_volt
     fit = source.fit
+    _check_ways(source, ways, name, at)
     if "c" in ways:
         files.append((c.write(fit, folder / f"{name}.c", name).name, "C99 with a state and a step function"))
     if "python" in ways:
@@ -180,18 +230,7 @@ def write_back(
         files.append((f"{name}_control.py", "the linear model at an operating point, as a control.TransferFunction"))
     if "mjcf" not in ways:
         return Written(source, tuple(files), tangent=tangent)
-    if source.data.N < LEAST:
-        raise InputError(
-            "this joint has no stop that keeps a drawn input in its range; fit one to a log that meets both ends, or "
-            "give the log itself: qpal export LOG --mjcf"
-        )
-    if isinstance(fit, NlarxFit):
-        raise InputError("a nonlinear ARX model has no motor, so it has no MJCF; fit an actuated_joint")
-    if any(offset is not None and offset.any() for offset in (fit.u_offset, fit.y_offset)):
-        raise InputError(
-            "this joint was fitted to a record without its means, and MJCF counts from zero volts and the sensor's "
-            "zero; fit it with --detrend none"
-        )
+    assert isinstance(fit, Fit)
     fragment = mjcf.fragment(fit, name, scale, link_inertia)
     write_text(folder / f"{name}.xml", fragment.model())
     files.append((f"{name}.xml", "MJCF that loads as it is, with a light link in place of yours"))
