@@ -73,7 +73,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A joint of the twin, calibrated: `parameters` is the whole twin with `values` in it; `seconds` was the budget."""
+    """A joint of the twin, calibrated: `parameters` is the whole twin with `values` in it; `seconds` was the budget.
+
+    `moved` are rows that are not calibrated and differ from what was given: ends, out of the way of the logs.
+    """
 
     joint: str
     parameters: Parameters
@@ -90,6 +93,7 @@ class Calibration:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     level: float = LEVEL
     seconds: float = np.inf
+    moved: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """Values, scores and provenance, ready for JSON."""
@@ -102,6 +106,7 @@ class Calibration:
             "parameters": [asdict(value) for value in self.values],
             "correlation": self.correlation.tolist(),
             "not_calibrated": dict(self.fixed),
+            "moved": list(self.moved),
             "told": [asdict(row) for row in self.told],
             "scores": [asdict(score) for score in self.scores],
             "search": {
@@ -206,6 +211,7 @@ def calibrate(
         values = _values(task, found, cov, J, size, base, level)
         after = _as_board_sees(leg.parameters(task.values(found.p)[: len(kept)]))
         runs = _runs(Leg(joint, base, (), *settings), leg, task, found, logs, held_out, labels)
+    moved = tuple(row for row in ROWS if row not in kept and row != DELAY and after[row] != base[row])
     converged, reason = _verdict(found, e, J, cov, seconds)
     cov = cov[: len(kept), : len(kept)]
     std = np.sqrt(np.diag(cov))
@@ -215,7 +221,7 @@ def calibrate(
         values,
         cov / np.outer(std, std),
         told,
-        {row.name: row.sentence() for row in told if not row.told},
+        {row.name: row.sentence() + _moved(row.name, moved, base, after) for row in told if not row.told},
         found,
         converged,
         reason,
@@ -235,7 +241,16 @@ def calibrate(
         },
         level,
         seconds,
+        moved,
     )
+
+
+def _moved(name: str, moved: Sequence[str], base: Parameters, after: Parameters) -> str:
+    """That a row which is not calibrated has another value all the same, so that the twin can do what the logs show."""
+    if name not in moved:
+        return ""
+    unit = ROWS[name].unit
+    return f" It is set to {after[name]:.4g} {unit} (from {base[name]:.4g}): the logs pass the end of the nominal twin."
 
 
 def chosen(joint: str, names: Sequence[str] | None, fixed: Sequence[str], without: Sequence[str]) -> tuple[str, ...]:

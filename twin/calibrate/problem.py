@@ -54,7 +54,8 @@ class Free:
 
     def outer(self, z: float | np.ndarray) -> np.ndarray:
         """The value at a coordinate of the search, within the bounds."""
-        ratio = np.expm1(z) if self.lower >= 0.0 else np.asarray(z, dtype=float)
+        z = np.minimum(z, self.inner(self.upper))  # the end of a wide interval may be more than a number holds
+        ratio = np.expm1(z) if self.lower >= 0.0 else z
         return np.clip(self.scale * ratio, self.lower, self.upper)
 
     def slope(self, value: float) -> float:

@@ -5,14 +5,16 @@ from pathlib import Path
 
 from sysid.base.files import write_text
 from sysid.base.units import number
+from twin.calibrate import doubt
 from twin.calibrate.calibration import Calibration, Value
-from twin.calibrate.leg import DELAY
+from twin.calibrate.leg import DELAY, ROWS
 from twin.parameter_file import to_toml
 
 
 def write(calibration: Calibration, path: str | Path) -> Path:
     """Write every row that differs from nominal as TOML; `twin.parameter_file.read` gives back every bit."""
     said = {value.name: comment(value, calibration.level) for value in calibration.values}
+    said |= {row: f"{ROWS[row].unit}; not calibrated, set beyond the angles of the logs" for row in calibration.moved}
     return write_text(Path(path), to_toml(calibration.parameters, _head(calibration), said))
 
 
@@ -24,6 +26,8 @@ def comment(value: Value, level: float) -> str:
     nominal = number(value.nominal, 4)
     if value.name == DELAY:
         unit += f", found {number(value.value, 4)} and rounded to whole periods of the board"
+    lost = doubt.why(value)
+    unit = f"NOT DETERMINED by the logs; {unit}" if lost else unit
     return f"{unit}; {100 * level:g} % interval {low} to {high}{f' {shown}' if shown else ''}; was {nominal}"
 
 
@@ -38,4 +42,5 @@ def _head(calibration: Calibration) -> list[str]:
     for score in calibration.scores:
         kind = "held out" if score.held_out else "used"
         lines.append(f"{score.log} ({kind}): fit {score.fit_before:.2f} % before, {score.fit_after:.2f} % after.")
+    lines += doubt.sentences(calibration)
     return [*lines, *(f"Not calibrated: {sentence}" for sentence in calibration.fixed.values())]

@@ -1,5 +1,6 @@
 """`qpal calibrate`: the twin's parameters from logs of the leg."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -43,6 +44,7 @@ def calibrate(
     """
     limit = options.budget(seconds)
     from sysid.report.page import write
+    from twin.calibrate import doubt
     from twin.calibrate.calibration import calibrate as run
     from twin.calibrate.written import write as write_parameters
     from twin.report import calibrate as report
@@ -70,6 +72,9 @@ def calibrate(
         write(scratch, report.page(result), summary)
         write_parameters(result, scratch / target.name)
     said = [*report.verdict(result), *report.sentences(result), f"Parameters: {target}"]
-    said.append(f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}")
+    step_on = doubt.next_step(result, shlex.join(files))
+    said.append(
+        step_on or f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}"
+    )
     console.finish(folder, summary, as_json, report.tables(result), said)
     return 0 if result.converged else 1

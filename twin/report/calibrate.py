@@ -12,6 +12,7 @@ from sysid.base.versions import versions
 from sysid.data.record import IOData
 from sysid.report import zoom
 from sysid.report.page import Grid, Page, Picture, Section
+from twin.calibrate import doubt
 from twin.calibrate.advice import what_to_record
 from twin.calibrate.calibration import Calibration, Run
 from twin.calibrate.discrepancy import directions
@@ -51,10 +52,11 @@ _LEFT = "A residual that repeats with place and direction belongs to an effect t
 
 
 def verdict(result: Calibration) -> list[str]:
-    """The result in a few sentences."""
+    """The result in a few sentences, what must not be used first."""
     said = [
+        *doubt.sentences(result),
         f"The search {'converged' if result.converged else 'did not converge'} after {result.found.stop.iterations} "
-        f"iterations: {result.reason}."
+        f"iterations: {result.reason}.",
     ]
     if result.next_step():
         said.append(result.next_step())

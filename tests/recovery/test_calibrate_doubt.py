@@ -1,0 +1,94 @@
+"""A calibration says which values its logs do not determine: first, plainly, and in the file that it writes."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import twin
+from twin.calibrate import doubt, written
+from twin.calibrate.calibration import Value, _moved
+from twin.calibrate.problem import Free
+from twin.report import calibrate as report
+
+SURE = Value("thigh.no_load_speed", "m/s", 0.0144, 0.0144, 0.0148, 0.0146, 0.0150, 0.9)
+WIDE = Value("thigh.coulomb", "N", 30.0, 30.0, 17.9, 0.0, 203.6, 0.1)  # 10 N off is plausible
+EDGE = Value("thigh.asymmetry", "1", 0.1, 0.1, 0.9, 0.88, 0.9, 0.1)
+ABSENT = Value("thigh.stribeck", "1", 0.3, 0.3, 0.0, 0.0, 0.1, 0.5)  # 0 is an effect that is not there
+
+
+def result(*values, correlation=None):
+    n = len(values)
+    return SimpleNamespace(
+        joint="thigh",
+        values=values,
+        correlation=np.eye(n) if correlation is None else np.array(correlation),
+        found=SimpleNamespace(stop=SimpleNamespace(iterations=7), descents=1),
+        converged=True,
+        reason="small steps",
+        next_step=lambda: "",
+        scores=(),
+        level=0.95,
+        fixed={"thigh.stroke": "No log rests there."},
+        provenance={"logs": ["a.csv"], "without": []},
+        moved=("thigh.stroke",),
+        parameters=twin.Parameters({"thigh.coulomb": 17.9, "thigh.stroke": 0.07}),
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (SURE, ""),
+        (WIDE, "anything from 0 to 204 N"),
+        (EDGE, "on the upper end of its range, 0.900"),
+        (ABSENT, ""),
+    ],
+)
+def test_why_a_value_is_not_determined(value, words):
+    assert doubt.why(value) == words
+
+
+def test_the_first_sentence_says_what_not_to_use():
+    first, second, *_ = report.verdict(result(SURE, WIDE, EDGE))
+    assert first.startswith("These logs do not determine all: thigh.coulomb (anything")
+    assert first.endswith("So do not use the file for these.")
+    assert second.startswith("The search converged")
+    assert report.verdict(result(WIDE))[0].endswith("So do not use the file.")
+    assert report.verdict(result(SURE))[0].startswith("The search converged")
+
+
+def test_values_that_act_alike_are_named_in_pairs():
+    r = [[1.0, -0.999, 0.5], [-0.999, 1.0, 0.2], [0.5, 0.2, 1.0]]
+    (said,) = doubt.sentences(result(SURE, ABSENT, SURE, correlation=r))
+    assert "thigh.no_load_speed and thigh.stribeck (−0.999)" in said
+    assert said.count(" and ") == 1
+
+
+def test_the_next_step_is_not_to_use_the_file():
+    step = doubt.next_step(result(SURE, WIDE), "'my log.csv'")
+    assert step.startswith(
+        "Next: qpal calibrate 'my log.csv' --joint thigh --fix coulomb; or, to determine them: let it"
+    )
+    assert "--fix" not in doubt.next_step(result(WIDE), "a.csv")  # nothing would be left
+    assert doubt.next_step(result(SURE), "a.csv") == ""
+
+
+def test_the_file_says_it_beside_each_value(tmp_path):
+    text = written.write(result(SURE, WIDE), tmp_path / "thigh.toml").read_text(encoding="utf-8")
+    assert "# These logs do not determine all: thigh.coulomb" in text
+    assert "coulomb = 17.9  # NOT DETERMINED by the logs; N; 95 % interval 0 to 203.60; was 30.00" in text
+    assert "stroke = 0.07  # m; not calibrated, set beyond the angles of the logs" in text
+
+
+def test_an_end_that_was_moved_out_of_the_way_is_told():
+    before, after = twin.Parameters(), twin.Parameters({"thigh.stroke": 0.07})
+    assert "It is set to 0.07 m (from 0.064)" in _moved("thigh.stroke", ("thigh.stroke",), before, after)
+    assert _moved("thigh.backlash", ("thigh.stroke",), before, after) == ""
+
+
+def test_the_end_of_a_wide_interval_is_a_bound_and_no_overflow():
+    """Warnings are errors here."""
+    free = Free("coulomb", 30.0, 0.0, 500.0, "N", 10.0)
+    assert free.outer(1e6) == 500.0
+    assert free.outer(free.inner(499.0)) == pytest.approx(499.0)
