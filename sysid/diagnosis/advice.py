@@ -16,6 +16,7 @@ from sysid.data.outliers import hampel
 from sysid.data.record import IOData
 from sysid.diagnosis import signals
 from sysid.diagnosis.finding import LEVEL, Advice, aprbs, channel
+from sysid.diagnosis.jumps import NO_VALUE, stands_for_none, wraps
 from sysid.diagnosis.relation import between
 from sysid.diagnosis.whitening import Whitened, free_run, nonlinearity, whiten
 
@@ -30,16 +31,18 @@ ORDER = 10  # twice the order of excitation that a model with nb + nf = 5 needs
 def advise(data: IOData) -> tuple[Advice, ...]:
     """Findings on the record, by topic, for every input and output.
 
-    Topics: excitation, levels, delay, feedback, nonlinearity, rate, rest, resolution, outliers, drift. The level of
-    the statistical tests is 1 % false alarms per record; scripts/advice_rates.py prints their rates by class of input.
-    The tests use at most the first 20,000 samples. Raises InputError for magnitudes that no plant has.
+    Topics: wraps, excitation, levels, delay, feedback, nonlinearity, rate, rest, resolution, outliers, drift. The
+    level of the statistical tests is 1 % false alarms per record; scripts/advice_rates.py prints their rates by class
+    of input. The tests use at most the first 20,000 samples. Raises InputError for magnitudes that no plant has.
     """
     check_magnitudes(data)
     with one_blas_thread():
-        found = [a for i in range(data.u.shape[1]) for a in _input(data, i)]
+        wrapped = {j: jump for j in range(data.y.shape[1]) if (jump := wraps(data, j)) is not None}
+        found = list(wrapped.values())  # first: they are in the way of all others
+        found += [a for i in range(data.u.shape[1]) for a in _input(data, i)]
         for j in range(data.y.shape[1]):
             white = whiten(data, j)
-            own = list(_output(data, j, white))
+            own = list(_output(data, j, white, jumps=j in wrapped))
             found += own
             if white is None:
                 found.append(_too_little(data, j))
@@ -77,13 +80,18 @@ def _input(data: IOData, i: int) -> Iterator[Advice]:
         )
 
 
-def _output(data: IOData, j: int, white: Whitened | None) -> Iterator[Advice]:
+def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -> Iterator[Advice]:
     name, unit = channel(data, "y", j), f" {data.y_unit}" if data.y_unit else ""
     y = data.y[data.observed[:, j], j]
     bend = None if white is None else nonlinearity(white)
     noise = _noise(y, white)
     straight = white is not None and bend is not None and bend.p_value >= LEVEL
-    yield _rest(name, y, noise, unit, white if straight else None)
+    odd = _odd(data, j, white)
+    none = stands_for_none(data.y[:, j], odd)
+    if none is not None:
+        y = y[y != none]
+    if not jumps:  # what wraps is near both ends of its turn, and rests at none
+        yield _rest(name, y, noise, unit, white if straight else None)
     q = signals.step(y)
     if q is None:
         yield Advice("resolution", f"{name} shows no converter step", 0.0, "", "fine")
@@ -100,7 +108,7 @@ def _output(data: IOData, j: int, white: Whitened | None) -> Iterator[Advice]:
             else "",
             "warning" if coarse else "note",
         )
-    yield _outliers(data, j, white, name)
+    yield _outliers(odd, name, none, unit)
 
 
 def _noise(y: np.ndarray, white: Whitened | None) -> float:
@@ -154,7 +162,8 @@ def _at_stops(advice: Advice) -> Advice:
     return replace(advice, sentence=sentence, action="", call="", command=())
 
 
-def _outliers(data: IOData, j: int, white: Whitened | None, name: str) -> Advice:
+def _odd(data: IOData, j: int, white: Whitened | None) -> np.ndarray:
+    """The isolated outliers (N,) of an output."""
     y = data.y[:, j]
     found = hampel(y) & data.observed[:, j] if data.N >= 11 else np.zeros(data.N, dtype=bool)
     if white is not None and found.any():
@@ -164,19 +173,22 @@ def _outliers(data: IOData, j: int, white: Whitened | None, name: str) -> Advice
         odd = np.zeros(data.N, dtype=bool)
         odd[white.times[size > max(6.0, float(-ndtri(LEVEL / 2 / len(e)))) * 1.4826 * np.median(size)]] = True
         found &= odd
-    found = _returning(y, found)
+    return _returning(y, found)
+
+
+def _outliers(found: np.ndarray, name: str, none: float | None, unit: str) -> Advice:
     n = int(found.sum())
     if not n:
         return Advice("outliers", f"{name} has no isolated outliers", 0.0, "", "fine")
     first = ", ".join(map(str, np.flatnonzero(found)[:5])) + (", ..." if n > 5 else "")
-    return Advice(
-        "outliers",
-        f"{name} has {n} isolated outlier(s), {100 * n / data.N:.2g} % of samples: {first}",
-        n,
-        "look at them, and mark them as missing or fit with a robust loss, sysid.Objective",
-        "warning",
-        call="sysid.data.outliers.outliers(data).data",
-    )
+    sentence = f"{name} has {n} isolated outlier(s), {100 * n / len(found):.2g} % of samples: {first}"
+    call = "sysid.data.outliers.outliers(data).data"
+    if none is not None:
+        sentence += f"; all are {none:.6g}{unit}, far outside the others, {NO_VALUE}"
+        todo = "empty these cells, which are then missing samples, or mark them in Python"
+        return Advice("outliers", sentence, n, todo, "warning", call=call)
+    todo = "look at them, and mark them as missing or fit with a robust loss, sysid.Objective"
+    return Advice("outliers", sentence, n, todo, "warning", call=call)
 
 
 def _returning(y: np.ndarray, found: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import os
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from sysid.channels.signals import Signals
 from sysid.channels.values import soft_numbers
 from sysid.data.table import Table
 from sysid.diagnosis.advice import Advice, advise
+from sysid.diagnosis.jumps import MAP
 from sysid.formats import TABLE, read_table
 
 LONGEST = 20_000  # samples that the advice looks at
@@ -67,10 +68,13 @@ class Inspection:
     signals: Signals | None = None
     advice: tuple[Advice, ...] = ()
     options: tuple[str, ...] = ()
+    unwritten: tuple[str, ...] | None = None
 
     @property
     def command(self) -> str:
-        """The command that identifies this record."""
+        """The command that identifies this record, or writes the mapping that this needs; it has to be edited."""
+        if self.unwritten is not None:
+            return shlex.join(["qpal", "info", str(self.path), *self.unwritten, "--write-map", MAP])
         return shlex.join(["qpal", "identify", str(self.path), *self.options])
 
     def as_dict(self) -> dict[str, Any]:
@@ -143,6 +147,7 @@ def inspect_file(
         signals,
         tuple(a.of_file(str(table.path), options) for a in _advice(signals)),
         options,
+        _options(given, range, None, needs_map=False) if not file and (repairs or unclear) else None,
     )
 
 
@@ -205,14 +210,16 @@ def _advice(signals: Signals | None) -> tuple[Advice, ...]:
         return ()
     try:
         data = signals.io()
-        return advise(data.select(0, min(data.N, LONGEST)))
+        found = advise(data.select(0, min(data.N, LONGEST)))
+        # Nobody is sent where he is.
+        return tuple(replace(a, call="", command=()) if a.command == ("info",) else a for a in found)
     except InputError as error:
         return (Advice("data", str(error), float("nan"), "", "warning"),)
 
 
 def _options(given: Given, range: Range, map_path: str | None, needs_map: bool) -> tuple[str, ...]:
     if map_path or needs_map:
-        return ("--map", map_path or "MAP.toml")
+        return ("--map", map_path or MAP)
     words = []
     for option, value in (
         ("--input", given.input),

@@ -18,6 +18,8 @@ from sysid.workflow.identified import NextStep
 from sysid.workflow.record import Record
 from sysid.workflow.saved import Reading, Saved, data_for, fell, load_models, remarks
 
+SAME = 1.0  # [%] between the fit of a free run and that of the same run from estimated initial states
+
 
 @dataclass(frozen=True)
 class Ahead:
@@ -177,7 +179,29 @@ def _next(result: ModelRun, reading: Reading) -> NextStep | None:
     words = ["qpal", "identify", reading.path, *result.record.options]
     from sysid.structures import TABLE
 
+    if _is_its_own(result):
+        why = "this model was fitted to this record and does not follow it; search for another structure"
+        return NextStep(why, shlex.join([*words, "--structure", "auto"]))
     if structure in TABLE:
         words += ["--structure", structure]
     kind = "network" if isinstance(result.model.fit, NlarxFit) else "model"
     return NextStep(f"this {kind} does not follow the record; fit one to it", shlex.join(words))
+
+
+def _is_its_own(result: ModelRun) -> bool:
+    """Whether the record is the one that the model was fitted to, at its beginning or as a whole.
+
+    Then names, units and the fit of the free run there are those that the file of the model holds.
+    """
+    origin, data = result.model.fit.origin, result.data
+    if origin is None or not result.n_init < origin.samples <= data.N:
+        return False
+    named = (data.u_name, data.y_name, data.u_unit, data.y_unit)
+    if named != (origin.u_name, origin.y_name, origin.u_unit, origin.y_unit):
+        return False
+    counts = data.observed.copy()
+    counts[origin.samples :] = False
+    try:
+        return abs(float(np.mean(_percents(data, result.output, counts))) - origin.fit) < SAME
+    except InputError:  # an output that does not move there
+        return False

@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
+from sysid.diagnosis.jumps import NO_VALUE, TOPIC
 from sysid.diagnosis.residuals import POOR, poor
 from sysid.model.recipes import Recipe
 from sysid.selection.table import SECONDS
@@ -34,6 +35,8 @@ def next_step(result: Identification) -> NextStep | None:
     e = result.evaluation
     again = poor(e.validation_fit, e.tests) or against_the_record(e)
     rules: tuple[_Rule, ...] = ()
+    if again and (first := _as_logged(result)) is not None:
+        return first
     if not e.fit.stop.converged or (e.growth is not None and e.growth.stopped):
         late = _more_time(result)
         if late is not None:  # what else may be wrong is seen after the whole search
@@ -55,6 +58,17 @@ def next_step(result: Identification) -> NextStep | None:
 def against_the_record(e: Evaluation) -> bool:
     """Whether the model's gain has the other sign than the record's."""
     return bool(gain_remarks(e.estimation, e.validation, e.validation_output, None if e.step is None else e.step.y))
+
+
+def _as_logged(result: Identification) -> NextStep | None:
+    """A record whose output jumps as it was logged: no model describes that."""
+    for a in result.advice:
+        said, _, how = a.action.rpartition(": ")
+        if a.topic == TOPIC:
+            return NextStep(f"{a.sentence}: {said}", how)
+        if a.topic == "outliers" and NO_VALUE in a.sentence:
+            return NextStep(f"{a.sentence}: empty these cells, which are then missing samples", command(result))
+    return None
 
 
 def _more_time(result: Identification) -> NextStep | None:

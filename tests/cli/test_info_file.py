@@ -179,3 +179,13 @@ def test_a_pixel_of_every_filled_sample_is_marked(folder):
         np.testing.assert_allclose(marks.get_xdata(), 0.02 * np.array(LOST))
     (axes,) = steps(signals)
     assert sum(patch.get_height() for patch in axes.patches) == N - len(LOST) - 1
+
+
+def test_a_mapping_that_is_not_there_is_written_first(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    lines = [f"{k / 10},{k * k % 7},{k % 5},{k % 3}" for k in range(60)]
+    Path("open.csv").write_text("t,a,b,c\n" + "\n".join(lines) + "\n")
+    assert main(["info", "open.csv", "--input", "a", "--out", "first"]) == 1
+    assert "Next: qpal info open.csv --input a --write-map MAP.toml" in capsys.readouterr().out
+    assert main(["info", "open.csv", "--input", "a", "--write-map", "MAP.toml", "--out", "second"]) == 1
+    assert "Next: qpal identify open.csv --map MAP.toml" in capsys.readouterr().out

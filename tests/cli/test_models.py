@@ -155,3 +155,19 @@ def test_bad_input_is_a_sentence(folder, monkeypatch, capsys, arguments, said):
     err = capsys.readouterr().err
     assert said in err
     assert err.count("\n") == 1
+
+
+def test_a_model_on_its_own_record_is_not_to_be_fitted_to_it_again(folder, monkeypatch):
+    """A record whose second half is another plant's: the model follows the first, to which it was fitted."""
+    monkeypatch.chdir(folder)
+    own, other = record(seed=1), record(seed=2)
+    y = own.y[:, 0].copy()
+    y[len(y) // 2 :] = 600.0 - other.y[len(y) // 2 :, 0]
+    lines = [f"{a!r},{b!r}" for a, b in zip(own.u[:, 0].tolist(), y.tolist(), strict=True)]
+    (folder / "changed.csv").write_text("u,y\n" + "\n".join(lines) + "\n")
+    options = ["--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1", "--starts", "1"]
+    assert main(["identify", "changed.csv", *options, "--out", "fitted"]) == 0
+    assert main(["run", "fitted/model.json", "changed.csv", "--ts", "0.1", "--out", "again", "--json"]) == 0
+    told = json.loads((folder / "again" / "summary.json").read_text())
+    assert "was fitted to this record" in told["next"]["why"]
+    assert told["next"]["command"].endswith("--structure auto")

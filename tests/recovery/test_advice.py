@@ -303,3 +303,47 @@ def test_records_that_are_too_short_or_still_are_said_to_be():
     for y in (rng.normal(size=40), np.ones(40)):
         found = told(IOData(rng.normal(size=40), y, 1.0))
         assert found["data"].severity == "warning"
+
+
+def turning(turn: float, unit: str) -> IOData:
+    """A motor that runs over several turns, as a sensor within one turn shows it."""
+    rng = np.random.default_rng(21)
+    u = held(rng, 1500)
+    y = np.cumsum(0.01 * turn * lfilter([0, 0.2], [1, -0.8], u))
+    return IOData(u, y, 0.1, y_name="angle", y_unit=unit)
+
+
+@pytest.mark.parametrize(("turn", "unit"), [(2 * np.pi, "rad"), (360.0, "deg"), (4096.0, "counts")])
+def test_an_angle_that_wraps_is_told_first_and_is_no_end_stop(turn, unit):
+    whole = turning(turn, unit)
+    y = np.rint(whole.y) if unit == "counts" else whole.y
+    found = advise(IOData(whole.u, y % turn, 0.1, y_name="angle", y_unit=unit))
+    assert found[0].topic == "wraps"
+    assert found[0].value >= 2
+    assert found[0].call == "sysid.data.wraps.unwrapped(data).data"
+    assert "rest" not in {a.topic for a in found}
+    assert "wraps" not in told(IOData(whole.u, y, 0.1, y_name="angle", y_unit=unit))
+
+
+def test_a_counter_without_its_sign_is_told_with_what_restores_it():
+    rng = np.random.default_rng(22)
+    u = held(rng, 1500)
+    y = np.rint(50 * lfilter([0, 0.2], [1, -0.8], u))
+    assert y.min() < 0 < y.max()
+    counted = told(IOData(u, y % 65536, 0.1, y_unit="counts"))["wraps"]
+    assert "signed = 16" in counted.action
+    assert str(counted.of_file("a.csv")).endswith("qpal info a.csv --write-map MAP.toml")
+    assert "wraps" not in told(IOData(u, y, 0.1, y_unit="counts"))
+
+
+def test_a_number_that_stands_for_none_is_told_and_is_no_rest():
+    rng = np.random.default_rng(23)
+    u = held(rng, 1000)
+    y = lfilter([0, 0.1], [1, -0.9], u) + 0.003 * white(rng, 1000)
+    y[[400, 401, 402, 700]] = -9999.0
+    found = told(IOData(u, y, 1.0))
+    assert "all are -9999" in found["outliers"].sentence
+    assert "empty these cells" in found["outliers"].action
+    assert found["rest"].severity == "fine"
+    y[700] = 9999.0
+    assert "-9999" not in told(IOData(u, y, 1.0))["outliers"].sentence
