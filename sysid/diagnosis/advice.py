@@ -11,6 +11,7 @@ from scipy.special import ndtri
 
 from sysid.base.checks import checked
 from sysid.base.threads import one_blas_thread
+from sysid.base.units import Quantity, shown
 from sysid.data.magnitudes import check_magnitudes
 from sysid.data.outliers import hampel
 from sysid.data.record import IOData
@@ -81,7 +82,8 @@ def _input(data: IOData, i: int) -> Iterator[Advice]:
 
 
 def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -> Iterator[Advice]:
-    name, unit = channel(data, "y", j), f" {data.y_unit}" if data.y_unit else ""
+    name, y_shown = channel(data, "y", j), shown("", data.y_unit)
+    unit = f" {y_shown.unit}" if y_shown.unit else ""
     y = data.y[data.observed[:, j], j]
     bend = None if white is None else nonlinearity(white)
     noise = _noise(y, white)
@@ -91,7 +93,7 @@ def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -
     if none is not None:
         y = y[y != none]
     if not jumps:  # what wraps is near both ends of its turn, and rests at none
-        yield _rest(name, y, noise, unit, white if straight else None)
+        yield _rest(name, y, noise, y_shown, white if straight else None)
     q = signals.step(y)
     if q is None:
         yield Advice("resolution", f"{name} shows no converter step", 0.0, "", "fine")
@@ -99,8 +101,8 @@ def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -
         coarse = q > 0.02 * float(np.ptp(y))
         yield Advice(
             "resolution",
-            f"{name} moves in steps of {q:.4g}{unit}, 1/{np.ptp(y) / q:.0f} of its range: rounding alone is noise of "
-            f"{q / np.sqrt(12):.3g}{unit}",
+            f"{name} moves in steps of {q * y_shown.factor:.4g}{unit}, 1/{np.ptp(y) / q:.0f} of its range: rounding "
+            f"alone is noise of {q * y_shown.factor / np.sqrt(12):.3g}{unit}",
             q,
             f"use more of the converter's range, or sample faster than every {data.Ts:.4g} s and average with "
             "sysid.data.resampling.resample"
@@ -127,7 +129,7 @@ def _followed(white: Whitened, band: float, noise: float) -> bool:
     return error <= _FOLLOWED * float(y.std()) + 2.0 * noise
 
 
-def _rest(name: str, y: np.ndarray, noise: float, unit: str, linear: Whitened | None) -> Advice:
+def _rest(name: str, y: np.ndarray, noise: float, as_shown: Quantity, linear: Whitened | None) -> Advice:
     """Rests at the extremes. `linear` is a regression that leaves no nonlinearity; None if there is none.
 
     One step ahead, a linear model predicts any rest. If its free run follows too, the input holds the output there.
@@ -138,7 +140,8 @@ def _rest(name: str, y: np.ndarray, noise: float, unit: str, linear: Whitened | 
     if most <= max(0.08, 1.5 * moving):
         return Advice("rest", f"{name} is at an extreme in {100 * most:.1f} % of samples", most, "", "fine")
     shares = ((rest.low, "lowest", float(y.min())), (rest.high, "highest", float(y.max())))
-    where = [f"{100 * s:.0f} % at its {word} ({v:.4g}{unit})" for s, word, v in shares if s > max(0.08, 1.5 * moving)]
+    seen = [(s, word, f"{v * as_shown.factor:.4g} {as_shown.unit}".rstrip()) for s, word, v in shares]
+    where = [f"{100 * s:.0f} % at its {word} ({v})" for s, word, v in seen if s > max(0.08, 1.5 * moving)]
     said = f"{name} rests for {' and '.join(where)}"
     if linear is not None and _followed(linear, rest.band, noise):
         return Advice("rest", f"{said}, where the input holds it: a linear model explains that", most, "", "fine")

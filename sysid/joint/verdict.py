@@ -68,7 +68,7 @@ class Verdict:
         if self.undetermined:
             return (
                 f"This record does not show whether it is that of an actuated joint: {self.reason}, and no joint is "
-                "determined; no physical value is given. Record longer, and at larger inputs."
+                "determined; no physical value is given. Record again: longer, and at larger inputs."
             )
         return f"This record is not that of an actuated joint: {self.reason}; no physical value is given."
 

@@ -98,7 +98,7 @@ def propose(
     if not said.joint:
         early = f"{growth.stopped}; " if growth.stopped else ""
         raise InputError(
-            f"{early}{said.sentence().rstrip('.')}, and no experiment is designed; to see the fit: qpal identify "
+            f"{early}{said.sentence()} No experiment is designed from it. To see the fit: qpal identify "
             f"{shlex.quote(str(path))} --structure {ActuatedJoint.name}"
         )
     fit = growth.fit

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from sysid.base.units import shown
 from sysid.blocks import TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
@@ -22,9 +23,11 @@ def extrapolated_signals(estimation: IOData, validation: IOData) -> list[str]:
         low, high = float(seen.min()), float(seen.max())
         outside = float(np.mean((new < low) | (new > high)))
         if max(low - new.min(), new.max() - high) > EXTRAPOLATED * (high - low):
-            ranges = [f"{a + offset:.4g} to {b + offset:.4g} {unit}".strip() for a, b in ((low, high), _range(new))]
+            q = shown("", unit)
+            pairs = ((q.factor * (a + offset), q.factor * (b + offset)) for a, b in ((low, high), _range(new)))
+            ranges = [f"{a:.4g} to {b:.4g} {q.unit}".strip() for a, b in pairs]
             notes.append(
-                f"{name} was seen from {ranges[0]} and runs from {ranges[1]} in the validation data "
+                f"{name} was seen from {ranges[0]} and goes from {ranges[1]} in the validation data "
                 f"({100 * outside:.1f} % of the samples outside): the model extrapolates there"
             )
     return notes
@@ -56,17 +59,18 @@ def extrapolated_joint(fit: Fit, estimation: IOData, validation: IOData) -> list
     if all(met):
         return []
     seen, new, offset = estimation.y[:, 0], validation.y[:, 0], estimation.y_offset[0]
+    q = shown(estimation.y_name, estimation.y_unit)
     low, high = sorted(map(float, fit.model.part(fit.theta, travel)[:2]))
     a, b = _range(seen)
     left = [
-        f"{100 * max(gap, 0.0) / (high - low):.1f} % of the travel to {end + offset:.4g} {estimation.y_unit}".strip()
+        f"{100 * max(gap, 0.0) / (high - low):.1f} % of the travel to {q.factor * (end + offset):.4g} {q.unit}".strip()
         for gap, end, there in ((a - low, low, met[0]), (high - b, high, met[1]))
         if not there
     ]
     which = "reached neither end" if not any(met) else f"did not reach its {'lower' if met[1] else 'upper'} end"
     outside = 100 * float(np.mean((new < a) | (new > b)))
     return [
-        f"{estimation.y_name} was seen from {a + offset:.4g} to {b + offset:.4g} {estimation.y_unit}".rstrip()
+        f"{q.name} was seen from {q.factor * (a + offset):.4g} to {q.factor * (b + offset):.4g} {q.unit}".rstrip()
         + f" and {which}; outside this range the model continues its map as a straight line ({' and '.join(left)}) to "
         f"a stop that the data do not show; {outside:.1f} % of the validation samples are outside this range"
     ]

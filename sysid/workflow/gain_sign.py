@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from sysid.base.units import shown
 from sysid.data.record import IOData
 from sysid.diagnosis.direction import confirmed, direction
 
@@ -21,13 +22,15 @@ def gain_remarks(estimation: IOData, validation: IOData, run: np.ndarray, step: 
         return []
     y, u = estimation.y_name, estimation.u_name
     seen = f"in the estimation data {y} {'rises' if way > 0 else 'falls'} when {u} rises"
-    unit = f" {estimation.y_unit}/{estimation.u_unit}" if estimation.y_unit and estimation.u_unit else ""
+    q = shown("", estimation.y_unit if estimation.u_unit else "")
+    unit = f" {q.unit}/{estimation.u_unit}" if q.unit else ""
     found = []
     if direction(validation, run) == -way:
         found.append(f"the free run has {WRONG}: {seen}, and the model does the opposite")
     if step is not None and step[-1] * way < 0.0 and abs(step[-1]) > _SETTLED * float(np.max(np.abs(step))):
+        gain = f"{step[-1] * q.factor:.3g}{unit}"
         found.append(
-            f"the steady-state gain of the model at the mean input, {step[-1]:.3g}{unit}, has {WRONG}: {seen}; "
-            "do not design with this model"
+            f"the steady-state gain of the model at the mean input, {gain}, has {WRONG}: {seen}; do not design with "
+            "this model"
         )
     return found if found and confirmed(estimation, way) else []

@@ -139,10 +139,10 @@ def test_an_end_that_was_never_met_is_named_with_how_far_physics_carries(low, hi
     assert ends_met(fit, both) == (True, True)
     (note,) = extrapolated_joint(fit, still, both)
     assert "reached neither end" in note
-    assert "50.0 % of the travel to -1 rad and 50.0 % of the travel to 3 rad" in note
+    assert "50.0 % of the travel to -57.3 deg and 50.0 % of the travel to 171.9 deg" in note
     (note,) = extrapolated_joint(fit, up, both)
     assert f"did not reach its {'lower' if high > low else 'upper'} end" in note
-    assert f"(50.0 % of the travel to {low:g} rad)" in note
+    assert f"(50.0 % of the travel to {np.degrees(low):.4g} deg)" in note
     beyond = np.mean((both.y > up.y.max()) | (both.y < up.y.min()))
     assert f"{100 * beyond:.1f} % of the validation samples are outside this range" in note
     assert extrapolated_joint(fit, both, up) == []

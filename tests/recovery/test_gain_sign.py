@@ -1,5 +1,6 @@
 """A gain of the wrong sign is said, and only beyond doubt; passed tests do not vouch for a model that fits nothing."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -86,7 +87,8 @@ def test_a_model_of_the_other_sign_is_told_off_and_a_good_one_is_not():
     wrong = [note for note in e.notes if WRONG in note]
     assert len(wrong) == 2
     assert "in the estimation data angle rises when voltage rises" in wrong[0]
-    assert "-1 rad/V" in wrong[1]
+    gain = float(re.search(r"(\S+) deg/V, has", wrong[1])[1])
+    assert gain == pytest.approx(np.degrees(-1.0), rel=0.005)
     assert WRONG not in " ".join(evaluate(Setting(OutputError(1, 1, 1), starts=1), *sound(-1.0)).notes)
 
 

@@ -39,8 +39,9 @@ def recipe(structure: str, given: Mapping[str, Any], start: "Fit | None" = None)
 
     Raises InputError for a setting that the recipe does not have.
     """
+    structure = structure.replace("-", "_")  # tables print actuated-joint
     if structure not in TABLE:
-        raise unknown("structure", structure, TABLE)
+        raise unknown("structure", structure, (*TABLE, "auto"))
     kind = TABLE[structure]
     settings = {name: value for name, value in given.items() if value is not None}
     for name in settings:

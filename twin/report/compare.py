@@ -89,8 +89,9 @@ def sentences(result: Comparison, file: str) -> list[str]:
     if result.kind == LOG:
         return _of_repeat(result)
     worst = max(result.regimes, key=lambda regime: regime.of_error)
+    label = _capital(result.label) if result.kind == TWIN else result.label  # of a model: the name of its file
     first = (
-        f"{_capital(result.label)} follows the log with an error of {_deg(result.rms)} RMS (fit {percent(result.fit)}, "
+        f"{label} follows the log with an error of {_deg(result.rms)} RMS (fit {percent(result.fit)}, "
         f"noise of the log {_deg(result.noise)}); {100 * worst.of_error:.0f} % of the squared error is in the regime "
         f"'{worst.name}', which is {100 * worst.share:.0f} % of the record."
     )
