@@ -121,9 +121,16 @@ def test_a_joint_that_is_not_the_logs_is_refused(tmp_path):
         twin.Log.load(path, joint="shank")
     with pytest.raises(InputError, match="unknown joint 'knee'"):
         twin.Log.load(path, joint="knee")
-    two = MAP.model_copy(update={"input": MAP.input * 2})
+    twice = (*MAP.input, Channel(column="again", unit="V"))
+    two = MAP.model_copy(update={"input": twice})
     with pytest.raises(InputError, match=r"the mapping has 2 input\(s\) and 1 output\(s\)"):
-        twin.Log.load(rig(tmp_path / "rig.csv", bench()), two)
+        twin.Log.load(with_another_column(rig(tmp_path / "rig.csv", bench())), two)
+
+
+def with_another_column(path):
+    first, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([f"{first};again", *(f"{row};{k % 5}" for k, row in enumerate(rows))]) + "\n")
+    return path
 
 
 def test_a_long_gap_is_refused_with_the_row_unless_the_mapping_allows_it(tmp_path):

@@ -7,8 +7,9 @@ import pytest
 
 import twin
 from twin.calibrate import doubt, written
-from twin.calibrate.calibration import Value, _moved
+from twin.calibrate.calibration import _moved
 from twin.calibrate.problem import Free
+from twin.calibrate.result import Value
 from twin.report import calibrate as report
 
 SURE = Value("thigh.no_load_speed", "m/s", 0.0144, 0.0144, 0.0148, 0.0146, 0.0150, 0.9)

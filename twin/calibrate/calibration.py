@@ -1,8 +1,7 @@
 """Calibration of a joint of the twin from logs of the leg: values, intervals, scores, and why the search stopped."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import norm
@@ -13,128 +12,18 @@ from sysid.solver.iterate import Options
 from twin.calibrate import discrepancy
 from twin.calibrate.leg import DELAY, ROWS, Leg, free, row_name, scale, usual
 from twin.calibrate.problem import Record, Simulations
+from twin.calibrate.result import LEVEL, Calibration, Run, Score, Value
 from twin.calibrate.search import USUAL, Found, find
 from twin.calibrate.start import from_joint
-from twin.calibrate.tellable import Told, tell
+from twin.calibrate.tellable import tell
 from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.log import Log
 from twin.parameters import JOINTS, Parameters
 
 # Rows that no record of voltage and angle tells from friction; their spread is part of the intervals of the others.
 CONSIDERED = ("dead_band",)
-LEVEL = 0.95
 FIRST = 3  # samples that give the first angle of a log
 SHORT = 1.0  # standard deviations
-
-
-@dataclass(frozen=True)
-class Value:
-    """A calibrated row: nominal and starting value, the value found and its interval [unit], its standard deviation
-    from noise alone and in all, in coordinates of the search, and its scale."""
-
-    name: str
-    unit: str
-    nominal: float
-    start: float
-    value: float
-    low: float
-    high: float
-    noise_share: float
-
-    def holds(self, truth: float) -> bool:
-        """Whether the interval contains `truth`."""
-        return self.low <= truth <= self.high
-
-
-@dataclass(frozen=True)
-class Score:
-    """Free run over one log: RMS error [rad] and fit [%] of the uncalibrated and of the calibrated twin."""
-
-    log: str
-    held_out: bool
-    rms_before: float
-    rms_after: float
-    fit_before: float
-    fit_after: float
-
-
-@dataclass(frozen=True)
-class Run:
-    """A log with both free runs: t, u, y, before and after (N,)."""
-
-    name: str
-    held_out: bool
-    Ts: float
-    u: np.ndarray
-    y: np.ndarray
-    before: np.ndarray
-    after: np.ndarray
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """A joint of the twin, calibrated: `parameters` is the whole twin with `values` in it; `seconds` was the budget.
-
-    `moved` are rows that are not calibrated and differ from what was given: ends, out of the way of the logs.
-    """
-
-    joint: str
-    parameters: Parameters
-    values: tuple[Value, ...]
-    correlation: np.ndarray
-    told: tuple[Told, ...]
-    fixed: Mapping[str, str]
-    found: Found
-    converged: bool
-    reason: str
-    sizes: discrepancy.Sizes
-    scores: tuple[Score, ...]
-    runs: tuple[Run, ...] = field(repr=False)
-    provenance: Mapping[str, Any] = field(default_factory=dict)
-    level: float = LEVEL
-    seconds: float = np.inf
-    moved: tuple[str, ...] = ()
-
-    def as_dict(self) -> dict[str, Any]:
-        """Values, scores and provenance, ready for JSON."""
-        return {
-            "joint": self.joint,
-            "converged": self.converged,
-            "reason": self.reason,
-            "next_step": self.next_step(),
-            "level": self.level,
-            "parameters": [asdict(value) for value in self.values],
-            "correlation": self.correlation.tolist(),
-            "not_calibrated": dict(self.fixed),
-            "moved": list(self.moved),
-            "told": [asdict(row) for row in self.told],
-            "scores": [asdict(score) for score in self.scores],
-            "search": {
-                "iterations": self.found.stop.iterations,
-                "descents": self.found.descents,
-                "agreed": self.found.agreed,
-                "rms": [float(np.sqrt(row["loss"])) for row in self.found.history],
-            },
-            "departures": {"noise": self.sizes.noise, **dict(zip(discrepancy.GROUPS, self.sizes.groups, strict=True))},
-            **self.provenance,
-        }
-
-    def next_step(self) -> str:
-        """What to do about a search that did not converge; empty if it did."""
-        if self.found.late:
-            return f"Run it again with --seconds {2.0 * self.seconds:g}, or without --seconds, for all of the search."
-        if self.converged:
-            return ""
-        return (
-            "Look at the overlay in the report: if the twin moves another way than the leg, check sign and gear of the "
-            "log; otherwise free fewer parameters (--fix), or record both ends and several levels."
-        )
-
-    def __getitem__(self, name: str) -> Value:
-        for value in self.values:
-            if name in (value.name, value.name.rpartition(".")[2]):
-                return value
-        raise unknown("calibrated parameter", name, [value.name for value in self.values])
 
 
 def calibrate(

@@ -4,8 +4,8 @@ from itertools import combinations
 
 from sysid.base.units import number, shown
 from twin.calibrate.advice import what_to_record
-from twin.calibrate.calibration import Calibration, Value
 from twin.calibrate.leg import ROWS, scale
+from twin.calibrate.result import Calibration, Value
 
 PLAUSIBLE = 4.0  # scales: a wider interval says less than was plausible before the log was seen
 MOST = 0.5  # of the allowed range, the same

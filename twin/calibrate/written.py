@@ -6,8 +6,8 @@ from pathlib import Path
 from sysid.base.files import write_text
 from sysid.base.units import number
 from twin.calibrate import doubt
-from twin.calibrate.calibration import Calibration, Value
 from twin.calibrate.leg import DELAY, ROWS
+from twin.calibrate.result import Calibration, Value
 from twin.parameter_file import to_toml
 
 

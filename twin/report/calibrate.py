@@ -14,8 +14,8 @@ from sysid.report import zoom
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.calibrate import doubt
 from twin.calibrate.advice import what_to_record
-from twin.calibrate.calibration import Calibration, Run
 from twin.calibrate.discrepancy import directions
+from twin.calibrate.result import Calibration, Run
 from twin.report import leg
 
 if TYPE_CHECKING:
