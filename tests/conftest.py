@@ -1,6 +1,7 @@
 """What all tests share: where public records lie, and how long statistical runs are."""
 
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +12,9 @@ from shares import in_shares
 
 settings.register_profile("qpal", deadline=None, max_examples=20, derandomize=True)
 settings.load_profile("qpal")
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a script: children inherit it,
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # and tests of Ctrl-C would send it to the deaf
 
 RECORDS = Path(os.environ.get("QPAL_RECORDS") or Path(__file__).resolve().parents[2] / "shared" / "data")
 
