@@ -1,5 +1,6 @@
 """What the fuzzers found in saved models, cut down to what matters."""
 
+import importlib.util
 import json
 import warnings
 from pathlib import Path
@@ -94,3 +95,14 @@ def test_a_start_of_two_filters_of_which_one_has_no_pole(nf, nf2):
         first = theta[chain.dynamics[0][0]]
         assert first[:2].sum() == pytest.approx(1.0 + first[2 : 2 + nf].sum()), "its gain is 1: B(1) = F(1)"
     assert sysid.fit(chain, data, starts=2).fit_percent(data) > 80.0
+
+
+def test_a_motor_profile_in_far_apart_units_ends_in_a_sentence():
+    """Warnings are errors in tests: the bounded least squares of its start multiplied zero by infinity."""
+    place = Path(__file__).parents[2] / "scripts" / "random_fits.py"
+    spec = importlib.util.spec_from_file_location("random_fits", place)
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    name, wrong = script.tried(50117)
+    assert name.endswith("refused")
+    assert wrong == []

@@ -71,7 +71,8 @@ def _balance(block: ProfiledMotor, data: IOData, W: int, late: int) -> np.ndarra
     free = np.full(A.shape[1], -np.inf)
     plain = np.linalg.lstsq(A / scale, b, rcond=1e-9)[0]
     free[:3] = 1e-3 * np.maximum(np.abs(plain[:3]), 1e-3 * np.abs(plain).max())
-    found = lsq_linear(A / scale, b, (free, np.inf)).x / scale
+    with np.errstate(over="ignore", invalid="ignore"):  # its steps towards bounds that are far away
+        found = lsq_linear(A / scale, b, (free, np.inf)).x / scale
     return block.repair(np.concatenate([found, [float(late)] if block.delayed else [], [0.0, 0.0]]))
 
 
