@@ -120,7 +120,7 @@ def test_marks_of_every_spelling_end_in_a_sentence(cell, tmp_path):
     texts[7] = cell
     path = written(tmp_path, log("t,u,y", times, texts, K % 5, mark=";"))
     whole = cell.translate(dict.fromkeys(map(ord, "'\u2019 \u00a0"))).replace(",", "" if "." in cell[-3:] else ".")
-    meant = {"1.234,5": "1234.5", "1,234.5": "1234.5", "1,234,567": "1234567"}.get(cell, whole)
+    meant = {"1.234,5": "1234,5", "1,234.5": "1234.5", "1,234,567": "1234567"}.get(cell, whole)
     with pytest.raises(InputError) as said:
         read_record(path)
     for part in ("row 9, column 'u'", repr(cell), "without thousands marks", meant):
@@ -232,11 +232,9 @@ def test_a_header_that_agrees_or_stands_alone_is_taken(tmp_path):
         still = write_table(tmp_path / "still.csv", {"time": clock, "u": U, "y": Y}, '{"Ts": 0.1}')
         with pytest.raises(InputError, match=r"Ts is 0.1 s, and column 'time', a clock by its name, does not rise"):
             sysid.read(still)
-    for Ts in (1e9, 1e-300):
+    for Ts, said in ((1e9, "s, which no rig has; give the right one with Ts="), (1e-300, "; give a finite number")):
         path = write_table(tmp_path / "odd.csv", {"u": U, "y": Y}, json.dumps({"Ts": Ts}))
-        with pytest.raises(
-            InputError, match=rf"Ts is {re.escape(f'{Ts:g}')} s, which no rig has; give the right one with Ts="
-        ):
+        with pytest.raises(InputError, match=rf"Ts is {re.escape(f'{Ts:g}')}\s?{said}"):
             sysid.read(path)
 
 
