@@ -8,7 +8,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.race import Raced, Run
+from sysid.estimation.race import SAME, Raced, Run
 from sysid.estimation.start import longest
 from sysid.estimation.starts import starts as make_starts
 from sysid.solver.iterate import Outcome
@@ -48,7 +48,9 @@ def guarded(run: Run, raced: Raced, first: ChainProblem | None) -> Raced:
         return raced
     outcome = run.iterate(problem, problem.start, run.options)
     members, costs = (*raced.members, "linear"), (*raced.costs, outcome.cost)
-    return replace(raced, problem=problem, outcome=outcome, members=members, costs=costs, agreed=1)
+    same = raced.outcome.cost <= SAME * outcome.cost  # one optimum, to which one start more has come
+    agreed = raced.agreed + 1 if same else 1
+    return replace(raced, problem=problem, outcome=outcome, members=members, costs=costs, agreed=agreed)
 
 
 def less_smoothed(
