@@ -8,12 +8,13 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.base.limits import SECONDS as LONGEST
 from sysid.channels.complaints import listed
 from sysid.channels.contradictions import other_than_stated, stated, two_units, why_not_stated, written_unit
 from sysid.channels.guess_clock import ClockGuess, clock_of, guess_clock
 from sysid.channels.lacking import lacking
 from sysid.channels.looks import Look, looks
-from sysid.channels.mapping import Channel, ChannelMap, Clock
+from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock
 from sysid.channels.names import (
     ASIDE,
     BEFORE,
@@ -146,7 +147,8 @@ def _clock(table: Table, columns: Mapping[str, Look], given: Given) -> ClockGues
         return ClockGuess(Clock(Ts=given.Ts), note, aside=aside)
     if timed.clock is None and (Ts := stated(table)) is not None:
         unclear = [why_not] if (why_not := why_not_stated(Ts, table, columns)) else []
-        return ClockGuess(Clock(Ts=Ts), [f"the sampling time is {Ts:g} s: the file says so"], unclear)
+        known = Clock(Ts=Ts) if SHORTEST <= Ts <= LONGEST else None  # no clock has it, which `unclear` says
+        return ClockGuess(known, [f"the sampling time is {Ts:g} s: the file says so"], unclear)
     if timed.clock is not None and not timed.unclear:
         other = other_than_stated(table, timed.clock, columns[timed.clock.column].values)
         timed.unclear += [f"{other}; say which with --ts, or with --time {timed.clock.column!r}"] if other else []

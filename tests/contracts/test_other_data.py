@@ -232,9 +232,11 @@ def test_a_header_that_agrees_or_stands_alone_is_taken(tmp_path):
         still = write_table(tmp_path / "still.csv", {"time": clock, "u": U, "y": Y}, '{"Ts": 0.1}')
         with pytest.raises(InputError, match=r"Ts is 0.1 s, and column 'time', a clock by its name, does not rise"):
             sysid.read(still)
-    for Ts, said in ((1e9, "s, which no rig has; give the right one with Ts="), (1e-300, "; give a finite number")):
+    for Ts in (1e9, 1e-300):
         path = write_table(tmp_path / "odd.csv", {"u": U, "y": Y}, json.dumps({"Ts": Ts}))
-        with pytest.raises(InputError, match=rf"Ts is {re.escape(f'{Ts:g}')}\s?{said}"):
+        with pytest.raises(
+            InputError, match=rf"Ts is {re.escape(f'{Ts:g}')} s, which no rig has; give the right one with Ts="
+        ):
             sysid.read(path)
 
 
