@@ -37,6 +37,7 @@ def load(path: str | os.PathLike) -> Fit:
 def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]], F]]) -> F:
     """Read a file of one of `formats`, a function of the document for each; raises InputError for anything else."""
     source = ordinary(path)
+    made = shlex.join(["qpal", "identify", str(source)])
     try:
         document = json.loads(source.read_text(encoding="utf-8"), parse_constant=_refused)
     except OSError as e:
@@ -45,7 +46,7 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
         if source.suffix.lower() in TABLE and source.suffix.lower() != ".json":
             raise InputError(
                 f"{source} is a log by its suffix and no saved model; give the model.json of a fit in its place, which "
-                f"this makes of the log: {shlex.join(['qpal', 'identify', str(source)])}"
+                f"this makes of the log: {made}"
             ) from None
         if isinstance(e, UnicodeDecodeError):
             raise InputError(f"{source} is not text; give a file that save() wrote") from None
@@ -57,8 +58,9 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
     try:
         if not isinstance(document, dict) or str(document.get("format")) not in formats:
             known = " or ".join(repr(name) for name in formats)
+            of_log = "" if isinstance(document, dict) and "format" in document else f", which this makes of a log: {made}"
             raise InputError(
-                f"this is JSON but not a saved fit (its format is not {known}); give a file that save() wrote"
+                f"this is JSON but not a saved fit (its format is not {known}); give a file that save() wrote{of_log}"
             )
         return formats[str(document["format"])](document)
     except InputError as e:

@@ -27,7 +27,7 @@ from sysid.selection.folds import Fold, folds
 from sysid.selection.journal import Journal, writing
 from sysid.selection.judge import Effort, Job, from_journal, judge, unchanged
 from sysid.selection.space import ORDERS, Space
-from sysid.selection.table import BLOCKS, SECONDS, Row, Selection, ranked, settings
+from sysid.selection.table import BLOCKS, SECONDS, Row, Selection, cut, ranked, settings
 
 _SCREENED = 2000  # samples of each part in the first two rounds
 _LEADERS = 12  # candidates of round 3
@@ -220,8 +220,5 @@ class _Work:
 
     def notes(self) -> tuple[str, ...]:
         """What the budget left out."""
-        if not self.left_out:
-            return ()
-        shown = ", ".join(str(c) for c in self.left_out[:3])
-        more = f" and {len(self.left_out) - 3} more" if len(self.left_out) > 3 else ""
-        return (f"the budget of {self.seconds:g} s ended the search before {shown}{more}; give it more seconds",)
+        words = cut(self.seconds, len(self.left_out))
+        return (f"{words}; give it more seconds",) if words else ()

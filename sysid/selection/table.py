@@ -58,6 +58,11 @@ class Selection(Shown):
     journal: Path | None = None
 
     @property
+    def cut(self) -> str:
+        """What a budget that ended early left out, in words; empty if it was enough."""
+        return cut(self.budget, self.left_out)
+
+    @property
     def best_of_each(self) -> tuple[Row, ...]:
         """The best row of every structure, best first."""
         found: dict[str, Row] = {}
@@ -93,6 +98,13 @@ class Selection(Shown):
         ]
         chosen = settings(self.chosen.candidate)
         return plain({"chosen": chosen, "sentence": self.sentence(), "notes": list(self.notes), "rows": rows})
+
+
+def cut(budget: float, left_out: int) -> str:
+    """That a `budget` [s] ended a search before so many of its candidates; empty if it left out none."""
+    if not left_out:
+        return ""
+    return f"the budget of {budget:g} s ended the search before {left_out} of its candidates"
 
 
 def settings(c: Recipe) -> dict[str, Any]:

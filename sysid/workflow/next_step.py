@@ -85,10 +85,9 @@ _Rule = Callable[[Identification], NextStep | None]
 def _budget(result: Identification) -> NextStep | None:
     """A search for structures whose time ended before it had tried them all: it goes on from its journal."""
     found = result.selection
-    if found is None or not found.left_out:
+    if found is None or not found.cut:
         return None
-    why = f"the budget of {found.budget:g} s ended the search before {found.left_out} of its candidates"
-    return NextStep(why, command(result, seconds=3.0 * found.budget))
+    return NextStep(found.cut, command(result, seconds=3.0 * found.budget))
 
 
 def _no_joint(result: Identification) -> NextStep | None:

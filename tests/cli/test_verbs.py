@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import scipy.signal
 from cases import FOREIGN, ROBOT
+from pages import assert_stands_alone, without_seconds
 
 import sysid
 import twin
@@ -24,8 +25,6 @@ from sysid.structures import HammersteinWiener
 from sysid.workflow.evaluation import Setting, evaluate
 from sysid.workflow.record import read_record
 from twin.cli import main
-from twin.studies import protocol
-from twin.view import stills
 
 TS = 0.05
 POLES = np.array([0.9, 0.6])
@@ -189,14 +188,6 @@ def test_identify_auto_finds_a_linear_plant_and_goes_on_from_its_journal(tmp_pat
     assert "Structure search" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
-def assert_stands_alone(html: str) -> None:
-    markup = re.sub(r"(<script\b[^>]*>).*?</script>", r"\1", html, flags=re.DOTALL)  # scripts write links of their own
-    sources = re.findall(r"""(?:src|href)=["']([^"']*)""", markup)
-    assert sources
-    assert all(source.startswith(("data:image/png;base64,", "#")) for source in sources)
-    assert "url(" not in markup
-
-
 @pytest.mark.parametrize("suffix", formats.WRITTEN)
 def test_a_simulated_log_is_identified_as_if_it_had_never_been_a_file(suffix, tmp_path, capsys):
     log = tmp_path / f"thigh{suffix}"
@@ -301,105 +292,3 @@ def test_a_stopped_search_keeps_its_journal_and_says_how_to_go_on(tmp_path):
     assert out == ""
     assert err.splitlines()[-1] == "qpal: stopped; run it again with --resume kept.jsonl to continue from there"
     assert {path.name for path in tmp_path.iterdir()} == {"log.csv", "kept.jsonl"}
-
-
-@pytest.fixture(scope="module")
-def reproduced(tmp_path_factory):
-    """One short run of the protocol: exit code, folder, summary."""
-    folder = tmp_path_factory.mktemp("reproduce") / "out"
-    code = main(["reproduce", "--duration", "60", "--out", str(folder)])
-    return code, folder, json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-
-
-def test_reproduce_has_every_joint_model_and_check(reproduced):
-    code, _, summary = reproduced
-    assert list(summary["joints"]) == list(twin.JOINTS)
-    for joint in summary["joints"].values():
-        for model in ("default", "final"):
-            assert 0 < joint[model]["fit_percent"]["validation"] <= joint["ceiling"] <= 100
-            inside = all(abs(complex(pole["re"], pole["im"])) < 1 for pole in joint[model]["poles"])
-            assert joint[model]["stable"] == inside
-        nlarx = joint["nlarx"]
-        assert set(nlarx["fit_percent"]) == set(nlarx["one_step_fit_percent"]) == {"estimation", "validation"}
-        assert nlarx["fit_percent"]["validation"] <= joint["ceiling"]
-        assert nlarx["setting"]["orders"] == {"na": 2, "nb": 2, "nk": 1}
-        assert joint["truth_error"] < 1e-3
-    assert list(summary["beyond"]) == list(twin.JOINTS)
-    for joint in summary["beyond"].values():
-        for record in ("sweep", "drawn sweep"):
-            assert joint[record]["actuated_joint"]["fit_percent"]["validation"] <= joint[record]["ceiling"] + 0.2
-            assert joint[record]["paper_structure"]["setting"]["structure"] == "hammerstein_wiener"
-        speed = joint["recovered"]["speed_per_volt"]
-        assert speed["sweep"][0] > 0
-        assert speed["truth"] > 0
-    assert summary["ablation"] == {}
-    assert len(summary["checks"]) == 9
-    assert summary["holds"] == all(check["holds"] for check in summary["checks"])
-    assert code == (0 if summary["holds"] else 1)
-
-
-def test_reproduce_draws_the_papers_figures_17_to_40(reproduced):
-    _, folder, _ = reproduced
-    numbers = {int(path.name[:2]) for path in (folder / "figures").glob("[0-9]*.png")}
-    assert numbers == set(range(17, 41))
-    names = {path.stem for path in (folder / "figures").iterdir()}
-    assert {*(f"beyond-{joint}" for joint in twin.JOINTS), "beyond-recovered"} <= names
-    html = (folder / "report.html").read_text(encoding="utf-8")
-    assert_stands_alone(html)
-    for number in numbers:
-        assert f"<figcaption>Figure {number}. " in html
-
-
-SHOULDER_ALONE = """
-import sys
-from twin.cli import main
-from twin.studies import protocol
-protocol.PAPER = {"shoulder": protocol.PAPER["shoulder"]}
-main(sys.argv[1:])
-"""
-
-
-def test_reproduce_gives_the_same_numbers_at_any_thread_count(reproduced, tmp_path):
-    _, _, summary = reproduced
-    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-    arguments = ["reproduce", "--duration", "60", "--json", "--out", str(tmp_path / "out")]
-    done = subprocess.run(
-        [sys.executable, "-c", SHOULDER_ALONE, *arguments],
-        capture_output=True,
-        text=True,
-        env={**os.environ, **threads},
-        check=False,
-    )
-    assert done.stderr == ""
-    found = json.loads(done.stdout)
-    for part in ("joints", "beyond"):
-        assert list(found[part]) == ["shoulder"]
-        assert without_seconds(found[part]["shoulder"]) == without_seconds(summary[part]["shoulder"])
-
-
-def without_seconds(value):
-    if isinstance(value, dict):
-        return {k: without_seconds(v) for k, v in value.items() if k != "seconds"}
-    return [without_seconds(v) for v in value] if isinstance(value, list) else value
-
-
-@pytest.fixture
-def short_protocol(monkeypatch, reproduced):
-    """`qpal reproduce` on the shoulder alone."""
-    monkeypatch.setattr(protocol, "PAPER", {"shoulder": protocol.PAPER["shoulder"]})
-
-
-def test_reproduce_without_a_renderer_says_why_and_goes_on(short_protocol, monkeypatch, tmp_path):
-    def none():
-        raise stills.NoRenderer("no OpenGL on this machine")
-
-    monkeypatch.setattr(stills, "leg_stills", none)
-    main(["reproduce", "--duration", "60", "--out", str(tmp_path / "out")])
-    assert "no OpenGL on this machine" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-
-
-def test_reproduce_ends_with_1_where_a_check_does_not_hold(short_protocol, monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(protocol, "TRUTH_TOLERANCE", -1.0)
-    assert main(["reproduce", "--duration", "60", "--out", str(tmp_path / "out")]) == 1
-    assert "DOES NOT HOLD" in capsys.readouterr().out
-    assert "DOES NOT HOLD" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

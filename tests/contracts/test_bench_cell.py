@@ -175,4 +175,4 @@ def test_a_row_of_auto_tells_that_its_budget_ended_the_search(left, monkeypatch)
 
     monkeypatch.setattr(ours, "select", quick)
     stop = ours.auto(data).details["stop"]
-    assert (stop == "the budget of 8000 s ended the search before 9 candidates") == bool(left)
+    assert (stop == "the budget of 8000 s ended the search before 9 of its candidates") == bool(left)

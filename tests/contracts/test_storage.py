@@ -228,6 +228,9 @@ def test_a_damaged_file_says_what_is_wrong(searched, tmp_path, name):
         (b"NaN", "holds NaN"),
         (b"[" * 100000, "not a fit"),
         (b"null", "not a saved fit"),
+        (b'[{"u": 1.0, "y": 2.0}]', r"save\(\) wrote, which this makes of a log: qpal identify .*fit.json$"),
+        (b'{"u": [1.0], "y": [2.0]}', r"save\(\) wrote, which this makes of a log: qpal identify .*fit.json$"),
+        (b'{"format": "other"}', r"not a saved fit .* save\(\) wrote$"),
     ],
 )
 def test_a_file_that_never_was_a_fit(tmp_path, content, says):

@@ -1,5 +1,6 @@
 """A calibration says which values its logs do not determine: first, plainly, and in the file that it writes."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ from twin.calibrate import doubt, written
 from twin.calibrate.calibration import _moved
 from twin.calibrate.problem import Free
 from twin.calibrate.result import Value
+from twin.cli import main
 from twin.report import calibrate as report
 
 SURE = Value("thigh.no_load_speed", "m/s", 0.0144, 0.0144, 0.0148, 0.0146, 0.0150, 0.9)
@@ -93,3 +95,17 @@ def test_the_end_of_a_wide_interval_is_a_bound_and_no_overflow():
     free = Free("coulomb", 30.0, 0.0, 500.0, "N", 10.0)
     assert free.outer(1e6) == 500.0
     assert free.outer(free.inner(499.0)) == pytest.approx(499.0)
+
+
+def test_a_file_that_is_not_to_be_used_is_no_success(tmp_path, monkeypatch, capsys):
+    """The search converges; whether its interval says more than was plausible before is what decides."""
+    log = tmp_path / "log.csv"
+    twin.Experiment("thigh", "aprbs", 30.0, 0.02, 1).run().save(log)
+    words = ["calibrate", str(log), "--joint", "thigh", "--free", "no_load_speed", "--out"]
+    codes = {}
+    for plausible in (doubt.PLAUSIBLE, 1e-9):
+        monkeypatch.setattr(doubt, "PLAUSIBLE", plausible)
+        codes[plausible] = main([*words, str(tmp_path / str(plausible))])
+        assert json.loads((tmp_path / str(plausible) / "summary.json").read_text(encoding="utf-8"))["converged"]
+    assert list(codes.values()) == [0, 1]
+    assert "So do not use the file." in " ".join(capsys.readouterr().out.split())

@@ -33,11 +33,16 @@ def undetermined(result: Calibration) -> dict[str, str]:
     return {name: words for name, words in found.items() if words}
 
 
+def useless(result: Calibration) -> bool:
+    """Whether the logs determine none of the parameters, so that the file is not to be used."""
+    return len(undetermined(result)) == len(result.values)
+
+
 def sentences(result: Calibration) -> list[str]:
     """What is not to be used, and what acts alike; empty for a calibration that determines all."""
     lost, said = undetermined(result), list[str]()
     if lost:
-        all_ = len(lost) == len(result.values)
+        all_ = useless(result)
         told = "; ".join(f"{name} ({words})" for name, words in lost.items())
         use = "do not use the file" if all_ else "do not use the file for these"
         said.append(f"These logs do not determine {'any of the parameters' if all_ else 'all'}: {told}. So {use}.")
@@ -60,7 +65,7 @@ def next_step(result: Calibration, files: str) -> str:
     if not lost:
         return ""
     record = "; ".join(dict.fromkeys(what_to_record(result.joint, name) for name in lost))
-    if len(lost) == len(result.values):
+    if useless(result):
         return f"Next, to determine them: {record}"
     short = ",".join(name.rpartition(".")[2] for name in lost)
     return f"Next: qpal calibrate {files} --joint {result.joint} --fix {short}; or, to determine them: {record}"

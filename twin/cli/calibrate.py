@@ -77,4 +77,4 @@ def calibrate(
         step_on or f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}"
     )
     console.finish(folder, summary, as_json, report.tables(result), said)
-    return 0 if result.converged else 1
+    return 0 if result.converged and not doubt.useless(result) else 1

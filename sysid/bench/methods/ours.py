@@ -115,8 +115,7 @@ def auto(data: Data) -> Ours:
     raw = record(data)
     own, zero = about_means(raw)
     found = select(own, seed=data.seed, jobs=1, seconds=SHARE * data.seconds)
-    cut = f"the budget of {found.budget:g} s ended the search before {found.left_out} candidates"
-    words = str(found.chosen.candidate), cut if found.left_out else ""
+    words = str(found.chosen.candidate), found.cut
     if found.chosen.candidate.zero:  # a structure whose zero means something, such as no voltage: fitted to raw
         return Ours(found.fit, raw, (0.0, 0.0), *words)
     return Ours(found.fit, own, zero, *words)
