@@ -58,7 +58,8 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
     try:
         if not isinstance(document, dict) or str(document.get("format")) not in formats:
             known = " or ".join(repr(name) for name in formats)
-            of_log = "" if isinstance(document, dict) and "format" in document else f", which this makes of a log: {made}"
+            other = isinstance(document, dict) and "format" in document
+            of_log = "" if other else f", which this makes of a log: {made}"
             raise InputError(
                 f"this is JSON but not a saved fit (its format is not {known}); give a file that save() wrote{of_log}"
             )
