@@ -87,9 +87,10 @@ VERBS = {
     "info": Verb(["info", "log.csv", "--write-map", "map.toml", *OUT], ("out", "map.toml")),
     "gif": Verb(["view", "leg.csv", "--gif", "film.gif", "--stop", "1"], ("film.gif",)),
     "frames": Verb(["view", "leg.csv", "--frames", "out", "--stop", "0.2"]),
-    "compare": Verb(["compare", "leg.csv", *OUT]),
-    "calibrate": Verb(["calibrate", "leg.csv", *OUT]),
-    "design": Verb(["design", "leg.csv", *OUT]),
+    # Short searches, so that as many moments fall on what is written after them.
+    "compare": Verb(["compare", "leg.csv", "--seconds", "10", *OUT]),
+    "calibrate": Verb(["calibrate", "leg.csv", "--free", "no_load_speed", *OUT]),
+    "design": Verb(["design", "leg.csv", "--for", "ends", *OUT]),
     "bench_export": Verb(["bench", "export", "textbook/textbook", *OUT]),
     "bench_run": Verb([*BENCH, "--out", "t.parquet"], (), ("t.parquet", "t.journal"), again=True),
     "ensemble": Verb([], (), ("out",), ENSEMBLE, again=True),

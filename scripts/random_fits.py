@@ -105,7 +105,11 @@ def references(chain, data: sysid.IOData, seed: int) -> dict[str, float]:
 
 def network_references(model: Nlarx, data: sysid.IOData, seed: int) -> dict[str, float]:
     linear = sysid.fit_nlarx(replace(model, units=0), data, seed=seed)
-    y = data.y[model.lag :][data.observed[model.lag :]]  # the samples before are not scored
+    seen = data.observed[:, 0].copy()
+    seen[: model.lag] = False  # these are not scored, nor, one step ahead, those with a missing sample in their past
+    for lag in range(1, model.na + 1 if model.focus == "prediction" else 0):
+        seen[model.lag :] &= data.observed[model.lag - lag : data.N - lag, 0]
+    y = data.y[seen]
     return {"linear_start": linear.criteria.mse, "constant": float(np.mean((y - y.mean()) ** 2))}
 
 

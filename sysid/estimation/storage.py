@@ -126,6 +126,7 @@ def _check(fit: Fit, names: list[str]) -> None:
         )
     check_numbers(fit.theta, fit.covariance, fit.criteria)
     check_offsets(fit.u_offset, fit.y_offset, model.channels)
+    check_span("u_span", fit.u_span)
     if fit.noise is not None and (len(fit.noise) != model.channels[1] or not np.all(np.isfinite(np.hstack(fit.noise)))):
         raise InputError(f"noise is not a row of finite numbers for each of {model.channels[1]} output(s); save again")
 
@@ -152,6 +153,12 @@ def check_sizes(values: np.ndarray) -> None:
     """Raises InputError for a parameter (n,) beyond the largest number of a record."""
     if values.size and np.abs(values).max() > LARGEST:
         raise InputError(f"a parameter is {np.abs(values).max():g}, above {LARGEST:g}; save the fit again")
+
+
+def check_span(name: str, span: tuple[float, float]) -> None:
+    """Raises InputError for a range of a signal that no record has."""
+    if not -LARGEST <= span[0] <= span[1] <= LARGEST:
+        raise InputError(f"{name} is {span[0]:g} to {span[1]:g}, which is no range of a record; save the fit again")
 
 
 def check_offsets(u_offset: np.ndarray | None, y_offset: np.ndarray | None, channels: tuple[int, int]) -> None:

@@ -8,16 +8,18 @@ import numpy as np
 if TYPE_CHECKING:
     import polars
 
+# [0-9]: \d has the digits of other scripts too, of which polars makes no number.
 _TIME = (
-    r"(?P<hour>\d{1,3}):(?P<minute>\d{2}):(?P<second>\d{2})(?:[.,](?P<part>\d{1,18})|:(?P<milli>\d{3}))?"
+    r"(?P<hour>[0-9]{1,3}):(?P<minute>[0-9]{2}):(?P<second>[0-9]{2})(?:[.,](?P<part>[0-9]{1,18})|:(?P<milli>[0-9]{3}))?"
     r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
 )
-_ZONE = r"\s*(?P<zone>[Zz]|UTC|[+-]\d{2}(?::?\d{2})?)?"
+_ZONE = r"\s*(?P<zone>[Zz]|UTC|[+-][0-9]{2}(?::?[0-9]{2})?)?"
+_YEAR, _ONE, _TWO = "(?P<year>[0-9]{4})", "(?P<one>[0-9]{1,2})", "(?P<two>[0-9]{1,2})"
 FORMS = {
     "time": rf"^{_TIME}$",
-    "year first": rf"^(?P<year>\d{{4}})[-/.](?P<one>\d{{1,2}})[-/.](?P<two>\d{{1,2}})(?:[Tt]|\s+){_TIME}{_ZONE}$",
-    "dots": rf"^(?P<one>\d{{1,2}})\.(?P<two>\d{{1,2}})\.(?P<year>\d{{4}})(?:[Tt]|,?\s+){_TIME}{_ZONE}$",
-    "year last": rf"^(?P<one>\d{{1,2}})[/-](?P<two>\d{{1,2}})[/-](?P<year>\d{{4}})(?:[Tt]|,?\s+){_TIME}{_ZONE}$",
+    "year first": rf"^{_YEAR}[-/.]{_ONE}[-/.]{_TWO}(?:[Tt]|\s+){_TIME}{_ZONE}$",
+    "dots": rf"^{_ONE}\.{_TWO}\.{_YEAR}(?:[Tt]|,?\s+){_TIME}{_ZONE}$",
+    "year last": rf"^{_ONE}[/-]{_TWO}[/-]{_YEAR}(?:[Tt]|,?\s+){_TIME}{_ZONE}$",
 }
 ORDERS = {  # which of the two numbers beside the year is the month; nobody writes a month before a dot and the day
     "time": {"": ""},
@@ -77,7 +79,7 @@ def _minutes_ahead(zone: "polars.Series") -> np.ndarray:
     """Minutes (n,) by which local time is ahead of UTC: +01:00 is 60."""
     import polars
 
-    digits = zone.str.extract(r"(\d{2}(?::?\d{2})?)").str.replace(":", "", literal=True).str.pad_end(4, "0")
+    digits = zone.str.extract(r"([0-9]{2}(?::?[0-9]{2})?)").str.replace(":", "", literal=True).str.pad_end(4, "0")
     number = digits.cast(polars.Int64).fill_null(0).to_numpy()
     sign = np.where(zone.str.starts_with("-").fill_null(value=False).to_numpy(), -1, 1)
     return sign * (number // 100 * 60 + number % 100)

@@ -105,7 +105,7 @@ def _head(path: Path) -> Head:
     above = sample.pop(0)[0] if stated else 0
     if not sample:
         raise InputError(f"{path} has no rows; give a file with one row a sample")
-    separator = stated[1] if stated else _separator([line for _, line in sample[1:]] or [sample[0][1]])
+    separator = stated[1] if stated else _separator(sample[0][1], [line for _, line in sample[1:]] or [sample[0][1]])
     rows = [split(path, *sample[0], separator), *(_split(line, separator) for _, line in sample[1:])]
     used = max(map(len, rows))
     while used > 1 and all(len(row) < used or not row[used - 1] for row in rows):
@@ -138,15 +138,16 @@ def _split(line: str, separator: str | None) -> list[str]:
         return line.split(separator)
 
 
-def _separator(lines: list[str]) -> str | None:
-    """The mark that most lines have; None is white space."""
+def _separator(first: str, lines: list[str]) -> str | None:
+    """The mark that most lines below the first one have; None is white space."""
     for mark in (";", "\t", ","):
         having = [line for line in lines if mark in line.strip()]
         if len(having) * 2 < len(lines) or not having:
             continue
         last = having[-1]
-        # A tab or blank between padded numbers is white space, not an empty cell.
-        blank = mark == "\t" and "\t\t" not in last and last.rstrip("\t") != last.strip()
+        # A tab or blank before padded numbers is white space, not an empty cell, unless the first row has a name there.
+        named = not first[:1].isspace() and first.count(mark) == last.count(mark)
+        blank = mark == "\t" and "\t\t" not in last and last.rstrip("\t") != last.strip() and not named
         # 1,5 2,5 has commas as decimal marks.
         words = mark == "," and all(_comma_numbers(line) for line in having)
         return None if blank or words else mark

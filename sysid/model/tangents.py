@@ -45,6 +45,7 @@ class Rational:
         return (self.B_gradient.sum(axis=0) - self.gain * self.F_gradient.sum(axis=0)) / self.F.sum()
 
 
+@np.errstate(over="ignore", invalid="ignore")  # far from all data: what is no number there is not determined
 def tangent(chain: Chain, theta: np.ndarray, u: float = 0.0) -> Rational:
     """B/F from du to dy at the steady state of the constant input u, static slopes included.
 

@@ -30,6 +30,9 @@ def changed(name: str, change, folder: Path) -> Path:
         (lambda d: d["criteria"].update(N=10**30), "N = 10{30}.* no count above"),
         (lambda d: d["criteria"].update(d=10**30), "d = 10{30}.* no count above"),
         (lambda d: d["criteria"].update(mse=-0.5), "mse = -0.5"),
+        (lambda d: d["model"]["blocks"][0].update(nk=10**6), "nk is 1000000"),
+        (lambda d: d.update(u_span=[-1.0, -1e308]), "u_span is -1 to -1e.308, which is no range"),
+        (lambda d: d.update(u_span=["nan", 1.0]), "u_span is nan to 1, which is no range"),
         (lambda d: d["theta"].update(dict.fromkeys(list(d["theta"])[:1], 1e308)), "above 1e"),
         (lambda d: d["covariance"]["unidentifiable"].__setitem__(0, 1e308), "unidentifiable"),
     ],
@@ -47,6 +50,7 @@ def test_numbers_that_no_fit_has_are_a_sentence(change, said, tmp_path):
         (lambda d: d["covariance"]["unidentifiable"].pop(), "a row and a column for each of 11 parameters"),
         (lambda d: [row.pop() for row in d["covariance"]["cov"]], "a row and a column for each of 11 parameters"),
         (lambda d: d["network"]["mu"].__setitem__(0, 1e200), "a parameter is 1e.200"),
+        (lambda d: d["network"].update(scaling=2 * 10**12), "does not name the network's 8000000000003 parameters"),
     ],
 )
 def test_entries_of_a_network_that_no_fit_has_are_a_sentence(change, said, tmp_path):

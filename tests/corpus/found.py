@@ -16,6 +16,13 @@ LOGS: dict[str, Log] = {
     "a name of 5,000 letters that is not there": log(
         f"t,u,{'y' * 5000}\n" + ROWS, refused("'z'"), input="u", output="z"
     ),
+    "a column of remarks that nobody made, between tabs": log(
+        "note\tt\tu [V]\ty\n\t" + "\n\t".join(ROWS.replace(",", "\t").splitlines())
+    ),
+    "a digit of another script in an hour": log(
+        "time,u,y\n" + stamped([f"{hour}:00:0{t}" for t, hour in zip(T, ["11"] * 6 + ["1\u0661"] * 6, strict=True)]),
+        refused("row 8", "correct the cell"),
+    ),
     "JSON, a sample of a split table is null": log(
         json.dumps({**SPLIT, "data": [SPLIT["data"][0], None, *SPLIT["data"][2:]]}),
         refused("entry 2", "null"),

@@ -42,10 +42,12 @@ def shortened(arguments: list[str]) -> list[str]:
 
 
 @pytest.mark.long
-def test_shell_runs(tmp_path, monkeypatch):
+@pytest.mark.parametrize("block", blocks("sh"))
+def test_shell_runs(block, tmp_path, monkeypatch):
+    """A block needs no file of another one."""
     monkeypatch.chdir(tmp_path)
-    commands = [shlex.split(line, comments=True) for block in blocks("sh") for line in block.splitlines()]
-    assert commands
+    commands = [shlex.split(line, comments=True) for line in block.splitlines()]
+    assert any(commands)
     for program, *arguments in filter(None, commands):
         if program == "qpal":
             assert main(shortened(arguments)) == 0
@@ -63,18 +65,17 @@ def test_links_and_pictures_exist():
         assert path.suffix != ".png" or path.stat().st_size <= 150_000
 
 
-@pytest.fixture(scope="module")
-def result():
-    return protocol.run(seed=0)
-
-
 @pytest.mark.long
-@pytest.mark.parametrize(("name", "table"), [("results", reproduce.table), ("beyond", beyond.table)])
-def test_a_table_of_results_is_what_reproduce_prints(name, table, result):
+def test_the_tables_of_results_are_what_reproduce_prints():
+    result = protocol.run(seed=0)
+    for name, table in (("results", reproduce.table), ("beyond", beyond.table)):
+        assert_printed(name, table(result))
+
+
+def assert_printed(name, grid):
     _, _, rest = README.partition(f"<!-- {name}: made by scripts/readme.py -->\n")
     text, _, _ = rest.partition(f"<!-- end of {name} -->")
     shown = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()]
-    grid = table(result)
     assert shown[0] == list(grid.headings)
     fit, ceiling = (list(grid.headings).index(name) for name in ("fit", "ceiling"))
     assert [row[:fit] for row in shown[2:]] == [list(row[:fit]) for row in grid.rows]
