@@ -38,7 +38,7 @@ def shortened(arguments: list[str]) -> list[str]:
     """The same command with smaller numbers where `LESS` has them."""
     pairs = zip([None, *arguments[:-1]], arguments, strict=True)
     found = [f"{min(float(each), LESS[option]):g}" if option in LESS else each for option, each in pairs]
-    return [*found, "--seconds", "60"] if "auto" in found else found
+    return [*found, "--seconds", "30"] if "auto" in found else found
 
 
 @pytest.mark.long
