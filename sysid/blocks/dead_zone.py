@@ -27,7 +27,11 @@ class DeadZone(Map):
         return Slot("lower"), Slot("upper")
 
     def start(self, x: np.ndarray) -> np.ndarray:
-        return 0.05 * (x.max() - x.min()) * np.array([-1.0, 1.0])
+        """Narrow about zero or, where the signal is nowhere near it, about the middle of its range."""
+        lo, hi = float(x.min()), float(x.max())
+        margin = 0.1 * (hi - lo)
+        middle = 0.0 if lo - margin <= 0.0 <= hi + margin else 0.5 * (lo + hi)
+        return middle + 0.5 * margin * np.array([-1.0, 1.0])
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         return Law(self, in_order(a[0], 2, bool(a[0] < 0.0))) if a[0] == b[0] else None
@@ -39,4 +43,6 @@ class DeadZone(Map):
         return bool(theta[0] < theta[1])
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        return theta.mean() + 0.5 * (theta[1] - theta[0]) * np.array([-1.0, 1.0]) * rng.uniform(0.2, 4.0, 2)
+        """Another width, and every second time another place: the start is about a tenth of the range wide."""
+        half, away = 0.5 * (theta[1] - theta[0]), rng.uniform(-10.0, 10.0) * rng.integers(2)
+        return theta.mean() + half * (away + np.array([-1.0, 1.0]) * rng.uniform(0.2, 4.0, 2))
