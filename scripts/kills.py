@@ -55,6 +55,7 @@ class Verb:
     grows: tuple[str, ...] = ()
     code: str = PROGRAM
     again: bool = False  # a run after a kill goes on where it was
+    once: bool = False  # a run refuses a place that holds a whole output
 
     def command(self, number: int) -> list[str]:
         """What runs; it writes a dot to file `number` when it begins."""
@@ -91,7 +92,7 @@ VERBS = {
     "compare": Verb(["compare", "leg.csv", "--seconds", "10", *OUT]),
     "calibrate": Verb(["calibrate", "leg.csv", "--free", "no_load_speed", *OUT]),
     "design": Verb(["design", "leg.csv", "--for", "ends", *OUT]),
-    "bench_export": Verb(["bench", "export", "textbook/textbook", *OUT]),
+    "bench_export": Verb(["bench", "export", "textbook/textbook", *OUT], once=True),
     "bench_run": Verb([*BENCH, "--out", "t.parquet"], (), ("t.parquet", "t.journal"), again=True),
     "ensemble": Verb([], (), ("out",), ENSEMBLE, again=True),
     "auto": Verb([*AUTO, *OUT], ("out",), ("journal",), again=True),
@@ -283,7 +284,7 @@ def check(
         found.fails("code 0 without output", number, tell)
     if number != "KILL" and left(place):
         found.fails("left behind", number, tell + str(left(place)))
-    if number == "KILL" or verb.again:
+    if (number == "KILL" and not (verb.once and there)) or verb.again:
         try:
             whole(verb, place, checkout)
         except RuntimeError as error:
