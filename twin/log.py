@@ -28,7 +28,7 @@ INPUTS = {"voltage": "voltage", "servo": "reference"}  # name of the input by mo
 UNITS = {"voltage": ("V",), "servo": ("V", "rad")}  # of the input
 
 
-@checked(late=True)
+@checked
 @dataclass(frozen=True)
 class Log:
     """A record of one joint: input u (N,) [V], measured angle y (N,) [rad], sampled every Ts [s].
@@ -48,6 +48,11 @@ class Log:
     y_true: np.ndarray | None = None
     joint: str = ""
     meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, values in (("u", self.u), ("y", self.y), ("y_true", self.y_true)):
+            if values is not None and np.ndim(values) == 0:
+                raise InputError(f"{name} is one number; give an array with one for each sample")
 
     @property
     def N(self) -> int:

@@ -100,7 +100,7 @@ def is_number(value: Any) -> bool:
     """Whether it is one real number, and no yes or no."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         return value.dtype.kind in "iuf"
-    return isinstance(value, Real) and not isinstance(value, (bool, np.bool_))
+    return isinstance(value, Real) and not isinstance(value, (bool, np.bool_, np.timedelta64))
 
 
 def _number(kind: type, span: Span) -> Kind:
@@ -111,11 +111,10 @@ def _number(kind: type, span: Span) -> Kind:
             value = value[()]
         if not is_number(value) or (kind is int and not isinstance(value, Integral)):
             raise Wrong(value, f"a {noun}")
-        if not span.holds(value):
-            raise Wrong(value, span.allowed(value, noun))
-        if type(value) in (int, float):
-            return value
-        return int(value) if isinstance(value, Integral) else float(value)  # NumPy's small integers wrap around
+        plain = int(value) if isinstance(value, Integral) else float(value)  # NumPy's small integers wrap around
+        if not span.holds(plain):
+            raise Wrong(value, span.allowed(plain, noun))
+        return plain
 
     return Kind(f"a {noun}", made)
 

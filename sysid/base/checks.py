@@ -73,6 +73,9 @@ def _guarded(function: Callable[..., Any], own: tuple[str, ...], late: bool, own
             if given is None:
                 return function(*args, **kwargs)
             look(given, early)
+            for name in own:  # NumPy's small integers wrap around
+                if isinstance(given.arguments.get(name), (np.integer, np.floating)):
+                    given.arguments[name] = given.arguments[name].item()
             _check_sizes(sizes, given.arguments)
             return function(*given.args, **given.kwargs)
         except InputError:

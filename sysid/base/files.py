@@ -74,6 +74,8 @@ def whole_file(path: str | os.PathLike) -> Iterator[Path]:
 def write_text(path: str | os.PathLike, text: str) -> Path:
     """Write `text` whole or not at all. Raises InputError if the folder is missing or not writable."""
     target = Path(path)
+    if not target.name:
+        raise InputError(f"{str(path)!r} is no name of a file; give one, for example report.html")
     if not target.parent.is_dir():
         raise InputError(f"cannot write {target}: folder {target.parent} does not exist; choose a folder that exists")
     try:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Names = str | Sequence[str]
 
 
-@checked(own=("u", "y", "Ts", "missing", "lengths"))
+@checked(own=("u", "y", "Ts", "missing"))
 @dataclass(frozen=True, repr=False)
 class IOData(Shown):
     """Input u (N, nu) and output y (N, ny), sampled every Ts [s], as float64 in rows of samples.

@@ -4,6 +4,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from sysid.base.checks import checked
 from sysid.base.handlers import Shown, handler
 from sysid.data.record import IOData
 from sysid.data.remembered import Remembered
@@ -19,6 +20,7 @@ class FitMethods(Shown, Remembered):
     read from a file has none, and each method raises InputError without `data`.
     """
 
+    @checked
     def plot(self, data: IOData | None = None, what: str = "output", at: float | None = None) -> "Figure":
         """A figure: "output" (free run and error), "residuals", "poles", "bode", "step" or "maps".
 
@@ -32,6 +34,7 @@ class FitMethods(Shown, Remembered):
         figure: Figure = handler(self).plot(self, data, what, at)
         return figure
 
+    @checked
     def report(self, path: str | PathLike, data: IOData | None = None, validation: IOData | None = None) -> Path:
         """Write the page of `qpal identify` for this fit to `path`, one HTML file, and return that path.
 
@@ -42,6 +45,7 @@ class FitMethods(Shown, Remembered):
         found: Path = handler(self).report(self, path, data, validation)
         return found
 
+    @checked
     def refine(self, data: IOData | None = None, **options: Any) -> Self:
         """The same model, searched further from this fit; `options` are those of `sysid.fit`, for example search="lm".
 
@@ -50,10 +54,12 @@ class FitMethods(Shown, Remembered):
         found: Self = handler(self).refine(self, data, **options)
         return found
 
+    @checked
     def noise_model(self, data: IOData | None = None) -> Any:
         """The colour of the residuals as an autoregression, see `sysid.linear.noise.Noise`."""
         return handler(self).noise_model(self, data)
 
+    @checked
     def modes(self, data: IOData | None = None) -> Any:
         """Poles with natural frequency, damping and time constant, and standard deviations (`sysid.linear.modes`)."""
         return handler(self).modes(self, data)

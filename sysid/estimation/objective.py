@@ -8,6 +8,8 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 
+_SMALLEST = 1e-100  # threshold: errors divided by less overflow
+
 
 @checked
 @dataclass(frozen=True)
@@ -30,9 +32,10 @@ class Objective:
     curvature_weight: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.huber_threshold is not None and not 0.0 < self.huber_threshold < np.inf:
+        if self.huber_threshold is not None and not _SMALLEST <= self.huber_threshold < np.inf:
             raise InputError(
-                f"huber_threshold is {self.huber_threshold}; give a positive number, for example 1.345, or None"
+                f"huber_threshold is {self.huber_threshold}; give a number of at least {_SMALLEST:g}, for example "
+                "1.345, or None"
             )
         if not 0.0 <= self.ridge < np.inf:
             raise InputError(f"ridge is {self.ridge}; give 0 or a positive weight")

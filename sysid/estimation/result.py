@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.base.checks import checked
+from sysid.base.checks import checked, shown
 from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
 from sysid.base.json_values import plain
@@ -203,6 +203,8 @@ class Fit(FitMethods):
         block = self.model.block(role)
         if block is None or block.n_parameters == 0:
             return None
+        if x.ndim != 1:
+            raise InputError(f"x is {shown(x)}; give the places of the curve as one row of numbers")
         return block.output(self.model.part(self.theta, block), x)
 
     @checked

@@ -62,7 +62,7 @@ def select(
     short to be halved, for a budget that ends before one candidate is tried, and where no structure has a valid free
     run.
     """
-    space = space or Space()
+    space = Space() if space is None else space
     if not seconds > 0:
         raise InputError(f"seconds is {seconds}; give a positive number")
     with writing(journal, data, (vars(space), search, seed)) as book:

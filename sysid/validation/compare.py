@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.base.checks import checked
+from sysid.base.checks import shown as value_in_words
 from sysid.base.criteria import Criteria
 from sysid.base.errors import InputError
 from sysid.base.handlers import Shown, handler
@@ -92,8 +93,12 @@ def compare(data: IOData, *fits: Any, labels: Sequence[str] | None = None) -> Co
     """
     if not fits:
         raise InputError("nothing to compare; give at least one fit")
+    for f in fits:
+        if not hasattr(f, "fit_percent"):
+            raise InputError(f"fits has {value_in_words(f)}; give fits, as sysid.fit or sysid.load returns them")
     if labels is None:
         labels = _numbered([f.model.structure for f in fits])
+    labels = tuple(labels)
     if len(labels) != len(fits) or len(set(labels)) != len(labels):
         raise InputError(f"labels are {list(labels)} for {len(fits)} fits; give each fit a different name")
     n = max(f.n_init for f in fits)

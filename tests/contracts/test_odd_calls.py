@@ -40,7 +40,7 @@ ODD = {
     "folds of a text": (lambda: sysid.cross_validate(MODEL, DATA, folds="5"), "folds is '5'; give a whole number"),
     "knots of 1e9": (lambda: hammerstein(input=sysid.blocks.PiecewiseLinear(knots=10**9)), "up to 10,000"),
     "nb of 1e9": (lambda: output_error(nb=10**9), "nb is 10+; give a (whole )?number up to 1,000"),
-    "nk of 1e9": (lambda: output_error(nk=10**9), "nk is 10+; give a (whole )?number up to 1,000,000"),
+    "nk of 1e9": (lambda: output_error(nk=10**9), "nk is 10+; give a (whole )?number up to 100,000"),
     "complex residuals": (lambda: sysid.residual_tests(np.ones(N) * 1j, DATA.u), "e is an array of .*real numbers"),
     "residuals of nan": (lambda: sysid.residual_tests(np.full(N, np.nan), DATA.u), "entry 0, from 0, is nan"),
     "objects": (lambda: sysid.residual_tests(np.array([None] * N), DATA.u), "give an array of real numbers"),

@@ -48,7 +48,7 @@ def test_a_record_is_no_longer_than_its_simulation_may_be():
         (("model", "fixed"), {"linear.f1": "x"}, "linear.f1 is fixed at 'x'"),
         (("model", "blocks", 0, "units"), 10**9, "units is 10+; give a whole number up to 10,000"),
         (("model", "blocks", 1, "nb"), 10**9, "nb is 10+; give a number up to 1,000"),
-        (("model", "blocks", 1, "nk"), 10**9, "nk is 10+; give a number up to 1,000,000"),
+        (("model", "blocks", 1, "nk"), 10**9, "nk is 10+; give a number up to 100,000"),
         (("model", "blocks", 2, "degree"), 10**9, "degree is 10+; give a whole number up to 10,000"),
         (("Ts",), 1e308, "Ts is 1e"),
         (("n_init",), 10**400, "n_init 10+"),

@@ -13,6 +13,7 @@ from twin.studies import protocol
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 FAR = 20.0  # [%] below the ceiling: a model that does not describe the record
+SEARCHING = ("compare", "design")
 LESS = {"--duration": 40.0, "--seeds": 1.0, "--starts": 1.0}  # enough to show that a command runs
 
 
@@ -38,7 +39,7 @@ def shortened(arguments: list[str]) -> list[str]:
     """The same command with smaller numbers where `LESS` has them."""
     pairs = zip([None, *arguments[:-1]], arguments, strict=True)
     found = [f"{min(float(each), LESS[option]):g}" if option in LESS else each for option, each in pairs]
-    return [*found, "--seconds", "30"] if "auto" in found else found
+    return [*found, "--seconds", "30"] if "auto" in found or found[0] in SEARCHING else found
 
 
 @pytest.mark.long
