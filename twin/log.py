@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.base.checks import checked
+from sysid.base.checks import checked, shown
 from sysid.base.errors import InputError, unknown
 from sysid.channels.contradictions import other_than_stated, stated
 from sysid.channels.guess import guess
@@ -28,7 +28,7 @@ INPUTS = {"voltage": "voltage", "servo": "reference"}  # name of the input by mo
 UNITS = {"voltage": ("V",), "servo": ("V", "rad")}  # of the input
 
 
-@checked
+@checked(own=("u", "y", "y_true"))
 @dataclass(frozen=True)
 class Log:
     """A record of one joint: input u (N,) [V], measured angle y (N,) [rad], sampled every Ts [s].
@@ -50,9 +50,17 @@ class Log:
     meta: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        """Arrays of one length; nan is what a simulation leaves that MuJoCo gave up."""
         for name, values in (("u", self.u), ("y", self.y), ("y_true", self.y_true)):
-            if values is not None and np.ndim(values) == 0:
-                raise InputError(f"{name} is one number; give an array with one for each sample")
+            if name == "y_true" and values is None:
+                continue
+            try:
+                found = np.asarray(values)
+            except (TypeError, ValueError):
+                found = np.empty(())
+            if found.dtype.kind not in "biuf" or not found.ndim or len(found) != len(self.u):
+                raise InputError(f"{name} is {shown(values)}; give an array of numbers, as many as u has")
+            object.__setattr__(self, name, found)
 
     @property
     def N(self) -> int:

@@ -27,10 +27,13 @@ class DeadZone(Map):
         return Slot("lower"), Slot("upper")
 
     def start(self, x: np.ndarray) -> np.ndarray:
-        """Narrow about zero or, where the signal is nowhere near it, about the middle of its range."""
-        lo, hi = float(x.min()), float(x.max())
+        """Narrow, about zero or, where zero is not well inside the signal's range, about the middle of that.
+
+        A few samples far from all others say nothing about that range.
+        """
+        lo, hi = (float(q) for q in np.percentile(x, (2.0, 98.0)))
         margin = 0.1 * (hi - lo)
-        middle = 0.0 if lo - margin <= 0.0 <= hi + margin else 0.5 * (lo + hi)
+        middle = 0.0 if lo + margin <= 0.0 <= hi - margin else 0.5 * (lo + hi)
         return middle + 0.5 * margin * np.array([-1.0, 1.0])
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
@@ -44,5 +47,5 @@ class DeadZone(Map):
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Another width, and every second time another place: the start is about a tenth of the range wide."""
-        half, away = 0.5 * (theta[1] - theta[0]), rng.uniform(-10.0, 10.0) * rng.integers(2)
-        return theta.mean() + half * (away + np.array([-1.0, 1.0]) * rng.uniform(0.2, 4.0, 2))
+        widths, away = rng.uniform(0.2, 4.0, 2), rng.uniform(-10.0, 10.0) * rng.integers(2)
+        return theta.mean() + 0.5 * (theta[1] - theta[0]) * (away + np.array([-1.0, 1.0]) * widths)

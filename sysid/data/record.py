@@ -83,6 +83,11 @@ class IOData(Shown):
                     f"the first {first.u.shape[1]}, {first.y.shape[1]} and {first.Ts} s; "
                     "merge records of the same channels and Ts"
                 )
+            if (r.u_unit, r.y_unit) != (first.u_unit, first.y_unit):
+                raise InputError(
+                    f"record {k} is in {r.u_unit or 'no unit'} and {r.y_unit or 'no unit'}, the first in "
+                    f"{first.u_unit or 'no unit'} and {first.y_unit or 'no unit'}; convert one of them"
+                )
             if not (np.allclose(r.u_offset, first.u_offset) and np.allclose(r.y_offset, first.y_offset)):
                 raise InputError(f"record {k} has other offsets than the first; merge first, then detrend")
         masks = [np.zeros(r.y.shape, dtype=bool) if r.missing is None else r.missing for r in records]
@@ -230,6 +235,8 @@ def siso(data: IOData) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _channels(values: np.ndarray, name: str, missing: np.ndarray | None = None) -> np.ndarray:
+    if isinstance(values, np.ma.MaskedArray) and np.any(np.ma.getmaskarray(values)):
+        raise InputError(f"{name} has masked values; give the numbers without a mask, and missing= for lost outputs")
     try:
         array = np.asarray(values)
         if array.dtype.kind not in "biuf":

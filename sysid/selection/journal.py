@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.files import Lines, whole_file
+from sysid.base.files import Lines, ordinary, whole_file
 from sysid.base.lock import held
 from sysid.base.sealed import CHECK, DAMAGED, UNSEALED, opened, sealed
 from sysid.data.record import IOData
@@ -125,7 +125,7 @@ def writing(path: str | Path | None, data: IOData, settings: Any) -> Iterator[Jo
     def taken(who: str) -> str:
         return f"another search ({who}) writes to the journal {path}; wait until it ends, or give another path"
 
-    with nullcontext() if path is None else held(path, taken):
+    with nullcontext() if path is None else held(ordinary(path), taken):
         yield Journal(path, data, settings)
 
 

@@ -1,6 +1,7 @@
 """Public calls with odd values: a sentence, or a result of finite numbers; `scripts/attack_calls.py` has them all."""
 
 import inspect
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -59,6 +60,11 @@ ODD = {
     "merged numbers": (lambda: sysid.IOData.merge(1.0), "records is 1.0; give an IOData"),
     "offsets": (lambda: sysid.IOData(DATA.u, DATA.y, 0.1, u_offset=np.ones(3)), r"u_offset is .*give 1 number"),
     "phases of an array": (lambda: sysid.excitations.Multisine(phases=np.empty(0)), "phases is an array"),
+    "masked values": (lambda: sysid.IOData(DATA.u, np.ma.array(DATA.y, mask=DATA.y > 0.0)), "has masked values; give"),
+    "volts and millivolts": (
+        lambda: sysid.IOData.merge(replace(DATA, u_unit="V"), replace(DATA, u_unit="mV")),
+        "record 2 is in mV and no unit, the first in V and no unit; convert",
+    ),
     "search of a slice": (lambda: sysid.solver.searches.search(slice(None)), "name is a slice; give a text"),
     "no log": (lambda: twin.compare.compare_log(1.0, 2.0, "thigh", "a"), "log is 1.0; give a Log"),
     "resampled text": (lambda: sysid.data.preprocess.resample("log.csv", 0.2), "data is 'log.csv'; give an IOData"),

@@ -1,5 +1,6 @@
 """Methods of fits and logs with values of every odd kind: a result or one sentence, no other error, no warning."""
 
+import os
 from collections.abc import Iterator
 
 import numpy as np
@@ -67,3 +68,11 @@ def test_a_value_of_another_kind_is_a_sentence_or_serves(name, tmp_path, monkeyp
 def test_a_small_integer_of_numpy_is_a_horizon_like_any_other():
     for fit in (shown.fit(), shown.network()):
         np.testing.assert_array_equal(fit.predict(shown.data(), np.int8(3)), fit.predict(shown.data(), 3))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+def test_a_pipe_is_no_journal(tmp_path):
+    """Before, the search waited for a reader without end."""
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="pipe"):
+        sysid.select(shown.data(), seconds=5.0, journal=tmp_path / "pipe")

@@ -142,16 +142,21 @@ def test_only_maps_with_a_law_are_centred():
         assert (law.input[0] == 2.0) == (name in FREE), name
 
 
-@pytest.mark.parametrize("c", [-50.0, 1000.0])
+@pytest.mark.parametrize("case", ["far", "far below", "one-sided", "at one end", "a glitch"])
 @pytest.mark.parametrize("seed", range(3))
-def test_a_dead_zone_far_from_zero_is_found(seed, c):
-    """Before, it was looked for about zero alone: fits of 1 to 45 %."""
+def test_a_dead_zone_is_found_wherever_it_lies(seed, case):
+    """Looked for about zero alone, fits of the first four had 1 to 45 %; a range with the glitch hides the last."""
     rng = np.random.default_rng(seed)
     u, y = np.repeat(rng.normal(0.2, 1.0, 120), 5), np.zeros(600)
+    c = {"far": 1000.0, "far below": -50.0, "one-sided": 2.0, "at one end": 1.2}.get(case, 0.0)
+    u = np.abs(u) if case == "one-sided" else np.clip(u, -1.2, 1.2)
+    if case == "a glitch":
+        u[10] = 25.0
     x = np.where(u > 0.4, u - 0.4, np.where(u < -0.3, u + 0.3, 0.0))
     for t in range(2, 600):
         y[t] = 1.3 * y[t - 1] - 0.42 * y[t - 2] + 0.12 * x[t - 1]
     data = sysid.IOData(u + c, y + 0.01 * np.std(y) * rng.normal(size=600))
     fit = sysid.fit(S.hammerstein(1, 2, 1, input="dead_zone"), data)
-    assert fit.fit_percent(data) > 98.5
-    assert fit.theta[:2] == pytest.approx([c - 0.3, c + 0.4], abs=0.05)
+    assert fit.fit_percent(data) > 98.0
+    assert fit.theta[1] == pytest.approx(c + 0.4, abs=0.05)
+    assert case == "one-sided" or fit.theta[0] == pytest.approx(c - 0.3, abs=0.05)
