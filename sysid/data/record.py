@@ -83,11 +83,9 @@ class IOData(Shown):
                     f"the first {first.u.shape[1]}, {first.y.shape[1]} and {first.Ts} s; "
                     "merge records of the same channels and Ts"
                 )
-            if (r.u_unit, r.y_unit) != (first.u_unit, first.y_unit):
-                raise InputError(
-                    f"record {k} is in {r.u_unit or 'no unit'} and {r.y_unit or 'no unit'}, the first in "
-                    f"{first.u_unit or 'no unit'} and {first.y_unit or 'no unit'}; convert one of them"
-                )
+            for own, other in ((r.u_unit, first.u_unit), (r.y_unit, first.y_unit)):
+                if own and other and own != other:
+                    raise InputError(f"record {k} has a signal in {own} that the first has in {other}; convert one")
             if not (np.allclose(r.u_offset, first.u_offset) and np.allclose(r.y_offset, first.y_offset)):
                 raise InputError(f"record {k} has other offsets than the first; merge first, then detrend")
         masks = [np.zeros(r.y.shape, dtype=bool) if r.missing is None else r.missing for r in records]

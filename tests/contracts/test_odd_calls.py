@@ -63,7 +63,7 @@ ODD = {
     "masked values": (lambda: sysid.IOData(DATA.u, np.ma.array(DATA.y, mask=DATA.y > 0.0)), "has masked values; give"),
     "volts and millivolts": (
         lambda: sysid.IOData.merge(replace(DATA, u_unit="V"), replace(DATA, u_unit="mV")),
-        "record 2 is in mV and no unit, the first in V and no unit; convert",
+        "record 2 has a signal in mV that the first has in V; convert one",
     ),
     "search of a slice": (lambda: sysid.solver.searches.search(slice(None)), "name is a slice; give a text"),
     "no log": (lambda: twin.compare.compare_log(1.0, 2.0, "thigh", "a"), "log is 1.0; give a Log"),
