@@ -14,6 +14,12 @@ def value(x, p):
     return x - min(max(x, p.lower), p.upper)
 
 
+def middle(lo: float, hi: float) -> float:
+    """Where a dead zone of an input from `lo` to `hi` is first looked for: zero, if that is well inside."""
+    margin = 0.1 * (hi - lo)
+    return 0.0 if lo + margin < 0.0 < hi - margin else 0.5 * (lo + hi)
+
+
 @dataclass(frozen=True)
 class DeadZone(Map):
     """y = x - lower below `lower`, x - upper above `upper`, 0 between; two parameters.
@@ -32,9 +38,7 @@ class DeadZone(Map):
         A few samples far from all others say nothing about that range.
         """
         lo, hi = (float(q) for q in np.percentile(x, (2.0, 98.0)))
-        margin = 0.1 * (hi - lo)
-        middle = 0.0 if lo + margin <= 0.0 <= hi - margin else 0.5 * (lo + hi)
-        return middle + 0.5 * margin * np.array([-1.0, 1.0])
+        return middle(lo, hi) + 0.05 * (hi - lo) * np.array([-1.0, 1.0])
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         return Law(self, in_order(a[0], 2, bool(a[0] < 0.0))) if a[0] == b[0] else None

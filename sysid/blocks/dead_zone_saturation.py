@@ -9,6 +9,7 @@ from sysid.block.block import Law, Slot, Symmetry
 from sysid.block.compiler.recursion import Map
 from sysid.block.units import in_order, joined
 from sysid.block.writing import Writer
+from sysid.blocks.dead_zone import middle
 
 
 def value(x, p):
@@ -50,9 +51,8 @@ class DeadZoneSaturation(Map):
         """Unit slopes and every break point slightly inside the range of x, so that each has an effect at the start."""
         lo, hi = float(x.min()), float(x.max())
         span = hi - lo if hi > lo else 1.0
-        middle = 0.0 if lo + 0.1 * span < 0.0 < hi - 0.1 * span else 0.5 * (lo + hi)
-        dead, margin = 0.02 * span, 0.05 * span
-        return np.array([lo + margin, middle - dead, middle + dead, lo + span - margin, 1.0, 1.0])
+        centre, dead, margin = middle(lo, hi), 0.02 * span, 0.05 * span
+        return np.array([lo + margin, centre - dead, centre + dead, lo + span - margin, 1.0, 1.0])
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         turned = bool(a[0] < 0.0)
