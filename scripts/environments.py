@@ -61,6 +61,15 @@ def _address_space(mebibytes: int) -> Callable[[], object]:
     return limit
 
 
+THREADS: Mapping[str, str | None] = {  # of libraries that end in an error or abort where they cannot read these
+    "NUMBA_NUM_THREADS": "0",
+    "NUMBA_CPU_FEATURES": "odd",
+    "NUMBA_OPT": "99",
+    "POLARS_MAX_THREADS": "0",
+    "LOKY_MAX_CPU_COUNT": "odd",
+    "JOBLIB_MULTIPROCESSING": "odd",
+    "JOBLIB_START_METHOD": "odd",
+}
 AT_ONCE: Mapping[str, str | None] = {
     "MUJOCO_GL": "odd",
     "MPLBACKEND": "module://nowhere",
@@ -76,6 +85,7 @@ AT_ONCE: Mapping[str, str | None] = {
     "PYTHONUTF8": "0",
     "SOURCE_DATE_EPOCH": "odd",
     "TMPDIR": "/nowhere",
+    **THREADS,
 }
 TABLE: Mapping[str, Environment] = {
     "plain": Environment(),
@@ -108,6 +118,7 @@ TABLE: Mapping[str, Environment] = {
     "TZ odd": Environment({"TZ": "Nowhere/Odd"}),
     "SOURCE_DATE_EPOCH": Environment({"SOURCE_DATE_EPOCH": "0"}),
     "umask 077": Environment(limits=lambda: os.umask(0o077)),
+    "odd threads": Environment(THREADS),
     "one core": Environment(before=("taskset", "-c", "0")),
     "eight threads": Environment(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "8")),
     "no stdout": Environment(shut=True),

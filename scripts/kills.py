@@ -96,7 +96,7 @@ VERBS = {
     "bench_run": Verb([*BENCH, "--out", "t.parquet"], (), ("t.parquet", "t.journal"), again=True),
     "ensemble": Verb([], (), ("out",), ENSEMBLE, again=True),
     "auto": Verb([*AUTO, *OUT], ("out",), ("journal",), again=True),
-    "reproduce": Verb(["reproduce", "--duration", "40", *OUT]),
+    "reproduce": Verb(["reproduce", "--duration", "60", *OUT]),
 }
 
 

@@ -50,24 +50,51 @@ def why_not_stated(Ts: float, table: Table, columns: Mapping[str, Look]) -> str:
     return ""
 
 
+NUMBER = r"(\d+(?:[.,]\d*)?(?:[eE][+-]?\d+)?)"
+TIME = re.compile(
+    rf"(?:Ts|dt|sampl(?:e|ing)[ _-]?(?:time|period|interval|step))\s*[:=]?\s*{NUMBER}\s*([a-zµμ]*)", re.IGNORECASE
+)
+RATE = re.compile(rf"(?:fs|sampl(?:e|ing)[ _-]?(?:rate|frequency))\s*[:=]?\s*{NUMBER}\s*([a-z]*)", re.IGNORECASE)
+POWERS = tuple(1000.0**k for k in (-3, -2, -1, 0, 1, 2, 3))  # of s or Hz, where the unit is left out
+
+
+def commented(text: str) -> tuple[float, ...]:
+    """The sampling times [s] that a comment such as `Ts = 0.01`, `fs: 100` or `sampling rate: 100 Hz` may mean."""
+    for pattern, of_time in ((TIME, True), (RATE, False)):
+        found = pattern.fullmatch(text.strip().rstrip(";,."))
+        if found is None:
+            continue
+        value, unit = float(found[1].replace(",", ".")), convert("s" if of_time and not found[2] else found[2] or "Hz")
+        if not 0.0 < value < np.inf or not unit.known or unit.unit != ("s" if of_time else "1/s"):
+            return ()
+        times = value * unit.factor if of_time else 1.0 / (value * unit.factor)
+        return (times,) if found[2] else tuple(times * power for power in POWERS)
+    return ()
+
+
 def other_than_stated(table: Table, clock: Clock, values: np.ndarray) -> str:
-    """A sentence if the header's Ts is not the step of the clock's `values` (n,); else nothing.
+    """A sentence if the header's Ts, or one in a comment, is not the step of the clock's `values` (n,); else nothing.
 
     The middle and the mean step may both be meant, where samples were lost or stamps are rounded.
     """
     Ts = stated(table)
+    said: list[tuple[str, tuple[float, ...]]] = []
+    if Ts is not None:
+        said.append((f"the header says that the sampling time Ts is {Ts:g} s", (Ts,)))
+    said += [(f"a comment says {text[:40]!r}", times) for text in table.comments if (times := commented(text))]
     known = values[np.isfinite(values)]
     steps = np.diff(known)
     rising = steps[steps > 0]
-    if Ts is None or not len(rising):
+    if not said or not len(rising):
         return ""
     factor = seconds(clock.unit)
     found = float(np.median(rising)) * factor
     digit = float(rising.min()) * factor if np.all(known == np.rint(known)) else 0.0
-    for each in (found, float(rising.mean()) * factor):
-        if abs(each - Ts) <= APART * max(each, Ts) or abs(each - Ts) < digit:
-            return ""
-    return f"the header says that the sampling time Ts is {Ts:g} s, and column {clock.column!r} steps by {found:.6g} s"
+    steps_of_it = (found, float(rising.mean()) * factor)
+    for words, times in said:
+        if not any(abs(a - b) <= max(APART * max(a, b), digit) for a in steps_of_it for b in times):
+            return f"{words}, and column {clock.column!r} steps by {found:.6g} s"
+    return ""
 
 
 def two_units(look: Look) -> str:

@@ -10,12 +10,15 @@ from sysid.channels.contradictions import is_time, two_units, written_unit
 from sysid.channels.looks import Look
 from sysid.channels.mapping import Bits, Clock
 from sysid.channels.names import ASIDE, CLOCK, COUNTERS, INPUT, NEVER, OUTPUT, REFERENCE, UNIT_OF_CLOCK
+from sysid.channels.stamps import within_counter
 from sysid.channels.units import convert
 
 OWN = "time_s"  # in the logs that this program writes
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 STEPS = (2e-4, 10.0)  # [s] between samples of an actuator's log; a unit that gives another step is implausible
 SINCE_1970 = (1e9, 4e9)  # [s] stamps of the years 2001 to 2096
+DAY = 86400.0  # [s]
+DAYS = (2e4, 8e4)  # serial dates of spreadsheets in the years 1954 to 2119
 TICKS = (1e17, 1e18)  # of 100 ns since the year 1601 or 1, today
 WRAPS: tuple[Bits, ...] = (16, 32)
 NEAR_WRAP = 20  # steps: a counter that starts again was at most so far from its end
@@ -68,7 +71,7 @@ def describe(look: Look, found: ClockGuess) -> None:
         found.why.append(f"column {look.name!r} is the clock, in {unit}: {why}")
     wrap = _wrap(look)
     if wrap:
-        found.why.append(f"the clock is a counter of {wrap} bits: it falls from near 2^{wrap} to near 0")
+        found.why.append(f"the clock is a counter of {wrap} bits: it falls by almost 2^{wrap}")
     found.clock = Clock(column=look.name, unit=unit or "s", wrap=wrap)
 
 
@@ -147,7 +150,7 @@ def _unit(look: Look) -> tuple[str | None, str]:
         if is_time(text):
             return text, "its header says so"
         return None, (
-            f"column {look.name!r} may be the clock, but {text!r} is no unit of time (s, ms, us, ns, min, h); say "
+            f"column {look.name!r} may be the clock, but {text!r} is no unit of time (s, ms, us, ns, min, h, day); say "
             f"which with --time {look.name!r} --time-unit, or as unit of [clock] in a mapping"
         )
     if words:
@@ -169,7 +172,9 @@ def _unit(look: Look) -> tuple[str | None, str]:
             f"column {look.name!r} has stamps near {usual:.3g}, as a clock of 100 ns has (FILETIME, ticks of .NET); "
             "give the sampling time with --ts, or write the stamps in seconds"
         )
-    readings = " or ".join(f"{step * UNITS[u]:.6g} s (if in {u})" for u in fits or UNITS)
+    if DAYS[0] <= usual <= DAYS[1] and STEPS[0] <= step * DAY <= STEPS[1]:
+        fits = [*(fits or UNITS), "day"]
+    readings = " or ".join(f"{step * {**UNITS, 'day': DAY}[u]:.6g} s (if in {u})" for u in fits or UNITS)
     return None, (
         f"column {look.name!r} names no unit, and its steps of {step:.6g} may be {readings}; say which with "
         "--time-unit, or as unit of [clock] in a mapping"
@@ -179,7 +184,7 @@ def _unit(look: Look) -> tuple[str | None, str]:
 def _wrap(look: Look) -> Bits:
     """Bits of the counter if every fall of the numbers is one of its wraps, else 0."""
     x = look.finite
-    if len(x) < 3 or not look.whole or x.min() < 0:
+    if len(x) < 3 or not look.whole:
         return 0
     steps = np.diff(x)
     falls = steps[steps < 0]
@@ -187,6 +192,6 @@ def _wrap(look: Look) -> Bits:
         return 0
     for bits in WRAPS:
         period = 2.0**bits
-        if x.max() < period and np.all((falls + period > 0) & (falls + period <= NEAR_WRAP * look.step)):
+        if within_counter(x, bits).all() and np.all((falls + period > 0) & (falls + period <= NEAR_WRAP * look.step)):
             return bits
     return 0

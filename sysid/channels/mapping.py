@@ -44,7 +44,7 @@ class Clock(_Part):
     """Where the time of a sample comes from: a column of stamps, or Ts alone."""
 
     column: Text = Field(default="", description='column of the time stamps; "" if there is none, then Ts is needed')
-    unit: Text = Field(default="s", description="unit of the stamps: s, ms, us, ns, min, h")
+    unit: Text = Field(default="s", description="unit of the stamps: s, ms, us, ns, min, h, day")
     wrap: Bits = Field(default=0, description="bits after which the counter starts again at 0: 8, 16, 24, 32; 0: never")
     Ts: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=SHORTEST, le=SECONDS)] | None = Field(
         default=None, description="[s] sampling time of the record; left out: that of the stamps"

@@ -93,16 +93,23 @@ def unwrapped(table: Table, clock: Clock, values: np.ndarray, rows: np.ndarray) 
     if not clock.wrap:
         return values, 0
     period = 2.0**clock.wrap
-    outside = (values < 0) | (values >= period)
+    outside = ~within_counter(values, clock.wrap)
     if outside.any():
         k = int(np.argmax(outside))
         raise table.error(
             table.names.index(clock.column),
             int(rows[k]),
-            f"found {values[k]:.10g} in a counter of {clock.wrap} bits; set wrap of [clock] in the mapping",
+            f"found {values[k]:.10g} in a counter of {clock.wrap} bits; set wrap of [clock] in the mapping to the bits "
+            "of the counter, or to 0 if it never starts again",
         )
     turned = np.diff(values) < -0.5 * period
     return values + period * np.concatenate([[0.0], np.cumsum(turned)]), int(turned.sum())
+
+
+def within_counter(values: np.ndarray, bits: int) -> np.ndarray:
+    """Which of `values` (n,) a counter of so many bits can show; one with numbers below 0 is written with a sign."""
+    lowest = -(2.0 ** (bits - 1)) if np.any(values < 0) else 0.0
+    return np.asarray((values >= lowest) & (values < lowest + 2.0**bits))
 
 
 def last_digit(values: np.ndarray) -> float:

@@ -22,6 +22,7 @@ kilo- = 1e3 = k-
 second = [time] = s = sec
 minute = 60 * second = min
 hour = 3600 * second = hr = h
+day = 86400 * second
 hertz = 1 / second = Hz
 radian = [angle] = rad
 degree = 0.017453292519943295 * radian = deg
@@ -64,6 +65,7 @@ WORDS = {  # spellings that are no units of the registry; looked up in small let
     "microseconds": "us",
     "mins": "min",
     "hrs": "hr",
+    "days": "day",
     "nsec": "ns",
     "nanos": "ns",
     "nanoseconds": "ns",
@@ -117,7 +119,7 @@ def seconds(text: str) -> float:
     """Seconds in one unit of time. Raises InputError for another unit."""
     found = convert(text)
     if not (found.known and found.is_time):
-        raise InputError(f"{text!r} is no unit of time; give s, ms, us, ns, min or h")
+        raise InputError(f"{text!r} is no unit of time; give s, ms, us, ns, min, h or day")
     return found.factor
 
 

@@ -10,6 +10,7 @@ from sysid.base.checks import shown
 from sysid.base.errors import InputError
 
 Names = str | Sequence[str]
+APART = 0.1  # of a step, by which a given sampling time may differ from the times: the same as for a file
 JITTER = 0.01  # of a step, by which a stamp may be off: the same as for a file
 
 
@@ -40,7 +41,8 @@ def of_pandas(table: Any, input: Names, output: Names, Ts: float | None) -> dict
         lengths = np.diff([0, *cuts, len(table)]).tolist()
     stamps = table.index.get_level_values(several - 1)
     counts = several == 1 and type(stamps).__name__ == "RangeIndex"  # rows that nobody gave a time
-    times = None if Ts is not None or counts else _seconds(np.asarray(stamps), "the index")
+    timed = not counts and not (Ts is not None and np.asarray(stamps).dtype.kind not in "mMf")
+    times = _seconds(np.asarray(stamps), "the index") if timed else None
     units = table.attrs.get("units", {})
     values = {name: table[name].to_numpy() for name in (*_listed(input), *_listed(output))}
     return _arguments(values, input, output, _step(times, Ts, lengths), units, tuple(lengths))
@@ -62,7 +64,7 @@ def of_xarray(table: Any, input: Names, output: Names, Ts: float | None) -> dict
             )
     (axis,) = table[names[0]].dims
     times = None
-    if Ts is None and axis in table.coords:
+    if axis in table.coords and (Ts is None or table[axis].dtype.kind in "mMf"):
         times = _seconds(table[axis].to_numpy(), f"the coordinate {axis!r}")
     units = {name: str(table[name].attrs.get("units", "")) for name in names}
     values = {name: table[name].to_numpy() for name in names}
@@ -79,6 +81,9 @@ def _check_named(input: Names, output: Names) -> None:
     for role, names in (("input", input), ("output", output)):
         if not _listed(names):
             raise InputError(f"{role} names no column; give the name of one, or a list of names")
+    for name in _listed(input):
+        if name in _listed(output):
+            raise InputError(f"{name!r} is named as input and as output; give each a column of its own")
 
 
 def to_pandas(data: Any) -> Any:
@@ -155,8 +160,14 @@ def _seconds(stamps: np.ndarray, where: str) -> np.ndarray:
 
 
 def _step(times: np.ndarray | None, Ts: float | None, lengths: Sequence[int]) -> float:
-    """The sampling time of the stamps of all experiments, which must be uniform."""
+    """The sampling time of the stamps of all experiments, which must be uniform; or `Ts`, which they must not deny."""
     if Ts is not None:
+        step = 0.0 if times is None or len(times) < 2 else float(np.median(np.diff(times)))
+        if step > 0.0 and abs(step - Ts) > APART * max(step, Ts):
+            raise InputError(
+                f"Ts is {Ts:g} s and the times of the table step by {step:.6g} s; leave Ts out, or the times: "
+                "table.reset_index(drop=True) in pandas, table.drop_vars in xarray"
+            )
         return Ts
     if times is None:
         raise InputError("the table has no times; give Ts, the sampling time in seconds, or set the times as its index")

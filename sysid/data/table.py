@@ -24,7 +24,8 @@ class Table:
 
     `units` has the unit of a column as the file writes it, without the columns that name none. `meta` is what the
     writer said of the whole record. `notes` are sentences about what the reader repaired or left out, with counts.
-    `dates` says of a column of dates how it became seconds; `undated` why one was not read: it stayed text.
+    `comments` are the lines above a table of text, without their marks. `dates` says of a column of dates how it became
+    seconds; `undated` why one was not read: it stayed text.
     """
 
     path: Path
@@ -36,6 +37,7 @@ class Table:
     units: Mapping[str, str] = field(default_factory=dict)
     meta: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    comments: tuple[str, ...] = ()
     dates: Mapping[str, str] = field(default_factory=dict)
     undated: Mapping[str, str] = field(default_factory=dict)
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.errors import InputError
 from sysid.data.record import IOData
 
 
@@ -22,6 +23,26 @@ class Origin:
     def of(cls, data: IOData, fit: float) -> "Origin":
         """Of a fit to `data` whose free run has this fit [%]."""
         return cls(data.u_name, data.y_name, data.u_unit, data.y_unit, data.N, float(fit))
+
+    def other_unit(self, data: IOData) -> tuple[str, str, str] | None:
+        """The first of "input" and "output" whose stated unit is another: its name, its unit, and the unit here."""
+        for role, now, was in (("input", data.u_unit, self.u_unit), ("output", data.y_unit, self.y_unit)):
+            if was and now and was != now:
+                return role, now, was
+        return None
+
+
+def check_same_kind(data: IOData, Ts: float, origin: Origin | None) -> None:
+    """Raises InputError for a record of another sampling time [s] or other units than a model's."""
+    if abs(data.Ts - Ts) > 1e-6 * Ts:
+        raise InputError(f"the record is sampled every {data.Ts} s and the model every {Ts} s; resample it first")
+    other = None if origin is None else origin.other_unit(data)
+    if other is not None:
+        role, now, was = other
+        raise InputError(
+            f"the {role} of the record is in {now} and the model's in {was}; convert the record, or correct the unit "
+            f"with dataclasses.replace(data, {'u' if role == 'input' else 'y'}_unit={was!r})"
+        )
 
 
 def share_explained(data: IOData, mse: float) -> float:

@@ -20,7 +20,7 @@ from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.methods import FitMethods
 from sysid.estimation.noise import autoregression, forecast
-from sysid.estimation.origin import Origin
+from sysid.estimation.origin import Origin, check_same_kind
 from sysid.model.chain import Chain
 from sysid.model.tangents import Rational, tangent
 from sysid.solver.covariance import Covariance, pole_std
@@ -108,7 +108,7 @@ class Fit(FitMethods):
     def own_level(self, data: IOData) -> IOData:
         """The record counted from the offsets of the estimation data; the same one if it is, or if they are unknown.
 
-        Raises InputError for a record of another sampling time or with other channels.
+        Raises InputError for a record of another sampling time, in other units or with other channels.
         """
         self._same_kind(data)
         return counted_from(data, self.u_offset, self.y_offset)
@@ -268,10 +268,7 @@ class Fit(FitMethods):
         return n
 
     def _same_kind(self, data: IOData) -> None:
-        if abs(data.Ts - self.Ts) > 1e-6 * self.Ts:
-            raise InputError(
-                f"the record is sampled every {data.Ts} s and the model every {self.Ts} s; resample it first"
-            )
+        check_same_kind(data, self.Ts, self.origin)
         check_channels(self.model, data)
 
 

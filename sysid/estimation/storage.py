@@ -39,7 +39,8 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
     source = ordinary(path)
     made = shlex.join(["qpal", "identify", str(source)])
     try:
-        document = json.loads(source.read_text(encoding="utf-8"), parse_constant=_refused)
+        text = source.read_text(encoding="utf-8")
+        document = json.loads(text, parse_constant=_refused, object_pairs_hook=_once)
     except OSError as e:
         raise InputError(f"cannot read {source}: {e.strerror}; give the path of a saved fit") from None
     except (UnicodeDecodeError, json.JSONDecodeError) as e:
@@ -70,6 +71,15 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
 
 def _refused(constant: str) -> NoReturn:
     raise ValueError(f"it holds {constant}")
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A table of the file; JSON's last entry of a name would silently replace those before it."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"it names {next(name for name in names if names.count(name) > 1)[:40]!r} twice in one table")
+    return found
 
 
 def version_of(document: dict[str, Any], newest: int) -> int:
@@ -119,6 +129,7 @@ def _check(fit: Fit, names: list[str]) -> None:
         raise InputError(
             "theta is not a valid model (not finite, or unstable, or knots out of order); save the fit again"
         )
+    _check_limits(fit)
     if not 0 < fit.Ts <= SECONDS or not 0 <= fit.n_init <= SAMPLES:
         raise InputError(
             f"Ts is {fit.Ts:g} and n_init {shown(fit.n_init)}; Ts must be above 0 and n_init not below 0, and both of "
@@ -131,6 +142,18 @@ def _check(fit: Fit, names: list[str]) -> None:
         raise InputError(f"noise is not a row of finite numbers for each of {model.channels[1]} output(s); save again")
 
 
+def _check_limits(fit: Fit) -> None:
+    """Raises InputError for a parameter beside the value or the bounds that the model gives it, but for rounding."""
+    model = fit.model
+    held = [(name, value, value) for name, value in model.fixed.items()]
+    for name, low, high in [*held, *((name, *ends) for name, ends in model.bounds.items())]:
+        value = float(fit.theta[model.names.index(name)])
+        room = 1e-9 * max(abs(value), abs(low) if np.isfinite(low) else 0.0, abs(high) if np.isfinite(high) else 0.0)
+        if not low - room <= value <= high + room:
+            allowed = f"fixed at {low:g}" if name in model.fixed else f"bounded by {low:g} and {high:g}"
+            raise InputError(f"{name} is {value:g} and {allowed}; save the fit again")
+
+
 def check_numbers(theta: np.ndarray, covariance: Covariance, criteria: Criteria) -> None:
     """Raises InputError for numbers that no fit has."""
     check_sizes(theta)
@@ -141,6 +164,9 @@ def check_numbers(theta: np.ndarray, covariance: Covariance, criteria: Criteria)
         )
     if covariance.unidentifiable.dtype != bool:
         raise InputError("unidentifiable of the covariance is not a list of true and false; save the fit again")
+    own = np.diag(covariance.cov)
+    if np.any(own < -1e-9 * np.abs(own).max(initial=0.0)) or covariance.noise_variance < 0:  # but for rounding
+        raise InputError("the covariance has a variance below 0; save the fit again")
     if not 1 <= criteria.N <= MOST or not 0 <= criteria.d <= MOST or min(criteria.loss, criteria.mse) < 0:
         raise InputError(
             f"the criteria have N = {criteria.N}, d = {criteria.d}, loss = {criteria.loss:g} and mse = "

@@ -81,7 +81,8 @@ def _read(path: Path) -> Table:
         raise InputError(f"{path} has no whole row of numbers; give a file with one row a sample")
     rows = (body.rows,) * len(head.names)
     columns, notes = tuple(body.columns), tuple(body.notes)
-    return Table(path, head.names, columns, rows, decimal=body.decimal, units=head.units, notes=notes)
+    above = tuple(line for line in comments(path) if not line.startswith(HEADER))
+    return Table(path, head.names, columns, rows, decimal=body.decimal, units=head.units, notes=notes, comments=above)
 
 
 def _read_either(path: Path) -> Table:

@@ -42,6 +42,9 @@ class Chain:
         for name in (*self.fixed, *self.bounds):
             if name not in self.names:
                 raise unknown("parameter", name, self.names)
+        for name, (low, high) in self.bounds.items():
+            if not low <= high:
+                raise InputError(f"the bounds of {name} are {low:g} and {high:g}; give the lower one first")
 
     def _by_name(self) -> dict[str, float]:
         """`fixed` with a block's role resolved into its parameters."""

@@ -16,7 +16,7 @@ from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.methods import FitMethods
-from sysid.estimation.origin import Origin
+from sysid.estimation.origin import Origin, check_same_kind
 from sysid.estimation.result import Parameter, check_horizon
 from sysid.nlarx.model import Network, Nlarx
 from sysid.nlarx.problem import FAR, Piece
@@ -76,12 +76,9 @@ class NlarxFit(FitMethods):
     def own_level(self, data: IOData) -> IOData:
         """The record counted from the offsets of the estimation data; the same one if it is, or if they are unknown.
 
-        Raises InputError for a record of another sampling time.
+        Raises InputError for a record of another sampling time or in other units.
         """
-        if abs(data.Ts - self.Ts) > 1e-6 * self.Ts:
-            raise InputError(
-                f"the record is sampled every {data.Ts} s and the model every {self.Ts} s; resample it first"
-            )
+        check_same_kind(data, self.Ts, self.origin)
         return counted_from(data, self.u_offset, self.y_offset)
 
     @checked
@@ -132,6 +129,11 @@ class NlarxFit(FitMethods):
         data = self.own_level(data)
         counts = self._scored(data, n_init)
         return fit_percent(data.y[counts, 0], self.simulate(data, n_init)[counts])
+
+    @checked
+    def fit_percents(self, data: IOData, n_init: int | None = None) -> np.ndarray:
+        """Free-run fit [%] of each output (1,), as a chain has it."""
+        return np.array([self.fit_percent(data, n_init)])
 
     @checked
     def prediction_percent(self, data: IOData, n_init: int | None = None) -> float:

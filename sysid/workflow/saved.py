@@ -145,17 +145,13 @@ def _check_channels(fit: AnyFit, record: Record) -> None:
 
 def _check_units(fit: AnyFit, record: Record) -> None:
     """A model in volts per degree on a record in radians gives numbers without any meaning."""
-    if fit.origin is None:
-        return
-    for role, was, now in (
-        ("input", fit.origin.u_unit, record.data.u_unit),
-        ("output", fit.origin.y_unit, record.data.y_unit),
-    ):
-        if was and now and was != now:
-            raise InputError(
-                f"{record.path}: the {role} is in {now} and the model's in {was}; choose the column with "
-                f"--{role}, or name its unit in a mapping, see qpal info {record.path} --write-map MAP.toml"
-            )
+    other = None if fit.origin is None else fit.origin.other_unit(record.data)
+    if other is not None:
+        role, now, was = other
+        raise InputError(
+            f"{record.path}: the {role} is in {now} and the model's in {was}; choose the column with --{role}, or name "
+            f"its unit in a mapping, see qpal info {record.path} --write-map MAP.toml"
+        )
 
 
 def remarks(fit: AnyFit, data: IOData) -> list[str]:

@@ -65,19 +65,44 @@ def test_variables_and_filters_are_as_before(monkeypatch):
     filters = list(warnings.filters)
     with settings.within_reason():
         assert os.environ["MUJOCO_GL"] == "disable"
-        assert os.environ["SOURCE_DATE_EPOCH"] == "0"
+        assert "SOURCE_DATE_EPOCH" not in os.environ
         with pytest.warns(UserWarning, match="told"):
             warnings.warn("told", UserWarning, stacklevel=1)
     assert {name: os.environ[name] for name in given} == given
     assert warnings.filters == filters
 
 
+WELL = {
+    "SOURCE_DATE_EPOCH": ("1700000000", "0"),
+    "NUMBA_NUM_THREADS": ("1", "16"),
+    "NUMBA_CPU_FEATURES": ("", "+avx2,-avx512f", "+sse4.2"),
+    "LOKY_MAX_CPU_COUNT": ("2",),
+    "JOBLIB_START_METHOD": ("spawn",),
+}
+ILL = {
+    "SOURCE_DATE_EPOCH": ("odd", "-1"),
+    "NUMBA_NUM_THREADS": ("0", "-1", "two", "٣"),
+    "NUMBA_CPU_FEATURES": ("odd", "+avx2,odd", "+"),
+    "LOKY_MAX_CPU_COUNT": ("0", "1.5"),
+    "JOBLIB_START_METHOD": ("odd", "spawned"),
+}
+
+
 def test_what_is_well_set_stays(monkeypatch):
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    with settings.within_reason():
-        assert os.environ["SOURCE_DATE_EPOCH"] == "1700000000"
-        assert "MUJOCO_GL" not in os.environ
+    for name, value in ((name, value) for name, values in WELL.items() for value in values):
+        monkeypatch.setenv(name, value)
+        with settings.within_reason():
+            assert os.environ[name] == value
+            assert "MUJOCO_GL" not in os.environ
+
+
+def test_what_a_library_dies_of_is_left_out(monkeypatch):
+    for name, value in ((name, value) for name, values in ILL.items() for value in values):
+        monkeypatch.setenv(name, value)
+        with settings.within_reason():
+            assert name not in os.environ, value
+        assert os.environ[name] == value
 
 
 def test_a_verb_runs_within_them(monkeypatch, capsys):

@@ -182,3 +182,14 @@ def test_a_name_cannot_move_the_cursor_of_a_terminal(tmp_path):
         sysid.read(tmp_path / "a.parquet", "x", "y")
     assert "\x1b" not in str(said.value)
     assert r"\x1b[2J" in str(said.value)
+
+
+def test_a_log_does_not_replace_a_pipe(tmp_path):
+    from twin.cli.output import check_writable_file
+
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(InputError, match=r"pipe.csv .it is a pipe, a socket or a device, which a file would replace"):
+        check_writable_file(tmp_path / "pipe.csv")
+    (tmp_path / "log.csv").write_text("of before")
+    check_writable_file(tmp_path / "log.csv")
+    check_writable_file(tmp_path / "new.csv")

@@ -79,6 +79,7 @@ def around(block, theta):
     P = len(theta)
     rng = np.random.default_rng(2)
     cov = rng.normal(size=(P, P)) * 10.0 ** rng.integers(-300, 300, (P, P))
+    np.fill_diagonal(cov, np.abs(np.diag(cov)))
     return Fit(
         model=Chain(blocks),
         theta=theta,
@@ -206,7 +207,21 @@ DAMAGES = {
     "covariance ragged": (put("covariance", "cov", [[1.0], [1.0, 2.0]]), "rows of this table have different lengths"),
     "fixed without parameter": (put("model", "fixed", {"linear.f9": 0.0}), r"unknown parameter 'linear\.f9'"),
     "negative Ts": (put("Ts", -1.0), "Ts must be above 0"),
+    "beside its fixed value": (put("model", "fixed", {"output.c1": 99.0}), r"output\.c1 is -0\.2 and fixed at 99"),
+    "beside its bounds": (put("model", "bounds", {"linear.f2": [7.0, "inf"]}), r"linear\.f2 is .* and bounded by 7"),
+    "bounds exchanged": (put("model", "bounds", {"linear.f2": [9.0, -9.0]}), r"bounds of linear\.f2 are 9 and -9"),
+    "negative variance": (put("covariance", "cov", 0, 0, -1.0), "a variance below 0"),
+    "negative noise": (put("covariance", "noise_variance", -1.0), "a variance below 0"),
 }  # fmt: skip
+
+
+def test_a_name_that_stands_twice_is_refused(searched, tmp_path):
+    """JSON takes the last of both, so that a line that was left from an edit would decide."""
+    path = save(searched[0], tmp_path / "fit.json")
+    text = path.read_text()
+    path.write_text(text.replace('"Ts": 0.1,', '"Ts": 0.1, "Ts": 0.2,'))
+    with pytest.raises(InputError, match="it names 'Ts' twice in one table"):
+        load(path)
 
 
 @pytest.mark.parametrize("name", sorted(DAMAGES))

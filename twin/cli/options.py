@@ -70,7 +70,7 @@ Output = Annotated[
 Ts = Annotated[float | None, number("S", "sampling time in seconds")]
 Time = Annotated[str | None, typer.Option("--time", metavar="COL", help="time column, instead of --ts")]
 TimeUnit = Annotated[
-    str | None, typer.Option("--time-unit", metavar="UNIT", help="unit of --time if its name has none: s, ms, us, ns")
+    str | None, typer.Option("--time-unit", metavar="UNIT", help="unit of --time if it names none: s, ms, us, ns, day")
 ]
 Map = Annotated[
     str | None, typer.Option("--map", metavar="FILE.toml", help="mapping from columns to channels; see qpal info FILE")

@@ -137,6 +137,8 @@ def check_writable_file(path: Path) -> None:
     try:
         if path.is_dir():
             raise IsADirectoryError(0, "it is a folder")
+        if path.exists() and not path.is_file():
+            raise PermissionError(0, "it is a pipe, a socket or a device, which a file would replace")
         if not path.parent.is_dir():
             raise FileNotFoundError(0, f"there is no folder {path.parent}")
         if not os.access(path.parent, os.W_OK):

@@ -1,6 +1,7 @@
 """What the machine's own settings may not do to a verb: limits, and variables that libraries die of."""
 
 import os
+import re
 import sys
 import warnings
 from collections.abc import Iterator
@@ -9,8 +10,21 @@ from contextlib import contextmanager
 LEAST = 2048  # [MiB] of address space; below it a library's own threads cannot start, and it aborts or waits for ever
 EPOCH = "SOURCE_DATE_EPOCH"  # NumPy takes it for a number while it loads
 # MuJoCo reads the first while it loads; what draws the robot is a process of its own, which gets its own value. The
-# second is for who tests a library: no result may die of a warning, in a worker neither. The third is left if a number.
-CHANGED = {"MUJOCO_GL": "disable", "PYTHONWARNINGS": "default", EPOCH: "0"}
+# second is for who tests a library: no result may die of a warning, in a worker neither.
+CHANGED = {"MUJOCO_GL": "disable", "PYTHONWARNINGS": "default"}
+# The libraries end in an error or abort where these are anything else; a verb then runs without them.
+COUNT, SWITCH = r"[1-9]\d{0,5}", r"[01]"
+UNDERSTOOD = {
+    EPOCH: r"\d{1,12}",
+    "NUMBA_NUM_THREADS": COUNT,
+    "POLARS_MAX_THREADS": COUNT,
+    "LOKY_MAX_CPU_COUNT": COUNT,
+    "LOKY_MAX_DEPTH": COUNT,
+    "JOBLIB_MULTIPROCESSING": SWITCH,
+    "JOBLIB_START_METHOD": "fork|forkserver|spawn",
+    "NUMBA_CPU_FEATURES": r"([+-][\w.-]+(,[+-][\w.-]+)*)?",
+    "NUMBA_OPT": "[0-3]|max",
+}
 _QUIET = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)  # as Python itself has it
 
 
@@ -18,9 +32,10 @@ _QUIET = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, Resource
 def within_reason() -> Iterator[None]:
     """A verb runs within it; variables and filters of warnings are as before when it ends."""
     former = {name: os.environ[name] for name in CHANGED if name in os.environ}
-    if former.get(EPOCH, "").isdecimal():
-        del former[EPOCH]
     os.environ.update({name: CHANGED[name] for name in former})
+    for name, pattern in UNDERSTOOD.items():
+        if not re.fullmatch(pattern, os.environ.get(name, ""), re.ASCII) and name in os.environ:
+            former[name] = os.environ.pop(name)
     try:
         with warnings.catch_warnings():
             if any(option.partition(":")[0].startswith("e") for option in sys.warnoptions):

@@ -103,6 +103,8 @@ class Parts:
             with whole_file(path) as temporary:
                 temporary.write_bytes(content.getbuffer())
         except OSError as error:
+            if path.is_dir():
+                raise InputError(f"{path} is a folder, where a part of the table belongs; remove it") from None
             raise InputError(
                 f"{path} cannot be written ({error.strerror or error}); the {len(self) - len(self.missing())} parts "
                 f"before it are kept: free disk space, or stop other writers, and run again"

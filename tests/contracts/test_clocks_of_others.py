@@ -1,0 +1,97 @@
+"""Clocks and headers of other programs: comments that state a rate, signed counters, serial dates of spreadsheets."""
+
+import numpy as np
+import pytest
+
+import sysid
+from sysid import InputError
+
+K = np.arange(400)
+RNG = np.random.default_rng(0)
+U, Y = np.round(RNG.normal(size=400), 4), np.round(np.cos(0.1 * K), 4)
+
+
+def table(path, clock, name="t", above="", form="{}"):
+    """A log with this clock (n,) below a comment."""
+    rows = (f"{form.format(a)},{b},{c}" for a, b, c in zip(clock.tolist(), U, Y, strict=True))
+    path.write_text(above + "\n".join([f"{name},u,y", *rows]) + "\n")
+    return path
+
+
+AGREE = (
+    "Ts = 0.01", "Ts=10 ms", "Ts: 10", "fs=100", "fs = 100 Hz", "Sampling rate: 0.1 kHz", "dt 10ms",
+    "sample time 0,01 s",
+    "Sampling frequency: 100 Hz.", "fs = 105 Hz", "Ts = odd", "fs = 100 rpm", "the rate is 5 Hz", "Ts",
+)  # fmt: skip
+DENY = ("Ts = 0.02", "Ts=10 s", "fs=50", "fs = 100 kHz", "Sampling rate: 1 Hz", "sample_time: 0,005 s", "dt = 20")
+
+
+@pytest.mark.parametrize("said", AGREE)
+def test_a_comment_that_agrees_or_says_nothing_changes_nothing(said, tmp_path):
+    assert sysid.read(table(tmp_path / "rig.csv", K * 0.01, "t_s", f"# {said}\n", "{:.2f}")).Ts == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("said", DENY)
+@pytest.mark.parametrize("mark", ["#", "%"])
+def test_a_comment_that_denies_the_clock_is_refused(said, mark, tmp_path):
+    path = table(tmp_path / "rig.csv", K * 0.01, "t_s", f"{mark} rig 7\n{mark} {said}\n{mark} more\n", "{:.2f}")
+    with pytest.raises(InputError, match=f"a comment says '{said}', and column 't_s' steps by 0.01 s; say which"):
+        sysid.read(path)
+    assert sysid.read(path, time="t_s").Ts == pytest.approx(0.01)
+    assert sysid.read(path, Ts=0.02).Ts == 0.02
+
+
+@pytest.mark.parametrize("bits", [16, 32])
+def test_a_counter_with_a_sign_is_a_counter(bits, tmp_path):
+    """One whose lower half was left out as stamps that run back lost a third of the record."""
+    half = 2 ** (bits - 1)
+    clock = (half - 2000 + 10 * K + half) % (2 * half) - half
+    found = sysid.read(table(tmp_path / "rig.csv", clock, "millis"))
+    assert found.N == 400
+    assert found.Ts == pytest.approx(0.01)
+    np.testing.assert_array_equal(found.u[:, 0], U)
+
+
+def test_numbers_that_no_counter_shows_are_refused_with_the_entry_to_set(tmp_path):
+    path = table(tmp_path / "rig.csv", 10 * K - 33000, "millis")
+    mapping = tmp_path / "m.toml"
+    mapping.write_text(
+        'clock = {column = "millis", unit = "ms", wrap = 16}\ninput = [{column = "u"}]\noutput = [{column = "y"}]'
+    )
+    with pytest.raises(InputError, match=r"found -33000 in a counter of 16 bits; set wrap of .clock. .* or to 0 if it"):
+        sysid.read(path, map=mapping)
+
+
+def test_serial_days_of_a_spreadsheet_have_a_unit(tmp_path):
+    path = table(tmp_path / "rig.csv", 45000.5 + K * 0.01 / 86400.0, "time", form="{!r}")
+    with pytest.raises(InputError, match=r"or 0.0\d+ s .if in day.; say which with time_unit"):
+        sysid.read(path)
+    found = sysid.read(path, time="time", time_unit="day")
+    assert found.N == 400
+    assert found.Ts == pytest.approx(0.01, rel=1e-3)
+
+
+def test_times_of_a_table_and_another_sampling_time_are_refused():
+    pandas = pytest.importorskip("pandas")
+    for index in (
+        K * 0.01,
+        pandas.to_timedelta(K * 0.01, unit="s"),
+        pandas.Timestamp("2026-01-01") + pandas.to_timedelta(K * 0.01, unit="s"),
+    ):
+        frame = pandas.DataFrame({"u": U, "y": Y}, index=index)
+        with pytest.raises(InputError, match=r"Ts is 0.02 s and the times of the table step by 0.01 s; leave Ts out"):
+            sysid.IOData.from_pandas(frame, "u", "y", Ts=0.02)
+        assert sysid.IOData.from_pandas(frame, "u", "y", Ts=0.0101).Ts == 0.0101
+        assert sysid.IOData.from_pandas(frame.reset_index(drop=True), "u", "y", Ts=0.02).Ts == 0.02
+    rows = pandas.DataFrame({"u": U, "y": Y}).iloc[::2]  # numbers of rows, which are no times
+    assert sysid.IOData.from_pandas(rows, "u", "y", Ts=0.02).Ts == 0.02
+    with pytest.raises(InputError, match="'u' is named as input and as output"):
+        sysid.IOData.from_pandas(rows, "u", ["y", "u"], Ts=0.02)
+
+
+def test_a_coordinate_and_another_sampling_time_are_refused():
+    xarray = pytest.importorskip("xarray")
+    values = xarray.Dataset({"u": ("time", U), "y": ("time", Y)}, coords={"time": K * 0.01})
+    with pytest.raises(InputError, match=r"Ts is 0.02 s and the times of the table step by 0.01 s"):
+        sysid.IOData.from_xarray(values, "u", "y", Ts=0.02)
+    assert sysid.IOData.from_xarray(values.drop_vars("time"), "u", "y", Ts=0.02).Ts == 0.02
