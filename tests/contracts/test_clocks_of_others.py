@@ -52,14 +52,20 @@ def test_a_counter_with_a_sign_is_a_counter(bits, tmp_path):
     np.testing.assert_array_equal(found.u[:, 0], U)
 
 
-def test_numbers_that_no_counter_shows_are_refused_with_the_entry_to_set(tmp_path):
-    path = table(tmp_path / "rig.csv", 10 * K - 33000, "millis")
+@pytest.mark.parametrize("first", [-33000, 65000])
+def test_numbers_that_no_counter_shows_are_refused_with_the_entry_to_set(first, tmp_path):
+    path = table(tmp_path / "rig.csv", 10 * K + first, "millis")
     mapping = tmp_path / "m.toml"
-    mapping.write_text(
-        'clock = {column = "millis", unit = "ms", wrap = 16}\ninput = [{column = "u"}]\noutput = [{column = "y"}]'
-    )
-    with pytest.raises(InputError, match=r"found -33000 in a counter of 16 bits; set wrap of .clock. .* or to 0 if it"):
+    channels = 'input = [{column = "u"}]\noutput = [{column = "y"}]'
+    mapping.write_text(f'clock = {{column = "millis", unit = "ms", wrap = 16}}\n{channels}')
+    with pytest.raises(InputError, match=r"in a counter of 16 bits; set wrap of .clock. .* or to 0 if it never starts"):
         sysid.read(path, map=mapping)
+
+
+def test_a_fall_beyond_the_range_of_a_counter_is_none_of_its_wraps(tmp_path):
+    clock = 20000 + 10 * K - 2**16 * (K >= 200)
+    with pytest.raises(InputError, match="time must increase"):
+        sysid.read(table(tmp_path / "rig.csv", clock, "millis"))
 
 
 def test_serial_days_of_a_spreadsheet_have_a_unit(tmp_path):
@@ -81,7 +87,7 @@ def test_times_of_a_table_and_another_sampling_time_are_refused():
         frame = pandas.DataFrame({"u": U, "y": Y}, index=index)
         with pytest.raises(InputError, match=r"Ts is 0.02 s and the times of the table step by 0.01 s; leave Ts out"):
             sysid.IOData.from_pandas(frame, "u", "y", Ts=0.02)
-        assert sysid.IOData.from_pandas(frame, "u", "y", Ts=0.0101).Ts == 0.0101
+        assert sysid.IOData.from_pandas(frame, "u", "y", Ts=0.0105).Ts == 0.0105
         assert sysid.IOData.from_pandas(frame.reset_index(drop=True), "u", "y", Ts=0.02).Ts == 0.02
     rows = pandas.DataFrame({"u": U, "y": Y}).iloc[::2]  # numbers of rows, which are no times
     assert sysid.IOData.from_pandas(rows, "u", "y", Ts=0.02).Ts == 0.02

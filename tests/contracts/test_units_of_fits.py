@@ -32,6 +32,8 @@ def test_every_call_with_a_record_in_another_unit_is_refused(records, model):
         call(own)
     with pytest.raises(InputError, match="the input of the record is in mV and the model's in V"):
         fit.simulate(replace(own, u_unit="mV"))
+    bare = sysid.fit(model, replace(own, u_unit="", y_unit=""), starts=1)
+    assert bare.fit_percent(own) == pytest.approx(fit.fit_percent(own))
     unknown = fit.fit_percents(replace(own, u_unit="", y_unit=""))
     np.testing.assert_array_equal(unknown, fit.fit_percents(own))
     assert unknown.shape == (1,)
