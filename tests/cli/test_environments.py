@@ -82,6 +82,7 @@ WELL = {
 ILL = {
     "SOURCE_DATE_EPOCH": ("odd", "-1"),
     "NUMBA_NUM_THREADS": ("0", "-1", "two", "٣"),
+    "POLARS_MAX_THREADS": ("0", "99999"),
     "NUMBA_CPU_FEATURES": ("odd", "+avx2,odd", "+"),
     "LOKY_MAX_CPU_COUNT": ("0", "1.5"),
     "JOBLIB_START_METHOD": ("odd", "spawned"),

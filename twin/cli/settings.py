@@ -13,7 +13,7 @@ EPOCH = "SOURCE_DATE_EPOCH"  # NumPy takes it for a number while it loads
 # second is for who tests a library: no result may die of a warning, in a worker neither.
 CHANGED = {"MUJOCO_GL": "disable", "PYTHONWARNINGS": "default"}
 # The libraries end in an error or abort where these are anything else; a verb then runs without them.
-COUNT, SWITCH = r"[1-9]\d{0,5}", r"[01]"
+COUNT, SWITCH = r"[1-9]\d{0,2}", r"[01]"
 UNDERSTOOD = {
     EPOCH: r"\d{1,12}",
     "NUMBA_NUM_THREADS": COUNT,
