@@ -55,7 +55,9 @@ TIME = re.compile(
     rf"(?:Ts|dt|sampl(?:e|ing)[ _-]?(?:time|period|interval|step))\s*[:=]?\s*{NUMBER}\s*([a-zµμ]*)", re.IGNORECASE
 )
 RATE = re.compile(rf"(?:fs|sampl(?:e|ing)[ _-]?(?:rate|frequency))\s*[:=]?\s*{NUMBER}\s*([a-z]*)", re.IGNORECASE)
-POWERS = tuple(1000.0**k for k in (-3, -2, -1, 0, 1, 2, 3))  # of s or Hz, where the unit is left out
+POWERS = (1.0, 1e-3, 1e-6)  # of s, or of periods of Hz, where the unit is left out
+POSSIBLE = (1e-7, 1e3)  # [s] of a rig's sampling time: Ts may also be a time stamp, fs a full scale
+THOUSANDS_OF = re.compile(r"\d{1,3}(?:[.,]\d{3})+")
 
 
 def commented(text: str) -> tuple[float, ...]:
@@ -64,37 +66,49 @@ def commented(text: str) -> tuple[float, ...]:
         found = pattern.fullmatch(text.strip().rstrip(";,."))
         if found is None:
             continue
-        value, unit = float(found[1].replace(",", ".")), convert("s" if of_time and not found[2] else found[2] or "Hz")
-        if not 0.0 < value < np.inf or not unit.known or unit.unit != ("s" if of_time else "1/s"):
+        unit = convert(found[2] or ("s" if of_time else "Hz"))
+        if not unit.known or unit.unit != ("s" if of_time else "1/s"):
             return ()
-        times = value * unit.factor if of_time else 1.0 / (value * unit.factor)
-        return (times,) if found[2] else tuple(times * power for power in POWERS)
+        written = [found[1].replace(",", ".")]
+        written += [re.sub("[.,]", "", found[1])] if THOUSANDS_OF.fullmatch(found[1]) else []
+        values = [value for each in written if 0.0 < (value := float(each)) < np.inf]
+        times = [value * unit.factor if of_time else 1.0 / (value * unit.factor) for value in values]
+        meant = [each * power for each in times for power in (POWERS if not found[2] else POWERS[:1])]
+        return tuple(each for each in meant if POSSIBLE[0] <= each <= POSSIBLE[1])
     return ()
 
 
 def other_than_stated(table: Table, clock: Clock, values: np.ndarray) -> str:
-    """A sentence if the header's Ts, or one in a comment, is not the step of the clock's `values` (n,); else nothing.
-
-    The middle and the mean step may both be meant, where samples were lost or stamps are rounded.
-    """
+    """A sentence if the header's Ts is not the step of the clock's `values` (n,); else nothing."""
     Ts = stated(table)
-    said: list[tuple[str, tuple[float, ...]]] = []
-    if Ts is not None:
-        said.append((f"the header says that the sampling time Ts is {Ts:g} s", (Ts,)))
-    said += [(f"a comment says {text[:40]!r}", times) for text in table.comments if (times := commented(text))]
+    if Ts is None:
+        return ""
+    return _other(f"the header says that the sampling time Ts is {Ts:g} s", (Ts,), clock, values)
+
+
+def other_than_commented(table: Table, clock: Clock, values: np.ndarray) -> list[str]:
+    """Sentences on comments above a table that state another step than that of the clock's `values` (n,)."""
+    said = [(f"a comment says {text[:40]!r}", times) for text in table.comments if (times := commented(text))]
+    found = [other for words, times in said if (other := _other(words, times, clock, values))]
+    return [f"{other}: the column is used" for other in found]
+
+
+def _other(said: str, times: tuple[float, ...], clock: Clock, values: np.ndarray) -> str:
+    """What is said, and the step of the clock, where none of `times` [s] is that step; else nothing.
+
+    The middle step, the mean of those that rise and the mean of all may be meant, where samples were lost or stamps
+    are rounded.
+    """
     known = values[np.isfinite(values)]
     steps = np.diff(known)
     rising = steps[steps > 0]
-    if not said or not len(rising):
+    if not len(rising):
         return ""
     factor = seconds(clock.unit)
-    found = float(np.median(rising)) * factor
-    digit = float(rising.min()) * factor if np.all(known == np.rint(known)) else 0.0
-    steps_of_it = (found, float(rising.mean()) * factor)
-    for words, times in said:
-        if not any(abs(a - b) <= max(APART * max(a, b), digit) for a in steps_of_it for b in times):
-            return f"{words}, and column {clock.column!r} steps by {found:.6g} s"
-    return ""
+    own = [float(step) * factor for step in (np.median(rising), rising.mean(), steps[steps >= 0].mean())]
+    if any(abs(a - b) <= APART * max(a, b) for a in own for b in times):
+        return ""
+    return f"{said}, and column {clock.column!r} steps by {own[0]:.6g} s"
 
 
 def two_units(look: Look) -> str:

@@ -10,7 +10,14 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.limits import SECONDS as LONGEST
 from sysid.channels.complaints import listed
-from sysid.channels.contradictions import other_than_stated, stated, two_units, why_not_stated, written_unit
+from sysid.channels.contradictions import (
+    other_than_commented,
+    other_than_stated,
+    stated,
+    two_units,
+    why_not_stated,
+    written_unit,
+)
 from sysid.channels.guess_clock import ClockGuess, clock_of, guess_clock
 from sysid.channels.lacking import lacking
 from sysid.channels.looks import Look, looks
@@ -151,6 +158,7 @@ def _clock(table: Table, columns: Mapping[str, Look], given: Given) -> ClockGues
         return ClockGuess(known, [f"the sampling time is {Ts:g} s: the file says so"], unclear)
     if timed.clock is not None and not timed.unclear:
         other = other_than_stated(table, timed.clock, columns[timed.clock.column].values)
+        timed.why += other_than_commented(table, timed.clock, columns[timed.clock.column].values)
         timed.unclear += [f"{other}; say which with --ts, or with --time {timed.clock.column!r}"] if other else []
     if timed.clock is None:
         timed.unclear.append(next(iter(table.undated.values()), "") or unread(table, columns) or NO_CLOCK)

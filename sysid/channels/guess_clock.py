@@ -18,7 +18,7 @@ UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 STEPS = (2e-4, 10.0)  # [s] between samples of an actuator's log; a unit that gives another step is implausible
 SINCE_1970 = (1e9, 4e9)  # [s] stamps of the years 2001 to 2096
 DAY = 86400.0  # [s]
-DAYS = (2e4, 8e4)  # serial dates of spreadsheets in the years 1954 to 2119
+DAYS = ((2e4, 8e4), (7e5, 8e5))  # serial dates of spreadsheets and of MATLAB, of about our years
 TICKS = (1e17, 1e18)  # of 100 ns since the year 1601 or 1, today
 WRAPS: tuple[Bits, ...] = (16, 32)
 NEAR_WRAP = 20  # steps: a counter that starts again was at most so far from its end
@@ -156,7 +156,7 @@ def _unit(look: Look) -> tuple[str | None, str]:
     if words:
         return words[0], "its name says so"
     largest, step = float(np.abs(look.finite).max()), look.step
-    for unit, size in {**UNITS, "ns": 1e-9}.items():
+    for unit, size in {**UNITS, "ns": 1e-9}.items() if look.finite.min() > 0 and not _wrap(look) else ():
         if SINCE_1970[0] <= largest * size <= SINCE_1970[1] and step * size <= STEPS[1]:
             return unit, "its stamps count from 1970"
     usual = float(np.median(np.abs(look.finite)))  # a single wrong stamp says nothing of the unit
@@ -172,7 +172,7 @@ def _unit(look: Look) -> tuple[str | None, str]:
             f"column {look.name!r} has stamps near {usual:.3g}, as a clock of 100 ns has (FILETIME, ticks of .NET); "
             "give the sampling time with --ts, or write the stamps in seconds"
         )
-    if DAYS[0] <= usual <= DAYS[1] and STEPS[0] <= step * DAY <= STEPS[1]:
+    if any(first <= usual <= last for first, last in DAYS) and STEPS[0] <= step * DAY <= STEPS[1]:
         fits = [*(fits or UNITS), "day"]
     readings = " or ".join(f"{step * {**UNITS, 'day': DAY}[u]:.6g} s (if in {u})" for u in fits or UNITS)
     return None, (

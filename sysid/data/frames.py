@@ -40,6 +40,8 @@ def of_pandas(table: Any, input: Names, output: Names, Ts: float | None) -> dict
             raise InputError("the rows of an experiment are not in one piece; sort the table by its index first")
         lengths = np.diff([0, *cuts, len(table)]).tolist()
     stamps = table.index.get_level_values(several - 1)
+    if getattr(stamps, "tz", None) is not None:
+        stamps = stamps.tz_convert(None)
     counts = several == 1 and type(stamps).__name__ == "RangeIndex"  # rows that nobody gave a time
     timed = not counts and not (Ts is not None and np.asarray(stamps).dtype.kind not in "mMf")
     times = _seconds(np.asarray(stamps), "the index") if timed else None
@@ -162,7 +164,8 @@ def _seconds(stamps: np.ndarray, where: str) -> np.ndarray:
 def _step(times: np.ndarray | None, Ts: float | None, lengths: Sequence[int]) -> float:
     """The sampling time of the stamps of all experiments, which must be uniform; or `Ts`, which they must not deny."""
     if Ts is not None:
-        step = 0.0 if times is None or len(times) < 2 else float(np.median(np.diff(times)))
+        steps = np.empty(0) if times is None else np.diff(times)
+        step = float(np.median(steps[np.isfinite(steps)])) if np.isfinite(steps).any() else 0.0
         if step > 0.0 and abs(step - Ts) > APART * max(step, Ts):
             raise InputError(
                 f"Ts is {Ts:g} s and the times of the table step by {step:.6g} s; leave Ts out, or the times: "

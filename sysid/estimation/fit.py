@@ -202,6 +202,8 @@ def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome
     found = []
     if not outcome.stop.converged:
         found.append(f"the search did not converge: {outcome.stop.reason}")
+    if beside := _beside(model, theta):
+        found.append(f"{', '.join(beside)} ended outside the bounds, since the block has limits of its own; widen them")
     lost = [(b, int(cov.unidentifiable[model.index(b)].sum())) for b in model.blocks]
     shown = [f"{n} of {b.n_parameters} parameters of {b.role}" for b, n in lost if n]
     if shown:
@@ -210,3 +212,11 @@ def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome
     if len(poles) and np.max(np.abs(poles)) >= 1.0 - 1e-9:
         found.append("a pole lies on the unit circle: the model integrates, or the data drift")
     return tuple(found)
+
+
+def _beside(model: Chain, theta: np.ndarray) -> list[str]:
+    """Parameters that are outside the bounds that the model gives them, but for rounding."""
+    low, high = model.limits
+    room = 1e-6 * np.maximum(np.abs(theta), 1e-6 * np.abs(theta).max(initial=0.0))
+    outside = (theta < low - room) | (theta > high + room)
+    return [name for name, out in zip(model.names, outside, strict=True) if out and name in model.bounds]

@@ -129,7 +129,7 @@ def _check(fit: Fit, names: list[str]) -> None:
         raise InputError(
             "theta is not a valid model (not finite, or unstable, or knots out of order); save the fit again"
         )
-    _check_limits(fit)
+    _check_fixed(fit)
     if not 0 < fit.Ts <= SECONDS or not 0 <= fit.n_init <= SAMPLES:
         raise InputError(
             f"Ts is {fit.Ts:g} and n_init {shown(fit.n_init)}; Ts must be above 0 and n_init not below 0, and both of "
@@ -142,16 +142,16 @@ def _check(fit: Fit, names: list[str]) -> None:
         raise InputError(f"noise is not a row of finite numbers for each of {model.channels[1]} output(s); save again")
 
 
-def _check_limits(fit: Fit) -> None:
-    """Raises InputError for a parameter beside the value or the bounds that the model gives it, but for rounding."""
-    model = fit.model
-    held = [(name, value, value) for name, value in model.fixed.items()]
-    for name, low, high in [*held, *((name, *ends) for name, ends in model.bounds.items())]:
-        value = float(fit.theta[model.names.index(name)])
-        room = 1e-9 * max(abs(value), abs(low) if np.isfinite(low) else 0.0, abs(high) if np.isfinite(high) else 0.0)
-        if not low - room <= value <= high + room:
-            allowed = f"fixed at {low:g}" if name in model.fixed else f"bounded by {low:g} and {high:g}"
-            raise InputError(f"{name} is {value:g} and {allowed}; save the fit again")
+def _check_fixed(fit: Fit) -> None:
+    """Raises InputError for a parameter beside the value at which the model holds it, but for rounding.
+
+    A parameter beside its bounds is a warning of the fit: a block's own limits may move it there.
+    """
+    rounding = 1e-12 * float(np.abs(fit.theta).max(initial=0.0))
+    for name, held in fit.model.fixed.items():
+        value = float(fit.theta[fit.model.names.index(name)])
+        if abs(value - held) > 1e-9 * max(abs(value), abs(held)) + rounding:
+            raise InputError(f"{name} is {value:g} and fixed at {held:g}; save the fit again")
 
 
 def check_numbers(theta: np.ndarray, covariance: Covariance, criteria: Criteria) -> None:

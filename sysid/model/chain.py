@@ -45,6 +45,8 @@ class Chain:
         for name, (low, high) in self.bounds.items():
             if not low <= high:
                 raise InputError(f"the bounds of {name} are {low:g} and {high:g}; give the lower one first")
+            if name in self.fixed and not low <= self.fixed[name] <= high:
+                raise InputError(f"{name} is fixed at {self.fixed[name]:g}, outside its bounds; leave one out")
 
     def _by_name(self) -> dict[str, float]:
         """`fixed` with a block's role resolved into its parameters."""

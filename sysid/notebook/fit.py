@@ -13,6 +13,7 @@ from sysid.base.errors import InputError, unknown
 from sysid.base.units import number, percent
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
+from sysid.estimation.origin import check_units
 from sysid.estimation.result import Fit
 from sysid.linear.modes import Modes
 from sysid.linear.modes import modes as modes_of
@@ -158,7 +159,9 @@ def refine(fit: Fit, data: IOData | None, **options: Any) -> Fit:
     """A further search from this fit."""
     if "start" in options or "starts" in options:
         raise InputError("refine starts from the fit itself; leave start and starts out, or use sysid.fit")
-    return fit_model(fit.model, fit.record_or(data), start=fit, **options)
+    record = fit.record_or(data)
+    check_units(record, fit.origin)
+    return fit_model(fit.model, record, start=fit, **options)
 
 
 def noise_model(fit: Fit, data: IOData | None) -> Noise:

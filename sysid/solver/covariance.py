@@ -40,6 +40,8 @@ def covariance(lin: Linearisation, gauge: np.ndarray, basis: np.ndarray, d: int)
     if not R.shape[1]:
         return Covariance(np.zeros((P, P)), np.zeros(P, dtype=bool), sigma2)
     scale = column_scale(R)
+    if not np.all(np.isfinite(R)):  # sensitivities beyond what a number holds: nothing is known of any parameter
+        return Covariance(np.zeros((P, P)), np.ones(P, dtype=bool), sigma2)
     _, s, Vt = np.linalg.svd(R / scale)
     keep = s > _RCOND * s[0] if s[0] > 0 else np.zeros(len(s), dtype=bool)
     V = basis @ (Vt.T[:, keep] / s[keep] / scale[:, None])
@@ -50,7 +52,7 @@ def covariance(lin: Linearisation, gauge: np.ndarray, basis: np.ndarray, d: int)
 def rank(lin: Linearisation) -> int:
     """Number of directions that J determines, by the rule of `covariance`."""
     R = lin.R
-    if not R.shape[1]:
+    if not R.shape[1] or not np.all(np.isfinite(R)):
         return 0
     s = np.linalg.svd(R / column_scale(R), compute_uv=False)
     return int(np.sum(s > _RCOND * s[0])) if s[0] > 0 else 0

@@ -5,6 +5,7 @@ import pytest
 
 import sysid
 from sysid import InputError
+from sysid.workflow.record import read_record
 
 K = np.arange(400)
 RNG = np.random.default_rng(0)
@@ -24,21 +25,47 @@ AGREE = (
     "Sampling frequency: 100 Hz.", "fs = 105 Hz", "Ts = odd", "fs = 100 rpm", "the rate is 5 Hz", "Ts",
 )  # fmt: skip
 DENY = ("Ts = 0.02", "Ts=10 s", "fs=50", "fs = 100 kHz", "Sampling rate: 1 Hz", "sample_time: 0,005 s", "dt = 20")
+# A rate may have thousands marks, Ts may be a time stamp, fs a full scale beyond every rate.
+OTHERS = ("Sampling rate: 1,000 Hz", "dt: 1.000 us", "TS 1700000000", "ts: 1700000000000 ms", "Ts = 1e999", "fs = 0")
 
 
-@pytest.mark.parametrize("said", AGREE)
-def test_a_comment_that_agrees_or_says_nothing_changes_nothing(said, tmp_path):
-    assert sysid.read(table(tmp_path / "rig.csv", K * 0.01, "t_s", f"# {said}\n", "{:.2f}")).Ts == pytest.approx(0.01)
+def notes(path):
+    return [note for note in read_record(str(path), "u", "y").notes if "a comment says" in note]
 
 
 @pytest.mark.parametrize("said", DENY)
 @pytest.mark.parametrize("mark", ["#", "%"])
-def test_a_comment_that_denies_the_clock_is_refused(said, mark, tmp_path):
+def test_a_comment_that_denies_the_clock_is_told(said, mark, tmp_path):
+    """It may be the rate of a converter before decimation: the clock decides."""
     path = table(tmp_path / "rig.csv", K * 0.01, "t_s", f"{mark} rig 7\n{mark} {said}\n{mark} more\n", "{:.2f}")
-    with pytest.raises(InputError, match=f"a comment says '{said}', and column 't_s' steps by 0.01 s; say which"):
+    assert notes(path) == [f"a comment says '{said}', and column 't_s' steps by 0.01 s: the column is used"]
+    assert sysid.read(path).Ts == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("said", [*AGREE, *OTHERS])
+def test_a_comment_that_agrees_or_says_nothing_is_not_told(said, tmp_path):
+    step = 0.001 if said in OTHERS else 0.01
+    path = table(tmp_path / "rig.csv", K * step, "t_s", f"# {said}\n", "{:.3f}")
+    assert notes(path) == []
+    assert sysid.read(path).Ts == pytest.approx(step)
+
+
+def test_whole_stamps_are_as_sharp_as_others(tmp_path):
+    """A step of 10 ms is no 20 ms, also where samples were lost."""
+    path = table(tmp_path / "rig.csv", K * 10, "millis", '# qpal: {"Ts": 0.02}\n# fs: 50 Hz\n')
+    with pytest.raises(InputError, match=r"Ts is 0.02 s, and column 'millis' steps by 0.01 s"):
         sysid.read(path)
-    assert sysid.read(path, time="t_s").Ts == pytest.approx(0.01)
-    assert sysid.read(path, Ts=0.02).Ts == 0.02
+    told = table(tmp_path / "told.csv", K * 10, "millis", "# fs: 50 Hz\n")
+    assert len(notes(told)) == 1
+    lost = table(tmp_path / "lost.csv", 10 * (K + (K > 30) + (K > 90)), "millis", '# qpal: {"Ts": 0.01}\n')
+    assert sysid.read(lost).Ts == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("name", ["time", "timestamp"])
+def test_a_signed_counter_does_not_count_from_1970(name, tmp_path):
+    clock = (2**31 - 1000 + 10 * K + 2**31) % 2**32 - 2**31
+    with pytest.raises(InputError, match="say which with time_unit"):
+        sysid.read(table(tmp_path / "rig.csv", clock, name))
 
 
 @pytest.mark.parametrize("bits", [16, 32])
@@ -79,7 +106,9 @@ def test_serial_days_of_a_spreadsheet_have_a_unit(tmp_path):
 
 def test_times_of_a_table_and_another_sampling_time_are_refused():
     pandas = pytest.importorskip("pandas")
+    zone = pandas.Timestamp("2026-01-01", tz="Europe/Berlin") + pandas.to_timedelta(K * 0.01, unit="s")
     for index in (
+        zone,
         K * 0.01,
         pandas.to_timedelta(K * 0.01, unit="s"),
         pandas.Timestamp("2026-01-01") + pandas.to_timedelta(K * 0.01, unit="s"),
@@ -88,6 +117,9 @@ def test_times_of_a_table_and_another_sampling_time_are_refused():
         with pytest.raises(InputError, match=r"Ts is 0.02 s and the times of the table step by 0.01 s; leave Ts out"):
             sysid.IOData.from_pandas(frame, "u", "y", Ts=0.02)
         assert sysid.IOData.from_pandas(frame, "u", "y", Ts=0.0105).Ts == 0.0105
+        holed = frame.set_axis(frame.index.where(K != 7), axis=0)
+        with pytest.raises(InputError, match=r"Ts is 0.02 s and the times of the table step by 0.01 s"):
+            sysid.IOData.from_pandas(holed, "u", "y", Ts=0.02)
         assert sysid.IOData.from_pandas(frame.reset_index(drop=True), "u", "y", Ts=0.02).Ts == 0.02
     rows = pandas.DataFrame({"u": U, "y": Y}).iloc[::2]  # numbers of rows, which are no times
     assert sysid.IOData.from_pandas(rows, "u", "y", Ts=0.02).Ts == 0.02

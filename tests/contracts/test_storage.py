@@ -208,7 +208,6 @@ DAMAGES = {
     "fixed without parameter": (put("model", "fixed", {"linear.f9": 0.0}), r"unknown parameter 'linear\.f9'"),
     "negative Ts": (put("Ts", -1.0), "Ts must be above 0"),
     "beside its fixed value": (put("model", "fixed", {"output.c1": 99.0}), r"output\.c1 is -0\.2 and fixed at 99"),
-    "beside its bounds": (put("model", "bounds", {"linear.f2": [7.0, "inf"]}), r"linear\.f2 is .* and bounded by 7"),
     "bounds exchanged": (put("model", "bounds", {"linear.f2": [9.0, -9.0]}), r"bounds of linear\.f2 are 9 and -9"),
     "negative variance": (put("covariance", "cov", 0, 0, -1.0), "a variance below 0"),
     "negative noise": (put("covariance", "noise_variance", -1.0), "a variance below 0"),
