@@ -104,7 +104,7 @@ def references(chain, data: sysid.IOData, seed: int) -> dict[str, float]:
 
 
 def network_references(model: Nlarx, data: sysid.IOData, seed: int) -> dict[str, float]:
-    linear = sysid.fit_nlarx(replace(model, units=0), data, seed=seed)
+    linear = sysid.fit(replace(model, units=0), data, seed=seed)  # by the same search: another one may end elsewhere
     seen = data.observed[:, 0].copy()
     seen[: model.lag] = False  # these are not scored, nor, one step ahead, those with a missing sample in their past
     for lag in range(1, model.na + 1 if model.focus == "prediction" else 0):

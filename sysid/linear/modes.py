@@ -76,7 +76,7 @@ def modes(fit: Fit, data: IOData | None = None) -> Modes:
             d = np.polyval(slope, z)
             multiple = abs(d) < _MULTIPLE * max(1.0, float(np.abs(F).max()))
             dz = None if multiple else -(z ** np.arange(len(F) - 1, -1, -1)) @ gradient / d
-            with np.errstate(over="ignore", invalid="ignore"):  # of a pole near 0 no deviation is known
+            with np.errstate(all="ignore"):  # of a pole near 0 no deviation is known
                 found.append(_mode(z, dz, fit.Ts, deviation))
     return Modes(found)
 

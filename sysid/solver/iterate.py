@@ -12,6 +12,7 @@ from scipy.linalg.lapack import dgeqrt
 from sysid.base.checks import checked
 
 _EPS = np.finfo(float).eps
+_LARGEST = 1e150  # derivative: squares of larger ones are not numbers
 _PANEL = 16  # columns in one step of a QR
 _ROWS = 4096  # of J in one QR, then stacked on the next: more than this does not stay in a processor's cache
 
@@ -325,9 +326,10 @@ def iterate(
         if cost <= problem.size * (100.0 * _EPS) ** 2:
             reason, converged = "the loss is zero to rounding", True
             break
-        lin, moving = linearised(problem, p)
+        with np.errstate(over="ignore", invalid="ignore"):  # see _LARGEST
+            lin, moving = linearised(problem, p)
         evaluations += 1
-        if not np.all(np.isfinite(lin.R)):
+        if not np.all(np.abs(lin.R) < _LARGEST):
             reason = "the derivatives of the model are too large for numbers"
             break
         expected = lin.expected_improvement

@@ -110,3 +110,18 @@ def test_a_motor_profile_in_far_apart_units_ends_in_a_sentence():
     name, wrong = script.tried(50117)
     assert name.endswith("refused")
     assert wrong == []
+
+
+@pytest.mark.parametrize("pole", [5e-324, -1e-310, 1e-150, 0.0])
+def test_a_pole_near_zero_has_no_known_deviation_and_no_warning(pole, tmp_path):
+    """Such a pole times Ts may be no number."""
+
+    def change(document):
+        document["theta"].update({name: -pole for name in document["theta"] if name.endswith(".f1")})
+
+    fit = sysid.load(changed("wiener_hammerstein", change, tmp_path))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = sysid.linear.modes(fit)
+    assert [mode.pole for mode in found] == [pole, pole]
+    assert not any(np.isfinite(mode.damping_std) for mode in found if abs(pole) < 1e-300)
