@@ -19,7 +19,7 @@ from sysid.base.files import Lines, ordinary, whole_file
 from sysid.base.lock import held
 from sysid.base.parquet import DamagedError
 from sysid.base.parquet import read as whole
-from sysid.base.sealed import CHECK, DAMAGED, check_sum, opened, sealed
+from sysid.base.sealed import CHECK, check_sum, opened, sealed
 from sysid.bench.columns import COLUMNS, KEY
 
 BELONGS = "qpal bench"  # what a row is part of, for its check sum
@@ -157,19 +157,18 @@ def parquet(path: Path) -> tuple[pl.DataFrame, list[int]]:
 def journal(lines: Sequence[str]) -> tuple[list[dict[str, Any]], list[int]]:
     """The rows of a journal that hold, and the numbers of the lines that do not.
 
-    Rows of an older version have no check sum; beside rows that have one they are no rows. Of a key that is there twice
-    with other values, no row counts.
+    A row without a check sum, as older versions wrote it, may be any: it runs again. Of a key that is there twice with
+    other values, no row counts.
     """
     read = [opened(line, BELONGS) for line in lines]
-    old = all(trouble for _, trouble in read)
     sums: dict[tuple[Any, ...], str] = {}
     rows, bad, twice = {}, [], set()
     for k, (row, trouble) in enumerate(read):
-        if trouble == DAMAGED or (trouble and not old) or any(row.get(name) is None for name in KEY):
+        if trouble or any(row.get(name) is None for name in KEY):
             bad.append(k)
             continue
         key = tuple(row[name] for name in KEY)
-        if sums.setdefault(key, own := check_sum(row, BELONGS)) != own and not old:
+        if sums.setdefault(key, own := check_sum(row, BELONGS)) != own:
             twice.add(key)
         rows[k] = key, row
     bad += [k for k, (key, _) in rows.items() if key in twice]

@@ -14,6 +14,7 @@ import pytest
 from cluster import cluster
 
 from sysid.base.errors import InputError
+from sysid.base.sealed import sealed
 from sysid.bench import cell, suites
 from sysid.bench.cell import Cell
 from sysid.bench.columns import COLUMNS, KEY
@@ -21,7 +22,7 @@ from sysid.bench.method import Inside
 from sysid.bench.methods import TABLE as METHODS
 from sysid.bench.runner import run
 from sysid.bench.scenarios import TABLE as FAMILIES
-from sysid.bench.table import Table, read
+from sysid.bench.table import BELONGS, Table, read
 
 SURE = [name for name in COLUMNS if name not in ("seconds", "memory")]
 QUICK = ["--scenario", "drawn/output_error", "--method", "output_error", "--method", "from_truth", "--first", "5"]
@@ -85,7 +86,7 @@ def test_a_row_in_journal_and_table_counts_once_and_half_a_line_not_at_all(tmp_p
     rows = table.rows().to_dicts()
     journal = tmp_path / "t.journal"
     newer = rows[1] | {"fit": 12.5}
-    journal.write_text(json.dumps(newer) + "\n" + json.dumps(rows[2] | {"seed": 77})[:-20])
+    journal.write_text(json.dumps(sealed(newer, BELONGS)) + "\n" + json.dumps(rows[2] | {"seed": 77})[:-20])
     assert len(table.rows()) == 3  # killed between the table and the end of its journal
     assert table.rows().filter(pl.col("seed") == rows[1]["seed"])["fit"].to_list() == [12.5]
     assert run(cells(4), Table(table.path), 1) == 1  # as another process would

@@ -96,8 +96,19 @@ def test_two_rows_of_one_key_in_the_file_both_go(table):
     assert goes_on(table)[2] == [0, 2, 3]
 
 
-def test_a_table_of_an_older_version_is_read(table):
+def test_a_table_of_an_older_version_is_read_and_its_journal_run_again(table):
+    """Rows of a journal without check sums may be what a disk left of rows with one: a fuzzer cut the sum out of a row
+    and the other rows away."""
     pl.read_parquet(table.path).select(list(COLUMNS)).write_parquet(table.path)
     damage(table, lambda rows: [json.dumps(row(2)), json.dumps(row(3))])
-    assert read(table.path).select(KEY).height == 4
-    assert goes_on(table) == ([0, 1, 2, 3], (), [0, 1, 2, 3])
+    with pytest.raises(InputError, match=r"line 1 of .*t\.journal .*\(2 in all\).*qpal bench run"):
+        read(table.path)
+    found, notes, after = goes_on(table)
+    assert found == after == [0, 1]
+    assert len(notes) == 1
+    assert read(table.path).select(KEY).height == 2
+
+
+def test_one_row_whose_sum_was_cut_out_is_no_row(table):
+    damage(table, lambda rows: [json.dumps(row(2, 9.0))])
+    assert goes_on(table)[2] == [0, 1]
