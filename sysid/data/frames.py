@@ -1,5 +1,6 @@
 """Records from and to tables of pandas and xarray, neither of which is needed for anything else."""
 
+import re
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any
@@ -12,6 +13,8 @@ from sysid.base.errors import InputError
 Names = str | Sequence[str]
 APART = 0.1  # of a step, by which a given sampling time may differ from the times: the same as for a file
 JITTER = 0.01  # of a step, by which a stamp may be off: the same as for a file
+SECONDS = ("s", "sec", "secs", "second", "seconds")
+IN_NAME = re.compile(r"[\[(_ ](ms|msec|us|µs|μs|usec|ns|min|minutes|hours)[\])]?$")  # `t [ms]`, `t_us`
 
 
 def library(name: str) -> Any:
@@ -44,8 +47,8 @@ def of_pandas(table: Any, input: Names, output: Names, Ts: float | None) -> dict
         stamps = stamps.tz_convert(None)
     counts = several == 1 and type(stamps).__name__ == "RangeIndex"  # rows that nobody gave a time
     timed = not counts and not (Ts is not None and np.asarray(stamps).dtype.kind not in "mMf")
-    times = _seconds(np.asarray(stamps), "the index") if timed else None
     units = table.attrs.get("units", {})
+    times = _seconds(np.asarray(stamps), "the index", stamps.name, units.get(stamps.name)) if timed else None
     values = {name: table[name].to_numpy() for name in (*_listed(input), *_listed(output))}
     return _arguments(values, input, output, _step(times, Ts, lengths), units, tuple(lengths))
 
@@ -67,7 +70,7 @@ def of_xarray(table: Any, input: Names, output: Names, Ts: float | None) -> dict
     (axis,) = table[names[0]].dims
     times = None
     if axis in table.coords and (Ts is None or table[axis].dtype.kind in "mMf"):
-        times = _seconds(table[axis].to_numpy(), f"the coordinate {axis!r}")
+        times = _seconds(table[axis].to_numpy(), f"the coordinate {axis!r}", axis, table[axis].attrs.get("units"))
     units = {name: str(table[name].attrs.get("units", "")) for name in names}
     values = {name: table[name].to_numpy() for name in names}
     lengths = (len(values[names[0]]),)
@@ -150,13 +153,17 @@ def _floats(column: np.ndarray, name: str) -> np.ndarray:
         raise InputError(f"column {name!r} holds values that are not numbers; give a column of floats") from None
 
 
-def _seconds(stamps: np.ndarray, where: str) -> np.ndarray:
-    """Stamps (N,) in seconds."""
+def _seconds(stamps: np.ndarray, where: str, name: object, unit: object) -> np.ndarray:
+    """Stamps (N,) in seconds: dates, differences, or numbers whose `name` and `unit` tell no other unit."""
     if stamps.dtype.kind == "M":
         return (stamps - stamps[0]) / np.timedelta64(1, "ns") * 1e-9
     if stamps.dtype.kind == "m":
         return stamps / np.timedelta64(1, "ns") * 1e-9
     if stamps.dtype.kind in "iuf":
+        in_name = IN_NAME.search(str(name))
+        told = str(unit or "").split() or ([in_name[1]] if in_name else [])
+        if told and told[0].lower() not in SECONDS:  # also of `seconds since 2000-01-01`
+            raise InputError(f"{where} is in {told[0]!r}; convert it to seconds, and its name or units too")
         return stamps.astype(float)
     raise InputError(f"{where} holds no times; give Ts, the sampling time in seconds")
 

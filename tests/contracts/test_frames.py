@@ -189,3 +189,26 @@ def test_a_role_without_a_column_is_refused(into, back, data):
     for names, role in ((([], "angle"), "input"), (("volt", []), "output")):
         with pytest.raises(sysid.InputError, match=f"^{role} names no column"):
             getattr(sysid.IOData, back)(getattr(data, into)(), *names, 0.1)
+
+
+@pytest.mark.parametrize(("name", "unit"), [("t", "ms"), ("t", "us since start"), ("t [ms]", None), ("t_us", None)])
+def test_times_in_another_unit_are_refused(name, unit):
+    """20 milliseconds were 20 s."""
+    columns = {"a": np.sin(np.arange(20.0)), "b": np.cos(np.arange(20.0))}
+    table = pandas.DataFrame(columns, index=pandas.Index(20.0 * np.arange(20), name=name))
+    table.attrs["units"] = {name: unit} if unit else {}
+    with pytest.raises(sysid.InputError, match=r"the index is in '[mu]s'; convert it to seconds"):
+        sysid.IOData.from_pandas(table, "a", "b")
+    grid = (name, 20.0 * np.arange(20), {"units": unit} if unit else {})
+    variables = {key: (name, column) for key, column in columns.items()}
+    with pytest.raises(sysid.InputError, match=r"the coordinate .* is in '[mu]s'; convert it to seconds"):
+        sysid.IOData.from_xarray(xarray.Dataset(variables, coords={name: grid}), "a", "b")
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("t", "s"), ("t [s]", ""), ("time (raw)", None), (None, "seconds"), (3, "")]
+)
+def test_times_in_seconds_by_any_name_are_taken(name, unit):
+    table = pandas.DataFrame({"a": np.arange(20.0), "b": np.arange(20.0)}, index=0.02 * np.arange(20))
+    table.index.name, table.attrs["units"] = name, {name: unit}
+    assert sysid.IOData.from_pandas(table, "a", "b").Ts == 0.02
