@@ -127,7 +127,9 @@ def _array(value: Any) -> Any:
         raise Wrong(value, "an array of numbers")
     try:
         found = np.asarray(value)
-    except (ValueError, TypeError):
+    except MemoryError:
+        raise
+    except Exception:  # an array of another library raises what it likes: a tensor that records gradients, RuntimeError
         raise Wrong(value, "an array of numbers, its rows of one length") from None
     if found.dtype.kind not in "biuf":
         raise Wrong(value, "an array of real numbers")

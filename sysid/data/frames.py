@@ -43,6 +43,8 @@ def of_pandas(table: Any, input: Names, output: Names, Ts: float | None) -> dict
             raise InputError("the rows of an experiment are not in one piece; sort the table by its index first")
         lengths = np.diff([0, *cuts, len(table)]).tolist()
     stamps = table.index.get_level_values(several - 1)
+    if type(stamps).__name__ == "PeriodIndex":
+        stamps = stamps.to_timestamp()  # the start of each period
     if getattr(stamps, "tz", None) is not None:
         stamps = stamps.tz_convert(None)
     counts = several == 1 and type(stamps).__name__ == "RangeIndex"  # rows that nobody gave a time

@@ -280,6 +280,17 @@ def test_a_process_that_dies_is_a_sentence(desk):
     desk.jobs.forget(job)
 
 
+def test_a_job_that_failed_has_told_why_before_it_says_so():
+    """Whoever saw FAILED found no reason yet, now and then: the reason came after it."""
+    jobs, states = Jobs(1), []
+    job = jobs.submit("x", {"task": "nothing"}, lambda job, said: states.append((job.state, *said)))
+    end = time.monotonic() + PATIENCE
+    while not job.over and time.monotonic() < end:
+        time.sleep(0.05)
+    jobs.close()
+    assert (states, job.state) == ([("running", "failed")], FAILED)
+
+
 def test_an_error_that_nobody_foresaw_is_named_without_advice_that_does_not_help(desk):
     job = desk.jobs.submit("x", {"task": "nothing"}, lambda job, said: None)
     wait(desk)

@@ -73,15 +73,19 @@ def test_a_dataset_of_xarray_holds_the_record_and_gives_it_back(data):
     [
         pandas.date_range("2026-01-01", periods=20, freq="20ms"),
         pandas.timedelta_range("0s", periods=20, freq="20ms"),
+        pandas.period_range("2026-01-01", periods=20, freq="20ms"),
         0.02 * np.arange(20) + 1e-5 * np.sin(np.arange(20)),  # off by less than a hundredth of a step
     ],
-    ids=["stamps", "differences", "seconds"],
+    ids=["stamps", "differences", "periods", "seconds"],
 )
 def test_the_index_gives_the_sampling_time(index):
     table = pandas.DataFrame({"a": np.arange(20.0), "b": np.arange(20.0), "c": np.arange(20)}, index=index)
     data = sysid.IOData.from_pandas(table, ["a", "c"], "b")
     assert pytest.approx(0.02, rel=1e-4) == data.Ts
     assert data.u.shape == (20, 2)
+    if table.index.dtype != float:  # numbers may be row numbers or another unit: there a given Ts holds
+        with pytest.raises(sysid.InputError, match="Ts"):
+            sysid.IOData.from_pandas(table, "a", "b", Ts=0.1)
 
 
 @pytest.mark.parametrize("Ts", [0.1, 0.07, 0.013, 1 / 3, 1e-4])

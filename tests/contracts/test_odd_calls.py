@@ -28,6 +28,15 @@ def record(n: int = 200) -> sysid.IOData:
 DATA = record()
 MODEL = output_error(1, 1, 1)
 N = DATA.N
+
+
+class Refuses:
+    """An array of another library that raises an error of its own, as a tensor that records gradients does."""
+
+    def __array__(self, *_, **__):
+        raise RuntimeError("call detach() first")
+
+
 ODD = {
     "fit of a text": (lambda: sysid.fit(MODEL, "log.csv"), "data is 'log.csv'; give an IOData"),
     "fit of None": (lambda: sysid.fit(None, DATA), "model is None; give a Chain or a"),
@@ -47,6 +56,10 @@ ODD = {
     "objects": (lambda: sysid.residual_tests(np.array([None] * N), DATA.u), "give an array of real numbers"),
     "dates": (lambda: sysid.residual_tests(np.arange(N).astype("datetime64[s]"), DATA.u), "array of real numbers"),
     "masked": (lambda: sysid.residual_tests(np.ma.masked_less(np.arange(N), 3), DATA.u), "without masked values"),
+    "a foreign array that refuses": (
+        lambda: sysid.residual_tests(Refuses(), DATA.u),
+        "e is a Refuses; give an array of numbers",
+    ),
     "ragged": (lambda: sysid.residual_tests([[1.0], [2.0, 3.0]], DATA.u), "e is .*rows of one length"),
     "empty path": (lambda: sysid.load(""), "path is ''; give the path of a file"),
     "path of code 0": (lambda: sysid.read("a\0b.csv"), "give the path of a file"),

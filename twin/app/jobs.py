@@ -144,9 +144,9 @@ class Jobs:
         with self._lock:
             if not job.over:
                 job.error = job.error or ("" if code == 0 else _last_words(job.out, code))
-                self._end(job, FAILED if job.error else DONE, "done")
                 if job.error:
-                    self._told(job, {"failed": job.error})
+                    self._told(job, {"failed": job.error})  # first: who sees FAILED may ask at once why
+                self._end(job, FAILED if job.error else DONE, "done")
             self._begin_waiting()
         shutil.rmtree(job.out, ignore_errors=True)
 
