@@ -59,7 +59,7 @@ class Table:
         if self.path.is_file():
             found, at = parquet(self.path)
             parts.append(found)
-            bad += [f"row {k + 1} of {self.path} does not hold its check sum" for k in at]
+            bad += [f"row {k + 1} of {self.path} does not hold its check sum, or another has its key" for k in at]
         if new:
             parts.append(pl.DataFrame(new, schema=COLUMNS))
         bad += [f"line {k + 1} of {self._journal.path} is no row that holds" for k in lines]
@@ -145,12 +145,18 @@ def parquet(path: Path) -> tuple[pl.DataFrame, list[int]]:
     missing = [name for name in COLUMNS if name not in found.columns]
     if missing:
         raise InputError(f"{path} has no column {missing[0]}; it is not a results table of this version")
-    rows = found.select([pl.col(name).cast(kind) for name, kind in COLUMNS.items()])
+    try:
+        rows = found.select([pl.col(name).cast(kind) for name, kind in COLUMNS.items()])
+    except pl.exceptions.PolarsError:
+        raise InputError(f"{path} has a column of another type; it is not a results table of this version") from None
     if CHECK not in found.columns:
         return rows, []
-    twice = rows.select(pl.struct(KEY).is_duplicated().alias("twice"))["twice"].to_list()
-    right = [own == given for own, given in zip(_sums(rows), found[CHECK].to_list(), strict=True)]
-    good = [held and not again for held, again in zip(right, twice, strict=True)]
+    sums = _sums(rows)
+    keys = list(rows.select(KEY).iter_rows())
+    first = dict(zip(reversed(keys), reversed(sums), strict=True))
+    two = {key for key, own in zip(keys, sums, strict=True) if own != first[key]}  # keys with two different rows
+    given = found[CHECK].to_list()
+    good = [own == wanted and key not in two for key, own, wanted in zip(keys, sums, given, strict=True)]
     return rows.filter(pl.Series(good, dtype=pl.Boolean)), [k for k, each in enumerate(good) if not each]
 
 

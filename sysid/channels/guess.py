@@ -47,6 +47,7 @@ from sysid.formats import read_table
 OWN = ("voltage_V", "angle_rad")  # input and output of the logs that this program writes
 PLAIN_VOLTS = {"voltage", "volt", "volts"}  # of which quantity, another word says: pot_voltage
 STRONG = {"input": {"u", "input"}, "output": {"y", "output"}}
+LOST = 1.75  # of the middle step of a clock: a longer one leaves samples out
 MANY = 6  # names in a sentence
 NO_CLOCK = (
     "no sampling time is given; give it with --ts SECONDS or name a time column with --time (no column is a clock)"
@@ -170,10 +171,20 @@ def _other_step(timed: ClockGuess, columns: Mapping[str, Look], Ts: float) -> li
     """A word about a clock that does not say what was given."""
     if timed.clock is None:
         return []
-    step = columns[timed.clock.column].step * seconds(timed.clock.unit)
-    if abs(step - Ts) <= 0.01 * Ts:
-        return []
-    return [f"the sampling time is {Ts:g} s as given; column {timed.clock.column!r} steps by {step:.6g} s"]
+    look = columns[timed.clock.column]
+    factor = seconds(timed.clock.unit)
+    said = []
+    if abs(look.step * factor - Ts) > 0.01 * Ts:
+        said.append(f"the sampling time is {Ts:g} s as given; column {look.name!r} steps by {look.step * factor:.6g} s")
+    steps = np.diff(look.finite)
+    (jumps,) = np.nonzero((steps > LOST * look.step) | (steps < 0.0))
+    if look.step > 0.0 and len(jumps):
+        said.append(
+            f"the rows are taken as uniform, as the sampling time is given; column {look.name!r} has {len(jumps)} "
+            f"other step(s), the first of {steps[jumps[0]] * factor:.6g} s: leave the sampling time out to have them "
+            "looked after"
+        )
+    return said
 
 
 def _say_text(table: Table, columns: Mapping[str, Look], picked: Mapping[str, Look | None], unclear: list[str]) -> None:

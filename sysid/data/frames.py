@@ -14,7 +14,14 @@ Names = str | Sequence[str]
 APART = 0.1  # of a step, by which a given sampling time may differ from the times: the same as for a file
 JITTER = 0.01  # of a step, by which a stamp may be off: the same as for a file
 SECONDS = ("s", "sec", "secs", "second", "seconds")
-IN_NAME = re.compile(r"[\[(_ ](ms|msec|us|µs|μs|usec|ns|min|minutes|hours)[\])]?$")  # `t [ms]`, `t_us`
+IN_NAME = re.compile(  # `t [ms]`, `t_us`, `time/ms`, `millis`
+    r"(?:^|[\[(_ /.])(ms|msecs?|millis|milliseconds|[uµμ]s|usecs?|micros|microseconds|ns|nsecs?|nanos|nanoseconds|mins?"
+    r"|minutes?|h|hrs?|hours?|days?|ticks?|counts?)[\])]?$",
+    re.IGNORECASE,
+)
+LATEST = 1e11  # [s] since 1970, in the year 5138: a later stamp counts in a smaller unit
+GAP = 0.5  # of a step, by which a stamp may be early or late where Ts is given
+ROWS = "table.reset_index(drop=True) in pandas, table.drop_vars in xarray"
 
 
 def library(name: str) -> Any:
@@ -28,10 +35,15 @@ def library(name: str) -> Any:
 def of_pandas(table: Any, input: Names, output: Names, Ts: float | None) -> dict[str, Any]:
     """The arguments of IOData for columns of a DataFrame."""
     _check_kind(table, "pandas DataFrame", ("columns", "index", "attrs"))
+    input, output = _listed(input), _listed(output)
     _check_named(input, output)
-    for name in (*_listed(input), *_listed(output)):
+    for name in (*input, *output):
         if name not in table.columns:
             raise InputError(f"the table has no column {name!r}; choose one of {', '.join(map(str, table.columns))}")
+        if table[name].ndim != 1:
+            raise InputError(f"{table[name].shape[1]} columns are named {name!r}; give each a name of its own")
+    if not len(table):
+        raise InputError("the table has no rows; give one with at least 2")
     several = getattr(table.index, "nlevels", 1)
     if several > 2:
         raise InputError(f"the index has {several} levels; give one of times, or experiment and time")
@@ -48,18 +60,20 @@ def of_pandas(table: Any, input: Names, output: Names, Ts: float | None) -> dict
     if getattr(stamps, "tz", None) is not None:
         stamps = stamps.tz_convert(None)
     counts = several == 1 and type(stamps).__name__ == "RangeIndex"  # rows that nobody gave a time
-    timed = not counts and not (Ts is not None and np.asarray(stamps).dtype.kind not in "mMf")
-    units = table.attrs.get("units", {})
-    times = _seconds(np.asarray(stamps), "the index", stamps.name, units.get(stamps.name)) if timed else None
-    values = {name: table[name].to_numpy() for name in (*_listed(input), *_listed(output))}
-    return _arguments(values, input, output, _step(times, Ts, lengths), units, tuple(lengths))
+    units = table.attrs.get("units") or {}
+    if not isinstance(units, Mapping):
+        raise InputError(f'attrs["units"] is {shown(units)}; give a dict: the unit of each column by its name')
+    said = None if counts else (np.asarray(stamps.infer_objects()), "the index", stamps.name, units.get(stamps.name))
+    values = {name: table[name].to_numpy() for name in (*input, *output)}
+    return _arguments(values, input, output, _sampling_time(said, Ts, lengths), units, tuple(lengths))
 
 
 def of_xarray(table: Any, input: Names, output: Names, Ts: float | None) -> dict[str, Any]:
     """The arguments of IOData for variables of a Dataset."""
     _check_kind(table, "xarray Dataset", ("data_vars", "coords"))
+    input, output = _listed(input), _listed(output)
     _check_named(input, output)
-    names = (*_listed(input), *_listed(output))
+    names = (*input, *output)
     for name in names:
         if name not in table.data_vars:
             raise InputError(
@@ -70,13 +84,15 @@ def of_xarray(table: Any, input: Names, output: Names, Ts: float | None) -> dict
                 f"{name!r} has the dimensions {table[name].dims}; give variables of the same one dimension"
             )
     (axis,) = table[names[0]].dims
-    times = None
-    if axis in table.coords and (Ts is None or table[axis].dtype.kind in "mMf"):
-        times = _seconds(table[axis].to_numpy(), f"the coordinate {axis!r}", axis, table[axis].attrs.get("units"))
-    units = {name: str(table[name].attrs.get("units", "")) for name in names}
+    said = None
+    if axis in table.coords:
+        said = table[axis].to_numpy(), f"the coordinate {axis!r}", axis, table[axis].attrs.get("units")
+    units = {name: table[name].attrs.get("units") for name in names}
     values = {name: table[name].to_numpy() for name in names}
     lengths = (len(values[names[0]]),)
-    return _arguments(values, input, output, _step(times, Ts, lengths), units, lengths)
+    if not lengths[0]:
+        raise InputError(f"the dimension {axis!r} has no values; give a dataset with at least 2")
+    return _arguments(values, input, output, _sampling_time(said, Ts, lengths), units, lengths)
 
 
 def _check_kind(table: Any, wanted: str, has: Sequence[str]) -> None:
@@ -84,12 +100,12 @@ def _check_kind(table: Any, wanted: str, has: Sequence[str]) -> None:
         raise InputError(f"the table is {shown(table)}; give a {wanted}")
 
 
-def _check_named(input: Names, output: Names) -> None:
+def _check_named(input: Sequence[str], output: Sequence[str]) -> None:
     for role, names in (("input", input), ("output", output)):
-        if not _listed(names):
+        if not names:
             raise InputError(f"{role} names no column; give the name of one, or a list of names")
-    for name in _listed(input):
-        if name in _listed(output):
+    for name in input:
+        if name in output:
             raise InputError(f"{name!r} is named as input and as output; give each a column of its own")
 
 
@@ -132,24 +148,26 @@ def _recorded(data: Any) -> tuple[dict[str, np.ndarray], dict[str, str]]:
 
 def _arguments(
     values: Mapping[str, np.ndarray],
-    input: Names,
-    output: Names,
+    input: Sequence[str],
+    output: Sequence[str],
     Ts: float,
-    units: Mapping[str, str],
+    units: Mapping[str, Any],
     lengths: tuple[int, ...],
 ) -> dict[str, Any]:
-    u, y = (np.column_stack([_floats(values[n], n) for n in _listed(names)]) for names in (input, output))
+    u, y = (np.column_stack([_floats(values[n], n) for n in names]) for names in (input, output))
     lost = np.isnan(y)
     found = {"u": u, "y": y, "Ts": Ts, "missing": lost if lost.any() else None, "lengths": lengths}
-    for role, names, default in (("u", _listed(input), "u"), ("y", _listed(output), "y")):
+    for role, names, default in (("u", input, "u"), ("y", output, "y")):
         found[f"{role}_name"] = str(names[0]) if len(names) == 1 else default
-        said = {str(units.get(name, "")) for name in names}
+        said = {str(units.get(name) or "") for name in names}
         found[f"{role}_unit"] = said.pop() if len(said) == 1 else ""
     return found
 
 
 def _floats(column: np.ndarray, name: str) -> np.ndarray:
     try:
+        if column.dtype.kind in "cmM":  # which NumPy makes real numbers of
+            raise TypeError
         return np.asarray(column, dtype=float)
     except (TypeError, ValueError):
         raise InputError(f"column {name!r} holds values that are not numbers; give a column of floats") from None
@@ -166,20 +184,37 @@ def _seconds(stamps: np.ndarray, where: str, name: object, unit: object) -> np.n
         told = str(unit or "").split() or ([in_name[1]] if in_name else [])
         if told and told[0].lower() not in SECONDS:  # also of `seconds since 2000-01-01`
             raise InputError(f"{where} is in {told[0]!r}; convert it to seconds, and its name or units too")
+        if len(stamps) and np.abs(stamps[0]) > LATEST:
+            raise InputError(f"{where} begins at {stamps[0]:g}, which are no seconds since 1970; convert it to seconds")
         return stamps.astype(float)
-    raise InputError(f"{where} holds no times; give Ts, the sampling time in seconds")
+    raise InputError(f"{where} holds no times; convert it by pandas.to_datetime, or leave it out ({ROWS}) and give Ts")
+
+
+def _sampling_time(
+    said: tuple[np.ndarray, str, object, object] | None, Ts: float | None, lengths: Sequence[int]
+) -> float:
+    """The sampling time that what is `said` of the rows gives: stamps, where they stand, their name and unit; or Ts."""
+    if said is None:
+        return _step(None, Ts, lengths)
+    stamps, where = said[:2]
+    if Ts is None or stamps.dtype.kind not in "iub":
+        return _step(_seconds(*said), Ts, lengths)
+    ends = np.cumsum(lengths)[:-1]
+    steps = np.concatenate([np.diff(piece.astype(float)) for piece in np.split(stamps, ends)])  # numbers of rows
+    if len(steps) and not (steps[0] > 0 and np.all(steps == steps[0])):
+        k = int(np.argmax((steps != steps[0]) | (steps <= 0)))
+        raise InputError(
+            f"{where} numbers the rows, and goes on by {steps[k]:g} after row {k}; keep all rows, with nan for a lost "
+            f"output, or leave the numbers out: {ROWS}"
+        )
+    return Ts
 
 
 def _step(times: np.ndarray | None, Ts: float | None, lengths: Sequence[int]) -> float:
     """The sampling time of the stamps of all experiments, which must be uniform; or `Ts`, which they must not deny."""
     if Ts is not None:
-        steps = np.empty(0) if times is None else np.diff(times)
-        step = float(np.median(steps[np.isfinite(steps)])) if np.isfinite(steps).any() else 0.0
-        if step > 0.0 and abs(step - Ts) > APART * max(step, Ts):
-            raise InputError(
-                f"Ts is {Ts:g} s and the times of the table step by {step:.6g} s; leave Ts out, or the times: "
-                "table.reset_index(drop=True) in pandas, table.drop_vars in xarray"
-            )
+        for piece in [] if times is None else np.split(times, np.cumsum(lengths)[:-1]):
+            _check_given(piece, Ts)
         return Ts
     if times is None:
         raise InputError("the table has no times; give Ts, the sampling time in seconds, or set the times as its index")
@@ -197,6 +232,26 @@ def _step(times: np.ndarray | None, Ts: float | None, lengths: Sequence[int]) ->
             "bring the table to one rate first, for example by table.resample, or read the file with sysid.read"
         )
     return float(f"{found:.12g}")  # 0.1 s, not the mean of rounded differences
+
+
+def _check_given(times: np.ndarray, Ts: float) -> None:
+    """Raises InputError if the times (n,) of an experiment step by another time than Ts, or leave samples out."""
+    (known,) = np.nonzero(np.isfinite(times))
+    steps, rows = np.diff(times[known]), np.diff(known)
+    if not len(steps):
+        return
+    step = float(np.median(steps / rows))
+    if abs(step - Ts) > APART * max(abs(step), Ts):
+        raise InputError(
+            f"Ts is {Ts:g} s and the times of the table step by {step:.6g} s; leave Ts out, or the times: {ROWS}"
+        )
+    off = np.abs(steps - rows * Ts)
+    if off.max() > GAP * Ts:
+        k = int(np.argmax(off))
+        raise InputError(
+            f"Ts is {Ts:g} s, and after row {known[k]} of an experiment comes a step of {steps[k]:g} s; give uniform "
+            f"rows, with nan for a lost output, or leave the times out: {ROWS}"
+        )
 
 
 def _listed(names: Names) -> list[str]:

@@ -83,6 +83,11 @@ class IOData(Shown):
                     f"the first {first.u.shape[1]}, {first.y.shape[1]} and {first.Ts} s; "
                     "merge records of the same channels and Ts"
                 )
+            if r.u_name == first.y_name != first.u_name or r.y_name == first.u_name != first.y_name:
+                raise InputError(
+                    f"record {k} has {r.u_name!r} as input and {r.y_name!r} as output, the first {first.u_name!r} and "
+                    f"{first.y_name!r}; give the channels of all records the same roles"
+                )
             for own, other in ((r.u_unit, first.u_unit), (r.y_unit, first.y_unit)):
                 if own and other and own != other:
                     raise InputError(f"record {k} has a signal in {own} that the first has in {other}; convert one")
@@ -240,7 +245,9 @@ def _channels(values: np.ndarray, name: str, missing: np.ndarray | None = None) 
         if array.dtype.kind not in "biuf":
             raise TypeError
         array = np.array(array, dtype=float, order="C")
-    except (TypeError, ValueError):
+    except MemoryError:
+        raise
+    except Exception:  # an array of another library raises what it likes
         raise InputError(f"{name} holds values that are not real numbers; give an array of floats") from None
     if array.ndim == 1:
         array = array[:, None]

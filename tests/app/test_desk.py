@@ -14,11 +14,12 @@ from app_served import PATIENCE, write_log
 import sysid
 from sysid.base.errors import InputError
 from sysid.report.zoom import _parts as parts
+from twin.app import jobs as jobs_module
 from twin.app import tasks
 from twin.app.desk import Desk
 from twin.app.entries import Data, Model, Prepare, Setting
 from twin.app.figures import below
-from twin.app.jobs import CANCELLED, DONE, FAILED, Jobs
+from twin.app.jobs import CANCELLED, DONE, FAILED, WAITING, Jobs
 from twin.app.script import script
 from twin.app.session import Session
 
@@ -289,6 +290,33 @@ def test_a_job_that_failed_has_told_why_before_it_says_so():
         time.sleep(0.05)
     jobs.close()
     assert (states, job.state) == ([("running", "failed")], FAILED)
+
+
+def test_a_job_that_cannot_begin_fails_and_the_next_one_begins(monkeypatch):
+    """Too many open files, for a moment: the job was "running" for ever, and all others waited for it."""
+    jobs, told = Jobs(1), []
+    worker = jobs_module._worker
+
+    def refused(out):
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(jobs_module, "_worker", refused)
+    first = jobs.submit("x", {"task": "nothing"}, lambda job, said: told.append(said))
+    assert (first.state, list(told[0])) == (FAILED, ["failed"])
+    assert first.error == "the job cannot begin (Too many open files); end others, and try again"
+    monkeypatch.setattr(jobs_module, "_worker", worker)
+    second = jobs.submit("x", {"task": "nothing"}, lambda job, said: told.append(said))
+    assert second.state != WAITING
+    jobs.close()
+
+
+def test_a_record_that_was_removed_meanwhile_is_told_in_a_sentence(desk):
+    for use in (
+        lambda: desk.prepare("d99", range=(0.0, 1.0)),
+        lambda: desk.choose_columns("d99", None, None, None, None),
+    ):
+        with pytest.raises(InputError, match="this session has no 'd99'"):
+            use()
 
 
 def test_an_error_that_nobody_foresaw_is_named_without_advice_that_does_not_help(desk):

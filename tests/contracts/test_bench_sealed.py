@@ -112,3 +112,17 @@ def test_a_table_of_an_older_version_is_read_and_its_journal_run_again(table):
 def test_one_row_whose_sum_was_cut_out_is_no_row(table):
     damage(table, lambda rows: [json.dumps(row(2, 9.0))])
     assert goes_on(table)[2] == [0, 1]
+
+
+def test_the_same_row_twice_in_the_file_is_no_trouble(table):
+    kept = pl.read_parquet(table.path)
+    pl.concat([kept, kept]).write_parquet(table.path)
+    assert goes_on(table) == ([0, 1, 2, 3], (), [0, 1, 2, 3])
+    assert read(table.path)["fit"].to_list() == [90.0, 91.0, 92.0, 93.0]
+
+
+@pytest.mark.parametrize("column", ["fit", "seed"])
+def test_text_among_the_numbers_is_no_table_of_results(table, column):
+    pl.read_parquet(table.path).with_columns(pl.lit("a").alias(column)).write_parquet(table.path)
+    with pytest.raises(InputError, match="has a column of another type"):
+        read(table.path)

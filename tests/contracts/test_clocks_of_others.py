@@ -133,3 +133,20 @@ def test_a_coordinate_and_another_sampling_time_are_refused():
     with pytest.raises(InputError, match=r"Ts is 0.02 s and the times of the table step by 0.01 s"):
         sysid.IOData.from_xarray(values, "u", "y", Ts=0.02)
     assert sysid.IOData.from_xarray(values.drop_vars("time"), "u", "y", Ts=0.02).Ts == 0.02
+
+
+@pytest.mark.parametrize(
+    ("k", "said"),
+    [(np.delete(K, range(100, 110)), "the first of 0.11 s"), (np.r_[0:200, 150:350], "the first of -0.49 s")],
+    ids=["gap", "back"],
+)
+def test_a_clock_beside_a_given_sampling_time_tells_of_its_jumps(tmp_path, k, said):
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["t,u,y", *(f"{0.01 * each:.2f},{U[each]},{Y[each]}" for each in k)]) + "\n")
+    notes = " ".join(read_record(path, Ts=0.01).notes)
+    assert f"column 't' has 1 other step(s), {said}" in notes
+
+
+def test_a_clock_that_shakes_beside_a_given_sampling_time_is_no_jump(tmp_path):
+    clock = np.round(0.01 * (K + np.random.default_rng(3).uniform(-0.3, 0.3, len(K))), 5)
+    assert "other step" not in " ".join(read_record(table(tmp_path / "log.csv", clock), Ts=0.01).notes)

@@ -216,3 +216,131 @@ def test_times_in_seconds_by_any_name_are_taken(name, unit):
     table = pandas.DataFrame({"a": np.arange(20.0), "b": np.arange(20.0)}, index=0.02 * np.arange(20))
     table.index.name, table.attrs["units"] = name, {name: unit}
     assert sysid.IOData.from_pandas(table, "a", "b").Ts == 0.02
+
+
+def uniform(index, name=None, **columns):
+    n = len(index)
+    columns = columns or {"u": np.arange(n) / 7.0, "y": np.cos(np.arange(n))}
+    return pandas.DataFrame(columns, index=pandas.Index(index, name=name))
+
+
+ORDER = np.r_[0:9, 12:20]
+BROKEN = {
+    "gap": ORDER,
+    "reversed": np.arange(20)[::-1],
+    "shuffled": np.random.default_rng(0).permutation(20),
+    "repeated": np.r_[0:9, 8:20],
+    "gap of one": np.r_[0:9, 10:20],
+}
+
+
+@pytest.mark.parametrize("rows", BROKEN.values(), ids=BROKEN)
+def test_a_given_sampling_time_hides_no_broken_clock(rows):
+    n = len(rows)
+    signals = {"u": np.arange(n) / 7.0, "y": np.cos(np.arange(n))}
+    start = pandas.Timestamp("2026-01-01")
+    stamps = pandas.DatetimeIndex([start + pandas.Timedelta(seconds=int(k)) for k in rows])
+    for index in (1.0 * rows, stamps, stamps - start, stamps.astype(object), rows):
+        with pytest.raises(sysid.InputError, match=r"reset_index\(drop=True\)"):
+            sysid.IOData.from_pandas(uniform(index, **signals), "u", "y", Ts=1.0)
+    both = pandas.MultiIndex.from_arrays([np.repeat([1, 2], n), np.r_[1.0 * np.arange(n), 1.0 * rows]])
+    twice = {name: np.r_[values, values] for name, values in signals.items()}
+    with pytest.raises(sysid.InputError, match=r"reset_index\(drop=True\)"):
+        sysid.IOData.from_pandas(pandas.DataFrame(twice, index=both), "u", "y", Ts=1.0)
+    table = xarray.Dataset({name: ("t", values) for name, values in signals.items()}, {"t": 1.0 * rows})
+    with pytest.raises(sysid.InputError, match="drop_vars"):
+        sysid.IOData.from_xarray(table, "u", "y", Ts=1.0)
+    assert n == sysid.IOData.from_xarray(table.drop_vars("t"), "u", "y", Ts=1.0).N
+
+
+def test_each_experiment_has_the_given_sampling_time():
+    index = pandas.MultiIndex.from_arrays([np.repeat([1, 2], 20), np.r_[0.1 * np.arange(20), 0.2 * np.arange(20)]])
+    table = pandas.DataFrame({"u": np.arange(40.0), "y": np.arange(40.0)}, index=index)
+    with pytest.raises(sysid.InputError, match=r"Ts is 0\.1 s and the times of the table step by 0\.2 s"):
+        sysid.IOData.from_pandas(table, "u", "y", Ts=0.1)
+    assert sysid.IOData.from_pandas(table[:20], "u", "y", Ts=0.1).Ts == 0.1
+
+
+def test_stamps_off_by_less_than_half_a_step_and_thinned_rows_go_with_a_given_sampling_time():
+    jitter = np.random.default_rng(1).uniform(-0.2, 0.2, 300)
+    assert sysid.IOData.from_pandas(uniform(np.arange(300) + jitter), "u", "y", Ts=1.0).Ts == 1.0
+    assert sysid.IOData.from_pandas(uniform(np.arange(0, 40, 2)), "u", "y", Ts=0.02).N == 20  # every second row
+    lost = uniform(pandas.date_range("2026-01-01", periods=20, freq="s").insert(20, pandas.NaT))
+    assert sysid.IOData.from_pandas(lost, "u", "y", Ts=1.0).N == 21
+
+
+@pytest.mark.parametrize(
+    "name", ["millis", "time/ms", "time.ms", "t [MS]", "t (h)", "time_days", "ticks", "Zeit [µs]", "t_nanoseconds"]
+)
+def test_an_index_whose_name_has_another_unit_is_refused(name):
+    with pytest.raises(sysid.InputError, match="convert it to seconds"):
+        sysid.IOData.from_pandas(uniform(10.0 * np.arange(20), name), "u", "y")
+
+
+@pytest.mark.parametrize("name", ["time", "atoms", "items", "t [s]", "h2", "Zeit in s", "sins"])
+def test_an_index_whose_name_only_ends_like_a_unit_is_in_seconds(name):
+    assert sysid.IOData.from_pandas(uniform(0.01 * np.arange(20), name), "u", "y").Ts == 0.01
+
+
+def test_stamps_since_1970_in_a_smaller_unit_are_refused():
+    for unit in (1e3, 1e6, 1e9):
+        with pytest.raises(sysid.InputError, match="no seconds since 1970; convert it to seconds"):
+            sysid.IOData.from_pandas(uniform((1_790_000_000 + 0.5 * np.arange(20)) * unit), "u", "y")
+    assert sysid.IOData.from_pandas(uniform(1_790_000_000 + 0.5 * np.arange(20)), "u", "y").Ts == 0.5
+
+
+@pytest.mark.parametrize("values", [
+    np.arange(20) + 1j, pandas.date_range("2026", periods=20), pandas.timedelta_range("1s", periods=20),
+], ids=["complex", "dates", "differences"])  # fmt: skip
+def test_a_signal_is_real_numbers(values):
+    for columns in ({"u": values, "y": np.arange(20.0)}, {"u": np.arange(20.0), "y": values}):
+        with pytest.raises(sysid.InputError, match="values that are not numbers"):
+            sysid.IOData.from_pandas(uniform(0.1 * np.arange(20), **columns), "u", "y")
+        dataset = xarray.Dataset({name: ("t", np.asarray(each)) for name, each in columns.items()})
+        with pytest.raises(sysid.InputError, match="values that are not numbers"):
+            sysid.IOData.from_xarray(dataset, "u", "y", Ts=0.1)
+
+
+def test_a_name_that_two_columns_have_names_none():
+    table = pandas.DataFrame(np.ones((9, 3)), columns=["u", "y", "y"])
+    deep = pandas.DataFrame(np.ones((9, 3)), columns=pandas.MultiIndex.from_tuples([("u", 1), ("y", 1), ("y", 2)]))
+    for each in (table, deep):
+        with pytest.raises(sysid.InputError, match="columns are named"):
+            sysid.IOData.from_pandas(each, "u", "y", Ts=0.1)
+
+
+def test_odd_tables_are_taken_or_refused_in_a_sentence():
+    table = uniform(0.1 * np.arange(20))
+    assert sysid.IOData.from_pandas(table, (name for name in ["u"]), (name for name in ["y"])).y_name == "y"
+    for units in (None, {"u": None}, {}):
+        table.attrs["units"] = units
+        assert sysid.IOData.from_pandas(table, "u", "y").u_unit == ""
+    table.attrs["units"] = ["V", "rad"]
+    with pytest.raises(sysid.InputError, match="give a dict"):
+        sysid.IOData.from_pandas(table, "u", "y")
+    for index in (pandas.DatetimeIndex([]), pandas.PeriodIndex([], freq="s"), []):
+        with pytest.raises(sysid.InputError, match="the table has no rows"):
+            sysid.IOData.from_pandas(uniform(index), "u", "y")
+    with pytest.raises(sysid.InputError, match="has no values"):
+        sysid.IOData.from_xarray(xarray.Dataset({"u": ("t", []), "y": ("t", [])}), "u", "y", Ts=1.0)
+    for labels in (list("abcdefghi"), [f"2026-01-01 00:00:0{k}" for k in range(9)]):
+        with pytest.raises(sysid.InputError, match=r"pandas\.to_datetime, or leave it out"):
+            sysid.IOData.from_pandas(uniform(labels), "u", "y", Ts=5.0)
+
+
+def test_records_of_swapped_channels_do_not_merge():
+    first = sysid.IOData(np.arange(9.0), np.ones(9), 0.1, u_name="volt", y_name="angle")
+    swapped = sysid.IOData(np.ones(9), np.arange(9.0), 0.1, u_name="angle", y_name="volt")
+    with pytest.raises(sysid.InputError, match="record 2 has 'angle' as input and 'volt' as output"):
+        sysid.IOData.merge(first, swapped)
+    other = sysid.IOData(np.arange(9.0), np.ones(9), 0.1, u_name="Spannung", y_name="Winkel")
+    assert sysid.IOData.merge(first, other).lengths == (9, 9)
+
+
+def test_an_object_that_is_no_array_for_a_reason_of_its_own_is_refused():
+    class Tensor:
+        def __array__(self, dtype=None, copy=None):
+            raise RuntimeError("detach it first")
+
+    with pytest.raises(sysid.InputError, match="values that are not real numbers"):
+        sysid.IOData(Tensor(), np.ones(9), 0.1)

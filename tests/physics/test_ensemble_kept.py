@@ -7,9 +7,11 @@ import signal
 import subprocess
 import sys
 
+import polars
 import pytest
 
 from sysid.base.errors import InputError
+from twin.ensemble.draws import Draws
 from twin.ensemble.ensemble import Ensemble
 from twin.experiment import Experiment
 
@@ -82,3 +84,32 @@ def test_a_second_run_is_told_of_the_first_and_what_is_finished_can_be_read(whol
         "part-00000.parquet",
         "part-00001.parquet",
     ]
+
+
+def test_a_part_of_another_ensemble_is_refused(whole, tmp_path):
+    other = Ensemble(whole.experiment, range(10, 14), None, tmp_path / "other", 2).run(1)
+    shutil.copy(other.folder / "part-00001.parquet", whole.folder)
+    for use in (whole.table, lambda: list(whole)):
+        with pytest.raises(InputError, match=r"part-00001.*rows of another ensemble\); delete this file and run"):
+            use()
+
+
+def test_a_part_with_other_draws_is_refused(finished, tmp_path):
+    spread = {"thigh.coulomb": 0.3}
+    own, other = (
+        Ensemble(finished.experiment, range(2), Draws(spread, seed=seed), tmp_path / f"{seed}", 1).run(1)
+        for seed in (1, 2)
+    )
+    assert own.table()["seed"].to_list() == [0, 1]
+    assert len(list(own)) == 2
+    shutil.copy(other.folder / "part-00001.parquet", own.folder)
+    with pytest.raises(InputError, match="rows of another ensemble"):
+        own.table()
+
+
+@pytest.mark.parametrize("column", ["seed", "redrawn", "angle_min_rad"])
+def test_text_among_the_numbers_of_a_part_is_refused(whole, column):
+    part = whole.folder / "part-00001.parquet"
+    polars.read_parquet(part).with_columns(polars.lit("a").alias(column)).write_parquet(part)
+    with pytest.raises(InputError, match="delete"):
+        whole.table()

@@ -104,6 +104,7 @@ class Desk:
         self, key: str, input: str | None, output: str | None, time: str | None, Ts: float | None
     ) -> Job:
         """Read a log again by these columns; raises InputError for columns that it lacks."""
+        self.session.log(key)  # raises InputError for a record that was removed meanwhile
         known = self.session.data[key].columns
         for column in (input, output, time):
             if column is not None and column not in known:
@@ -116,6 +117,7 @@ class Desk:
 
     def prepare(self, key: str, **fields: Any) -> None:
         """Set what is done to a record before a fit; raises InputError, and changes nothing, if it cannot be done."""
+        self._readable(key)
         before = self.session.data[key].prepare
         try:
             asked = Prepare.model_validate({**before.model_dump(), **fields})
@@ -131,7 +133,7 @@ class Desk:
         prepare = self.session.data[key].prepare
 
         def hear(job: Job, said: dict[str, Any]) -> None:
-            if "ready" in said and self.session.data[key].prepare == prepare:
+            if "ready" in said and key in self.session.data and self.session.data[key].prepare == prepare:
                 self.session.change_data(key, advice=tuple(Finding.model_validate(each) for each in said["ready"]))
 
         return self.jobs.submit("advice", self._request("advise", key), hear, key)

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from sysid.base.errors import InputError
 from sysid.base.leftovers import new_scratch
 from sysid.base.threads import available
 
@@ -76,7 +77,12 @@ class Jobs:
             `hear` receives its answers in a thread of their own: {"ready": ...} when its files are whole, and
         {"failed": reason} if it could not.
         """
-        out = Path(tempfile.mkdtemp(dir=self._scratch))
+        try:
+            out = Path(tempfile.mkdtemp(dir=self._scratch))
+        except OSError as error:
+            raise InputError(
+                f"the job cannot begin ({error.strerror or error}); free disk space, and try again"
+            ) from None
         job = Job(title, {**request, "out": str(out)}, out, hear, about)
         with self._lock:
             self.all.append(job)
@@ -112,18 +118,25 @@ class Jobs:
 
     def _begin_waiting(self) -> None:
         running = sum(job.state == RUNNING for job in self.all)
-        for job in self.all:
+        for job in list(self.all):
             if running >= self._most or self._closed:
                 break
             if job.state == WAITING:
                 self._begin(job)
-                running += 1
+                running += job.state == RUNNING
         self.version += 1
 
     def _begin(self, job: Job) -> None:
         job.state, job.said, job.began = RUNNING, "starting", time.monotonic()
-        job.process = _worker(job.out)
-        threading.Thread(target=self._follow, args=(job, job.process), daemon=True).start()
+        try:
+            job.process = _worker(job.out)
+            threading.Thread(target=self._follow, args=(job, job.process), daemon=True).start()
+        except (OSError, RuntimeError) as error:  # no file, process or thread can be had
+            _kill(job.process)
+            job.error = f"the job cannot begin ({getattr(error, 'strerror', '') or error}); end others, and try again"
+            self._told(job, {"failed": job.error})
+            self._end(job, FAILED, "done")
+            shutil.rmtree(job.out, ignore_errors=True)
 
     def _follow(self, job: Job, process: "subprocess.Popen[str]") -> None:
         """Hand on what a process says until it ends."""

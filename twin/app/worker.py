@@ -31,6 +31,11 @@ def _do(request: dict[str, Any], tell: Any, answers: TextIO) -> int:
     except InputError as error:
         name = str(request.get("data", {}).get("name", "the log"))
         tell(error=str(error).replace(str(request.get("log", "\0")), name))
+    except OSError as error:
+        tell(
+            error=f"a file of this job cannot be read or written ({error.strerror or error}); free disk space, and try "
+            "again"
+        )
     except MemoryError:
         tell(error="the memory of this machine is not enough for this; give a shorter range, or resample")
     answers.close()

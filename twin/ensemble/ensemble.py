@@ -201,15 +201,25 @@ class Ensemble:
         import polars
 
         signals = {*self._names(SIGNALS), "meta"}
-        found = list(self._parts().read([name for name in self._columns() if name not in signals]))
+        found = list(
+            self._parts().read(
+                [name for name in self._columns() if name not in signals], lambda number: self._begun(number)[0]
+            )
+        )
         if not found:
             raise InputError(f"{self.folder} has no finished part yet; call run() first")
-        return polars.concat(found)
+        try:
+            return polars.concat(found)
+        except polars.exceptions.PolarsError as error:
+            raise InputError(
+                f"{self.folder} has parts of other columns ({str(error).splitlines()[0]}); delete the part that was "
+                "changed and run the ensemble again"
+            ) from None
 
     def __iter__(self) -> Iterator[Log]:
         """Logs of the finished experiments in order, one part in memory at a time; see `table` for their numbers."""
         joint, names = self.experiment.joint, self._names(SIGNALS)
-        for part in self._parts().read([*names, "meta"]):
+        for part in self._parts().read([*names, "meta"], lambda number: self._begun(number)[0]):
             columns = [part[name].to_numpy() for name in names]
             for i, meta in enumerate(part["meta"]):
                 u, y, y_true = (np.column_stack([column[i] for column in columns[k::3]]) for k in range(3))
@@ -237,10 +247,14 @@ class Ensemble:
         models: dict[tuple[float, ...], mujoco.MjModel] = {}
         return [self._prepared(number, models) for number in numbers]
 
-    def _prepared(self, number: int, models: dict[tuple[float, ...], mujoco.MjModel]) -> _Case:
+    def _begun(self, number: int) -> tuple[dict[str, Any], Parameters]:
+        """The start of the row of experiment `number`: what it was made from; and its parameters."""
         parameters, redrawn = self._drawn(number)
         row: dict[str, Any] = {"number": number, "seed": self.seeds[number], "redrawn": redrawn}
-        row |= {} if self.draws is None else {name: parameters[name] for name in self.draws.names}
+        return row | ({} if self.draws is None else {name: parameters[name] for name in self.draws.names}), parameters
+
+    def _prepared(self, number: int, models: dict[tuple[float, ...], mujoco.MjModel]) -> _Case:
+        row, parameters = self._begun(number)
         try:
             experiment = replace(self.experiment, seed=self.seeds[number], parameters=parameters)
             key = tuple(parameters[name] for name in COMPILED)
