@@ -12,6 +12,7 @@ import numpy as np
 
 from sysid import excitations
 from sysid.base.checks import checked
+from sysid.base.checks import shown as in_words
 from sysid.base.errors import InputError, unknown
 from sysid.base.limits import STEPS
 from twin.hardware.drive import MODES
@@ -213,6 +214,8 @@ class Experiment:
     @checked(own=("shown",))  # NaN where MuJoCo gave up
     def record(self, run: Run, shown: np.ndarray) -> Log:
         """The log of a finished run from the board outputs (N, joints, COLUMNS)."""
+        if np.ndim(shown) != 3 or len(shown) != len(run.commands):
+            raise InputError(f"shown is {in_words(shown)}; give the outputs of this run, as `step` returns them")
         pot, clean = potentiometer(self.p, self.without), shown[:, :, slots.READING]
         read = [pot.read(column, rng) for column, rng in zip(clean.T, self._generators("noise"), strict=True)]
         u, y, y_true = run.commands, np.column_stack(read), clean

@@ -83,6 +83,8 @@ class Follower:
     ) -> np.ndarray:
         """The same readings (runs, steps) [rad] at every simulation step; `at` takes those at the log's samples."""
         runs = len(parameters)
+        if not runs:
+            raise InputError("no parameters are given; give those of one run or more")
         starts = np.full(runs, self.y[0]) if starts is None else np.asarray(starts, dtype=float)
         _check_each("starts", starts, runs, "parameters")
         commands = self._commands()

@@ -275,6 +275,8 @@ class Parameters:
         """The values of a leg without the imperfections `without`; these are ideal and may be outside bounds."""
         ideal: dict[str, float] = {}
         for name in without:
+            if name not in IMPERFECTIONS:
+                raise unknown("imperfection", name, IMPERFECTIONS)
             for row, value in IMPERFECTIONS[name].ideal.items():
                 ideal |= {row.replace("JOINT", joint): value for joint in JOINTS}
         return {**self.values, **ideal}

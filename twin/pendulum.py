@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 
-from sysid.base.checks import checked
+from sysid.base.checks import array, checked
 from sysid.base.errors import InputError, unknown
 from twin.imperfections import IMPERFECTIONS
 from twin.parameters import Parameters
@@ -52,7 +52,7 @@ class Pendulum:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            if not np.isfinite(value) or (value < 0.0 and name != "zero"):
+            if not -np.inf < value < np.inf or (value < 0.0 and name != "zero"):
                 raise InputError(f"{name} of the pendulum is {value}; give a number of at least 0")
         self.parameters()  # what the motor cannot be is said here
 
@@ -94,7 +94,9 @@ def respond(
     u (N,) [V] is held from sample to sample. The pendulums start at rest where the sensor reads `starts` (runs,) [rad].
     Rows of failed simulations are NaN. Raises InputError for a voltage above the supply.
     """
-    u = np.asarray(u, dtype=float).ravel()
+    u, starts = array("u", u).ravel(), array("starts", starts).ravel()
+    if not len(pendulums) or len(starts) != len(pendulums):
+        raise InputError(f"{len(starts)} starts are given for {len(pendulums)} pendulums; give one for each")
     largest = min(p.supply_voltage for p in pendulums)
     if np.abs(u).max() > largest:
         raise InputError(

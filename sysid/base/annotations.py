@@ -96,6 +96,9 @@ def _protocol(kind: type) -> bool:
     return bool(getattr(kind, "_is_protocol", False))
 
 
+_WHOLE = 2**53  # up to it every whole number is a float
+
+
 def is_number(value: Any) -> bool:
     """Whether it is one real number, and no yes or no."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
@@ -114,7 +117,8 @@ def _number(kind: type, span: Span) -> Kind:
         plain = int(value) if isinstance(value, Integral) else float(value)  # NumPy's small integers wrap around
         if not span.holds(plain):
             raise Wrong(value, span.allowed(plain, noun))
-        return plain
+        # NumPy knows no whole numbers beyond 64 bits.
+        return float(plain) if kind is float and abs(plain) > _WHOLE else plain
 
     return Kind(f"a {noun}", made)
 
@@ -158,7 +162,7 @@ def _path(value: Any) -> Any:
 
 def _flag(value: Any) -> Any:
     if isinstance(value, (bool, np.bool_)) or (isinstance(value, Integral) and value in (0, 1)):
-        return value
+        return bool(value)
     raise Wrong(value, "True or False")
 
 
@@ -243,7 +247,9 @@ def _several(inside: Kind, kind: Any) -> Kind:
         if isinstance(value, np.ndarray) and value.ndim == 0:
             raise Wrong(value, words)
         if not isinstance(value, (list, tuple, np.ndarray)):
-            return value if isinstance(value, Sequence) or kind is not tuple else made(tuple(value))
+            if isinstance(value, Sequence) or kind not in (tuple, list, Sequence):
+                return value
+            return made(tuple(value) if kind is tuple else list(value))  # a generator has no length
         found = [_inside(inside, each) for each in value]
         return tuple(found) if kind is tuple else value
 

@@ -5,6 +5,7 @@ for a number by its name in `sysid.base.limits`. An argument that a function jud
 named in `own`: it is looked at here only if the call ends in an error that is no sentence.
 """
 
+import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Container, Mapping
@@ -32,7 +33,8 @@ def checked(what: Any = None, *, own: tuple[str, ...] = (), late: bool = False) 
     """The function or the dataclass, which raises InputError for arguments that its annotations do not allow.
 
     Lists and tables of numbers are made arrays where the annotation is an array, and tuples where it is a tuple. With
-    `late` every argument is looked at only after an error, for a call that is made in every step of a search.
+    `late` every argument of a function is looked at only after an error, for a call that is made in every step of a
+    search; a class with `late` says its own sentence first, and then what its annotations do not allow.
     """
     if what is None:
         return lambda found: _wrapped(found, own, late)
@@ -67,15 +69,20 @@ def _guarded(function: Callable[..., Any], own: tuple[str, ...], late: bool, own
     @functools.wraps(function)
     def guarded(*args: Any, **kwargs: Any) -> Any:
         try:
-            if late:
+            if late and owner is None:
                 return function(*args, **kwargs)
             given = _bound(signature, args, kwargs)
             if given is None:
                 return function(*args, **kwargs)
-            look(given, early)
-            for name in own:  # NumPy's small integers wrap around
-                if isinstance(given.arguments.get(name), (np.integer, np.floating)):
-                    given.arguments[name] = given.arguments[name].item()
+            try:
+                look(given, early)
+            except InputError:
+                if late:
+                    function(*args, **kwargs)
+                raise
+            for name in own:
+                if is_number(given.arguments.get(name)):
+                    given.arguments[name] = _plain(given.arguments[name])
             _check_sizes(sizes, given.arguments)
             return function(*given.args, **given.kwargs)
         except InputError:
@@ -88,6 +95,30 @@ def _guarded(function: Callable[..., Any], own: tuple[str, ...], late: bool, own
             raise
 
     return guarded
+
+
+def check_fields(made: Any) -> None:
+    """Raises InputError for a field of a dataclass that its annotation does not allow; it may stay as it is given."""
+    whole: Any = type(made)
+    for name, kind in _kinds_of_fields(whole).items():
+        try:
+            kind.made(getattr(made, name))
+        except Wrong as wrong:
+            where = f"{name} of a {type(made).__name__} {'is' if wrong.whole else 'has'}"
+            raise InputError(f"{where} {shown(wrong.value)}; give {wrong.allowed}") from None
+
+
+@functools.cache
+def _kinds_of_fields(kind: Any) -> dict[str, Kind]:
+    known = namespace(kind.__init__, kind)
+    return {f.name: kind_of(f.type, f.name, known) for f in dataclasses.fields(kind) if f.init}
+
+
+def _plain(value: Any) -> int | float:
+    """A number as Python's own: NumPy's small integers wrap around, and a fraction cannot be formatted."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.item()
+    return value if isinstance(value, (int, float)) else float(value)
 
 
 def _check_sizes(sizes: Mapping[str, Span], given: Mapping[str, Any]) -> None:

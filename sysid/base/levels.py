@@ -20,7 +20,7 @@ def check(owner: str, positive: dict[str, float], finite: dict[str, float] | Non
             raise InputError(f"{name} of {owner} is {value!r}; give a number above 0")
         _check_size(owner, name, value)
     for name, value in (finite or {}).items():
-        if not _number(value) or not np.isfinite(value):
+        if not _number(value) or not -np.inf < value < np.inf:
             raise InputError(f"{name} of {owner} is {value!r}; give a finite number")
         _check_size(owner, name, value)
 

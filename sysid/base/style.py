@@ -61,6 +61,9 @@ def panels(
     given = list(axes) if isinstance(axes, Sequence | np.ndarray) else [axes]
     if len(given) != rows * columns:
         raise InputError(f"{len(given)} axes are given and there are {rows * columns} panels; give one for each")
+    for each in given:
+        if not hasattr(each, "get_figure"):
+            raise InputError(f"an entry of axes is a {type(each).__name__}; give Axes of matplotlib, or leave axes out")
     return given
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
+from sysid.base.limits import ORDER
 from sysid.data.record import IOData
 
 KINDS = {"low": "lowpass", "high": "highpass", "band": "bandpass", "stop": "bandstop"}
@@ -44,8 +45,8 @@ def butterworth(
             f"cutoff is {cutoff} Hz for a {kind} filter; give {wanted} frequency(ies) from {lowest:g} Hz to below "
             f"{half:g} Hz, half the sampling rate, in rising order"
         )
-    if not isinstance(order, (int, np.integer)) or order < 1:
-        raise InputError(f"order is {order}; give a whole number of at least 1")
+    if not 1 <= order <= ORDER:
+        raise InputError(f"order is {order}; give a whole number from 1 to {ORDER:,}")
     sos = butter(order, edges if wanted == 2 else edges[0], KINDS[kind], fs=1.0 / data.Ts, output="sos")
     parts = [(_run(sos, e.u, causal), _run(sos, e.y, causal)) for e in data.experiments]
     u, y = (np.concatenate([p[i] for p in parts]) for i in (0, 1))

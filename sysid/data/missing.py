@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.base.checks import checked
+from sysid.base.checks import checked, shown
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 
@@ -31,7 +31,10 @@ def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None
     x = np.array(values, dtype=float).ravel()
     lost = ~np.isfinite(x)
     if missing is not None:
-        mask = np.asarray(missing, dtype=bool).ravel()
+        mask = np.asarray(missing)
+        if mask.dtype.kind not in "biuf":
+            raise InputError(f"missing is {shown(missing)}; give True where a sample is missing, or False")
+        mask = mask.astype(bool).ravel()
         if mask.shape != x.shape:
             raise InputError(f"missing has {len(mask)} marks for {len(x)} samples; give one for each")
         lost |= mask

@@ -59,7 +59,7 @@ class Bla:
 def find_period(u: np.ndarray, tolerance: float = 1e-9) -> int:
     """The shortest period [samples] of u (N,), which must repeat at least once; raises InputError if there is none."""
     u = np.asarray(u, dtype=float).ravel()
-    limit = tolerance * float(np.ptp(u))
+    limit = tolerance * float(np.ptp(u)) if len(u) else 0.0
     for P in range(2, len(u) // 2 + 1):
         head = slice(0, min(len(u) - P, 16))
         if np.all(np.abs(u[P:][head] - u[head]) <= limit) and np.all(np.abs(u[P:] - u[:-P]) <= limit):

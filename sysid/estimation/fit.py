@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.criteria import criteria
 from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
@@ -33,6 +34,7 @@ _USUAL = 5  # starts of a chain for which there is no portfolio
 _PASSES = 4  # the standard deviation of the residuals converges within this many
 
 
+@checked(own=("start", "starts"))
 def fit_chain(
     model: Chain,
     data: IOData,

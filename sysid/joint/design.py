@@ -94,7 +94,7 @@ class Design:
         }
 
 
-@checked(late=True)
+@checked(own=("volts", "strike", "Ts"))
 def design(
     fit: Fit,
     data: IOData,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.annotations import is_number
-from sysid.base.checks import array, checked
+from sysid.base.checks import array, check_fields, checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Block, Slot, StaticBlock
 from sysid.blocks import TransferFunction
@@ -32,11 +32,13 @@ class Chain:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for block in self.blocks:
+            check_fields(block)
         roles = [b.role for b in self.blocks]
         if not self.blocks or len(set(roles)) != len(roles):
             raise InputError(f"the roles of the chain are {roles}; give at least one block, and each role once")
         for name in (self.structure, *roles):  # they stand in comments of exported code
-            if not isinstance(name, str) or not name.isprintable() or not name.strip() or "*" in name:
+            if not name.isprintable() or not name.strip() or "*" in name:
                 raise InputError(f"{name!r} names the chain or a block of it; give letters, digits or signs but *")
         object.__setattr__(self, "fixed", self._by_name())
         for name in (*self.fixed, *self.bounds):

@@ -241,7 +241,11 @@ def filters(nb: Order, nf: Order, nk: Order, nu: int, ny: int, role: str = "line
         return TransferFunction(nb, nf, nk, role=role)  # type: ignore[arg-type]
     tables = []
     for name, order in (("nb", nb), ("nf", nf), ("nk", nk)):
-        table = np.broadcast_to(np.asarray(order), (ny, nu)) if np.ndim(order) == 0 else np.asarray(order)
+        try:
+            table = np.asarray(order)
+        except ValueError:  # rows of several lengths
+            table = np.empty(0)
+        table = np.broadcast_to(table, (ny, nu)) if table.ndim == 0 else table
         if table.shape != (ny, nu) or table.dtype.kind not in "iu":
             raise InputError(f"{name} is {order!r}; give one integer or {ny} rows of {nu}, [output][input]")
         tables.append(table)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.errors import InputError
 from sysid.base.units import Quantity, percent, shown
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
@@ -56,4 +57,11 @@ def draw(ax: Axes, run: Run, n: int | None = None, colour: str = style.MODEL) ->
 
 def first(data: IOData, seconds: float | None) -> int:
     """Number of samples in the first `seconds` [s]: at least two; all if None."""
-    return data.N if seconds is None else min(data.N, max(2, round(seconds / data.Ts)))
+    return data.N if seconds is None or seconds >= data.N * data.Ts else max(2, round(seconds / data.Ts))
+
+
+def over(data: IOData, run: np.ndarray) -> np.ndarray:
+    """A free run in the shape of the output (N, ny); raises InputError for another number of samples."""
+    if np.size(run) != data.y.size:
+        raise InputError(f"run has {np.size(run)} values over an output of {data.y.size}; give one for each of them")
+    return np.reshape(run, data.y.shape)

@@ -13,7 +13,7 @@ from sysid.base.style import styled
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.plots._departure import frame_all
-from sysid.plots._runs import output
+from sysid.plots._runs import output, over
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +26,7 @@ def close_ups(data: IOData, run: np.ndarray, axes: Sequence[Axes] | None = None,
 
     `time` labels the axis.
     """
-    data, run = retrend(data), run + data.y_offset[0]
+    data, run = retrend(data), over(data, run)[:, 0] + data.y_offset[0]
     y, width, both = output(data), _peak_width(data.y[:, 0]), style.panels(axes, 1, 2, height=2.8)
     for ax, title, sign in ((both[0], "(a) upper peak", 1.0), (both[1], "(b) lower peak", -1.0)):
         centre = _first_peak(sign * data.y[:, 0])

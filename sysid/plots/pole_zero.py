@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.checks import checked
+from sysid.base.errors import InputError
 from sysid.base.style import styled
 from sysid.uncertainty.intervals import Root
 
@@ -41,6 +42,8 @@ def pole_zero(
     if zoom is None:
         _frame(ax, [*poles, *zeros, *_flat(references)])
     else:
+        if not 0 <= zoom < len(poles):
+            raise InputError(f"zoom is {zoom} and there are {len(poles)} poles; give the index of one, from 0")
         centre, size = _value(poles[zoom]), _ellipse(poles[zoom])[0]
         reach = 3.0 * size if 0.0 < size < 1.0 else 0.1
         ax.set(aspect="equal", xlim=_around(centre.real, reach), ylim=_around(centre.imag, reach))
@@ -93,7 +96,7 @@ def _draw(ax: Axes, poles: Roots, zeros: Roots, references: Mapping[str, np.ndar
         level = next(r.level for r in [*poles, *zeros] if isinstance(r, Root))
         ax.plot([], [], color=style.MODEL, lw=4, alpha=0.35, label=f"{100 * level:g} % region")
     for (name, values), mark in zip(references.items(), ("+", "^", "v"), strict=False):
-        _mark(ax, np.asarray(values), mark, style.INK, name)
+        _mark(ax, np.atleast_1d(values), mark, style.INK, name)
 
 
 def _mark(ax: Axes, z: np.ndarray, mark: str, colour: str, name: str) -> None:

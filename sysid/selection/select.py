@@ -39,7 +39,7 @@ _SCREENING, _LEADING, _CLIMBING = 0.45, 0.65, 0.8
 _ONE, _ONE_SCREENED = 0.1, 0.03  # of the budget, for one fit
 
 
-@checked(late=True)
+@checked(own=("seconds",))
 def select(
     data: IOData,
     space: Space | None = None,

@@ -103,6 +103,8 @@ def interval(info: Information, value: float, gradient: np.ndarray, level: float
 def band(info: Information, x: np.ndarray, value: np.ndarray, gradient: np.ndarray, level: float = 0.95) -> Band:
     """Pointwise band of a curve from its values (n,) and gradients (n, P); undetermined points have an infinite one."""
     std = info.std_of(_gradients(info, gradient))
+    if np.shape(value) != np.shape(std):
+        raise InputError(f"value has {np.size(value)} values and gradient {np.size(std)} rows; give one for each point")
     half = np.where(np.isfinite(std), info.quantile(level) * std, np.inf)
     return Band(x, value, std, value - half, value + half, level, info.note_of(gradient))
 

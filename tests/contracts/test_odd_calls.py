@@ -13,7 +13,10 @@ import twin
 from sysid import InputError
 from sysid.base.checks import checked, shown
 from sysid.base.limits import BY_NAME, Span
+from sysid.selection.space import Space
 from sysid.structures import hammerstein, output_error
+from sysid.uncertainty.information import information
+from twin.pendulum import Pendulum, respond
 
 
 def record(n: int = 200) -> sysid.IOData:
@@ -28,6 +31,8 @@ def record(n: int = 200) -> sysid.IOData:
 DATA = record()
 MODEL = output_error(1, 1, 1)
 N = DATA.N
+LOG = twin.Log(DATA.u[:, 0], DATA.y[:, 0], 0.1, joint="thigh")
+INFO = information(sysid.fit(MODEL, DATA, starts=1), DATA)
 
 
 class Refuses:
@@ -81,6 +86,59 @@ ODD = {
     "search of a slice": (lambda: sysid.solver.searches.search(slice(None)), "name is a slice; give a text"),
     "no log": (lambda: twin.compare.compare_log(1.0, 2.0, "thigh", "a"), "log is 1.0; give a Log"),
     "resampled text": (lambda: sysid.data.preprocess.resample("log.csv", 0.2), "data is 'log.csv'; give an IOData"),
+    "options of fit_from": (
+        lambda: sysid.fit_from(sysid.fit(MODEL, DATA, starts=1), MODEL, DATA, options=3),
+        "options is 3; give an Options or None",
+    ),
+    "seed of a search of structures": (lambda: sysid.select(DATA, seed="1"), "seed is '1'; give a whole number"),
+    "orders of nan": (lambda: Space(nb=np.nan), "nb is nan; give a tuple"),
+    "an empty space": (lambda: Space(nb=()), "the search space has no nb; name at least one"),
+    "a role that is no text": (
+        lambda: sysid.Chain((sysid.blocks.DeadZone(role=0.5),)),
+        "role of a DeadZone is 0.5; give a text",
+    ),
+    "an offset of 1e30": (
+        lambda: sysid.excitations.Aprbs(offset=10**30),
+        r"offset of an aprbs is 1e\+30; give a number up to 1e\+12",
+    ),
+    "a pendulum of 1e30": (lambda: Pendulum(0.1, -(10**30)), r"length of the pendulum is -1e\+30; give a number of"),
+    "starts of pendulums": (
+        lambda: respond([Pendulum(0.1, 0.1)], np.zeros(9), 0.02, [0.0, 1.0]),
+        "2 starts are given for 1 pendulums; give one for each",
+    ),
+    "a model that is none": (lambda: twin.compare.compare_model(LOG, "thigh", "fit", "a"), "fit is 'fit'; give a Fit"),
+    "an order of a filter": (
+        lambda: sysid.data.preprocess.butterworth(DATA, 1.0, order=10**9),
+        "order is 1000000000; give a whole number from 1 to 1,000",
+    ),
+    "missing dates": (
+        lambda: sysid.data.preprocess.fill(DATA.y, missing=np.arange(N).astype("datetime64[s]")),
+        "missing is an array .*; give True where a sample is missing",
+    ),
+    "a period of nothing": (lambda: sysid.diagnosis.bla.find_period(np.empty(0)), "does not repeat within 0 samples"),
+    "orders in rows of two lengths": (lambda: sysid.structures.wiener(nk=[[1, 2], [3]]), "give one integer or 1 rows"),
+    "a run of nothing": (lambda: sysid.plots.close_ups(DATA, []), "run has 0 values over an output of 200"),
+    "fits of nothing": (lambda: sysid.plots.fitted(DATA, DATA.y, []), r"fits has 0 values for 1 output\(s\)"),
+    "a pole that is not there": (
+        lambda: sysid.plots.pole_zero([0.5], zoom=10**9),
+        "zoom is 1000000000 and there are 1 poles; give the index of one",
+    ),
+    "axes that are none": (
+        lambda: sysid.plots.pole_zero([0.5], axes=[3]),
+        "an entry of axes is a int; give Axes of matplotlib",
+    ),
+    "an imperfection that is none": (
+        lambda: twin.Parameters().switched_off(["a"]),
+        "unknown imperfection 'a'; choose one of",
+    ),
+    "a side as an array": (
+        lambda: twin.Follower(LOG, "thigh", pot_side=np.ones(3)),
+        "pot_side is an array of shape .*; give a text",
+    ),
+    "a band of other points": (
+        lambda: sysid.uncertainty.intervals.band(INFO, DATA.t, np.ones(3), np.ones((N, len(INFO.theta)))),
+        "value has 3 values and gradient 200 rows; give one for each",
+    ),
     "Ts of years": (lambda: twin.truth("thigh", Ts=1e9), r"Ts is 1000000000.0 s; give at most 1000 s"),
     "Ts of 1e308": (lambda: twin.truth("thigh", Ts=1e308), "Ts is 1e[+]308; give a number up to 1e[+]12"),
 }

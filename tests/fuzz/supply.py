@@ -145,13 +145,13 @@ class Supply:
 def _compare(data: Any, fits: Any, labels: Any = None) -> Any:
     import sysid
 
-    return sysid.compare(data, *fits, labels=labels)
+    return sysid.compare(data, *(fits if isinstance(fits, (list, tuple)) else [fits]), labels=labels)
 
 
 def _merge(records: Any) -> Any:
     import sysid
 
-    return sysid.IOData.merge(*records)
+    return sysid.IOData.merge(*(records if isinstance(records, (list, tuple)) else [records]))
 
 
 LAG = "def step(s, x, p):\n    s.level += 0.1 * (p.gain * x - s.level)\n    return s.level\n"

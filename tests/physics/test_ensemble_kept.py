@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 
 import polars
 import pytest
@@ -94,6 +95,15 @@ def test_a_part_of_another_ensemble_is_refused(whole, tmp_path):
             use()
 
 
+@pytest.mark.parametrize("changed", [{"duration": 2.0}, {"without": ("friction",)}, {"options": {"amplitude": 6.0}}])
+def test_a_part_of_another_experiment_with_the_same_seeds_is_refused(whole, tmp_path, changed):
+    other = Ensemble(replace(whole.experiment, **changed), range(4), None, tmp_path / "other", 2).run(1)
+    shutil.copy(other.folder / "part-00001.parquet", whole.folder)
+    for use in (whole.table, lambda: list(whole)):
+        with pytest.raises(InputError, match=r"part-00001.*rows of another ensemble\); delete this file and run"):
+            use()
+
+
 def test_a_part_with_other_draws_is_refused(finished, tmp_path):
     spread = {"thigh.coulomb": 0.3}
     own, other = (
@@ -113,3 +123,15 @@ def test_text_among_the_numbers_of_a_part_is_refused(whole, column):
     polars.read_parquet(part).with_columns(polars.lit("a").alias(column)).write_parquet(part)
     with pytest.raises(InputError, match="delete"):
         whole.table()
+
+
+@pytest.mark.parametrize("meta", ["{", "[1]", None, "7"])
+@pytest.mark.parametrize("row", [0, 1])
+def test_a_damaged_header_in_a_part_is_refused(finished, tmp_path, meta, row):
+    ensemble = Ensemble(finished.experiment, range(3), None, tmp_path / "e", 3).run(1)
+    part = ensemble.folder / "part-00000.parquet"
+    found = polars.read_parquet(part)
+    texts = [meta if k == row else text for k, text in enumerate(found["meta"])]
+    found.with_columns(polars.Series("meta", texts, dtype=polars.String)).write_parquet(part)
+    with pytest.raises(InputError, match=rf"part-00000.parquet has a damaged meta in row {row}; delete this file"):
+        list(ensemble)

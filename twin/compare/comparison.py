@@ -12,6 +12,8 @@ from sysid.base.errors import InputError, unknown
 from sysid.base.json_values import plain
 from sysid.base.versions import versions
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
+from sysid.estimation.result import Fit
+from sysid.nlarx.result import NlarxFit
 from twin.compare.align import Alignment, align, parts, turn_back, turned
 from twin.compare.explain import Verdict, explain
 from twin.compare.joints import Pair, pairs
@@ -165,7 +167,7 @@ def compare(
 
 
 @checked
-def compare_model(log: Log, joint: str, fit: Any, label: str, tell: Tell = lambda what: None) -> Comparison:
+def compare_model(log: Log, joint: str, fit: Fit | NlarxFit, label: str, tell: Tell = lambda what: None) -> Comparison:
     """The log beside a model, which `sysid.load` read: its free run over the log, in the log's units.
 
     Raises InputError if the model has another sampling time, or is a model of other signals.

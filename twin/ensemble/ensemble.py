@@ -201,11 +201,7 @@ class Ensemble:
         import polars
 
         signals = {*self._names(SIGNALS), "meta"}
-        found = list(
-            self._parts().read(
-                [name for name in self._columns() if name not in signals], lambda number: self._begun(number)[0]
-            )
-        )
+        found = list(self._read([name for name in self._columns() if name not in signals]))
         if not found:
             raise InputError(f"{self.folder} has no finished part yet; call run() first")
         try:
@@ -219,13 +215,36 @@ class Ensemble:
     def __iter__(self) -> Iterator[Log]:
         """Logs of the finished experiments in order, one part in memory at a time; see `table` for their numbers."""
         joint, names = self.experiment.joint, self._names(SIGNALS)
-        for part in self._parts().read([*names, "meta"], lambda number: self._begun(number)[0]):
+        for part in self._read(["number", *names, "meta"]):
             columns = [part[name].to_numpy() for name in names]
-            for i, meta in enumerate(part["meta"]):
+            for i, (number, meta) in enumerate(zip(part["number"], part["meta"], strict=True)):
                 u, y, y_true = (np.column_stack([column[i] for column in columns[k::3]]) for k in range(3))
                 if joint in JOINTS:
                     u, y, y_true = u[:, 0], y[:, 0], y_true[:, 0]
-                yield Log(u, y, self.experiment.Ts, y_true, joint, json.loads(meta))
+                yield Log(u, y, self.experiment.Ts, y_true, joint, self._header(number, meta))
+
+    def _read(self, columns: list[str]) -> Iterator["polars.DataFrame"]:
+        return self._parts().read(columns, [*self._begun(0)[0], "trouble", "meta"], self._is_own)
+
+    def _is_own(self, row: dict[str, Any]) -> bool:
+        """Whether a row of a part is of this ensemble: its seed, its drawn values, and the experiment of its log."""
+        begun, parameters = self._begun(row["number"])
+        if any(row[name] != value for name, value in begun.items()):
+            return False
+        found = self._header(row["number"], row["meta"])
+        if row["trouble"]:  # its log has no header
+            return True
+        made = replace(self.experiment, seed=begun["seed"], parameters=parameters).meta()
+        described = json.loads(json.dumps(made, default=plain))
+        return all(found.get(name) == value for name, value in described.items() if name != "versions")
+
+    def _header(self, number: int, text: Any) -> dict[str, Any]:
+        """What a row says of its log."""
+        try:
+            return dict(json.loads(text))
+        except (TypeError, ValueError):
+            path = self._parts().path(number // self._parts().size)
+            raise InputError(f"{path} has a damaged meta in row {number}; delete this file and run again") from None
 
     def _names(self, names: Sequence[str]) -> list[str]:
         """Columns with these names, one set per driven joint if there are several."""

@@ -4,7 +4,7 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -111,15 +111,18 @@ class Parts:
             ) from None
 
     def read(
-        self, columns: list[str] | None = None, row: Callable[[int], Mapping[str, Any]] | None = None
+        self,
+        columns: list[str] | None = None,
+        seen: Sequence[str] = (),
+        own: Callable[[dict[str, Any]], bool] = lambda row: True,
     ) -> Iterator["polars.DataFrame"]:
-        """The parts that are written, in order, or some columns of them; `row` tells how the row of a number begins.
+        """The parts that are written, in order, or some columns of them.
 
         Raises InputError for a damaged one, for one of other rows than its name says, and for one whose first or last
-        row begins otherwise: a part of another ensemble.
+        row `own` denies, which gets the columns `seen` of it: a part of another ensemble.
         """
-        begins = {} if row is None else row(0)
-        wanted = None if columns is None else list(dict.fromkeys([NUMBER, *begins, *columns]))
+        looked = list(dict.fromkeys([NUMBER, *seen]))
+        wanted = None if columns is None else list(dict.fromkeys([*looked, *columns]))
 
         for k in range(len(self)):
             path = self.path(k)
@@ -129,7 +132,7 @@ class Parts:
                 found = read_parquet(path, wanted)
                 if found[NUMBER].to_list() != list(self.numbers(k)):
                     raise OSError("it has other rows than its name says")
-                if row is not None and any(_other(found, at, row) for at in (0, -1)):
+                if not all(own(found[looked].row(at, named=True)) for at in (0, -1)):
                     raise OSError("it has rows of another ensemble")
                 yield found if columns is None else found.select(columns)
             except (OSError, DamagedError) as error:
@@ -137,11 +140,6 @@ class Parts:
                 raise InputError(
                     f"{path} cannot be read ({said}); delete this file and run the ensemble again"
                 ) from None
-
-
-def _other(part: "polars.DataFrame", at: int, row: Callable[[int], Mapping[str, Any]]) -> bool:
-    own = dict(row(part[NUMBER][at]))
-    return part[list(own)].row(at, named=True) != own
 
 
 def _check_empty(folder: Path) -> None:
