@@ -2,9 +2,9 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -61,6 +61,11 @@ class Block(ABC):
 
     role: str = field(default="block", kw_only=True)
     centred: ClassVar[bool] = False  # whether a fit takes the means off its signals, see `sysid.model.shift`
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Its fields: compiled kernels are made anew where a copy or another process needs them."""
+        own = {f.name for f in fields(self)}
+        return {name: value for name, value in vars(self).items() if name in own}
 
     @abstractmethod
     def slots(self) -> tuple[Slot, ...]:
@@ -193,6 +198,13 @@ def no_width(block: Block, theta: np.ndarray) -> InputError:
 
 class StaticBlock(Block):
     """A memoryless map: subclasses give value, slope and own Jacobian; this class applies the chain rule."""
+
+    def straight(self, x: np.ndarray) -> np.ndarray:
+        """theta (p,) whose map is a straight line over the range of x (N,), as nearly as the map has one.
+
+        A `start` may bend inside that range, so that each parameter has an effect; this one need not.
+        """
+        return self.start(x)
 
     @abstractmethod
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,9 @@ def value(x, p):
     return x - min(max(x, p.lower), p.upper)
 
 
+NARROW = 1e-6  # half the width of a dead zone that is as good as none, of the largest value
+
+
 def middle(lo: float, hi: float) -> float:
     """Where a dead zone of an input from `lo` to `hi` is first looked for: zero, if that is well inside."""
     margin = 0.1 * (hi - lo)
@@ -39,6 +42,9 @@ class DeadZone(Map):
         """
         lo, hi = (float(q) for q in np.percentile(x, (2.0, 98.0)))
         return middle(lo, hi) + 0.05 * (hi - lo) * np.array([-1.0, 1.0])
+
+    def straight(self, x: np.ndarray) -> np.ndarray:
+        return NARROW * float(np.abs(x).max()) * np.array([-1.0, 1.0])
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         return Law(self, in_order(a[0], 2, bool(a[0] < 0.0))) if a[0] == b[0] else None

@@ -9,7 +9,7 @@ from sysid.block.block import Law, Slot, Symmetry
 from sysid.block.compiler.recursion import Map
 from sysid.block.units import in_order, joined
 from sysid.block.writing import Writer
-from sysid.blocks.dead_zone import middle
+from sysid.blocks.dead_zone import NARROW, middle
 
 
 def value(x, p):
@@ -53,6 +53,10 @@ class DeadZoneSaturation(Map):
         span = hi - lo if hi > lo else 1.0
         centre, dead, margin = middle(lo, hi), 0.02 * span, 0.05 * span
         return np.array([lo + margin, centre - dead, centre + dead, lo + span - margin, 1.0, 1.0])
+
+    def straight(self, x: np.ndarray) -> np.ndarray:
+        far = float(np.abs(x).max())
+        return np.array([-2.0 * far, -NARROW * far, NARROW * far, 2.0 * far, 1.0, 1.0])
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         turned = bool(a[0] < 0.0)

@@ -33,6 +33,10 @@ class Saturation(Map):
         margin = 0.05 * (hi - lo)
         return np.array([lo + margin, hi - margin])
 
+    def straight(self, x: np.ndarray) -> np.ndarray:
+        lo, hi = float(x.min()), float(x.max())
+        return np.array([lo - (hi - lo), hi + (hi - lo)])
+
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         return Law(self, in_order(a[0], 2, bool(a[0] < 0.0))) if a[0] == b[0] else None
 

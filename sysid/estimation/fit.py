@@ -22,11 +22,17 @@ from sysid.estimation.portfolio.points import applies
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.race import ENOUGH, SAME, Raced, Run, noise_of, portfolio, race, with_curvature_weight
 from sysid.estimation.result import Fit, check_channels
-from sysid.estimation.safeguard import guarded, less_smoothed, linear_start, worse_than_constant
+from sysid.estimation.safeguard import (
+    guarded,
+    less_smoothed,
+    linear_start,
+    not_above_linear,
+    worse_than_constant,
+)
 from sysid.estimation.starts import starts as make_starts
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance
-from sysid.solver.iterate import Options, Outcome
+from sysid.solver.iterate import Options, Outcome, until
 from sysid.solver.searches import search as make_search
 
 AUTO = "auto"
@@ -59,6 +65,7 @@ def fit_chain(
         raced = _raced(there, starts, seed, start)
         first = linear_start(there, raced, seed) if start is None else None
         raced = guarded(there, raced, first)
+        raced = not_above_linear(there, raced) if start is None else raced
         ended = less_smoothed(there, *_follow_noise(there, raced.problem, raced.outcome), first)
         cov, d = ended[0].uncertainty(ended[1].p)
         problem, outcome = normal.back(model, data, *ended)
@@ -109,7 +116,8 @@ def _raced(run: Run, starts: int | str, seed: int, start: "np.ndarray | Fit | No
         if found is not None:
             return found
     count = _USUAL if isinstance(starts, str) else starts
-    points = _own_starts(run.model, start) if start is not None else make_starts(run.model, run.data, count, seed)
+    with until(run.options.deadline):
+        points = _own_starts(run.model, start) if start is not None else make_starts(run.model, run.data, count, seed)
     problems = [run.problem(with_initial_states(run.model, theta, run.data)) for theta in points]
     problems = with_curvature_weight(run, problems)
     outcomes = race(run, problems)

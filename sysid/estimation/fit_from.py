@@ -9,6 +9,7 @@ from sysid.base.errors import InputError
 from sysid.block.block import StaticBlock
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
+from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.map_start import start_maps
 from sysid.estimation.result import Fit
 from sysid.estimation.start import within
@@ -20,39 +21,48 @@ def fit_from(fit: Fit, model: Chain, data: IOData, **options: Any) -> Fit:
     """Fit `model` to `data` from the blocks that it has in common with `fit`; `options` are those of `sysid.fit`.
 
     A block is common if its role and its parameters are: the linear model of an output-error fit starts a
-    Hammerstein-Wiener model of the same orders. Static maps that `fit` has not start as near a straight line as they
-    can, so the search starts at the loss of `fit`. Raises InputError for a block without a start, for other orders,
-    another sampling time and several channels, and the errors of `sysid.fit`.
+    Hammerstein-Wiener model of the same orders. Static maps that `fit` has not start near a straight line, and as near
+    one as they can; the better search is kept, so the loss is not above that of `fit`. Raises InputError for a block
+    without a start, for other orders, another sampling time and several channels, and the errors of `sysid.fit`.
     """
     for name in ("start", "starts"):
         if name in options:
             raise InputError(f"fit_from starts from the fit that it is given; leave {name} out, or use sysid.fit")
-    chain, theta = started(fit, model, data)
-    return fit_chain(chain, data, start=theta[None], **options).remember(data)
+    chain, thetas = started(fit, model, data)
+    return fit_chain(chain, data, start=thetas, **options).remember(data)
 
 
 def started(fit: Fit, model: Chain, data: IOData) -> tuple[Chain, np.ndarray]:
-    """The chain on the scale of the record, and its starting point theta (P,)."""
+    """The chain on the scale of the record, and its starting points theta (2, P): maps that bend, and straight ones."""
     if model.channels != (1, 1) or fit.model.channels != (1, 1):
         raise InputError("a fit of several inputs or outputs cannot start another model; use sysid.fit")
     if abs(data.Ts - fit.Ts) > 1e-6 * fit.Ts:
         raise InputError(f"the record is sampled every {data.Ts} s and the fit every {fit.Ts} s; resample it first")
     chain = model.scaled(data.u, data.y)
+    known = with_initial_states(fit.model, fit.theta, data)
+    return chain, np.array([_started(fit, known, chain, data, straight) for straight in (False, True)])
+
+
+def _started(fit: Fit, known: np.ndarray, chain: Chain, data: IOData, straight: bool) -> np.ndarray:
+    """theta (P,) of the first experiment; known (K, P) is the fit's, with the initial states of each experiment."""
     theta = np.zeros(len(chain.names))
     x, y = data.u[:, 0], data.y[:, 0]
     behind = False  # whether a block with memory lies before this one
     for block in chain.blocks:
-        known = fit.model.block(block.role)
+        other = fit.model.block(block.role)
         own = [slot.name for slot in block.slots()]
-        if known is not None and type(known) is type(block) and own == [slot.name for slot in known.slots()]:
-            theta[chain.index(block)] = fit.model.part(fit.theta, known)
+        if other is not None and type(other) is type(block) and own == [slot.name for slot in other.slots()]:
+            parts = [fit.model.part(row, other) for row in known]
         elif isinstance(block, StaticBlock):
-            start_maps(chain, theta, (block,), x, x + float(np.mean(y - x)) if behind else x)
+            start_maps(chain, theta, (block,), x, x + float(np.mean(y - x)) if behind else x, straight)
+            parts = [theta[chain.index(block)]] * len(known)
         else:
             raise InputError(
                 f"block {block.role!r} of the model is not in the fit with the same orders; give the model the orders "
                 "of the fit, or use sysid.fit"
             )
-        x = block.output(theta[chain.index(block)], x)
+        theta[chain.index(block)] = parts[0]
+        pieces = np.split(x, np.cumsum(data.lengths)[:-1])
+        x = np.concatenate([block.output(part, piece) for part, piece in zip(parts, pieces, strict=True)])
         behind = behind or not isinstance(block, StaticBlock)
-    return chain, within(chain, theta)
+    return within(chain, theta)

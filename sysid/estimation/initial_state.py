@@ -14,6 +14,7 @@ from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt
 
+_POOR = 0.25  # of the output's variance, left by a state from which a map behind the linear block may be flat
 _FIRST = 20  # samples that give a motor's initial position
 
 
@@ -42,13 +43,53 @@ def estimate_initial(
         candidates = [_on_map(chain, theta, data.y[:, 0])]
     elif chain.channels == (1, 1) and len(chain.dynamics) == 1:
         candidates.append(_steady(chain, theta, data.u[:, 0], data.y[:, 0]))
-    best, best_cost = theta, np.inf
+    best, cost = _searched(chain, candidates, data, theta, np.inf)
+    if cost > _POOR * float(np.sum((data.y - data.y.mean(axis=0)) ** 2)) and _maps_behind(chain):
+        best, _ = _searched(chain, [_behind_maps(chain, best, data.u[:, 0], data.y[:, 0])], data, best, cost)
+    return best
+
+
+def _searched(
+    chain: Chain, candidates: list[np.ndarray], data: IOData, best: np.ndarray, cost: float
+) -> tuple[np.ndarray, float]:
+    """The best of theta (P,) with that cost and of searches for the initial state from each candidate."""
     for candidate in candidates:
         problem = ChainProblem.initial_state(chain, candidate, data)
         out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=50))
-        if out.cost < best_cost:
-            best, best_cost = problem.thetas(out.p)[0], out.cost
-    return best
+        if out.cost < cost:
+            best, cost = problem.thetas(out.p)[0], out.cost
+    return best, cost
+
+
+def _maps_behind(chain: Chain) -> bool:
+    """Whether the chain is one transfer function of one channel with a map that can be flat behind it."""
+    one = chain.channels == (1, 1) and len(chain.dynamics) == 1 and chain.dynamics[0][1] in chain.blocks
+    return one and any(b.n_parameters for b in chain.blocks[chain.blocks.index(chain.linear) + 1 :])
+
+
+def _behind_maps(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """theta with the initial state of the linear block whose response is nearest to y as seen through the maps.
+
+    From another state a map may be flat, as a saturation beyond its limits: a search does not leave it.
+    """
+    linear, rest = chain.linear, _at_rest(chain, theta)
+    k = chain.blocks.index(linear)
+    w, part = chain.through(rest, u, 0, k), rest[chain.index(linear)]
+    J = np.empty((len(w), linear.n_parameters))
+    x = linear.propagate(part, w, J, 0)
+    states = J[:, linear.nb + linear.nf :]
+    reach = float(np.ptp(x)) + float(np.ptp(y)) + float(np.abs(y).max())
+    levels = np.linspace(x.min() - reach, x.max() + reach, 4001)
+    shown = chain.through(theta, levels, k + 1)
+    rising = np.diff(shown) if shown[-1] > shown[0] else -np.diff(shown)
+    if not states.shape[1] or not np.all(rising >= 0.0) or not np.all(np.isfinite(states)):
+        return rest
+    steep = np.concatenate([[True], rising > 0.0])  # of a flat part, its beginning
+    order = 1 if shown[-1] > shown[0] else -1
+    target = np.interp(y, shown[steep][::order], levels[steep][::order])
+    part[linear.nb + linear.nf :] = np.linalg.lstsq(states, target - x, rcond=1e-10)[0]
+    rest[chain.index(linear)] = part
+    return rest
 
 
 def with_initial_states(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:

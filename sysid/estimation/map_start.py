@@ -7,12 +7,17 @@ from sysid.block.block import StaticBlock
 from sysid.model.chain import Chain
 
 
-def start_maps(chain: Chain, theta: np.ndarray, blocks: tuple, x: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Start static maps from x to target, write them into theta and return their output."""
+def start_maps(
+    chain: Chain, theta: np.ndarray, blocks: tuple, x: np.ndarray, target: np.ndarray, straight: bool = False
+) -> np.ndarray:
+    """Start static maps from x to target, write them into theta and return their output.
+
+    `straight`: on a straight line, see `StaticBlock.straight`.
+    """
     for b in blocks:
         if not isinstance(b, StaticBlock):
             raise InputError(f"block {b.role!r} has no automatic start in this place; give fit() a start")
-        part = _shifted(b, b.start(x), x, target)
+        part = _shifted(b, b.straight(x) if straight else b.start(x), x, target)
         theta[chain.index(b)] = part
         x = b.output(part, x)
     return x

@@ -18,7 +18,7 @@ from sysid.estimation.portfolio.relay import movable, relaid
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.start import longest
 from sysid.model.chain import Chain
-from sysid.solver.iterate import Options, Outcome, iterate
+from sysid.solver.iterate import Options, Outcome, iterate, until
 from sysid.solver.searches import search as make_search
 
 # Every start gets a few iterations, then only the best go on: a start that is far behind by then seldom wins.
@@ -181,7 +181,8 @@ def _rounds(run: Run, seed: int, count: int | None) -> Raced | None:
     per_round = 6 if count is None else min(count, 6)
     for turn in range(_ROUNDS if count is None else -(-count // 6)):
         known = None if best is None else best.problem.thetas(best.outcome.p)[0]
-        found = points(run.model, longest(run.data), seed, turn, per_round, run.objective.curvature_weight, known)
+        with until(run.options.deadline):
+            found = points(run.model, longest(run.data), seed, turn, per_round, run.objective.curvature_weight, known)
         raced = _tried(run, found, best) if found else best
         if raced is None:
             continue

@@ -7,15 +7,21 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
+from sysid.estimation.linear_start import output_error_start
+from sysid.estimation.map_start import start_maps
+from sysid.estimation.portfolio.points import applies
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.race import SAME, Raced, Run
 from sysid.estimation.start import longest
 from sysid.estimation.starts import starts as make_starts
-from sysid.solver.iterate import Outcome
+from sysid.model.chain import Chain
+from sysid.solver.iterate import Outcome, iterate, until
+from sysid.solver.searches import LevenbergMarquardt
 
 _SHOWN = 20_000  # samples that give the linear start
 _QUICK = 5000  # samples whose linear start takes less than a second: also where the time is over
 _EASED, _EASE = 3, 0.1  # times that the weight of the kinks is made smaller, and the share that is left of it
+_BELOW = 0.999  # times a loss: what is a better linear model
 _CLEAR = 1.0 + 1e-6  # times the mean square of the output, above which a fit explains less than a constant
 
 
@@ -28,7 +34,8 @@ def linear_start(run: Run, raced: Raced, seed: int) -> ChainProblem | None:
     if not (raced.members or raced.problem.curvature_weight) or (run.late and part.N > _QUICK):
         return None
     try:
-        first = make_starts(run.model, part.select(0, min(part.N, _SHOWN)), 1, seed)[0]
+        with until(run.options.deadline):
+            first = make_starts(run.model, part.select(0, min(part.N, _SHOWN)), 1, seed)[0]
     except (InputError, np.linalg.LinAlgError):
         return None
     problem = run.problem(with_initial_states(run.model, first, run.data))
@@ -51,6 +58,61 @@ def guarded(run: Run, raced: Raced, first: ChainProblem | None) -> Raced:
     same = raced.outcome.cost <= SAME * outcome.cost  # one optimum, to which one start more has come
     agreed = raced.agreed + 1 if same else 1
     return replace(raced, problem=problem, outcome=outcome, members=members, costs=costs, agreed=agreed)
+
+
+def not_above_linear(run: Run, raced: Raced) -> Raced:
+    """The result, or that of a search from the best linear model of all experiments where that model is better.
+
+    Starts come from the longest experiment; a map that suits its range may be flat over the others.
+    """
+    chain, objective = run.model, run.objective
+    plain = objective.huber_threshold is None and not objective.ridge and not objective.weights
+    if len(run.data.lengths) == 1 or not plain or not applies(chain) or len(chain.dynamics) != 1 or run.late:
+        return raced
+    linear, rows = _linear_model(run, chain.part(raced.problem.thetas(raced.outcome.p)[0], chain.linear))
+    if not _squares(linear, rows, run.data) < _BELOW * _cost(raced.problem.plain, raced.outcome.p):
+        return raced
+    best = raced
+    for straight in (False, True):
+        thetas = _around_linear(chain, rows, run.data, straight)
+        problem = replace(run.problem(thetas), curvature_weight=raced.problem.curvature_weight)
+        outcome = run.iterate(problem, problem.start, run.options)
+        if _cost(problem.plain, outcome.p) < _cost(best.problem.plain, best.outcome.p):
+            best = replace(raced, problem=problem, outcome=outcome, agreed=1)
+    members = (*raced.members, "linear") if raced.members else ()
+    return replace(best, members=members, costs=(*raced.costs, best.outcome.cost))
+
+
+def _linear_model(run: Run, known: np.ndarray) -> tuple[Chain, np.ndarray]:
+    """The best linear model of all experiments, as a chain, and its theta (K, p); `known` (p,) is one start of two."""
+    chain, part = Chain((run.model.linear,)), longest(run.data)
+    found = output_error_start(run.model.linear, part.u[:, 0], part.y[:, 0])
+    there = replace(run, model=chain)
+    ends = []
+    for start in (found, known):
+        problem = there.problem(with_initial_states(chain, start, run.data))
+        outcome = iterate(problem, problem.start, LevenbergMarquardt(), run.options)
+        ends.append((outcome.cost, problem.thetas(outcome.p)))
+    return chain, min(ends, key=lambda end: end[0])[1]
+
+
+def _squares(chain: Chain, thetas: np.ndarray, data: IOData) -> float:
+    runs = [chain.outputs(theta, e.u) for theta, e in zip(thetas, data.experiments, strict=True)]
+    return float(np.sum((data.y - np.concatenate(runs))[data.observed] ** 2))
+
+
+def _around_linear(chain: Chain, rows: np.ndarray, data: IOData, straight: bool) -> np.ndarray:
+    """thetas (K, P) of the chain with this linear model (K, p) between maps near a straight line."""
+    linear, theta = chain.linear, np.zeros(len(chain.names))
+    k = chain.blocks.index(linear)
+    start_maps(chain, theta, chain.blocks[:k], data.u[:, 0], data.u[:, 0], straight)
+    thetas = np.tile(theta, (len(rows), 1))
+    thetas[:, chain.index(linear)] = rows
+    x = np.concatenate([chain.through(t, e.u[:, 0], 0, k + 1) for t, e in zip(thetas, data.experiments, strict=True)])
+    start_maps(chain, theta, chain.blocks[k + 1 :], x, x, straight)
+    for block in chain.blocks[k + 1 :]:
+        thetas[:, chain.index(block)] = theta[chain.index(block)]
+    return thetas
 
 
 def less_smoothed(

@@ -1,7 +1,9 @@
 """The loop of every search: linearise, compute a step, stop with a reason."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
@@ -65,6 +67,19 @@ class Options:
     def begun(self) -> "Options":
         """The options of a fit that begins now."""
         return replace(self, deadline=min(self.deadline, time.monotonic() + self.max_seconds))
+
+
+_UNTIL: ContextVar[float] = ContextVar("until", default=np.inf)
+
+
+@contextmanager
+def until(deadline: float) -> Iterator[None]:
+    """Searches inside end at `deadline` [s of time.monotonic()], whatever options they have: those of starts."""
+    before = _UNTIL.set(min(deadline, _UNTIL.get()))
+    try:
+        yield
+    finally:
+        _UNTIL.reset(before)
 
 
 SMALL = 1.0  # [%] of the loss; with N samples noise alone moves the loss by 100 sqrt(2 / N) %
@@ -325,6 +340,9 @@ def iterate(
     for iteration in range(options.max_iterations + 1):
         if cost <= problem.size * (100.0 * _EPS) ** 2:
             reason, converged = "the loss is zero to rounding", True
+            break
+        if time.monotonic() > _UNTIL.get():
+            reason = "the time of the fit is over"
             break
         with np.errstate(over="ignore", invalid="ignore"):  # see _LARGEST
             lin, moving = linearised(problem, p)

@@ -1,5 +1,9 @@
 """Every block: exact Jacobian, exact tangent, true symmetries, harmless start."""
 
+import copy
+import pickle
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from cases import BLOCKS
@@ -91,3 +95,41 @@ def test_variations_stay_admissible(name, seed):
     varied = block.vary(theta, np.random.default_rng(seed))
     assert varied.shape == theta.shape
     assert block.admissible(varied)
+
+
+@pytest.mark.parametrize("name", sorted(TABLE))
+def test_a_block_that_has_run_is_copied_and_sent_to_another_process(name):
+    block, theta = BLOCKS[name]
+    if not all(map(sendable, (getattr(block, f.name) for f in fields(block)))):
+        pytest.skip("its functions have no name that another process could look up")
+    X = inputs(block, theta, 1)
+    first = run(block, theta, X)
+    for other in (copy.deepcopy(block), pickle.loads(pickle.dumps(block))):
+        np.testing.assert_array_equal(run(other, theta, X), first)
+
+
+def sendable(value):
+    try:
+        pickle.dumps(value)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return False
+    return True
+
+
+@pytest.mark.parametrize("name", sorted(STATIC))
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_straight_map_is_a_line_over_the_range(name, seed):
+    """Some families have no line, and then straight is the start; those with one have it to 1e-5 of the range."""
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(-1, 1, 200) * 10.0 ** rng.uniform(-3, 3) + rng.uniform(-2, 2)
+    block = STATIC[name]()
+    theta = block.straight(x)
+    assert block.admissible(theta)
+    y = block.output(theta, x)
+    left = y - np.polyval(np.polyfit(x, y, 1), x)
+    bent = block.output(block.start(x), x)
+    worst = np.abs(bent - np.polyval(np.polyfit(x, bent, 1), x)).max()
+    assert np.abs(left).max() <= max(1e-5 * np.abs(x).max(), worst)
+    if name in ("saturation", "dead_zone", "dead_zone_saturation"):
+        assert np.abs(left).max() <= 1e-5 * np.abs(x).max()
+        assert np.abs(y - x).max() <= 1e-5 * np.abs(x).max()

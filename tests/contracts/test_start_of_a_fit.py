@@ -1,11 +1,15 @@
 """A fit may begin at another fit; what is no start is named in a short sentence."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
 import sysid
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
+from sysid.estimation.problem import ChainProblem
 from sysid.structures import output_error
 
 MODEL = output_error(1, 1, 1)
@@ -35,3 +39,49 @@ def test_what_is_no_start_is_said_shortly():
         sysid.fit(output_error(2, 2, 1), record(0), start=first)
     with pytest.raises(InputError, match=r"^start is of type str; give 3 numbers, several such rows, or a fit$"):
         sysid.fit(MODEL, record(0), start="there")
+
+
+def near_integrator(seed: int) -> IOData:
+    """A pole at 0.9995, cut in three experiments of other levels each."""
+    rng = np.random.default_rng(seed)
+    u, y = np.repeat(rng.choice([-1.0, 1.0], 60), 10), np.zeros(600)
+    for k in range(1, 600):
+        y[k] = 0.9995 * y[k - 1] + u[k - 1]
+    y += 0.05 * rng.standard_normal(600)
+    return IOData.merge(*[IOData(u[k : k + 200], y[k : k + 200], 0.1) for k in (400, 0, 200)])
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("output", ["saturation", "dead_zone_saturation"])
+def test_a_fit_of_several_experiments_is_not_worse_than_their_linear_model(seed, output):
+    """The map that suits the longest experiment is flat over the others; the linear model is exact."""
+    data = near_integrator(seed)
+    few = sysid.Options(max_iterations=30)
+    linear = sysid.fit(MODEL, data, options=few)
+    assert linear.criteria.mse == pytest.approx(0.05**2, rel=0.15)
+    model = sysid.structures.hammerstein_wiener(1, 1, 1, "unit_gain", output)
+    for found in (sysid.fit(model, data, options=few), sysid.fit_from(linear, model, data, options=few)):
+        assert found.criteria.mse < 1.0001 * linear.criteria.mse
+
+
+def test_a_start_gets_no_more_time_than_the_fit(monkeypatch):
+    """No step of a search is begun where the time is over: 37 s of a budget of 1 s were the starts' own searches."""
+    steps = []
+    linearise = ChainProblem.linearise
+    monkeypatch.setattr(ChainProblem, "linearise", lambda self, p: steps.append(1) or linearise(self, p))
+    model = sysid.structures.state_space(2, 3)
+    sysid.fit(model, record(0), options=sysid.Options(max_seconds=0.0))
+    late = len(steps)
+    steps.clear()
+    sysid.fit(model, record(0), options=sysid.Options(max_iterations=1))
+    assert late <= 10  # one of each start that is compared, and the covariance
+    assert len(steps) > 50
+
+
+def test_a_fit_is_copied_and_sent_to_another_process():
+    data = record(0)
+    first = sysid.fit(sysid.structures.hammerstein(1, 1, 1, "saturation"), data, starts=1)
+    run = first.simulate(data)
+    for other in (copy.copy(first), copy.deepcopy(first), pickle.loads(pickle.dumps(first))):
+        np.testing.assert_array_equal(other.simulate(data), run)
+        assert other.parameters == first.parameters

@@ -22,11 +22,11 @@ def linear(data):
 @pytest.mark.parametrize("maps", [{}, {"input": "saturation"}, {"output": "unit_gain"}, {"input": "polynomial"}])
 def test_the_search_starts_near_the_loss_of_the_linear_model_and_lowers_it(data, linear, maps):
     model = sysid.structures.hammerstein_wiener(nb=2, nf=2, nk=1, **maps)
-    chain, theta = started(linear, model, data)
-    run = chain.simulate(theta, data.u[:, 0])
-    offset = np.mean(data.y[:, 0] - run) if "output" in maps else 0.0  # a unit gain cannot hold the offset
-    first = np.mean((data.y[:, 0] - run - offset) ** 2)
-    assert first < 1.3 * linear.criteria.mse
+    chain, thetas = started(linear, model, data)
+    for theta, most in zip(thetas, (1.3, 1.0001), strict=True):  # maps that bend a little, and straight ones
+        run = chain.simulate(theta, data.u[:, 0])
+        offset = np.mean(data.y[:, 0] - run) if "output" in maps else 0.0  # a unit gain cannot hold the offset
+        assert np.mean((data.y[:, 0] - run - offset) ** 2) < most * linear.criteria.mse
     found = sysid.fit_from(linear, model, data, search="lm")
     assert found.record is data
     if "output" not in maps:
