@@ -63,7 +63,7 @@ class Held:
         return (f"the joint has grown without {', '.join(gone)}, so nothing is held there",) if gone else ()
 
     def apply(self, chain: Any, data: IOData, grown: bool = False) -> tuple[Any, np.ndarray | None]:
-        """The model with all this, and its starting points theta (K, P) if there is a saved fit.
+        """The model with all this, and its starting point theta (P,) if there is a saved fit.
 
         Of a `grown` structure a saved fit keeps the parts that it has.
 
