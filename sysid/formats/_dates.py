@@ -13,7 +13,7 @@ CHUNK = 1 << 17  # cells that are taken apart at a time
 WRITE = "write them as 2026-03-29T01:59:55.250 or as seconds, or give the sampling time with --ts"
 
 
-class _NotReadError(Exception):
+class _NotReadError(ValueError):
     """Why a column that looks like dates is not read."""
 
 
@@ -51,7 +51,7 @@ def _read(table: Table, j: int, first: str) -> tuple[np.ndarray, str, float | No
     form = next((form for form, pattern in FORMS.items() if re.match(pattern, first)), None)
     if form is None:
         raise _NotReadError(f"in a form that is not read; {WRITE}")
-    known, parts = _all_parts(table, j, form)
+    known, parts = all_parts(table, j, form)
     zoned = np.concatenate([each.zoned for each in parts])
     if zoned.any() and not zoned.all():
         row = table.rows[j][int(known[int(np.argmin(zoned == zoned[0]))])]
@@ -79,7 +79,7 @@ def _read(table: Table, j: int, first: str) -> tuple[np.ndarray, str, float | No
     return whole, said, float(parts[0].seconds[orders[0]][0] + nanos[0] / 1e9) if sure else np.nan
 
 
-def _all_parts(table: Table, j: int, form: str) -> tuple[np.ndarray, list[Cells]]:
+def all_parts(table: Table, j: int, form: str) -> tuple[np.ndarray, list[Cells]]:
     """The places (m,) of the cells that are not empty, and what these say."""
     import polars
 
