@@ -5,9 +5,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sysid.base.time_words import ANYWHERE
 from sysid.channels.looks import Look
-from sysid.channels.mapping import ChannelMap, Clock
-from sysid.channels.names import CLOCK, UNIT_OF_CLOCK
+from sysid.channels.mapping import Clock
+from sysid.channels.names import CLOCK
 from sysid.channels.units import convert, seconds
 from sysid.data.table import Table
 from sysid.formats import unit_in
@@ -116,7 +117,9 @@ def two_units(look: Look) -> str:
 
     mV beside V and ms beside s are a factor of 1000; V beside deg is a pot whose volts became an angle.
     """
-    words = sorted(UNIT_OF_CLOCK[word] for word in look.header.words if word in UNIT_OF_CLOCK)
+    if look.dated or look.timed:  # the type of the values settles it
+        return ""
+    words = sorted(ANYWHERE[word] for word in look.header.words if word in ANYWHERE)
     named = [unit_in(look.name), unit_in(look.header.base), look.header.unit, *(words if look.header.unit else ())]
     units = list(dict.fromkeys(text for text in named if text))
     found = [(text, each) for text in units if (each := convert(text)).known]
@@ -134,16 +137,12 @@ _WRITTEN = (
 )
 
 
-def written_unit(look: Look) -> str:
+def written_unit(name: str) -> str:
     """What stands where the name of a clock has its unit: the unit if it is one of time in other letters (MS, Min)."""
-    return _written(look.name)
-
-
-def _written(name: str) -> str:
     for form in _WRITTEN:
         match = form.fullmatch(name)
         if match and match[1].lower() not in RELATIVE and not match[1].isdigit():
-            spelled = (text for text in (match[1], match[1].lower()) if is_time(text))
+            spelled = (text for text in (match[1], match[1].lower(), match[1].rstrip(".")) if is_time(text))
             return next(spelled, match[1])
     return ""
 
@@ -152,19 +151,3 @@ def is_time(unit: str) -> bool:
     """Whether a text is a unit of time."""
     found = convert(unit)
     return found.known and found.is_time
-
-
-def with_header_units(table: Table, mapping: ChannelMap) -> tuple[ChannelMap, tuple[str, ...]]:
-    """The mapping with the unit that the header names where its clock leaves it out, and what it says otherwise."""
-    notes = []
-    clock = mapping.clock
-    unit = table.units.get(clock.column, "") or _written(clock.column)
-    if clock.column and is_time(unit) and convert(unit).factor != seconds(clock.unit):
-        if "unit" in clock.model_fields_set:
-            notes.append(
-                f"the clock {clock.column!r} is read in {clock.unit}, as the mapping says; its header names {unit}"
-            )
-        else:
-            mapping = mapping.model_copy(update={"clock": clock.model_copy(update={"unit": unit})})
-            notes.append(f"the clock {clock.column!r} is read in {unit}, as its header says")
-    return mapping, tuple(notes)

@@ -4,8 +4,9 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.channels.grid import LONG, Grid
+from sysid.channels.local_time import change_of_clocks
 from sysid.channels.mapping import ChannelMap
-from sysid.channels.stamps import Stamps, change_of_clocks
+from sysid.channels.stamps import Stamps
 from sysid.data.table import Table
 
 MOST_PIECES = 4  # that a message lists
@@ -39,7 +40,7 @@ def _gap_error(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid, ga
         table.names.index(mapping.clock.column),
         int(stamps.rows[k + 1]),
         f"found a step of {step:.4g} s where most are {grid.median:.4g} s{tolerance}"
-        f"{change_of_clocks(table, mapping.clock, step)}; {said}: "
+        f"{change_of_clocks(table, mapping.clock, step, grid.median)}; {said}: "
         f"{_pieces(mapping, stamps, grid)}, or set longest_gap and most_lost in [repair] of a mapping",
     )
 

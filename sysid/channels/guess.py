@@ -308,7 +308,7 @@ def _say_unit(role: str, look: Look, unit: str, why: list[str], remarks: dict[st
     found = convert(unit)
     entry = f"unit of [[{role}]] in a mapping"
     if unit == "":
-        text = written_unit(look)
+        text = written_unit(look.name)
         named = f"names {text!r}, which is no known unit" if text else "names no unit"
         why.append(f"column {look.name!r} {named}: its numbers stay as they are; set {entry} if you know it")
         remarks[f"{role}.unit"] = "not known: set it"

@@ -17,12 +17,14 @@ ALIKE = 0.9  # of the steps of an unnamed clock are within a tenth of the middle
 class Look:
     """A column of a table: `values` (n,) with nan for cells that are no numbers; `finite` are the others.
 
-    `dated` columns held dates or times of day, which were read as seconds.
+    `dated` columns held dates or times of day, which were read as seconds; `timed` ones are
+    times by their type in the file, in seconds whatever their name says.
     """
 
     header: Header
     values: np.ndarray
     dated: bool = False
+    timed: bool = False
 
     @property
     def name(self) -> str:
@@ -81,11 +83,17 @@ class Look:
         return len(x) > 0 and float(np.ptp(x)) < 0.67 * mean and bool(x.min() * x.max() > 0)
 
 
+def look_at(table: Table, name: str) -> Look:
+    """What one column looks like, whatever it holds."""
+    of, values = header(name, table.units.get(name, "")), soft_numbers(table, name)
+    return Look(of, values, name in table.dates, name in table.timed)
+
+
 def looks(table: Table) -> dict[str, Look]:
     """Every column that holds numbers, by name."""
     found = {}
     for name in table.names:
-        look = Look(header(name, table.units.get(name, "")), soft_numbers(table, name), name in table.dates)
+        look = look_at(table, name)
         if look.numeric:
             found[name] = look
     return found

@@ -25,7 +25,8 @@ def check_mapping(table: Table, mapping: ChannelMap) -> None:
                 )
     _check_columns(table, mapping)
     clock = mapping.clock
-    if clock.column in table.dates and (clock.wrap or seconds(clock.unit) != 1.0):
+    dated = clock.column in table.dates or clock.column in table.timed
+    if dated and (clock.wrap or seconds(clock.unit) != 1.0):
         raise InputError(
             f"{table.path}: column {brief(clock.column)!r} holds dates or times of day, which become seconds; leave "
             "unit and wrap of the clock out"

@@ -8,8 +8,6 @@ from sysid.channels.units import COUNTS
 
 CLOCK = {"t", "time", "timestamp", "timestamps", "stamp", "clock", "millis", "micros", "elapsed", "ms", "us", "ns"}
 CLOCK |= {"seconds", "sec", "secs", "msec", "usec", "zeit"}
-UNIT_OF_CLOCK = {"millis": "ms", "micros": "us", "ms": "ms", "us": "us", "ns": "ns", "msec": "ms", "usec": "us"}
-UNIT_OF_CLOCK |= {"seconds": "s", "sec": "s", "secs": "s", "days": "day"}
 COUNTERS = {"index", "idx", "sample", "samples", "k", "n", "i", "row", "seq", "sequence", "frame", "counter", "id"}
 INPUT = {
     "u",

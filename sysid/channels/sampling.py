@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.base.errors import InputError, printable
-from sysid.channels.contradictions import with_header_units
 from sysid.channels.cut import cut, kept
 from sysid.channels.gaps import check_gaps
 from sysid.channels.grid import LONG, Grid, find_grid
+from sysid.channels.left_out import with_header_units
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Range
 from sysid.channels.named import check_mapping, names_of
 from sysid.channels.rates import at, check_size

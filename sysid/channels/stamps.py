@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.channels.local_time import change_of_clocks, changed
 from sysid.channels.mapping import Clock, Repair
 from sysid.channels.units import seconds
 from sysid.data.table import Table
@@ -13,7 +14,6 @@ from sysid.data.table import Table
 MOST_REPEATED = 0.1  # share of stamps that repeat; more is a clock too coarse for its samples, not a fault
 NEAR = 5  # stamps on either side of one that repeats; fewer repeats than these are a fault of single rows
 CHUNK = 1 << 18  # numbers that are looked at together: copies of a long record would be what needs most memory
-HOUR = 3600.0  # [s]
 DIGITS = 9  # decimals of a stamp in the file's unit that are looked at
 
 
@@ -54,6 +54,8 @@ def read_stamps(table: Table, clock: Clock, repair: Repair, raw: np.ndarray) -> 
         backward = int((~keep).sum())
     if not keep.all():
         known, values = known[keep], values[keep]
+    if (found := changed(table, clock, values)) is not None:
+        raise table.error(table.names.index(clock.column), int(known[found[0]]), found[1])
     _check_back(table, clock, values, known, factor)
     fresh = np.ones(len(values), dtype=bool)
     np.greater(values[1:], values[:-1], out=fresh[1:])
@@ -162,20 +164,15 @@ def _check_back(table: Table, clock: Clock, values: np.ndarray, rows: np.ndarray
     now, before = (values[k] - values[0]) * factor, (values[k - 1] - values[0]) * factor
     if values[0] == 0 or abs(values[0]) * factor < 1e6:
         now, before = values[k] * factor, values[k - 1] * factor
-    why = change_of_clocks(table, clock, now - before)
+    steps = np.diff(values)
+    usual = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+    why = change_of_clocks(table, clock, now - before, usual * factor)
     raise table.error(
         table.names.index(clock.column),
         int(rows[k]),
         f"found {now:.9g} s after {before:.9g} s ({len(back)} such step(s)){why}; time must increase: remove the row, "
         'or set backward = "drop" in [repair] of a mapping, or wrap in [clock] if a counter starts again',
     )
-
-
-def change_of_clocks(table: Table, clock: Clock, step: float) -> str:
-    """What a step [s] of about an hour between dates may be; else nothing."""
-    if clock.column not in table.dates or abs(abs(step) - HOUR) > 0.01 * HOUR:
-        return ""
-    return ", about an hour, as a local clock makes at the change of clocks: write dates in UTC or with their offset"
 
 
 def _check_repeated(
@@ -207,4 +204,4 @@ def _is_rounded(values: np.ndarray, fresh: np.ndarray) -> bool:
     return bool(len(again) >= NEAR and coarse > 0.5 * len(some))
 
 
-__all__ = ["Stamps", "change_of_clocks", "increasing", "last_digit", "read_stamps", "unwrapped"]
+__all__ = ["Stamps", "increasing", "last_digit", "read_stamps", "unwrapped"]

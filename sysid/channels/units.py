@@ -10,6 +10,8 @@ from functools import cache, lru_cache
 from typing import Any
 
 from sysid.base.errors import InputError
+from sysid.base.time_words import UNSURE
+from sysid.base.time_words import WORDS as TIMES
 
 SI = ("s", "V", "rad", "rad/s", "A", "m", "m/s", "N", "N*m", "1")  # read as they are, without loading pint
 COUNTS = "counts"  # of a converter or an encoder: numbers without a unit until a calibration gives them one
@@ -49,26 +51,6 @@ WORDS = {  # spellings that are no units of the registry; looked up in small let
     "degree": "deg",
     "deg": "deg",
     "rad": "rad",
-    "s": "s",
-    "sec": "s",
-    "secs": "s",
-    "seconds": "s",
-    "ms": "ms",
-    "msec": "ms",
-    "msecs": "ms",
-    "millis": "ms",
-    "milliseconds": "ms",
-    "us": "us",
-    "usec": "us",
-    "usecs": "us",
-    "micros": "us",
-    "microseconds": "us",
-    "mins": "min",
-    "hrs": "hr",
-    "days": "day",
-    "nsec": "ns",
-    "nanos": "ns",
-    "nanoseconds": "ns",
     "rpm": "rpm",
     "rev/min": "rpm",
     "rps": "rev/s",
@@ -85,7 +67,7 @@ WORDS = {  # spellings that are no units of the registry; looked up in small let
     "tick": COUNTS,
     "-": "1",
     "": "",
-}
+} | {word: unit for word, unit in TIMES.items() if word not in UNSURE}
 _SIGNS = str.maketrans({"µ": "u", "μ": "u", "·": "*", "×": "*", "°": "deg", "º": "deg", "²": "^2", "⁻": "-", "¹": "1"})
 _DEGREES = re.compile(r"\b(?:Grad|[Gg]rados?|[Dd]egrés?)\b")  # a grad in small letters may be a gon
 _TERM = r"(?:[A-Za-z]+(?:\^?-?[1-9])?|1)"

@@ -25,7 +25,9 @@ class Table:
     `units` has the unit of a column as the file writes it, without the columns that name none. `meta` is what the
     writer said of the whole record. `notes` are sentences about what the reader repaired or left out, with counts.
     `comments` are the lines above a table of text, without their marks. `dates` says of a column of dates how it became
-    seconds; `undated` why one was not read: it stayed text.
+    seconds; `undated` why one was not read: it stayed text. `timed` are the columns whose type in the file is a time:
+    they are in seconds whatever their names say. `local` are columns of dates and times of day without an offset from
+    UTC, with the seconds since 1970 at which they are 0, nan for a time of day.
     """
 
     path: Path
@@ -40,6 +42,8 @@ class Table:
     comments: tuple[str, ...] = ()
     dates: Mapping[str, str] = field(default_factory=dict)
     undated: Mapping[str, str] = field(default_factory=dict)
+    timed: frozenset[str] = frozenset()
+    local: Mapping[str, float] = field(default_factory=dict)
 
     def numbers(self, name: str) -> np.ndarray:
         """Column `name` (n,) as float64; raises InputError that names the first cell that is not finite."""

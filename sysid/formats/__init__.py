@@ -17,6 +17,7 @@ from sysid.base.errors import InputError
 from sysid.base.files import ordinary, whole_file
 from sysid.data.table import Table
 from sysid.formats import _survived
+from sysid.formats._date_beside import with_days
 from sysid.formats._dates import dated
 from sysid.formats._units import unit_in
 from sysid.formats.delimited import Delimited
@@ -79,7 +80,8 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         if path.is_file() and path.stat().st_size == 0:
             raise InputError(f"{path} is empty; give a file with at least one column of input and one of output")
         table, header = _read(path, RobotLog if bag else TABLE[path.suffix.lower()])
-        return dated(replace(table, meta={**_meta(header), **table.meta}))
+        table = replace(table, meta={**_meta(header), **table.meta})
+        return with_days(table, dated(table))
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror or error}); check that it is a readable file"

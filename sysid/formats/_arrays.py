@@ -31,6 +31,8 @@ class Arrays:
         self.meta: dict[str, Any] = {}
         self.notes: list[str] = []
         self._dates: list[str] = []
+        self._timed: list[str] = []
+        self._local: dict[str, float] = {}
         self._left: list[str] = []
 
     def add(self, name: str, values: Any) -> None:
@@ -55,10 +57,17 @@ class Arrays:
         """Notes that `name` is no signal."""
         self._left.append(f"{name} ({what})")
 
-    def column(self, name: str, values: np.ndarray) -> None:
-        """Takes one signal (n,): numbers, booleans, dates or spans of time."""
+    def column(self, name: str, values: np.ndarray, local: bool | None = None) -> None:
+        """Takes one signal (n,): numbers, booleans, dates or spans of time.
+
+        `local` is whether times have no offset from UTC, by default whether they are dates: NumPy's name none.
+        """
         if name in self.columns:
             raise InputError(f"{self.path}: two columns are called {name!r}; rename one of them")
+        if values.dtype.kind in TIMES:
+            self._timed.append(name)
+            if local if local is not None else values.dtype.kind == "M":
+                self._local[name] = np.nan
         if values.dtype.kind == "M":
             self._dates.append(name)
             self.columns[name] = values
@@ -87,6 +96,8 @@ class Arrays:
             units=self._units(),
             meta=self.meta,
             notes=tuple(self.notes),
+            timed=frozenset(self._timed),
+            local=self._local,
         )
 
     def _units(self) -> dict[str, str]:
@@ -103,6 +114,8 @@ class Arrays:
         for name in self._dates:
             self.columns[name] = seconds(self.columns[name] - first)
             self.units[name] = "s"
+            if name in self._local:
+                self._local[name] = float((first - np.datetime64(0, "s")) / np.timedelta64(1, "s"))
         self.notes.append(f"read {', '.join(map(repr, self._dates))} as seconds since {first}")
         self.meta.setdefault("start", str(first))
 

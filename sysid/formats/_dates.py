@@ -13,7 +13,7 @@ CHUNK = 1 << 17  # cells that are taken apart at a time
 WRITE = "write them as 2026-03-29T01:59:55.250 or as seconds, or give the sampling time with --ts"
 
 
-class _NotReadError(Exception):
+class _NotReadError(ValueError):
     """Why a column that looks like dates is not read."""
 
 
@@ -23,7 +23,7 @@ def dated(table: Table) -> Table:
     `dates` says how a column was read; `undated` why one that looks like dates was not: it stays as it is.
     """
     columns, units = list(table.columns), dict(table.units)
-    dates, undated = {}, {}
+    dates, undated, local = {}, {}, dict(table.local)
     for j, name in enumerate(table.names):
         cells = table.columns[j]
         if not len(cells) or not isinstance(cells[0], str):
@@ -32,21 +32,26 @@ def dated(table: Table) -> Table:
         if not LIKE.fullmatch(first):
             continue
         try:
-            columns[j], dates[name] = _read(table, j, first)
+            columns[j], dates[name], begins = _read(table, j, first)
+            local |= {name: begins} if begins is not None else {}
             units[name] = "s"
         except _NotReadError as error:
             undated[name] = f"column {name!r} holds dates or times such as {first[:40]!r}, {error}"
     if not dates and not undated:
         return table
-    return replace(table, columns=tuple(columns), units=units, dates=dates, undated=undated)
+    return replace(table, columns=tuple(columns), units=units, dates=dates, undated=undated, local=local)
 
 
-def _read(table: Table, j: int, first: str) -> tuple[np.ndarray, str]:
-    """Seconds (n,) since the `first` cell that is not empty, nan for empty ones, and how they were read."""
+def _read(table: Table, j: int, first: str) -> tuple[np.ndarray, str, float | None]:
+    """Seconds (n,) since the `first` cell that is not empty, nan for empty ones, and how they were read.
+
+    Then the seconds since 1970 of that cell in local time: nan for a time of day, and for a date with two readings;
+    None for times in UTC, and for spans of time.
+    """
     form = next((form for form, pattern in FORMS.items() if re.match(pattern, first)), None)
     if form is None:
         raise _NotReadError(f"in a form that is not read; {WRITE}")
-    known, parts = _all_parts(table, j, form)
+    known, parts = all_parts(table, j, form)
     zoned = np.concatenate([each.zoned for each in parts])
     if zoned.any() and not zoned.all():
         row = table.rows[j][int(known[int(np.argmin(zoned == zoned[0]))])]
@@ -68,10 +73,13 @@ def _read(table: Table, j: int, first: str) -> tuple[np.ndarray, str]:
         values = t
     whole = np.full(len(table.columns[j]), np.nan)
     whole[known] = values
-    return whole, said
+    if zoned.any() or (form == "time" and max(each.longest for each in parts) >= 24):
+        return whole, said, None
+    sure = form != "time" and len(orders) == 1
+    return whole, said, float(parts[0].seconds[orders[0]][0] + nanos[0] / 1e9) if sure else np.nan
 
 
-def _all_parts(table: Table, j: int, form: str) -> tuple[np.ndarray, list[Cells]]:
+def all_parts(table: Table, j: int, form: str) -> tuple[np.ndarray, list[Cells]]:
     """The places (m,) of the cells that are not empty, and what these say."""
     import polars
 

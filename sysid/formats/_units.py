@@ -53,7 +53,7 @@ SHORT = (  # spelled with more than one letter, and hardly anything else behind 
 JOINED = {"radps": "rad/s", "degps": "deg/s", "mps": "m/s", "mmps": "mm/s", "mps2": "m/s^2", "radps2": "rad/s^2"}
 RATE = re.compile(r"(.*?[^\W_].*?)[_ ](deg|rad|m|mm|cm|km|rev)_(?:per_)?(s|s2|min|h)")
 LETTER = {  # a letter and the names behind which it is a unit
-    "s": r"t|time|times|timestamp|stamp|clock|elapsed|duration|delay|dt|ts|seconds?|uptime|t\d+",
+    "s": r"t|time|zeit|laufzeit|tiempo|times|timestamp|stamp|clock|elapsed|duration|delay|dt|ts|seconds?|uptime|t\d+",
     "A": r"i|current|curr?|amps?|iq|id|ia|ib|ic|i_?(?:motor|bus|bat)|amperage",
     "m": r"pos|position|height|length|stroke|distance|dist|travel|extension|displacement|depth|elevation|altitude",
     "N": r"f|force|thrust|tension|load|fx|fy|fz|weight",
@@ -62,7 +62,9 @@ LETTER = {  # a letter and the names behind which it is a unit
     "W": r"p|power",
     "V": r".+",
 }
-OF_TIME = re.compile(r"(?:.*[_ ])?(?:time|times|timestamp|elapsed|duration|uptime|clock)", re.IGNORECASE)
+OF_TIME = re.compile(
+    r"(?:.*[_ ])?(?:time|times|timestamp|elapsed|duration|uptime|clock|zeit|laufzeit|tiempo)", re.IGNORECASE
+)
 LONG_TIMES = ("min", "mins", "minutes", "h", "hr", "hrs", "hours")
 FORMS = (
     re.compile(r"(?P<stem>.+?)(?P<mark>\s*)\[\s*(?P<unit>[^][]+?)\s*\]"),

@@ -32,6 +32,8 @@ def write(file: int, found: Table | None, **said: Any) -> None:
             "units": dict(found.units),
             "meta": dict(found.meta),
             "notes": found.notes,
+            "timed": sorted(found.timed),
+            "local": dict(found.local),
         }
     text = json.dumps(said).encode()
     _all(file, text + len(text).to_bytes(_TAIL, "little"))
@@ -50,9 +52,17 @@ def read(file: int, path: Path) -> dict[str, Any]:
         table = said["table"]
         columns = tuple(np.frombuffer(held, kind, count, place) for kind, count, place in table["columns"])
         rows = tuple(range(1, len(values) + 1) for values in columns)
-        names, notes = tuple(table["names"]), tuple(table["notes"])
         said["table"] = Table(
-            path, names, columns, rows, place=table["place"], units=table["units"], meta=table["meta"], notes=notes
+            path,
+            tuple(table["names"]),
+            columns,
+            rows,
+            place=table["place"],
+            units=table["units"],
+            meta=table["meta"],
+            notes=tuple(table["notes"]),
+            timed=frozenset(table["timed"]),
+            local=table["local"],
         )
     return said
 

@@ -69,9 +69,10 @@ def _add(arrays: Arrays, name: str, column: "polars.Series") -> None:
         whole = kind.is_integer() and not column.null_count()
         arrays.column(name, column.to_numpy() if whole else column.cast(polars.Float64).to_numpy())
     elif kind in (polars.Date, polars.Datetime):
-        arrays.column(name, column.cast(polars.Datetime("ns")).to_numpy())
+        local = getattr(kind, "time_zone", None) is None
+        arrays.column(name, column.cast(polars.Datetime("ns")).to_numpy(), local)
     elif kind in (polars.Duration, polars.Time):
-        arrays.column(name, column.cast(polars.Duration("ns")).to_numpy())
+        arrays.column(name, column.cast(polars.Duration("ns")).to_numpy(), kind == polars.Time)
     elif isinstance(kind, polars.Struct):
         for field in kind.fields:
             _add(arrays, f"{name}.{field.name}", column.struct.field(field.name))

@@ -107,6 +107,16 @@ LOGS: dict[str, Log] = {
     "a date and a time in two columns": log(
         "Date,Time,u,y\n" + "".join(f"2024-05-06,12:00:0{row}\n" for row in ROWS.split())
     ),
+    "a date that jumps beside a time that goes on": log(
+        "Date,Time,u,y\n"
+        + "".join(f"2024-05-{6 + 2 * (k > 5):02d},12:00:0{row}\n" for k, row in enumerate(ROWS.split())),
+        refused("row 8", "1.728e+05 s", "--range"),
+    ),
+    "hours": log("Stunden,u,y\n" + counted(0, 0.1 / 3600, 12)),
+    "nanoseconds": log("nanoseconds,u,y\n" + counted(0, 1e8)),
+    "milliseconds since 1970 that are called seconds": log(
+        "time_s,u,y\n" + counted(1714996800000, 100), refused("count from 1970 in ms", "--time-unit")
+    ),
     "a date beside a finer clock": log(
         "timestamp,t_ms,u,y\n"
         + "".join(
