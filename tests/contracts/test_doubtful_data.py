@@ -145,7 +145,7 @@ CODES = ["9.9E+37", "-9.9E37", "9.91E37", "3.4028235E+38", "-3.40282E38", "1e20"
 def test_the_code_of_an_instrument_for_an_overflow_is_no_measurement(code, missing, path):
     cells = [code if k in (20, 41) else "" if k == 50 and missing == "mark" else y for k, y in enumerate(Y)]
     path.write_text(table("time_s,u,y", K / 100, U, cells))
-    with pytest.raises(InputError, match=r"row 22, column 'y': found .*e\+\d\d \(and 1 more like it\).*overflow.*empty"):
+    with pytest.raises(InputError, match=r"row 22, column 'y': found .*\(and 1 more like it\).*overflow.*empty"):
         sysid.read(path, missing=missing)
     path.write_text(table("time_s,u,y", K / 100, U, ["" if k in (20, 41) else y for k, y in enumerate(Y)]))
     data = sysid.read(path)  # what the sentence advises
