@@ -1,5 +1,6 @@
 """Files written whole or not at all, and files of lines that survive a kill."""
 
+import codecs
 import errno
 import os
 import stat
@@ -111,7 +112,9 @@ class Lines:
         """The complete lines; none if there is no file."""
         if not ordinary(self.path).exists():
             return []
-        return [line.decode("utf-8", "replace") for line in self._whole().split(b"\n")[:-1]]
+        return [
+            line.decode("utf-8", "replace") for line in self._whole().removeprefix(codecs.BOM_UTF8).split(b"\n")[:-1]
+        ]
 
     def append(self, line: str) -> None:
         """Appends one line. Raises OSError if it cannot be written."""

@@ -11,6 +11,7 @@ from sysid.channels.contradictions import is_time, written_unit
 from sysid.channels.looks import Look
 from sysid.channels.mapping import Clock
 from sysid.channels.names import ASIDE, CLOCK, COUNTERS, INPUT, NEVER, OUTPUT, REFERENCE
+from sysid.channels.same_time import apart, of_source
 from sysid.channels.units import convert
 
 OWN = "time_s"  # in the logs that this program writes
@@ -47,8 +48,11 @@ def guess_clock(columns: Mapping[str, Look]) -> ClockGuess:
             found.clock = Clock(column=look.name)
             return found
         look = chosen
-        others = ", ".join(repr(each.name) for each in named if each is not look)
-        found.why.append(f"column {look.name!r} is the clock; {others} shows the same time")
+        found.why += [
+            f"column {look.name!r} is the clock; {each.name!r} shows the same time{_apart(look, each)}"
+            for each in named
+            if each is not look
+        ]
     describe(look, found)
     return found
 
@@ -108,10 +112,15 @@ def _one_of(named: Sequence[Look]) -> Look | None:
         unit = unit_of_clock(look).unit
         if unit is None:
             return None
-        steps.append(look.step * convert(unit).factor)
-    if max(steps) > 1.01 * min(steps):
+        mean = (look.finite[-1] - look.finite[0]) / max(len(look.finite) - 1, 1)  # jitter moves the middle step
+        steps.append((look.step * convert(unit).factor, mean * convert(unit).factor))
+    if all(max(each) > 1.01 * min(each) for each in zip(*steps, strict=True)):
         return None
-    return max(named, key=lambda look: len(np.unique(look.finite)))
+    return of_source(max(named, key=lambda look: len(np.unique(look.finite))), named)
+
+
+def _apart(look: Look, other: Look) -> str:
+    return apart(look, other, *(convert(unit_of_clock(each).unit or "s").factor for each in (look, other)))
 
 
 def _by_numbers(columns: Mapping[str, Look], found: ClockGuess) -> None:

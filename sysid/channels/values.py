@@ -6,6 +6,7 @@ from sysid.base.errors import InputError
 from sysid.channels.complaints import brief, closest
 from sysid.channels.mapping import Channel
 from sysid.channels.units import COUNTS, Conversion, convert
+from sysid.data.overflow import overflowed
 from sysid.data.table import LARGEST, Table, Texts, is_number
 
 EMPTY = ("", "nan", "na", "n/a", "null", "none", "-", "--")
@@ -58,6 +59,7 @@ def channel_values(table: Table, channel: Channel, entry: str, fill: bool) -> tu
     value = sign (scale x + offset); x is the number, as a signed word, through the adc's line, times another column.
     """
     x = numbers(table, channel.column, f"{entry}.column", fill)
+    _check_measured(table, channel, x)
     if channel.signed:
         x = _signed(table, channel, x)
     unit = convert(channel.unit)
@@ -95,6 +97,20 @@ def _calibrated(table: Table, channel: Channel, entry: str, x: np.ndarray, fill:
 def is_calibrated(channel: Channel) -> bool:
     """Whether the mapping gives the channel's numbers another meaning than the file's."""
     return channel.adc is not None or bool(channel.times) or (channel.scale, channel.offset) != (1.0, 0.0)
+
+
+def _check_measured(table: Table, channel: Channel, x: np.ndarray) -> None:
+    """Raises InputError where the numbers (n,) have one that an instrument writes for none."""
+    bad = overflowed(x)
+    if bad.any():
+        k, count = int(np.argmax(bad)), int(bad.sum())
+        more = f" (and {count - 1} more like it)" if count > 1 else ""
+        raise table.error(
+            table.names.index(channel.column),
+            k,
+            f"found {x[k]:.6g}{more}, far outside the others, as instruments write for an overflow or for no value; "
+            "empty such cells, which are missing samples then, or remove the rows",
+        )
 
 
 def _signed(table: Table, channel: Channel, x: np.ndarray) -> np.ndarray:

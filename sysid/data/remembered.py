@@ -23,5 +23,8 @@ class Remembered:
         """`data`, or the record of the fit where that is None; raises InputError if there is none."""
         found = self.record if data is None else data
         if found is None:
-            raise InputError("this fit was read from a file and has no record; give one, for example fit.plot(data)")
+            raise InputError(
+                "this fit was read from a file and has no record; give one as data=, for example fit.plot(data) or "
+                "fit.report(path, data=data)"
+            )
         return found

@@ -90,8 +90,9 @@ def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -
     straight = white is not None and bend is not None and bend.p_value >= LEVEL
     odd = _odd(data, j, white)
     none = stands_for_none(data.y[:, j], odd)
-    if none is not None:
-        y = y[y != none]
+    if odd.any():  # an isolated spike, or a number that stands for none, is no end of the output's range
+        y = data.y[data.observed[:, j] & ~odd, j]
+        y = y if none is None else y[y != none]
     if not jumps:  # what wraps is near both ends of its turn, and rests at none
         yield _rest(name, y, noise, y_shown, white if straight else None)
     q = signals.step(y)

@@ -39,7 +39,7 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
     source = ordinary(path)
     made = shlex.join(["qpal", "identify", str(source)])
     try:
-        text = source.read_text(encoding="utf-8")
+        text = source.read_text(encoding="utf-8-sig")  # an editor of Windows may have saved it
         document = json.loads(text, parse_constant=_refused, object_pairs_hook=_once)
     except OSError as e:
         raise InputError(f"cannot read {source}: {e.strerror}; give the path of a saved fit") from None

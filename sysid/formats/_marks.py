@@ -16,6 +16,7 @@ NUMBER = {",": WITH_COMMA, ".": WITH_POINT}
 THOUSANDS = {",": r"^\s*[+-]?[1-9]\d{0,2},\d{3}\s*$", ".": r"^\s*[+-]?[1-9]\d{0,2}\.\d{3}\s*$"}
 SHORT = r"^\s*[+-]?\d{1,3}\s*$"
 HUNDREDS = r"^\s*[+-]?[1-9]\d\d\s*$"
+ZEROED = r"\.\d\d0\s*$"  # nobody who leaves out the mark of 0 keeps the zeros of 2.500
 LONG = r"^\s*[+-]?\d{4,}\s*$"  # nobody who parts thousands writes 1234
 
 Cell = tuple[int, str]  # row of the file and text
@@ -34,6 +35,7 @@ class Marks:
         self.parted: list[Cell | None] = [None] * width
         self.short: list[Cell | None] = [None] * width
         self.hundreds = [False] * width
+        self.zeroed = [False] * width
 
     def look(self, block: Part) -> None:
         """Takes the marked numbers of a block."""
@@ -44,6 +46,7 @@ class Marks:
                 continue
             parted = column.str.contains(THOUSANDS[self.decimal])
             self.clear[j] = bool((column.str.contains(NUMBER[self.decimal]) & ~parted).any())
+            self.zeroed[j] = self.zeroed[j] or bool((column.str.contains(ZEROED) & parted).any())
             if self.parted[j] is None and parted.any():
                 k = int(parted.arg_true()[0])
                 self.parted[j] = int(block.rows[k]), column[k]
@@ -61,7 +64,7 @@ class Marks:
                 self._look_for_whole(j, block)
         for j in found:
             mixed = self.short[j] is not None and not self.clear[j]
-            doubtful = self.hundreds[j] or (not sure and self.decimal == ",")
+            doubtful = self.hundreds[j] or self.zeroed[j] or (not sure and self.decimal == ",")
             if lone or (mixed and doubtful):
                 raise self._error(path, names[j], j)
 

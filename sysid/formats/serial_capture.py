@@ -25,6 +25,8 @@ PAIR = re.compile(rf"([A-Za-z]\w*) *[=:] *((?i:{NUMBER}))")
 STAMP = re.compile(r"\[?(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d\d(?:[.,]\d+)?\]?(?: ->)? +")  # a terminal program's own
 MOST_GARBLED = 0.1
 UNIFORM = 0.99  # part of the lines that print a column with the same decimals, so that the others lost some
+BANNER = 50  # lines of text that a board prints as it starts or stops
+FEW = 3  # lines of one other form at an end: the firmware or its sensors changed, no character was lost
 SHOWN = 20  # row numbers in a note
 
 
@@ -45,7 +47,7 @@ class SerialCapture:
     whose clock does not lie between those of the lines beside it, and those with a number that stands off and has a
     digit more or less than the ones beside it. What fits its neighbours cannot be seen to be wrong: a changed last
     digit, or a line that ends in the rest of the next. A line above the first numbers that has a word for each is the
-    names.
+    names. A record whose lines begin or end in another form is refused.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".log",)
@@ -53,7 +55,7 @@ class SerialCapture:
     headed: ClassVar[bool] = False
 
     def read(self, path: Path) -> Table:
-        """The samples in `path`; raises InputError if more than a tenth of the lines below the first sample is not."""
+        """The samples in `path`; raises InputError if more than a tenth of the lines is garbled."""
         texts = path.read_bytes().decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
         lines = [line for row, text in enumerate(texts, start=1) if (line := _line(row, text))]
         shapes = Counter(line.shape for line in lines)
@@ -62,8 +64,11 @@ class SerialCapture:
         shape = shapes.most_common(1)[0][0]
         samples = [line for line in lines if line.shape == shape]
         notes: list[str] = []
-        samples = self._without_garbled(path, texts, samples, notes)
-        names = _names(texts, samples[0], shape) or [str(j + 1) for j in range(len(samples[0].cells))]
+        named, names = _names(texts, samples[0], shape)
+        above, below = _ends(texts, samples, named)
+        _check_form(path, texts, lines, samples, (*above, *below))
+        samples = self._without_garbled(path, texts, samples, (above, below), notes)
+        names = names or [str(j + 1) for j in range(len(samples[0].cells))]
         samples, values = _without_misfits(samples, names, notes)
         rows = array("q", [line.row for line in samples])
         return Table(
@@ -78,26 +83,34 @@ class SerialCapture:
         """None: a microcontroller keeps no header."""
         return ""
 
-    def _without_garbled(self, path: Path, texts: list[str], samples: list[Line], notes: list[str]) -> list[Line]:
-        """The samples that are whole, as far as each line alone shows it."""
-        first = samples[0].row
+    def _without_garbled(
+        self, path: Path, texts: list[str], samples: list[Line], ends: tuple[list[int], list[int]], notes: list[str]
+    ) -> list[Line]:
+        """The samples that are whole, as far as each line alone shows it; `ends` are the rows outside them."""
+        first, last = samples[0].row, samples[-1].row
+        above, below = (_garbled(rows, texts, samples[0]) for rows in ends)
         if first > 1:
             notes.append(f"skipped what stands above the first sample, which is in row {first}")
-        if texts[-1] and samples[-1].row == len(texts) and len(samples) > 1:
-            notes.append(f"left out row {samples[-1].row}, the last, which has no line end and may be cut off")
-            samples = samples[:-1]
+        if texts[-1].strip() and len(samples) > 1:
+            notes.append(f"left out row {len(texts)}, the last, which has no line end and may be cut off")
+            samples = samples[:-1] if last == len(texts) else samples
+            below = [row for row in below if row < len(texts)]
         odd = _odd_decimals(samples)
         whole = [line for line in samples if line.row not in odd]
         kept = {line.row for line in whole}
-        garbled = [row for row in range(first, samples[-1].row + 1) if row not in kept and texts[row - 1].strip()]
+        between = [row for row in range(first, samples[-1].row + 1) if row not in kept and texts[row - 1].strip()]
+        garbled = [*above, *between, *below]
         total = len(garbled) + len(whole)
         if len(garbled) > MOST_GARBLED * total:
             raise InputError(
                 f"{path}, row {garbled[0]}: found {texts[garbled[0] - 1].strip()[:40]!r}, and {len(garbled)} of "
-                f"{total} lines are not like the majority, more than a tenth; check the baud rate and record it again"
+                f"{total} lines are not like the majority, more than a tenth; check the baud rate and record it again, "
+                "or keep the lines of one form alone"
             )
         if garbled:
             notes.append(f"left out {_counted(garbled, 'garbled line')}")
+        if said := [row for row in ends[1] if row not in below and row < len(texts)]:
+            notes.append(f"left out {_counted(said, 'line')} of text below the last sample")
         return whole
 
 
@@ -127,16 +140,62 @@ def _line(row: int, text: str) -> Line | None:
     return None
 
 
-def _names(texts: list[str], first: Line, shape: tuple[str, ...]) -> list[str] | None:
-    """The keys of the pairs, or the words of the last line above the first sample that has one for each number."""
-    if len(shape) != 2 or not shape[1].isdigit():
-        return list(shape)
-    for text in reversed(texts[: first.row - 1]):
+def _ends(texts: list[str], samples: Sequence[Line], named: int) -> tuple[list[int], list[int]]:
+    """Rows that are not blank: above the first sample and below row `named`, and below the last sample."""
+    above = [row for row in range(named + 1, samples[0].row) if texts[row - 1].strip()]
+    below = [row for row in range(samples[-1].row + 1, len(texts) + 1) if texts[row - 1].strip()]
+    return above, below
+
+
+def _check_form(
+    path: Path, texts: list[str], lines: Sequence[Line], samples: Sequence[Line], ends: Sequence[int]
+) -> None:
+    """Raises InputError for a record whose first or last lines are whole samples too, but of another form."""
+    outside = set(ends)
+    others = [line for line in lines if line.row in outside and len(line.cells) > 1]
+    for shape, count in Counter(line.shape for line in others).items():
+        if count >= FEW and len(samples[0].cells) > 1:
+            row = next(line.row for line in others if line.shape == shape)
+            raise InputError(
+                f"{path}, row {row}: found {texts[row - 1].strip()[:40]!r}, where row {samples[0].row} has "
+                f"{texts[samples[0].row - 1].strip()[:40]!r}, and {count} lines at this end of the file are like it: "
+                "the form of the samples changes within the file; save the lines of each form as a file of their own"
+            )
+
+
+def _garbled(rows: Sequence[int], texts: list[str], sample: Line) -> list[int]:
+    """Those of the rows outside the samples that are samples which lost something; all, if text is too long for words
+    of a board as it starts or stops."""
+    like = [row for row in rows if _like(_bare(texts[row - 1]), sample)]
+    return list(rows) if len(rows) - len(like) > BANNER else like
+
+
+def _like(text: str, sample: Line) -> bool:
+    """Whether a text begins as the sample does, and has as many cells: 120,5,--- or t:120 u:5 y:---."""
+    if not _is_plain(sample.shape):
+        return re.match(rf"{re.escape(sample.shape[0])} *[=:]", text) is not None
+    cells = text.split(sample.shape[0] or None)
+    return len(cells) == len(sample.cells) > 1 and re.fullmatch(NUMBER, cells[0].strip(), re.IGNORECASE) is not None
+
+
+def _is_plain(shape: tuple[str, ...]) -> bool:
+    return len(shape) == 2 and shape[1].isdigit()
+
+
+def _names(texts: list[str], first: Line, shape: tuple[str, ...]) -> tuple[int, list[str] | None]:
+    """The keys of the pairs, or the words of the last line above the first sample that has one for each number.
+
+    With the row of that line, 0 for none.
+    """
+    if not _is_plain(shape):
+        return 0, list(shape)
+    for row in range(first.row - 1, 0, -1):
+        text = texts[row - 1]
         words = [word.strip(" \t\"'#%") for word in _bare(text).lstrip("#% ").split(shape[0] or None)]
         if len(words) == len(first.cells) and len(set(words)) == len(words):
             named = all(re.match(r"[^\W\d]", word) and word.isprintable() for word in words)
-            return words if named else None
-    return None
+            return (row, words) if named else (0, None)
+    return 0, None
 
 
 def _odd_decimals(samples: Sequence[Line]) -> set[int]:

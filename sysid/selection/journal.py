@@ -90,6 +90,8 @@ class Journal:
         twice: set[str] = set()
         bad = {DAMAGED: 0, UNSEALED: 0}
         for line in found[1:]:
+            if line == found[0]:  # the head of a copy that was joined to it
+                continue
             row, trouble = opened(line, self._of)
             if trouble:
                 bad[trouble] += 1
@@ -136,7 +138,8 @@ def _told(path: Path, damaged: int, unsealed: int, twice: int) -> list[str]:
         said.append(f"{damaged} {rows} of the journal {path} changed since the search wrote them; {them} run again")
     if unsealed:
         rows, them = ("row", "its candidate is") if unsealed == 1 else ("rows", "their candidates are")
-        said.append(f"{unsealed} {rows} of the journal {path} have no check sum (an older version); {them} run again")
+        have = "has" if unsealed == 1 else "have"
+        said.append(f"{unsealed} {rows} of the journal {path} {have} no check sum (an older version); {them} run again")
     if twice:
         them = "a candidate, which is" if twice == 1 else f"{twice} candidates, which are"
         said.append(f"the journal {path} has two different results of {them} run again")

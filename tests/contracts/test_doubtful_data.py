@@ -135,3 +135,33 @@ def test_of_two_arrays_of_one_name_none_is_taken(path):
         file.writestr("u.npy", file.read("y.npy"))
     with pytest.raises(InputError, match="two of its arrays are called 'u'; save it again"):
         sysid.read(source, Ts=0.1)
+
+
+CODES = ["9.9E+37", "-9.9E37", "9.91E37", "3.4028235E+38", "-3.40282E38", "1e20", "-1E30", "9.96921e36"]
+
+
+@pytest.mark.parametrize("code", CODES)
+@pytest.mark.parametrize("missing", ["mark", "refuse"])
+def test_the_code_of_an_instrument_for_an_overflow_is_no_measurement(code, missing, path):
+    cells = [code if k in (20, 41) else "" if k == 50 and missing == "mark" else y for k, y in enumerate(Y)]
+    path.write_text(table("time_s,u,y", K / 100, U, cells))
+    with pytest.raises(InputError, match=r"row 22, column 'y': found .*\(and 1 more like it\).*overflow.*empty"):
+        sysid.read(path, missing=missing)
+    path.write_text(table("time_s,u,y", K / 100, U, ["" if k in (20, 41) else y for k, y in enumerate(Y)]))
+    data = sysid.read(path)  # what the sentence advises
+    assert np.flatnonzero(data.missing[:, 0]).tolist() == [20, 41]
+    assert data.y[data.observed[:, 0], 0].tolist() == np.delete(Y, [20, 41]).tolist()
+
+
+def test_an_output_that_overflows_at_zero_is_refused_too(path):
+    path.write_text(table("time_s,u,y", K / 100, U, np.where(K < 50, 0.0, 9.9e37)))
+    with pytest.raises(InputError, match=r"row 52, .*9 more like it"):
+        sysid.read(path)
+
+
+@pytest.mark.parametrize("scale", [1e15, 1e20, 9.9e37, 1e60])
+def test_a_record_in_an_odd_unit_holds_no_codes(scale, path):
+    path.write_text(table("time_s,u,y", K / 100, U * scale, np.round(np.sin(K), 3) * scale))
+    data = sysid.read(path)
+    np.testing.assert_allclose(data.u[:, 0], U * scale, rtol=1e-12)
+    np.testing.assert_allclose(data.y[:, 0], np.round(np.sin(K), 3) * scale, rtol=1e-12)

@@ -5,6 +5,7 @@ import pytest
 from few_rows import columns
 from often import often
 
+from sysid.base.errors import InputError
 from sysid.formats import read_table
 
 FORMS = {
@@ -36,6 +37,51 @@ def test_pairs_alone_called_txt_are_a_capture(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("t=1 adc=512\nt=2 adc=513\nt=3 adc=511\nt=4 adc=512\nt=5 adc=510\n")
     assert columns(read_table(path)) == {"t": [1, 2, 3, 4, 5], "adc": [512, 513, 511, 512, 510]}
+
+
+PAIRED = [f"ms:{10 * k} u:{k % 9} y:{500 + k % 7}" for k in range(200)]
+
+
+@pytest.mark.parametrize("suffix", [".log", ".txt"])
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("count", [1, 7, 20, 23, 60, 99])
+def test_lines_that_lost_their_sensor_at_an_end_of_the_file_count_as_everywhere(suffix, first, count, tmp_path):
+    lost = range(count) if first else range(200 - count, 200)
+    lines = [f"{line.rpartition(':')[0]}:---" if k in lost else line for k, line in enumerate(PAIRED)]
+    path = tmp_path / f"a{suffix}"
+    path.write_text("\n".join(lines) + "\n")
+    if count > 20:
+        with pytest.raises(InputError, match=rf"row {lost[0] + 1}: .* {count} of 200 lines .* more than a tenth"):
+            read_table(path)
+        return
+    table = read_table(path)
+    assert table.columns[0].tolist() == [10 * k for k in range(200) if k not in lost]
+    (note,) = (note for note in table.notes if "garbled" in note)
+    assert [int(row) for row in note.partition("(row")[2].strip("s )").split(",")] == [k + 1 for k in lost]
+
+
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("count", [3, 19, 80])
+def test_a_column_that_begins_or_ends_within_the_file_is_told_and_never_half_a_record(first, count, tmp_path):
+    lines = [f"{10 * k},{k % 9},{500 + k % 7}" for k in range(200)]
+    more = range(count) if first else range(200 - count, 200)
+    text = "ms,u,y\n" + "".join(f"{line},1\n" if k in more else f"{line}\n" for k, line in enumerate(lines))
+    for suffix, said in ((".log", "the form of the samples changes"), (".txt", "found 4 cells"), (".csv", "4 cells")):
+        path = tmp_path / f"a{suffix}"
+        path.write_text(text)
+        with pytest.raises(InputError, match=rf"row {more[0] + 2}\b.*{said}"):
+            read_table(path)
+
+
+def test_text_below_the_last_sample_is_told(tmp_path):
+    path = tmp_path / "a.log"
+    path.write_text("\n".join([*PAIRED, "halted", "", "bye"]) + "\n")
+    table = read_table(path)
+    assert len(table.columns[0]) == 200
+    assert "left out 2 lines (rows 201, 203) of text below the last sample" in table.notes
+    path.write_text("\n".join([*PAIRED, *["bye"] * 60]) + "\n")
+    with pytest.raises(InputError, match=r"row 201: .* 60 of 260 lines"):
+        read_table(path)
 
 
 @pytest.mark.parametrize("seed", often(6, 2))

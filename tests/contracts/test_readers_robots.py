@@ -9,6 +9,7 @@ from few_rows import columns
 
 from sysid.base.errors import InputError
 from sysid.formats import read_table
+from sysid.workflow.record import read_record
 
 START = 1_700_000_000_123_456_789  # [ns]
 
@@ -98,6 +99,33 @@ def test_mcap_in_json_is_kept_up_to_where_it_was_cut(tmp_path):
     assert 10 < count < 100
     assert table.numbers("motor.u_V").tolist() == [k / 4 for k in range(count)]
     assert any(f"kept the {count} messages" in note for note in table.notes)
+
+
+@pytest.mark.parametrize("late", [True, False])
+def test_the_even_stamp_of_the_source_is_the_clock_and_how_far_the_other_is_away_is_told(late, tmp_path):
+    writer = pytest.importorskip("mcap.writer")
+    jitter = np.random.default_rng(0).integers(0, 4_000_000, (2, 100))
+    received, stamped = np.arange(100) * 10_000_000 + (jitter if late else 0 * jitter)
+    stamped = np.arange(100) * 10_000_000 if late else stamped + jitter[1]
+    path = tmp_path / "a.mcap"
+    u, y = np.arange(100) // 7 % 5, np.sin(np.arange(100))
+    with path.open("wb") as file:
+        bag = writer.Writer(file)
+        bag.start()
+        motor = bag.register_channel("/motor", "json", bag.register_schema("m", "jsonschema", b"{}"))
+        for k in range(100):
+            content = {"stamp": (START + int(stamped[k])) / 1e9, "u": int(u[k]), "y": y[k]}
+            bag.add_message(motor, START + int(received[k]), json.dumps(content).encode(), 0)
+        bag.finish()
+    record = read_record(path)
+    assert record.time == ("motor.stamp" if late else "motor.time")
+    np.testing.assert_array_equal(record.data.u[:, 0], u)
+    np.testing.assert_array_equal(record.data.y[:, 0], y)
+    far = np.ptp((received if late else stamped) - np.arange(100) * 10_000_000) / 1e7
+    other = "motor.time" if late else "motor.stamp"
+    assert any(
+        f"'{other}' shows the same time, but" in note and f"({far:.0%} of a step)" in note for note in record.notes
+    )
 
 
 @pytest.mark.parametrize("suffix", [".mcap", ".bag", ".db3"])

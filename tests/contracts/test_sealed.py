@@ -99,6 +99,21 @@ def test_the_same_row_twice_is_no_trouble(searched, tmp_path):
     assert again == []
 
 
+def test_a_journal_joined_to_its_copy_has_no_row_of_an_older_version(tmp_path):
+    path = tmp_path / "journal.jsonl"
+    text = written(path)
+    path.write_bytes(text + text)
+    assert found(path) == (VALUES, ())
+
+
+def test_a_journal_saved_with_a_byte_order_mark_goes_on(tmp_path):
+    path = tmp_path / "journal.jsonl"
+    path.write_bytes(b"\xef\xbb\xbf" + written(path))
+    assert found(path) == (VALUES, ())
+    Journal(path, record(), ("settings",)).add(1, {"nb": 9}, VALUES[0])
+    assert found(path) == (VALUES, ())
+
+
 def test_a_journal_of_an_older_version_is_told_and_run_again(searched, tmp_path):
     def change(head, rows):
         plain = [{name: value for name, value in json.loads(row).items() if name != "check"} for row in rows]

@@ -121,6 +121,12 @@ def test_every_registered_block_is_among_them():
     assert {type(block) for block, _ in SAVED.values()} == set(TABLE.values()) - {TABLE["custom"]}
 
 
+def test_a_byte_order_mark_of_an_editor_is_no_damage(searched, tmp_path):
+    path = save(searched[0], tmp_path / "fit.json")
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    same(load(path), searched[0])
+
+
 def test_a_person_can_read_it(searched, tmp_path):
     """Parameters stand by name, a line each; no line is longer than a row of the covariance."""
     fit, _ = searched

@@ -109,6 +109,24 @@ LOGS: dict[str, Log] = {
     "a printed line lost a digit of the clock": log(printed(row12="109,40,525"), without(9), "a.log"),
     "a printed line with binary noise": log(printed(row12="10\ufffd90,,5").encode(), without(9), "a.log"),
     "two printed lines run together": log(printed(row12="1090,40,5251100,-40,527"), without(9), "a.log"),
+    "printed lines gain a number": log(
+        printed() + "".join(f"{1300 + 10 * k},0,512,1\r\n" for k in range(20)), refused("row 33", "form"), "a.log"
+    ),
+    "printed lines lose a number, called txt": log(
+        "ms,pwm,adc\n" + "".join(f"{700 + 10 * k},0,512,1\n" for k in range(20)) + "\n".join(PRINTED) + "\n",
+        refused("row 2", "4 cells"),
+        "a.txt",
+    ),
+    "the sensor of printed pairs comes off": log(
+        "".join(f"ms:{1000 + 10 * k} u:{k % 5} y:{k if k < 20 else '---'}\n" for k in range(30)),
+        refused("row 21", "tenth"),
+        "a.log",
+    ),
+    "words of a board around printed lines": log(
+        "".join(f"load:0x3fff{k:04x},len:{k}\r\n" for k in range(30)) + printed() + "halted\r\nPC: 0x40\r\nbye\r\n",
+        COUNTS,
+        "a.log",
+    ),
     "a message between printed lines": log(printed(row12="1090,40,525\r\nbrown-out detected"), COUNTS, "a.log"),
     "every fourth printed line is garbled": log(
         printed(**{f"row{k}": "?\x07,," for k in range(4, 32, 4)}), refused("tenth"), "a.log"

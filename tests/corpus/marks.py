@@ -120,6 +120,16 @@ LOGS: dict[str, Log] = {
         "t;u;y\n0,0;1.234;1\n0,1;1.234;2\n0,2;608;3\n0,3;608;2\n",
         Right((1234.0, 1234.0, 608.0, 608.0), (1.0, 2.0, 3.0, 2.0), or_refused=True),
     ),
+    "thousands points beside nothing but 0": log(
+        "t_ms;u;y\n" + "".join(f"{10 * k};{('2.500', '0', '1.500')[k // 3 % 3]};{k * k % 11}\n" for k in range(12)),
+        refused("row 2", "'2.500'", "thousands", "'0'"),
+    ),
+    "three digits behind the point, and 0": log(
+        "t_ms;u;y\n" + "".join(f"{10 * k};{('2.505', '0', '1.503')[k // 3 % 3]};{k * k % 11}\n" for k in range(12)),
+        Right(
+            tuple((2.505, 0.0, 1.503)[k // 3 % 3] for k in range(12)), tuple(float(k * k % 11) for k in range(12)), 0.01
+        ),
+    ),
     "thousands marks in the clock": log(
         "t [ms];u;y\n" + "".join(f"{900 + 100 * k:,};{u:g};{y:g}\n" for k, (u, y) in enumerate(zip(U, Y, strict=True))),
         SAFE,
