@@ -37,7 +37,7 @@ FLOORS = {
         ("imperfections",),
         ("parameters",),
         ("hardware", "log"),
-        ("parameter_file", "plant"),
+        ("parameter_file", "plant", "plausible"),
         ("experiment", "robot", "truth"),
         ("design", "ensemble", "follow", "fragment", "pendulum", "signatures", "view"),
         ("bench", "calibrate", "compare", "studies"),

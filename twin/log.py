@@ -141,12 +141,17 @@ def column_names(joint: str, mode: str, unit: str = "V") -> tuple[list[str], lis
 
 
 def _own_map(table: Table, meta: Mapping[str, Any]) -> ChannelMap | None:
-    """The mapping of a log that `save` wrote, by its columns; None for another one."""
+    """The mapping of a log that `save` wrote, by its columns; None for another one.
+
+    A header that names a joint is held to the columns of such a log. Without one, all of them have to be there: others
+    write time_s and voltage_V too, beside an angle in degrees.
+    """
     kinds = [(mode, unit) for mode, units in UNITS.items() for unit in units]
     for mode, unit in kinds:
         for joint in (LEG, str(meta.get("joint", ""))):
             names = column_names(joint, mode, unit)
-            if names[0][0] in table.names and TIME in table.names:
+            needed = {TIME, names[0][0]} if meta.get("joint") else {TIME, *names[0], *names[1]}
+            if needed <= set(table.names):
                 true = names[2] if set(names[2]) <= set(table.names) else []
                 groups = [(names[0], unit), (names[1], "rad"), (true, "rad")]
                 u, y, other = (tuple(Channel(column=name, unit=of) for name in group) for group, of in groups)
@@ -158,7 +163,11 @@ def _log(signals: Signals, meta: dict[str, Any], table: Table) -> Log:
     """The log of signals that have the units of the twin."""
     u_unit, mode = _check_channels(signals)
     joint = str(meta.get("joint", LEG if len(signals.output) == len(JOINTS) else ""))
-    own = set(column_names(joint, mode, u_unit)[0]) <= {signal.column for signal in signals.input}
+    names = column_names(joint, mode, u_unit)
+    own = all(
+        set(each) <= {signal.column for signal in group}
+        for each, group in zip(names, (signals.input, signals.output), strict=False)
+    )
     true = [signal for signal in signals.other if signal.column.startswith("angle_true")]
     lost = np.flatnonzero(np.any([signal.missing for signal in signals.output], axis=0))
     said: dict[str, Any] = dict(meta)

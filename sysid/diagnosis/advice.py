@@ -19,6 +19,7 @@ from sysid.diagnosis import signals
 from sysid.diagnosis.finding import LEVEL, Advice, aprbs, channel
 from sysid.diagnosis.jumps import NO_VALUE, stands_for_none, wraps
 from sysid.diagnosis.relation import between
+from sysid.diagnosis.still import constant, stuck
 from sysid.diagnosis.whitening import Whitened, free_run, nonlinearity, whiten
 
 LEAST = 40  # samples for each signal that the tests need
@@ -42,11 +43,16 @@ def advise(data: IOData) -> tuple[Advice, ...]:
         found = list(wrapped.values())  # first: they are in the way of all others
         found += [a for i in range(data.u.shape[1]) for a in _input(data, i)]
         for j in range(data.y.shape[1]):
+            if (still := constant(data, "y", j)) is not None:
+                found.append(still)
+                continue
+            if (still := stuck(data, j)) is not None:
+                found.insert(0, still)
             white = whiten(data, j)
             own = list(_output(data, j, white, jumps=j in wrapped))
             found += own
             if white is None:
-                found.append(_too_little(data, j))
+                found += [] if not np.ptp(data.u, axis=0).any() else [_too_little(data, j)]
             else:
                 stopped = any(a.topic == "rest" and a.severity != "fine" for a in own)
                 found += [_at_stops(a) if stopped else a for a in between(data, j, white)]
@@ -55,6 +61,9 @@ def advise(data: IOData) -> tuple[Advice, ...]:
 
 def _input(data: IOData, i: int) -> Iterator[Advice]:
     name, u = channel(data, "u", i), data.u[:, i]
+    if (still := constant(data, "u", i)) is not None:
+        yield still
+        return
     order = signals.persistence(u)
     if order >= ORDER:
         yield Advice("excitation", f"{name} is persistently exciting of order {order} or more", order, "", "fine")

@@ -35,7 +35,7 @@ class Advice:
 
         Where only Python does it, `action` ends in the call.
         """
-        how = self.call
+        how = f"in Python, {self.call}" if self.call else ""
         if self.command:
             verb, *more = self.command
             how = shlex.join(["qpal", verb, path, *options, *more])

@@ -70,7 +70,7 @@ def rounding(y: np.ndarray) -> float:
 def rising(u: np.ndarray, y: np.ndarray) -> float:
     """1 if y grows under a positive voltage u (N,), -1 if it falls."""
     speed, drive = np.diff(np.ravel(y)), np.ravel(u)[:-1]
-    return 1.0 if float(np.sum(speed * (drive - drive.mean()))) >= 0.0 else -1.0
+    return 1.0 if not len(drive) or float(np.sum(speed * (drive - drive.mean()))) >= 0.0 else -1.0
 
 
 def stop_test(
@@ -158,7 +158,9 @@ def _smooth(y: np.ndarray) -> np.ndarray:
 def _window(noise: float, steps: np.ndarray) -> int:
     """Samples to each side that tell a fifth of the usual speed from noise."""
     large = steps[steps > _SURE * np.sqrt(2.0) * noise]
-    usual = float(np.median(large)) if len(large) else float(np.quantile(steps, 0.9))
+    if not len(large):
+        large = np.quantile(steps, [0.9]) if len(steps) else np.zeros(1)
+    usual = float(np.median(large))
     for m in range(1, 25):
         if _SURE * noise * np.sqrt(2.0 / m) / m < 0.2 * usual:
             return m
@@ -166,7 +168,10 @@ def _window(noise: float, steps: np.ndarray) -> int:
 
 
 def _speed(a: np.ndarray, m: int) -> np.ndarray:
-    """Speed [y per sample] at the samples m to N - m: mean of the m next less that of the m last."""
+    """Speed [y per sample] at the samples m to N - m: mean of the m next less that of the m last; none in fewer than
+    2 m samples."""
+    if len(a) < 2 * m:
+        return np.zeros(0)
     mean = np.convolve(a, np.ones(m) / m, "valid")
     return (mean[m:] - mean[:-m]) / m
 
@@ -266,10 +271,12 @@ def starts_from_rest(data: IOData, noise: float, every: int = 1) -> list[Started
         u, y = (part[: n * every, 0].reshape(n, every) for part in (sign * record.u, record.y))
         y = y.mean(axis=1)
         m = max(_window(noise, np.abs(np.diff(y))), 2)
+        if n < 2 * m:  # no speed is seen in so few readings
+            continue
         speed = np.concatenate([np.zeros(m), _speed(y, m), np.zeros(m - 1)])
         still = np.abs(speed) < _SURE * noise * np.sqrt(2.0 / m) / m
         edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
-        ends = [*edges[2::2], len(y)]
+        ends = [*edges[2::2], len(y)][: len(edges) // 2]  # a record that never rests has none
         for first, last, following in zip(edges[::2], edges[1::2], ends, strict=True):
             if last - first >= _REST + m and last < len(y):
                 start = _start(u, y, noise, (int(first), int(last), int(following)), int(np.sign(speed[last])))

@@ -69,7 +69,20 @@ def sentences(result: Inspection) -> list[str]:
     if result.repairs:
         said.append(f"The mapping repairs this: it sets {' and '.join(result.repairs)} in [repair].")
     said += [f"Warning: {advice}." for advice in result.advice if advice.severity == "warning"]
-    return [*said, f"Next: {result.command}"]
+    return [*said, *_next(result)]
+
+
+def _next(result: Inspection) -> list[str]:
+    """The next command, and what has to be done before it; no command that is refused."""
+    if result.command:
+        edit = result.unclear and result.unwritten is None
+        first = f"fill in the lines of {result.options[-1]} that say CHOOSE, then: " if edit else ""
+        return [f"Next: {first}{result.command}"]
+    if not result.obstacle:  # the problem is told already, with what to do
+        return []
+    todo = [a.action for a in result.advice if a.topic == "data" and a.severity == "warning" and a.action]
+    said = [f"Nothing can be identified from this record as it is: {result.obstacle.rstrip('.')}."]
+    return [*said, f"Next: {todo[0]}"] if todo else said
 
 
 def column_grid(result: Inspection) -> Grid:

@@ -21,6 +21,9 @@ from sysid.data.table import Table
 from sysid.diagnosis.advice import Advice, advise
 from sysid.diagnosis.jumps import MAP
 from sysid.formats import TABLE, read_table
+from sysid.workflow.evaluation import check_parts
+from sysid.workflow.record import check_moving
+from sysid.workflow.records import Plan
 
 LONGEST = 20_000  # samples that the advice looks at
 
@@ -49,6 +52,7 @@ class Column:
 class Inspection:
     """A file and its record. `signals` is None if the file is not read so; `problem` then says why.
 
+    `obstacle` is why nothing can be identified from a record that is read, empty if something can.
     `why` are the reasons of the mapping, `unclear` what a person has to decide, `repairs` changes of the mapping that
     make a record of a file that is refused without them. `text` is the mapping as a file.
     """
@@ -69,12 +73,18 @@ class Inspection:
     advice: tuple[Advice, ...] = ()
     options: tuple[str, ...] = ()
     unwritten: tuple[str, ...] | None = None
+    obstacle: str = ""
 
     @property
     def command(self) -> str:
-        """The command that identifies this record, or writes the mapping that this needs; it has to be edited."""
+        """The command that identifies this record, or writes the mapping that this needs; it has to be edited.
+
+        Empty where no command helps: `problem` or `obstacle` then says what does.
+        """
         if self.unwritten is not None:
             return shlex.join(["qpal", "info", str(self.path), *self.unwritten, "--write-map", MAP])
+        if self.obstacle or (self.problem and not self.repairs):
+            return ""
         return shlex.join(["qpal", "identify", str(self.path), *self.options])
 
     def as_dict(self) -> dict[str, Any]:
@@ -93,7 +103,7 @@ class Inspection:
             "record": None if s is None else s.as_dict(),
             "sampling": None if s is None else sampling_facts(s),
             "advice": [vars(a) for a in self.advice],
-            "next": self.command,
+            "next": self.command or None,
             "versions": versions(),
         }
 
@@ -148,6 +158,7 @@ def inspect_file(
         tuple(a.of_file(str(table.path), options) for a in _advice(signals)),
         options,
         _options(given, range, None, needs_map=False) if not file and (repairs or unclear) else None,
+        _obstacle(signals),
     )
 
 
@@ -187,6 +198,19 @@ def _repaired(
         if signals is not None:
             return changed, signals, tuple(changes)
     return mapping, None, ()
+
+
+def _obstacle(signals: Signals | None) -> str:
+    """Why `qpal identify` refuses the record, by its own checks; empty if it does not."""
+    if signals is None or not (signals.input and signals.output):
+        return ""
+    try:
+        data = signals.io()
+        check_moving(signals, data)
+        check_parts(*Plan().parts(data))
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def _columns(table: Table, mapping: ChannelMap) -> tuple[Column, ...]:

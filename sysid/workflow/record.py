@@ -109,9 +109,7 @@ def read_record(
     path = table.path
     del table  # its clock is not needed any more, and a long record has no room for it
     data = signals.io()
-    for role, names, values in (("input", signals.input, data.u), ("output", signals.output, data.y)):
-        for k, signal in enumerate(names):
-            _check_moves(signals, role, signal.column, values[:, k])
+    check_moving(signals, data)
     inputs, outputs = (",".join(signal.column for signal in found) for found in (signals.input, signals.output))
     options = _options(given, mapping, range, signals)
     clock = signals.mapping.clock.column or None
@@ -172,6 +170,13 @@ def _options(given: Given, mapping: Mapping | None, range: Range, signals: Signa
         ends = ("" if end is None else f"{end:g}" for end in (range.start, range.stop))
         words += ["--range", ":".join(ends)]
     return tuple(words)
+
+
+def check_moving(signals: Signals, data: IOData) -> None:
+    """Raises InputError for a channel that has one value in all samples of its record `data`."""
+    for role, names, values in (("input", signals.input, data.u), ("output", signals.output, data.y)):
+        for k, signal in enumerate(names):
+            _check_moves(signals, role, signal.column, values[:, k])
 
 
 def _check_moves(signals: Signals, role: str, name: str, values: np.ndarray) -> None:

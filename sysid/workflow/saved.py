@@ -1,5 +1,6 @@
 """A saved model and a record to run it on: same channels, same units, same sampling time."""
 
+import shlex
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from sysid.channels.mapping import Range
 from sysid.data.preprocess import DETREND, detrend, resample
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
+from sysid.formats import TABLE
 from sysid.nlarx.dispatch import load
 from sysid.nlarx.result import NlarxFit
 from sysid.structures import TABLE as STRUCTURES
@@ -71,6 +73,18 @@ def load_models(paths: list[str]) -> list[Saved]:
     if len(set(names)) < len(names):
         names = [f"{name} ({k})" for k, name in enumerate(names, 1)]
     return [Saved(Path(path), load(path), name) for path, name in zip(paths, names, strict=True)]
+
+
+def check_order(verb: str, models: list[str], record: str) -> None:
+    """Raises InputError, with the command as it is meant, where a log stands among the models and a model last."""
+    given = [*models, record]
+    logs = [path for path in given if Path(path).suffix.lower() in TABLE and Path(path).suffix.lower() != ".json"]
+    others = [path for path in given if path not in logs]
+    if len(logs) == 1 and logs[0] != record and others and all(Path(path).suffix.lower() == ".json" for path in others):
+        raise InputError(
+            f"{logs[0]} is a log by its suffix, and the log stands last, after the models: "
+            f"{shlex.join(['qpal', verb, *others, logs[0]])}"
+        )
 
 
 @dataclass(frozen=True)

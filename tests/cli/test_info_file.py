@@ -29,7 +29,7 @@ def folder(tmp_path, monkeypatch):
     text = (tmp_path / "rig.csv").read_text().splitlines()
     text[20] = text[20].rpartition(",")[0] + ","
     (tmp_path / "empty.csv").write_text("\n".join(text) + "\n")
-    twin.Experiment("thigh", "aprbs", duration=4.0, Ts=0.02).run().save("log.csv")
+    twin.Experiment("thigh", "aprbs", duration=30.0, Ts=0.02).run().save("log.csv")
     return tmp_path
 
 
@@ -188,4 +188,5 @@ def test_a_mapping_that_is_not_there_is_written_first(tmp_path, monkeypatch, cap
     assert main(["info", "open.csv", "--input", "a", "--out", "first"]) == 1
     assert "Next: qpal info open.csv --input a --write-map MAP.toml" in capsys.readouterr().out
     assert main(["info", "open.csv", "--input", "a", "--write-map", "MAP.toml", "--out", "second"]) == 1
-    assert "Next: qpal identify open.csv --map MAP.toml" in capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Next: fill in the lines of MAP.toml that say CHOOSE, then: qpal identify open.csv --map MAP.toml" in said

@@ -201,3 +201,12 @@ def test_a_tilde_that_no_shell_has_replaced_makes_no_folder_of_that_name(out, tm
     (tmp_path / "~").mkdir()
     assert main(["info", "--out=~"]) == 0
     assert (tmp_path / "~" / "report.html").is_file()
+
+
+@pytest.mark.parametrize("root", [Path.cwd().anchor, "//", "/.."])
+def test_the_root_is_refused_before_the_work(root):
+    with (
+        pytest.raises(InputError, match=r"cannot write to .*the root.*give a new folder in it"),
+        run_folder(root, "info"),
+    ):
+        raise AssertionError("the work began")

@@ -333,6 +333,12 @@ def test_values_have_intervals_in_degrees_and_open_points_say_why(figures):
 
 def test_growth_tells_what_a_part_earned(figures):
     (bars,) = figures["growth"]["data"]
+    axis = figures["growth"]["layout"]["xaxis"]
+    lines = [shape["x0"] for shape in figures["growth"]["layout"]["shapes"]]
+    numbers = dict(zip(axis["ticktext"], axis["tickvals"], strict=True))
+    assert [numbers["0"], numbers["30"]] == lines  # each line stands at a number
+    assert axis["range"][0] < min(*bars["x"], 0.0)
+    assert max(*bars["x"], numbers["30"]) < axis["range"][1]
     assert bars["y"] == ["round 1: Stribeck", "round 1: play"]
     assert bars["x"][0] > 0 > bars["x"][1]
     assert "BIC falls by 250.0 to 100" in bars["hovertext"][0]

@@ -276,3 +276,15 @@ def test_what_drives_a_servo_against_its_stop_is_its_error():
         tests = stop_tests(fit, IOData(goal, y, TS))
         assert tests["end_low"].met
         assert tests["end_high"].met == met
+
+
+def test_records_in_which_no_rest_can_be_seen_have_no_starts():
+    data = IOData(SWEEP, moved(SWEEP, -1.0, 1.0), Ts=TS)
+    assert starts_from_rest(data, noise_level(data.y[:, 0]))
+    assert starts_from_rest(data, float("nan")) == []  # no speed is below such a noise: the joint never rests
+    for every in (data.N // 2, data.N - 1, data.N, data.N + 1, 9 * data.N):
+        assert starts_from_rest(data, NOISE, every) == []
+    # Always on the move: a line.
+    assert starts_from_rest(IOData(np.ones(200), np.arange(200.0), Ts=TS), NOISE) == []
+    for N in range(1, 12):
+        assert not stop_test(SWEEP[:N], data.y[:N, 0], TS, 1.0, NOISE).met

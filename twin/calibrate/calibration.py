@@ -19,6 +19,7 @@ from twin.calibrate.tellable import tell
 from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.log import Log
 from twin.parameters import JOINTS, Parameters
+from twin.plausible import check_plausible
 
 # Rows that no record of voltage and angle tells from friction; their spread is part of the intervals of the others.
 CONSIDERED = ("dead_band",)
@@ -48,7 +49,8 @@ def calibrate(
     `names` are the rows to free (those that records of voltage and angle usually tell, if None); rows in `fixed` are
     known and keep their values. What the logs cannot tell is fixed too, with a sentence in `fixed`. After `seconds` the
     search ends with the best so far, see `reason`; intervals and free runs take their time after that. Raises
-    InputError for unknown names, for seconds that are not positive, and if nothing is left to calibrate.
+    InputError for unknown names, for seconds that are not positive, for logs that cannot be of this joint, and if
+    nothing is left to calibrate.
     """
     say = progress or (lambda text: None)
     if joint not in JOINTS:
@@ -60,6 +62,8 @@ def calibrate(
     base = base or Parameters()
     rows, held = chosen(joint, names, fixed, without), [row_name(joint, name) for name in fixed]
     labels = labels or [f"log {k + 1}" for k in range(len(logs) + len(held_out))]
+    for log, label in zip((*logs, *held_out), labels, strict=False):
+        check_plausible(log, joint, base, label)
     settings = (tuple(without), pot_side, realisation, threads or available())
     time = Options(max_seconds=seconds).begun()
     with one_blas_thread():

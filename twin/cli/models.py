@@ -42,8 +42,9 @@ def models(
     from sysid.report import models as report
     from sysid.report.page import write
     from sysid.workflow.models import run_models
-    from sysid.workflow.saved import Reading
+    from sysid.workflow.saved import Reading, check_order
 
+    check_order("models", paths, file)
     window = options.time_range(range)
     reading = Reading(file, input, output, ts, time, time_unit, map, window, detrend, resample)
     with run_folder(out, "models") as (folder, scratch), console.progress(2) as step:

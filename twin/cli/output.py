@@ -125,6 +125,8 @@ def _scratch(folder: Path, reserve: Callable[[], tuple[Path, Path]], claimed: bo
 
 def _nothing_beside(folder: Path) -> str:
     """Why no scratch folder beside an existing folder could become its content; empty if it can."""
+    if folder.parent == folder:
+        return "is the root, which has nothing beside it"
     if not os.access(folder.parent, os.W_OK | os.X_OK):
         return "cannot be written to"
     if folder.stat().st_dev != folder.parent.stat().st_dev:  # it is where a disk is mounted

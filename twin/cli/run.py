@@ -43,8 +43,9 @@ def run(
     from sysid.report import model_run as report
     from sysid.report.page import write
     from sysid.workflow.model_run import run_file, write_outputs
-    from sysid.workflow.saved import Reading
+    from sysid.workflow.saved import Reading, check_order
 
+    check_order("run", [model], file)
     window = options.time_range(range)
     reading = Reading(file, input, output, ts, time, time_unit, map, window, detrend, resample)
     with run_folder(out, "run") as (folder, scratch), console.progress(3) as step:

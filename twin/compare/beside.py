@@ -9,6 +9,7 @@ from twin.compare.trials import Trials
 from twin.follow import Follower
 from twin.log import Log
 from twin.parameters import Parameters
+from twin.plausible import check_plausible
 
 
 @dataclass(frozen=True)
@@ -23,9 +24,11 @@ class Beside:
 
 
 def beside(log: Log, joint: str, parameters: Parameters | None = None, pot_side: str = "link") -> Beside:
-    """The twin under the input of the log; raises InputError for a joint that the log does not have."""
-    follower = Follower(log, joint, pot_side=pot_side)
-    trials, search = Trials(follower, parameters or Parameters()), Search("", ())
+    """The twin under the input of the log; raises InputError for a joint that the log does not have, and for
+    numbers that cannot be of it."""
+    follower, p = Follower(log, joint, pot_side=pot_side), parameters or Parameters()
+    check_plausible(log, joint, p)
+    trials, search = Trials(follower, p), Search("", ())
     refine(trials, search, follower.y, rounds=2)
     (row,) = trials.rows([search.state])
     return Beside(joint, log.t, follower.u, follower.y, row)

@@ -26,6 +26,7 @@ from twin.compare.trials import Trials
 from twin.follow import Follower
 from twin.log import Log
 from twin.parameters import JOINTS, Parameters
+from twin.plausible import check_plausible
 
 TWIN, MODEL, LOG = "twin", "model", "log"
 _LAGS = 25
@@ -126,7 +127,8 @@ def compare(
     `apply` names the parts of the alignment that the comparison uses (`twin.compare.align.PARTS`). Alignment and
     verdict are found on the first `seconds` [s] of the record. `values`: whether the actuated joint is fitted to both
     (the slowest part). `seed` draws the noise of the twin's own log for this. Raises InputError for a joint or a part
-    that does not exist, and for a log that is too short.
+    that does not exist, and for a log that is too short or whose numbers
+    cannot be of that joint.
     """
     asked, p = parts(apply), parameters or Parameters()
     if joint not in JOINTS:
@@ -143,6 +145,7 @@ def compare(
             f"the input of the log is in {log.u_unit} and the twin takes volts; scale it to volts of the potentiometer "
             "in the mapping: qpal info FILE --write-map FILE.toml"
         )
+    check_plausible(log, joint, p)
     tell("signs")
     which = turned(_first(log, seconds), joint, p, **options)
     right = Trials(Follower(_first(turn_back(log, joint, which), seconds), joint, **options), p)

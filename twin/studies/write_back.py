@@ -191,7 +191,7 @@ def _check_mjcf(source: Source, name: str) -> None:
         )
     if isinstance(fit, NlarxFit):
         raise InputError("a nonlinear ARX model has no motor, so it has no MJCF; fit an actuated_joint")
-    if any(offset is not None and offset.any() for offset in (fit.u_offset, fit.y_offset)):
+    if is_joint(fit.model) and any(offset is not None and offset.any() for offset in (fit.u_offset, fit.y_offset)):
         raise InputError(
             "this joint was fitted to a record without its means, and MJCF counts from zero volts and the sensor's "
             "zero; fit it with --detrend none"

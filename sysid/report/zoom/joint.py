@@ -100,8 +100,12 @@ def growth(found: Growth) -> Figure:
     marker = {"color": colours, "line": {"color": style.MODEL, "width": 1.2}, "pattern": hatch}
     look = {"marker": marker, "name": "parts", "showlegend": False}
     layout["yaxis"] = parts.side("") | {"type": "category", "autorange": "reversed"}
-    ticks = [sign * 10.0**k for k in range(1, 8) for sign in (-1.0, 1.0)]
-    shown_ticks = [0.0, *(t for t in ticks if min(lengths) - 1 <= _squeezed(t) <= max([*lengths, 0.0]) + 1)]
+    # The dashed line has a number of its own: without one it is read on a linear axis, at another value.
+    low, high = min([*lengths, 0.0]), max([*lengths, _squeezed(MARGIN)])
+    span = [low - 0.08 * (high - low), high + 0.08 * (high - low)]
+    ticks = [0.0, MARGIN, *(sign * 10.0**k for k in range(1, 8) for sign in (-1.0, 1.0))]
+    shown_ticks = sorted(t for t in ticks if span[0] <= _squeezed(t) <= span[1])
+    layout["xaxis"] |= {"range": span}
     layout["xaxis"] |= {"tickvals": [_squeezed(t) for t in shown_ticks], "ticktext": [power(t) for t in shown_ticks]}
     layout["shapes"] = [
         {"type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": _squeezed(x), "x1": _squeezed(x), "line": line}
