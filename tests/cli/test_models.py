@@ -146,7 +146,7 @@ def test_a_network_that_diverges_is_told_so(folder, monkeypatch, capsys, tmp_pat
         (["new.csv"], "only new.csv is given"),
         (["linear.json", "gone.csv"], "gone.csv"),
         (["gone.json", "new.csv"], "cannot read gone.json"),
-        (["new.csv", "linear.json"], "new.csv is a log by its suffix and no saved model; give the model.json"),
+        (["new.csv", "linear.json"], "the log stands last, after the models: qpal models linear.json new.csv"),
     ],
 )
 def test_bad_input_is_a_sentence(folder, monkeypatch, capsys, arguments, said):
