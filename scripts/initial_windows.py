@@ -15,8 +15,8 @@ import numpy as np
 from sysid import IOData, fit
 from sysid.bench.drawing.linear import linear
 from sysid.bench.drawing.signals import excitation
+from sysid.estimation.free_run import rested
 from sysid.estimation.initial_state import estimate_initial
-from sysid.estimation.result import rested
 from sysid.model.chain import Chain
 
 WINDOWS = (2, 5, 10, 20, 50, 200)

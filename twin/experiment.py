@@ -173,6 +173,8 @@ class Experiment:
     @checked
     def generator(self, what: str) -> np.random.Generator:
         """The generator of the first driven joint's "excitation", "noise" or "sampling"."""
+        if what not in _DRAWS:
+            raise unknown("draw", what, _DRAWS)
         return self._generators(what)[0]
 
     def _generators(self, what: str) -> list[np.random.Generator]:

@@ -75,6 +75,10 @@ def whole_file(path: str | os.PathLike) -> Iterator[Path]:
 def write_text(path: str | os.PathLike, text: str) -> Path:
     """Write `text` whole or not at all. Raises InputError if the folder is missing or not writable."""
     target = Path(path)
+    try:
+        os.fsencode(target)
+    except UnicodeEncodeError:
+        raise InputError(f"the name {str(path)!a} is not UTF-8 text; give another name") from None
     if not target.name:
         raise InputError(f"{str(path)!r} is no name of a file; give one, for example report.html")
     if not target.parent.is_dir():

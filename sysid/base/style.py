@@ -56,6 +56,8 @@ def panels(
     axes: Axes | Sequence[Axes] | None, rows: int = 1, columns: int = 1, height: float = 2.6, sharex: bool = False
 ) -> list[Axes]:
     """The given axes, or those of a new sheet, row by row; raises InputError where not as many as panels are given."""
+    if rows * columns < 1:
+        raise InputError("nothing is given to draw; give at least one curve or run")
     if axes is None:
         return list(sheet(rows, columns, height, sharex)[1].ravel())
     given = list(axes) if isinstance(axes, Sequence | np.ndarray) else [axes]

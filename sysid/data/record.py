@@ -167,7 +167,7 @@ class IOData(Shown):
         ends = np.cumsum(self.lengths)
         if np.searchsorted(ends, start, "right") != np.searchsorted(ends, min(stop, self.N) - 1, "right"):
             raise InputError(f"samples {start} to {stop} cross the border of two experiments; select within one")
-        missing = None if self.missing is None else self.missing[start:stop]
+        missing = None if self.missing is None or not len(self.y[start:stop]) else self.missing[start:stop]
         return replace(self, u=self.u[start:stop], y=self.y[start:stop], missing=missing, lengths=())
 
     @checked

@@ -15,7 +15,9 @@ class Remembered:
         return self.__dict__.get("_record")
 
     def remember(self, data: IOData) -> Self:
-        """The same result, which knows its record from now on."""
+        """The same result, which knows its record from now on; raises InputError for anything but a record."""
+        if not isinstance(data, IOData):
+            raise InputError(f"data is a {type(data).__name__}; give the record of the fit, an IOData")
         self.__dict__["_record"] = data
         return self
 

@@ -13,6 +13,7 @@ from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
 from sysid.data.magnitudes import check_magnitudes
 from sysid.data.record import IOData
+from sysid.estimation.free_run import departing
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.noise import autoregression
 from sysid.estimation.normal import Normal
@@ -63,7 +64,7 @@ def fit_chain(
     with one_blas_thread():
         there = replace(run, model=normal.chain, data=normal.data, size=normal.size)
         raced = _raced(there, starts, seed, start)
-        first = linear_start(there, raced, seed) if start is None else None
+        first = linear_start(there, raced, seed) if start is None else _given(there, raced)
         raced = guarded(there, raced, first)
         raced = not_above_linear(there, raced) if start is None else raced
         ended = less_smoothed(there, *_follow_noise(there, raced.problem, raced.outcome), first)
@@ -76,7 +77,7 @@ def fit_chain(
     assert e is not None
     assert plain is not None
     mse = float(plain @ plain) / N
-    return Fit(
+    fit = Fit(
         model=model,
         theta=theta,
         Ts=data.Ts,
@@ -99,6 +100,7 @@ def fit_chain(
         origin=Origin.of(data, share_explained(data, mse)),
         noise=noise,
     )
+    return replace(fit, warnings=fit.warnings + departing(model, data, mse, lambda: fit.runs(data), fit.n_init))
 
 
 def _noise(model: Chain, thetas: np.ndarray, data: IOData) -> tuple[tuple[float, ...], ...]:
@@ -130,6 +132,14 @@ def _raced(run: Run, starts: int | str, seed: int, start: "np.ndarray | Fit | No
         )
     agreed = sum(c <= SAME * costs[best] for c in costs) if start is None else 0
     return Raced(problems[best], outcomes[best], tuple(costs), agreed=agreed)
+
+
+def _given(run: Run, raced: Raced) -> ChainProblem | None:
+    """The problem around the start that was given, without smoothing: the fit is not worse than it by its plain errors.
+
+    None where an objective was chosen: its penalties may cost plain errors.
+    """
+    return replace(raced.problem, curvature_weight=0.0, scratch={}) if run.objective == Objective() else None
 
 
 def _alone(raced: Raced) -> tuple[str, ...]:

@@ -83,7 +83,8 @@ def _misfit(
     for b in chain.blocks[chain.blocks.index(block) + 1 :]:
         ys = b.propagate_all(chain.part(rest, b), ys, [np.empty((len(Y), 0))] * len(ys), 0)[0]
     apart = np.where(data.observed[:n], data.y[:n] - np.column_stack(ys).reshape(len(X), n, -1), 0.0)
-    return np.nan_to_num(np.mean(apart**2, axis=(1, 2)), nan=np.inf)
+    with np.errstate(over="ignore"):  # from a state at which the run diverges
+        return np.nan_to_num(np.mean(apart**2, axis=(1, 2)), nan=np.inf)
 
 
 def _around(X: np.ndarray, misfit: np.ndarray, weight: float) -> list[Gaussian]:

@@ -49,7 +49,9 @@ class FitMethods(Shown, Remembered):
     def refine(self, data: IOData | None = None, **options: Any) -> Self:
         """The same model, searched further from this fit; `options` are those of `sysid.fit`, for example search="lm".
 
-        On its own record the loss does not rise. Raises InputError for a nonlinear ARX model, which takes no start.
+        On its own record the mean square error (`criteria.mse`) does not rise: where the search ends higher, the result
+        is this fit with a warning. With an `objective` of your own its cost counts, penalties included, and the error
+        may rise. Raises InputError for a nonlinear ARX model, which takes no start.
         """
         found: Self = handler(self).refine(self, data, **options)
         return found

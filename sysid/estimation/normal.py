@@ -78,7 +78,7 @@ class Normal:
         lost = np.abs(M) @ found.unidentifiable > 0.0
         with np.errstate(over="ignore", invalid="ignore"):  # of a parameter that hardly any sample shows
             cov = M @ found.cov @ M.T
-        return Covariance(cov, lost, found.noise_variance * self.size**2)
+        return Covariance(cov, lost, found.noise_variance * self.size**2, np.abs(M) @ found.bounded > 0.0)
 
 
 def _turned(chain: Chain, data: IOData, a: np.ndarray, b: np.ndarray) -> Normal | None:

@@ -144,7 +144,7 @@ class ChainProblem:
         return replace(self.bare, huber_threshold=np.inf, weights=np.ones(1))
 
     def covariance(self, p: np.ndarray) -> Covariance:
-        """Covariance of theta (of the first experiment) at p; a direction at an active bound counts as known."""
+        """Covariance of theta (of the first experiment) at p, of what stays at an active bound."""
         return self.uncertainty(p)[0]
 
     def count(self, p: np.ndarray) -> int:
@@ -164,7 +164,8 @@ class ChainProblem:
         redundant = np.linalg.solve(self.chain.basis, self.chain.gauge(theta))[self.moving]
         if len(p) > n:  # the gauge moves the other experiments' initial states too: leave it to the pseudo-inverse
             redundant = np.vstack([redundant, np.zeros((len(p) - n, redundant.shape[1]))])
-        return covariance(lin.along(free), redundant[free], basis[:, free], d), d
+        found = covariance(lin.along(free), redundant[free], basis[:, free], d)
+        return replace(found, at_bound=np.any(basis[:, ~free] != 0.0, axis=1)), d
 
     def _bare_linearisation(self, p: np.ndarray) -> Linearisation:
         return self.bare.compact(p) or Linearisation.of(*self.bare.linearise(p))

@@ -17,7 +17,7 @@ from sysid.blocks import StateSpace
 from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
-from sysid.estimation.initial_state import estimate_initial
+from sysid.estimation.free_run import FreeRun, divergence, free_run, from_rest
 from sysid.estimation.methods import FitMethods
 from sysid.estimation.noise import autoregression, forecast
 from sysid.estimation.origin import Origin, check_same_kind
@@ -75,14 +75,15 @@ class Fit(FitMethods):
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
         """Free run: (N,) for one output, else (N, ny). For a record, the initial state of each experiment is fitted to
         its first `n_init` outputs, and the result is at the level of the record, see `own_level`; for u alone (N,) or
-        (N, nu), counted from `u_offset`, the run starts from rest, see `rested`.
+        (N, nu), counted from `u_offset`, the run starts from rest: filters and speeds at zero, positions where the fit
+        has them. Infinite after the run diverges, see `divergence`.
         """
         if isinstance(data, IOData):
             own = self.own_level(data)
-            y = counted_back(np.concatenate([self._free_run(e, n_init) for e in own.experiments]), own, data)
+            y = counted_back(np.concatenate([self._run(e, n_init).y for e in own.experiments]), own, data)
         else:
             u = np.asarray(data, dtype=float)
-            y = self.model.outputs(rested(self.model, self.theta), u)
+            y = from_rest(self.model, self.theta, u)
         return y[:, 0] if self.model.channels[1] == 1 else y
 
     @checked(own=("horizon",))
@@ -95,7 +96,7 @@ class Fit(FitMethods):
         """
         check_horizon(horizon)
         own, found = self.own_level(data), []
-        runs = [self._free_run(e, n_init) for e in own.experiments]
+        runs = [self._run(e, n_init).y for e in own.experiments]
         e = np.where(own.observed, own.y - np.concatenate(runs), 0.0)
         noise = self.noise or [autoregression(v, own.lengths) for v in e.T]
         for record, run in zip(own.experiments, runs, strict=True):
@@ -142,7 +143,22 @@ class Fit(FitMethods):
         """Whiteness of the free-run residuals on a record of one input and output, and independence of the input."""
         siso(data)
         u = np.concatenate([e.u[self._skipped(e, None) :, 0] for e in self.own_level(data).experiments])
-        return residual_tests(self.residuals(data), u, max_lag, level)
+        e = self.residuals(data)
+        if not np.all(np.isfinite(e)):
+            raise InputError(f"no residuals to test: {self.divergence(data)}")
+        return residual_tests(e, u, max_lag, level)
+
+    @checked
+    def divergence(self, data: IOData, n_init: int | None = None) -> str | None:
+        """A sentence if the free run on this record diverges, from every initial state or from the likely one only.
+
+        The former run is infinite from there on. In the latter case `simulate` begins at another state. Else None.
+        """
+        return divergence(self.runs(data, n_init))
+
+    def runs(self, data: IOData, n_init: int | None = None) -> list[FreeRun]:
+        """The free run of each experiment, counted from the fit's own offsets."""
+        return [self._run(e, n_init) for e in self.own_level(data).experiments]
 
     @property
     def poles(self) -> np.ndarray:
@@ -162,14 +178,15 @@ class Fit(FitMethods):
 
     @cached_property
     def pole_std(self) -> np.ndarray:
-        """Standard deviation of each pole, nan if the data do not determine it."""
+        """Standard deviation of each pole; nan if the data do not determine it, and of a pole on the unit circle."""
         found = [np.empty(0)]
         if self._around_centre is not None:
             F, G = self._around_centre.F, self._around_centre.F_gradient[1:]
             return pole_std(F[1:], G @ self.covariance.cov @ G.T)
         for part, b in self.model.dynamics:
             f = slice(part.start + b.nb, part.start + b.nb + b.nf)
-            found.append(pole_std(self.theta[f], self.covariance.cov[f, f]))
+            held = bool(self.covariance.bounded[f].any())
+            found.append(pole_std(self.theta[f], self.covariance.cov[f, f], held))
         return np.concatenate(found)
 
     @cached_property
@@ -235,19 +252,15 @@ class Fit(FitMethods):
             }
         )
 
-    def _free_run(self, data: IOData, n_init: int | None) -> np.ndarray:
+    def _run(self, data: IOData, n_init: int | None) -> FreeRun:
         n = min(self.n_init if n_init is None else n_init, data.N)
-        theta = rested(self.model, self.theta)
-        if n >= 2:
-            with one_blas_thread():
-                # In the unit of y, also for weighted errors; errors that the fit took for outliers make it cautious.
-                c = self.criteria
-                mse = c.mse if np.isfinite(c.mse) else c.loss  # a file may lack the one; for most fits they are equal
-                if not np.isfinite(mse):
-                    raise InputError("the model has neither mse nor loss, which give the initial state; fit it again")
-                noise = mse * c.N / max(c.N - c.d, 1)
-                theta = estimate_initial(self.model, theta, data.select(0, n), data.u, noise)
-        return self.model.outputs(theta, data.u)
+        # In the unit of y, also for weighted errors; errors that the fit took for outliers make it cautious.
+        c = self.criteria
+        mse = c.mse if np.isfinite(c.mse) else c.loss  # a file may lack the one; for most fits they are equal
+        if n >= 2 and not np.isfinite(mse):
+            raise InputError("the model has neither mse nor loss, which give the initial state; fit it again")
+        with one_blas_thread():
+            return free_run(self.model, self.theta, data, n, mse * c.N / max(c.N - c.d, 1))
 
     def _scored(self, data: IOData, n_init: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """y, yhat and the mask of scored samples (M, ny), each experiment without its first n_init, at own level."""
@@ -255,7 +268,7 @@ class Fit(FitMethods):
         for e in self.own_level(data).experiments:
             n = self._skipped(e, n_init)
             y.append(e.y[n:])
-            yhat.append(self._free_run(e, n)[n:])
+            yhat.append(self._run(e, n).y[n:])
             counts.append(e.observed[n:])
         return np.concatenate(y), np.concatenate(yhat), np.concatenate(counts)
 
@@ -276,15 +289,6 @@ def check_horizon(horizon: int) -> None:
     """Raises InputError unless the horizon is a whole number of samples of at least 1."""
     if not isinstance(horizon, (int, np.integer)) or horizon < 1:
         raise InputError(f"the horizon is {horizon!r}; give a whole number of samples of at least 1")
-
-
-def rested(model: Chain, theta: np.ndarray) -> np.ndarray:
-    """theta (P,) at rest: filters and speeds at zero, integrating states (motor, backlash) at their values in theta.
-
-    In a fit these are the initial values of the first experiment.
-    """
-    moves = np.array([slot.initial and not slot.holds for slot in model.slots], dtype=bool)
-    return np.where(moves, 0.0, theta)
 
 
 def check_channels(model: Chain, data: IOData) -> None:

@@ -164,6 +164,9 @@ def check_numbers(theta: np.ndarray, covariance: Covariance, criteria: Criteria)
         )
     if covariance.unidentifiable.dtype != bool:
         raise InputError("unidentifiable of the covariance is not a list of true and false; save the fit again")
+    bound = covariance.at_bound
+    if bound is not None and (bound.shape != (P,) or bound.dtype != bool):
+        raise InputError(f"at_bound of the covariance is not a list of {P} values true or false; save the fit again")
     own = np.diag(covariance.cov)
     if np.any(own < -1e-9 * np.abs(own).max(initial=0.0)) or covariance.noise_variance < 0:  # but for rounding
         raise InputError("the covariance has a variance below 0; save the fit again")

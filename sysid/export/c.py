@@ -23,11 +23,12 @@ def write(fit: AnyFit, path: str | os.PathLike, name: str = "model", **scale: Of
 def source(fit: AnyFit, name: str = "model", u_offset: Offset = None, y_offset: Offset = None) -> str:
     """C99 text of the fit's free run; it needs nothing but math.h.
 
-    Filters start from rest; positions, speeds and backlash start at the fit's initial values: <name>_init. It takes and
-    gives the levels of raw records: u_offset (nu,) and y_offset (ny,) are what was removed from the estimation data, by
-    default as the fit knows it (`Fit.u_offset`, `Fit.y_offset`). With one input and one output `double
-    <name>_step(state, u)`, else `void <name>_step(state, u[], y[])`. Compiled with -D<NAME>_MAIN it is a program that
-    reads u from standard input (nu numbers a sample) and prints y. Raises InputError for a block without a formula.
+    Filters and speeds start from rest, positions and backlash at the fit's initial values (<name>_init), as in
+    `Fit.simulate(u)`. It takes and gives the levels of raw records: u_offset (nu,) and y_offset (ny,) are what was
+    removed from the estimation data, by default as the fit knows it (`Fit.u_offset`, `Fit.y_offset`). With one input
+    and one output `double <name>_step(state, u)`, else `void <name>_step(state, u[], y[])`. Compiled with -D<NAME>_MAIN
+    it is a program that reads u from standard input (nu numbers a sample) and prints y. Raises InputError for a block
+    without a formula.
     """
     identifier(name)
     whole_fit = wired(fit, "c", u_offset, y_offset)

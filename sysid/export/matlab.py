@@ -27,10 +27,10 @@ def write(fit: AnyFit, path: str | os.PathLike, **scale: Offset) -> Path:
 def source(fit: AnyFit, name: str = "model", u_offset: Offset = None, y_offset: Offset = None) -> str:
     """Text of `[y, state] = name(u, state)`: the free run of u (N, nu), from a state or, without one, from rest.
 
-    Positions, speeds and backlash then start at the fit's initial values. Given one sample and the state that came out
-    before, it goes on sample by sample. It takes and gives the levels of raw records: u_offset (nu,) and y_offset
-    (ny,) are what was removed from the estimation data, by default as the fit knows it. Raises InputError for a block
-    without a formula and a name that is not an identifier.
+    Positions and backlash then start at the fit's initial values, as in `Fit.simulate(u)`. Given one sample and the
+    state that came out before, it goes on sample by sample. It takes and gives the levels of raw records: u_offset
+    (nu,) and y_offset (ny,) are what was removed from the estimation data, by default as the fit knows it. Raises
+    InputError for a block without a formula and a name that is not an identifier.
     """
     identifier(name)
     if name in TAKEN:

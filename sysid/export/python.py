@@ -23,10 +23,11 @@ def write(fit: AnyFit, path: str | os.PathLike, **scale: Offset) -> Path:
 def source(fit: AnyFit, u_offset: Offset = None, y_offset: Offset = None) -> str:
     """Python text of the fit's free run: class Model with step(u) -> y, and simulate(u) -> list.
 
-    Filters start from rest; positions, speeds and backlash start at the fit's initial values: a new Model(). A sample
-    of several channels is a sequence of numbers. It takes and gives the levels of raw records: u_offset (nu,) and
-    y_offset (ny,) are what was removed from the estimation data, by default as the fit knows it. Run as a program it
-    reads u from standard input, one sample per line, and prints y. Raises InputError for a block without a formula.
+    Filters and speeds start from rest, positions and backlash at the fit's initial values (a new Model()), as in
+    `Fit.simulate(u)`. A sample of several channels is a sequence of numbers. It takes and gives the levels of raw
+    records: u_offset (nu,) and y_offset (ny,) are what was removed from the estimation data, by default as the fit
+    knows it. Run as a program it reads u from standard input, one sample per line, and prints y. Raises InputError for
+    a block without a formula.
     """
     whole_fit = wired(fit, "python", u_offset, y_offset)
     n_in, n_out = channels(fit)

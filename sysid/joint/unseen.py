@@ -7,10 +7,10 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData
+from sysid.estimation.free_run import rested
 from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.objective import Objective
 from sysid.estimation.race import Run, with_curvature_weight
-from sysid.estimation.result import rested
 from sysid.model.chain import Chain
 from sysid.selection.folds import Fold, folds
 from sysid.solver.iterate import Options

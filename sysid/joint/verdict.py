@@ -9,8 +9,9 @@ from sysid.base.errors import InputError
 from sysid.blocks import ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
+from sysid.estimation.free_run import rested
 from sysid.estimation.joint_parts import motor_of
-from sysid.estimation.result import Fit, rested
+from sysid.estimation.result import Fit
 from sysid.joint.evidence import stop_tests
 from sysid.joint.growth import MARGIN, Growth
 from sysid.joint.unseen import free_runs, unseen_folds

@@ -102,16 +102,8 @@ def deviation_of(fit: Fit, data: IOData | None = None) -> Deviation:
     if data is not None:
         info = information(fit, data, lags="tested")
         return lambda g: float(info.std_of(g)[0])
-    cov, lost = fit.covariance.cov, fit.covariance.unidentifiable
-
-    def deviation(g: np.ndarray) -> float:
-        if np.any(lost & (np.abs(g) > 0.0)):
-            return float("nan")
-        with np.errstate(invalid="ignore", over="ignore"):  # fewer samples than parameters: the variance is infinite
-            variance = float(g @ cov @ g)
-        return float(np.sqrt(max(variance, 0.0)))
-
-    return deviation
+    lost = fit.covariance.unidentifiable
+    return lambda g: float("nan") if np.any(lost & (np.abs(g) > 0.0)) else fit.covariance.deviation(g)
 
 
 def _denominators(fit: Fit) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -67,7 +67,7 @@ def noise_model(fit: Fit, data: IOData) -> Noise:
         )
     e = np.ravel(fit.residuals(data))
     if not np.all(np.isfinite(e)):
-        raise InputError("the free run diverges on this record, so there are no residuals; see fit.plot(data)")
+        raise InputError(f"no residuals: {fit.divergence(data)}")
     skipped = (data.N - len(e)) // len(data.lengths)
     lengths = [n - skipped for n in data.lengths]
     V = np.zeros((len(e), 0))

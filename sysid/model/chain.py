@@ -33,6 +33,8 @@ class Chain:
 
     def __post_init__(self) -> None:
         for block in self.blocks:
+            if not isinstance(block, Block):
+                raise InputError(f"blocks has {block!r}; give a Block for each")
             check_fields(block)
         roles = [b.role for b in self.blocks]
         if not self.blocks or len(set(roles)) != len(roles):

@@ -1,12 +1,13 @@
 """What a recipe of models is: the settings of one structure and all that follows from them; and blocks by name."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
+from sysid.base.checks import shown
 from sysid.base.errors import InputError
 from sysid.block.block import Block, StaticBlock
 from sysid.blocks import STATIC, Channels, TransferFunction, TransferMatrix, static
@@ -252,3 +253,10 @@ def filters(nb: Order, nf: Order, nk: Order, nu: int, ny: int, role: str = "line
     B, F, K = tables
     rows = [tuple(TransferFunction(int(B[j, i]), int(F[j, i]), int(K[j, i])) for i in range(nu)) for j in range(ny)]
     return TransferMatrix(entries=tuple(rows), role=role)
+
+
+def beside(own: dict[str, float], given: Any) -> dict[str, Any]:
+    """The `fixed` of a chain: what its structure fixes, and what its caller does, by parameter."""
+    if given is not None and not isinstance(given, Mapping):
+        raise InputError(f"fixed is {shown(given)}; give a dict")
+    return {**own, **(given or {})}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 FIGURES = ("output", "residuals", "poles", "bode", "step", "maps")
 TANGENTS = ("bode", "step")
 WARNINGS = 3  # on a card
+_SAME = 1.0 + 1e-9  # two errors that differ by rounding
 SAY = {
     "output": "What to see: the free run (only the input, no measured outputs) covers the measured output, and the "
     "error below looks like noise. Shaded: samples that give the initial state.",
@@ -161,7 +163,19 @@ def refine(fit: Fit, data: IOData | None, **options: Any) -> Fit:
         raise InputError("refine starts from the fit itself; leave start and starts out, or use sysid.fit")
     record = fit.record_or(data)
     check_units(record, fit.origin)
-    return fit_model(fit.model, record, start=fit, **options)
+    found = fit_model(fit.model, record, start=fit, **options)
+    # The fit keeps the initial state of its first experiment: those of the others are searched again, perhaps in vain.
+    if (
+        record is not fit.record
+        or options.get("objective") is not None
+        or found.criteria.mse <= _SAME * fit.criteria.mse
+    ):
+        return found
+    text = (
+        f"a further search ended at a mean square error of {found.criteria.mse:.4g}, above {fit.criteria.mse:.4g}: "
+        "this is the fit that it began from"
+    )
+    return replace(fit, warnings=(*(w for w in fit.warnings if w[:16] != text[:16]), text)).remember(record)
 
 
 def noise_model(fit: Fit, data: IOData | None) -> Noise:

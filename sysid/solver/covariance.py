@@ -6,6 +6,7 @@ import numpy as np
 
 from sysid.solver.iterate import Linearisation, column_scale
 
+_CANCELS = 1e-7  # share of what its parts vary that is left of a value whose parts cancel, but for rounding
 _RCOND = 1e-7  # singular value, of the largest, below which a direction is not determined
 
 
@@ -15,16 +16,34 @@ class Covariance:
 
     The gauge is removed: redundant directions have no variance. Quantities that do not depend on the gauge (poles,
     zeros, curves between fixed ends) are correct, and single gains refer to the gauge with the smallest norm.
+
+    at_bound (P,) marks parameters that the fit would move on but for a bound, for example those of an integrator, whose
+    pole would leave the unit circle. The covariance is that of what stays at the bound: a value that cannot move there
+    has no variance and no interval either. None in a file of an earlier version.
     """
 
     cov: np.ndarray
     unidentifiable: np.ndarray
     noise_variance: float
+    at_bound: np.ndarray | None = None
 
     def std(self) -> np.ndarray:
-        """Standard deviation of each parameter (P,); nan where the data do not determine it."""
+        """Standard deviation of each parameter (P,); nan where the data do not determine it, and at a bound."""
         s = np.sqrt(np.maximum(np.diag(self.cov), 0.0))
-        return np.where(self.unidentifiable, np.nan, s)
+        return np.where(self.unidentifiable | (self.bounded & (s == 0.0)), np.nan, s)
+
+    @property
+    def bounded(self) -> np.ndarray:
+        """`at_bound` (P,), or nowhere if that is unknown."""
+        return np.zeros(len(self.cov), dtype=bool) if self.at_bound is None else self.at_bound
+
+    def deviation(self, gradient: np.ndarray) -> float:
+        """Standard deviation of a value with this gradient (P,); nan where it is at a bound."""
+        with np.errstate(invalid="ignore", over="ignore"):  # fewer samples than parameters: the variance is infinite
+            std = float(np.sqrt(max(float(gradient @ self.cov @ gradient), 0.0)))
+            spread = np.sqrt(np.maximum(np.diag(self.cov), 0.0))
+            held = np.any(self.bounded & (gradient != 0.0)) and still(gradient, np.array(std), spread)
+        return np.nan if held else std
 
 
 def covariance(lin: Linearisation, gauge: np.ndarray, basis: np.ndarray, d: int) -> Covariance:
@@ -66,15 +85,25 @@ def _unidentifiable(null: np.ndarray, gauge: np.ndarray) -> np.ndarray:
     return np.linalg.norm(null, axis=1) > 1e-2
 
 
-def pole_std(f: np.ndarray, cov_f: np.ndarray) -> np.ndarray:
+def still(gradient: np.ndarray, std: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """True (m,) where a value with this gradient (m, P) has no deviation `std` (m,) because its parts cancel.
+
+    spread (P,) are the deviations of the parameters, 0 of one at a bound. Of an integrator, the coefficients may vary
+    and the pole at 1 may not.
+    """
+    return np.asarray(std <= _CANCELS * (np.abs(gradient) @ spread))
+
+
+def pole_std(f: np.ndarray, cov_f: np.ndarray, held: bool = False) -> np.ndarray:
     """Standard deviation of the roots of F (nf,) from the covariance of f (nf, nf): sqrt(var Re + var Im).
 
-    From F(z) = 0: dz/df_j = -z^(n-j) / F'(z). Nan at a multiple pole, where the first derivative does not exist.
+    From F(z) = 0: dz/df_j = -z^(n-j) / F'(z). Nan at a multiple pole, where the first derivative does not exist, and
+    where a bound has `held` a pole that has then no deviation.
     """
     n = len(f)
     F = np.concatenate([[1.0], f])
     slope = np.polyder(F)
-    out = []
+    out, spread = [], np.sqrt(np.maximum(np.diag(cov_f), 0.0))
     for z in np.roots(F).astype(complex):
         d = np.polyval(slope, z)
         if abs(d) < 1e-12:
@@ -83,5 +112,6 @@ def pole_std(f: np.ndarray, cov_f: np.ndarray) -> np.ndarray:
         g = -np.array([z ** (n - j) for j in range(1, n + 1)]) / d
         with np.errstate(invalid="ignore", over="ignore"):  # fewer samples than parameters: the variance is infinite
             variance = float(np.real(np.conj(g) @ cov_f @ g))
-        out.append(float(np.sqrt(max(variance, 0.0))))
+        std = float(np.sqrt(max(variance, 0.0)))
+        out.append(np.nan if held and still(np.abs(g), np.array(std), spread) else std)
     return np.array(out)

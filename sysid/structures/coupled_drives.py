@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 from sysid.base.checks import checked
 from sysid.blocks import BowedGain, FrictionLag, Rectifier, TransferFunction
 from sysid.model.chain import Chain
-from sysid.model.recipes import Recipe, order
+from sysid.model.recipes import Recipe, beside, order
 
 GAIN = 0.15  # of the drive; the belt has a gain of its own
 
@@ -28,7 +28,7 @@ def coupled_drives(nb: int = 2, nf: int = 2, nk: int = 1, **limits: Any) -> Chai
         Rectifier(role="rectifier"),
         TransferFunction(1, 1, 0, role="sensor"),
     )
-    fixed = {"drive.gain": GAIN} | dict(limits.pop("fixed", None) or {})
+    fixed = beside({"drive.gain": GAIN}, limits.pop("fixed", None))
     return Chain(blocks, structure="coupled_drives", fixed=fixed, **limits)
 
 

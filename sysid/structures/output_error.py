@@ -8,7 +8,7 @@ from sysid.base.errors import unknown
 from sysid.block.block import Block
 from sysid.blocks import Polynomial
 from sysid.model.chain import Chain
-from sysid.model.recipes import LinearOrders, Order, Several, choice, filters, maps
+from sysid.model.recipes import LinearOrders, Order, Several, beside, choice, filters, maps
 
 OFFSETS = ("none", "free")
 
@@ -29,7 +29,7 @@ def output_error(
     if offset == "free":
         blocks += (maps(Polynomial(degree=1), "output", ny),)
         names = ["output.c1"] if ny == 1 else [f"output.{j}.c1" for j in range(1, ny + 1)]
-        limits["fixed"] = dict.fromkeys(names, 1.0) | dict(limits.get("fixed") or {})
+        limits["fixed"] = beside(dict.fromkeys(names, 1.0), limits.get("fixed"))
     return Chain(blocks, structure="output_error", **limits)
 
 

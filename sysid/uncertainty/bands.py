@@ -14,7 +14,7 @@ from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
 from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
-from sysid.estimation.result import rested
+from sysid.estimation.free_run import rested
 from sysid.uncertainty.information import Information
 from sysid.uncertainty.initial_sensitivity import initial_state_sensitivity, with_initial_state
 

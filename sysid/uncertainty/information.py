@@ -2,7 +2,8 @@
 
 A quantity g(theta) has the variance g' cov g (delta method). Two kinds of directions have no variance and are not
 certain either: the gauge (a gain may move between blocks) and directions that the record does not excite. `Information`
-stores both separately, so that a quantity that depends on one of them gets a reason and no interval.
+stores both separately, so that a quantity that depends on one of them gets a reason and no interval. So does one at a
+bound: it cannot move, but the record does not say that it is there exactly.
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
 from sysid.data.record import IOData, siso
 from sysid.model.chain import Chain
+from sysid.solver.covariance import still
 from sysid.uncertainty.initial_sensitivity import with_initial_state
 from sysid.uncertainty.long_run import long_run_covariance_root
 from sysid.uncertainty.noise_model import NoiseModel
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
 GAUGE = "depends on how gain and offset are shared between the blocks, which no record determines"
 UNEXCITED = "the record does not excite it"
+BOUND = "is at a bound, beyond which the record would take it"
 TESTED = "tested"
 _EMPTY = 1e-7  # singular values below this share of the largest are zero; columns of J have unit norm
 _LEAK = 1e-5  # share of a gradient along an empty direction that makes a quantity undetermined
@@ -36,9 +39,10 @@ _LEAK = 1e-5  # share of a gradient along an empty direction that makes a quanti
 class Information:
     """The covariance of theta (P,) from a record: cov = factor factor' over the identifiable directions.
 
-    `gauge` (P, g) and `unexcited` (P, k) are the directions without information; `weights` (P, n) scales a gradient so
-    that the columns of the Jacobian have unit norm. `lags` is the bandwidth of a covariance that is robust to coloured
-    residuals, None for white residuals. `data` is the record that maps refer to.
+    `gauge` (P, g) and `unexcited` (P, k) are the directions without information, `bound` (P, h) those that a bound
+    holds; `weights` (P, n) scales a gradient so that the columns of the Jacobian have unit norm. `lags` is the
+    bandwidth of a covariance that is robust to coloured residuals, None for white residuals. `data` is the record that
+    maps refer to.
     """
 
     chain: Chain
@@ -47,6 +51,7 @@ class Information:
     factor: np.ndarray
     gauge: np.ndarray
     unexcited: np.ndarray
+    bound: np.ndarray
     weights: np.ndarray
     noise_variance: float
     dof: float
@@ -77,7 +82,7 @@ class Information:
     def std_of(self, gradient: np.ndarray) -> np.ndarray:
         """Standard deviation (m,) of quantities with gradient (m, P); nan where the record does not determine them."""
         G = np.atleast_2d(gradient)
-        lost = self._depends_on(G, self.gauge) | self._depends_on(G, self.unexcited)
+        lost = self._depends_on(G, self.gauge) | self._depends_on(G, self.unexcited) | self._at_bound(G)
         return np.where(lost, np.nan, np.linalg.norm(G @ self.factor, axis=1))
 
     def note_of(self, gradient: np.ndarray) -> str:
@@ -85,7 +90,16 @@ class Information:
         G = np.atleast_2d(gradient)
         if np.any(self._depends_on(G, self.gauge)):
             return GAUGE
-        return UNEXCITED if np.any(self._depends_on(G, self.unexcited)) else ""
+        if np.any(self._depends_on(G, self.unexcited)):
+            return UNEXCITED
+        return BOUND if np.any(self._at_bound(G)) else ""
+
+    def _at_bound(self, G: np.ndarray) -> np.ndarray:
+        """True (m,) where a quantity with this gradient moves along what a bound holds, and along nothing else."""
+        if not self.bound.shape[1]:
+            return np.zeros(len(G), dtype=bool)
+        spread = np.linalg.norm(self.factor, axis=1)
+        return np.any(G @ self.bound != 0.0, axis=1) & still(G, np.linalg.norm(G @ self.factor, axis=1), spread)
 
     def _depends_on(self, G: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """True (m,) where a gradient has a share along `directions` (P, k).
@@ -166,6 +180,7 @@ def information_at(
         factor=factor,
         gauge=weights @ redundant,
         unexcited=weights @ left[:, sv > 1e-2],
+        bound=free[:, held],
         weights=weights,
         noise_variance=sigma2,
         dof=max(dof, 1.0) if noise_variance is None and noise is None else np.inf,

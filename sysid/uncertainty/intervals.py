@@ -169,6 +169,8 @@ def steady_state(info: Information, u: np.ndarray | None = None, level: float = 
     if u is None:
         u = np.linspace(info.data.u.min(), info.data.u.max(), 101)
     u = np.asarray(u, dtype=float)
+    if u.ndim != 1:
+        raise InputError(f"u is {shown(u)}; give the constant inputs as one row of numbers")
     return band(info, u, *steady_curve(info.chain, info.theta, u), level)
 
 

@@ -231,8 +231,8 @@ def evaluate_fit(
     run = fit.simulate(validation)
     seen = fits_of(estimation, fitted, 0 if chain else fit.n_init)
     fits = float(np.mean(seen)), fit.fit_percent(validation)
-    if network and not np.isfinite(fits[1]):
-        notes.append(f"in the validation data {network.divergence(validation)}")
+    if not np.isfinite(fits[1]):
+        notes.append(f"in the validation data {fit.divergence(validation)}")
     elif network and (left := network.excursion(validation)):
         notes.append(f"in the validation data {left}")
     if np.isfinite(fits).all() and fits[0] - fits[1] > (OVERFITTED if physics is None else APART):

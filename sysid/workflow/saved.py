@@ -182,10 +182,12 @@ def remarks(fit: AnyFit, data: IOData) -> list[str]:
                 f"{100 * outside:.1f} % of the input's samples lie outside {low + shift:.4g} to {high + shift:.4g}"
                 f"{unit}, which the estimation data cover: the model extrapolates there"
             )
+    found = fit.divergence(data)
     if isinstance(fit, NlarxFit):
-        found = fit.divergence(data) or fit.excursion(data)
-        return [*said, found] if found else said
-    return said + list(fit.model.remarks(fit.theta, own.u))
+        found = found or fit.excursion(data)
+    else:
+        said += fit.model.remarks(fit.theta, own.u)
+    return [*said, found] if found else said
 
 
 def fell(before: float | None, now: float, most: float = 10.0) -> str | None:

@@ -17,7 +17,7 @@ from exported import excitation, made
 
 import sysid
 from sysid import InputError
-from sysid.blocks import Channels, StateSpace, TransferFunction, TransferMatrix
+from sysid.blocks import Channels, StateSpace, TransferMatrix
 from sysid.data.preprocess import detrend
 from sysid.export import matlab
 from sysid.export.matlab_text import matlab as translated
@@ -44,12 +44,7 @@ def fit_of(name):
 
 def expected(fit, u):
     own = np.asarray(u) - (fit.u_offset if np.ndim(u) > 1 else fit.u_offset[0])
-    if isinstance(fit, sysid.Fit):  # filters from rest; positions, speeds and others from where the fit has them
-        filters = [isinstance(b, (TransferFunction, TransferMatrix, StateSpace)) for b in fit.model.blocks]
-        y = fit.simulate(own) if any(filters) else fit.model.outputs(fit.theta, own)
-        y = y[:, 0] if y.ndim > 1 and y.shape[1] == 1 else y
-    else:
-        y = fit.simulate(own)
+    y = fit.simulate(own)  # filters and speeds from rest, positions from where the fit has them
     return y + (fit.y_offset if y.ndim > 1 else fit.y_offset[0])
 
 

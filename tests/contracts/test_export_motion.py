@@ -103,11 +103,9 @@ FORMULAS = [
 
 
 def run(fit, u):
-    """The chain's own run from the fit's first positions, its filters at rest as an exported file has them."""
-    theta = fit.theta.copy()
-    for part, _ in fit.model.dynamics:
-        theta[part] = np.where(fit.model.initial[part], 0.0, theta[part])
-    return fit.model.simulate(theta, u)
+    """The chain's own run from the fit's first positions, filters and speeds at rest, as in `Fit.simulate(u)`."""
+    moves = [slot.initial and not slot.holds for slot in fit.model.slots]
+    return fit.model.simulate(np.where(moves, 0.0, fit.theta), u)
 
 
 def record(block, N=900):
@@ -242,14 +240,16 @@ def test_a_whole_joint_on_a_sweep(name, tmp_path):
     agrees(c_run(fit, u, tmp_path), expected)
 
 
-def test_positions_begin_where_the_fit_has_them_and_filters_at_rest(tmp_path):
-    """x0 is where the joint stands, not a rest that every record shares; a filter's past belongs to its record."""
+def test_positions_begin_where_the_fit_has_them_and_what_moves_at_rest(tmp_path):
+    """x0 is where the joint stands, not a rest of every record; speeds and a filter's past are its record's."""
     block, theta = BLOCKS["motor"]
     chain = Chain((block, TransferFunction(1, 1, 1, role="sensor")))
     fit, u = made(chain, np.concatenate([theta, [0.3, -0.7, 0.7]])), excitation()
     agrees(python_run(fit, u), run(fit, u))
     agrees(c_run(fit, u, tmp_path), run(fit, u))
-    assert python_space(fit)["Model"]().block1_map[:2] == [0.4, 0.1]
+    assert fit.theta[chain.names.index("map.v0")] != 0.0
+    assert python_space(fit)["Model"]().block1_map[:2] == [0.4, 0.0]
+    np.testing.assert_array_equal(run(fit, u), fit.simulate(u))
     assert "double block1_map[4]; /* position, speed, ... */" in export_c.source(fit)
     assert "# position, speed, ..." in export_python.source(fit)
 

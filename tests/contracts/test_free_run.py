@@ -1,13 +1,17 @@
 """Where the run of a fit begins for an input alone: filters at rest, what integrates where the fit's record began."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from cases import BLOCKS, MOVING
 from exported import agrees, excitation, made, python_run
+from scipy.signal import lfilter
 
 import sysid
+from sysid.base.errors import InputError
+from sysid.estimation.initial_state import estimate_initial
 from sysid.excitations import Sweep
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
@@ -54,3 +58,60 @@ def test_a_joint_begins_where_the_first_of_several_experiments_did():
         assert run[0] == pytest.approx(records[0].y[0, 0], abs=0.02)
         agrees(python_run(fit, record.u[:, 0]), run)  # the exported file begins there too
     assert records[1].y[0, 0] < run[0] - 0.5
+
+
+def wild():
+    """A fit that was stopped early, whose run diverges from the state that the first outputs make likely."""
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal(300)
+    y = np.abs(lfilter([0.0, 1.0], [1.0, -0.9], u)) + 0.1 * rng.standard_normal(300)
+    data = sysid.IOData(u + 17.5, y - 400.0, Ts=0.1)
+    few = sysid.Options(max_iterations=8)
+    return sysid.fit(sysid.structures.state_space(2, 2, degree=3), data, options=few, starts=2), data
+
+
+def test_a_run_that_diverges_from_the_likely_state_begins_at_another_and_the_fit_says_so():
+    fit, data = wild()
+    likely = estimate_initial(fit.model, fit.theta, data.select(0, fit.n_init), data.u, fit.criteria.mse)
+    with np.errstate(all="ignore"):
+        assert not np.all(np.isfinite(fit.model.simulate(likely, data.u)))
+    run = fit.simulate(data)
+    assert np.all(np.isfinite(run))
+    assert fit.fit_percent(data) > 30.0
+    assert np.all(np.isfinite(fit.predict(data)))
+    said = r"the free run diverges at sample \d+, so it begins at another state; search further \(fit.refine\(\)\)"
+    assert re.search(said, " ".join(fit.warnings))
+    assert re.search(said, fit.divergence(data))
+    assert re.search(said, " ".join(str(fit).split()))
+
+
+def test_a_run_that_diverges_from_every_state_is_infinite_and_told_as_a_run():
+    fit, data = wild()
+    other = sysid.IOData(50.0 * (data.u - 17.5) + 17.5, data.y, Ts=0.1)  # far beyond what the fit has seen
+    with np.errstate(all="ignore"):
+        run = fit.simulate(other)
+    assert not np.isnan(run).any()
+    end = int(np.argmax(np.isinf(run)))
+    assert end > 0
+    assert np.all(np.isinf(run[end:]))
+    assert fit.fit_percent(other) == -np.inf
+    said = rf"the free run diverges: it is not finite from sample {end} on"
+    assert re.search(said, fit.divergence(other))
+    with pytest.raises(InputError, match=rf"no residuals to test: {said}"):
+        fit.residual_tests(other)
+    with pytest.raises(InputError, match=said):
+        fit.noise_model(other)
+
+
+@pytest.mark.parametrize("name", ["motor_profile", "coupled_drives"])
+def test_an_exported_model_is_the_run_of_the_fit_on_an_input_alone(name):
+    """Their motors begin a record with a speed, which belongs to that record."""
+    chain, rng = getattr(sysid.structures, name)(), np.random.default_rng(0)
+    u = np.repeat(rng.uniform(-1.0, 1.0, 40), 10)
+    data = sysid.IOData(u, lfilter([0.0, 0.5], [1.0, -0.8], u) + 0.01 * rng.standard_normal(400), 0.1)
+    fit = sysid.fit(chain, data, starts=1, options=sysid.Options(max_iterations=3))
+    speeds = [k for k, n in enumerate(fit.model.names) if n.endswith(".v0")]
+    begun = replace(fit, theta=np.where(np.isin(np.arange(len(fit.theta)), speeds), 0.05, fit.theta))
+    assert speeds
+    assert not np.array_equal(begun.model.simulate(begun.theta, u), begun.simulate(u))
+    agrees(python_run(begun, u), begun.simulate(u))

@@ -84,8 +84,8 @@ def test_intervals_have_the_size_of_the_scatter():
 
 def test_c_and_python_files_agree_with_its_run(tmp_path):
     fit, u = made(Chain((BLOCK,)), TRUE), record().u[:, 0]
-    agrees(python_run(fit, u), fit.model.simulate(TRUE, u))
-    agrees(c_run(fit, u, tmp_path), fit.model.simulate(TRUE, u))
+    agrees(python_run(fit, u), fit.simulate(u))
+    agrees(c_run(fit, u, tmp_path), fit.simulate(u))
 
 
 def test_a_saved_fit_of_it_is_the_same_model_again(tmp_path):
