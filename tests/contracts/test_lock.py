@@ -67,13 +67,13 @@ def test_another_user_is_refused_and_told_who_writes(mode, shared):
 @needs_root
 def test_a_benchmark_of_another_user_neither_adds_rows_nor_loses_any(shared):
     table = Table(shared / "t.parquet")
-    with table.writing():
-        with (
-            another_user(),
-            pytest.raises(InputError, match=r"another run writes to .*t\.parquet \(process \d+\)"),
-            Table(table.path).writing(),
-        ):
-            pytest.fail("two at once")
+    with (
+        table.writing(),
+        another_user(),
+        pytest.raises(InputError, match=r"another run writes to .*t\.parquet \(process \d+\)"),
+        Table(table.path).writing(),
+    ):
+        pytest.fail("two at once")
     table._journal.append("{}")  # of a run that was killed; the other user may read it
     with (
         another_user(),

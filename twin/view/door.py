@@ -99,10 +99,10 @@ class Door:
         return None
 
     def _known(self, asked: Asked) -> bool:
-        """Whether one of the cookies is the own one. The others come from any server at this name, and may be any text."""
+        """Whether one of the cookies is the own one; the others come from any server at this name, and are any text."""
         own = f"{self.cookie_name}={self.cookie}"
-        given = (each.strip() for text in asked.headers.get("cookie", []) for each in text.split(";"))
-        return any([_same(each, own) for each in given])  # all are compared
+        found = [_same(each.strip(), own) for text in asked.headers.get("cookie", []) for each in text.split(";")]
+        return any(found)
 
     def _has_token(self, asked: Asked) -> bool:
         if asked.websocket or asked.method != "GET" or asked.path != "/":
