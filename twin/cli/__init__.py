@@ -18,7 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with Stopping(program=arguments is None) as stopping, settings.within_reason():
             streams.prepare()
-            if sentence := settings.no_room():  # before the libraries load
+            if sentence := settings.no_room() or settings.no_threads():  # before the libraries load
                 return _fail(sentence)
             return _run(arguments, stopping)
     except KeyboardInterrupt:  # before the first line of the run, or after its last
