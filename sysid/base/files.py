@@ -121,14 +121,21 @@ class Lines:
         ]
 
     def append(self, line: str) -> None:
-        """Appends one line. Raises OSError if it cannot be written."""
-        with ordinary(self.path).open("ab") as file, _alone(file):
-            if not self._mended:
-                file.truncate(len(self._whole()))
-                self._mended = True
-            file.write(line.encode("utf-8") + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
+        """Appends one line. Raises OSError if it cannot be written, and then leaves no file that was not there."""
+        new = not ordinary(self.path).exists()
+        try:
+            with self.path.open("ab") as file, _alone(file):
+                if not self._mended:
+                    file.truncate(len(self._whole()))
+                    self._mended = True
+                file.write(line.encode("utf-8") + b"\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError:
+            with suppress(OSError):
+                if new and not self._whole():
+                    self.path.unlink()
+            raise
 
     def _whole(self) -> bytes:
         data = self.path.read_bytes()

@@ -17,6 +17,10 @@ from pathlib import Path
 NAME = re.compile(r"qpal-(?P<machine>[0-9a-f]{8})-(?P<process>\d+)-(?P<began>\d+)-\d+")
 READY, CLAIMED = ".ready", ".new.part"  # ends of names that stand for a folder too: `twin.cli.moving` ends those
 PLACE = 200  # bytes that a name leaves to the words before the mark; a file system has 255
+# What tells one machine from another: an id that lasts, a number of small boards' hardware, and one of this boot.
+MACHINE, SERIAL = "/etc/machine-id", "/proc/device-tree/serial-number"
+BOOT, PROCESSES = "/proc/sys/kernel/random/boot_id", "/proc/self/ns/pid"
+OUTSIDE = "pid:[4026531836]"  # what the kernel calls the processes of a machine outside all containers
 _numbers = count()
 _swept: set[str] = set()
 
@@ -107,13 +111,28 @@ def remove(path: Path) -> None:
 
 @cache
 def _machine() -> str:
-    """The machine, and the container within it, which numbers its processes anew."""
+    """The machine, and the container within it, which numbers its processes anew.
+
+    Machines on one network disk may have the same name, and copies of a card the same id. The number of a container
+    means something until the machine starts again; a machine itself has its id, so that what was left before it started
+    again goes too.
+    """
     try:
-        within = os.readlink("/proc/self/ns/pid")
+        within = os.readlink(PROCESSES)
     except OSError:
         within = ""
     name = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")
-    return blake2b(f"{name} {within}".encode("utf-8", "surrogateescape"), digest_size=4).hexdigest()
+    own = "" if within not in ("", OUTSIDE) else _said(MACHINE)
+    known = f"{own} {_said(SERIAL)}" if own else _said(BOOT)
+    return blake2b(f"{name} {within} {known}".encode("utf-8", "surrogateescape"), digest_size=4).hexdigest()
+
+
+def _said(file: str) -> str:
+    """What a file of the system says; nothing where there is none."""
+    try:
+        return Path(file).read_text("ascii", "replace").strip()
+    except OSError:
+        return ""
 
 
 def began_at(process: int) -> int:

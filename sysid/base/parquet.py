@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sysid.base import forked
+
 if TYPE_CHECKING:
     import polars
 
@@ -22,6 +24,7 @@ def read(path: Path, columns: list[str] | None = None) -> "polars.DataFrame":
     """
     import polars
 
+    forked.check()
     try:
         with _panics_unprinted():
             return polars.read_parquet(

@@ -14,6 +14,7 @@ from typing import Any
 
 import polars as pl
 
+from sysid.base import forked
 from sysid.base.errors import InputError
 from sysid.base.files import Lines, ordinary, whole_file
 from sysid.base.lock import held
@@ -54,6 +55,7 @@ class Table:
 
     def _held(self) -> tuple[pl.DataFrame | None, list[str]]:
         """The rows that hold, the newest of each key, and which do not: what stands where."""
+        forked.check()
         parts, bad = [], []
         new, lines = journal(self._journal.read())  # first: what is merged meanwhile is in the file then
         if self.path.is_file():
@@ -81,6 +83,12 @@ class Table:
         """The right to add rows, for one process at a time; the journal is merged at the end."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with held(self.path, self._taken):
+            left = self._journal.path
+            if left.exists() and not os.access(left, os.W_OK):  # of a run of another user that was killed
+                raise InputError(
+                    f"the journal {left} may not be written to; let its owner run the same qpal bench run, or give "
+                    "another --out"
+                )
             self._mend()
             try:
                 yield self
@@ -125,6 +133,7 @@ class Table:
 
 def write(rows: pl.DataFrame, path: Path) -> None:
     """The table as a Parquet file, whole or not at all, with a check sum in each row."""
+    forked.check()
     ordered = rows.sort(KEY).select(list(COLUMNS))
     sums = pl.Series(CHECK, _sums(ordered), dtype=pl.String)
     with whole_file(path) as temporary:

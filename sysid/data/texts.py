@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.base import forked
+
 if TYPE_CHECKING:
     import polars
 
@@ -35,6 +37,7 @@ class Texts(Sequence[str]):
         """The cells (n,) as float64 as Python reads them; nan for one that is no number."""
         import polars
 
+        forked.check()
         texts = self._series
         if decimal == ",":
             texts = texts.str.replace_all(",", ".", literal=True)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.base import forked
 from sysid.base.errors import InputError
 from sysid.data.table import is_number
 from sysid.formats._text import COMMENT, data_lines, is_comment
@@ -66,6 +67,7 @@ def part(path: Path, row: int, block: bytes, layout: Layout) -> Part:
 
     Raises InputError, which names the row, for a line with another number of cells than the layout's.
     """
+    forked.check()
     if block and not block.endswith(b"\n"):
         block += b"\n"
     rows: Sequence[int] = range(row, row + block.count(b"\n"))

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid.base import forked
 from sysid.data.table import Table
 from sysid.formats._date_cells import DAY, FORMS, ORDERS, Cells, taken_apart
 
@@ -83,6 +84,7 @@ def all_parts(table: Table, j: int, form: str) -> tuple[np.ndarray, list[Cells]]
     """The places (m,) of the cells that are not empty, and what these say."""
     import polars
 
+    forked.check()
     cells, places, parts = table.columns[j], [], []
     for start in range(0, len(cells), CHUNK):
         texts = polars.Series([cell.strip() for cell in cells[start : start + CHUNK]], dtype=polars.String)

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base import forked
 from sysid.base.errors import InputError
 from sysid.data.table import Table, is_number
 from sysid.formats._body import Body
@@ -58,6 +59,7 @@ class Delimited:
         """Columns (N,) by name, below the header."""
         import polars
 
+        forked.check()
         with path.open("wb") as file:
             for line in header.split("\n") if header else ():
                 file.write(f"# {HEADER} {line}\n".encode())

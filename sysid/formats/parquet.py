@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from sysid.base import parquet
+from sysid.base import forked, parquet
 from sysid.base.errors import InputError
 from sysid.data.table import Table
 from sysid.formats._arrays import Arrays
@@ -52,12 +52,14 @@ class Parquet:
         """Columns (N,) by name, and the header."""
         import polars
 
+        forked.check()
         polars.DataFrame(dict(columns)).write_parquet(path.absolute(), metadata={HEADER: header})
 
     def header(self, path: Path) -> str:
         """The metadata `qpal` of the file."""
         import polars
 
+        forked.check()
         return polars.read_parquet_metadata(path.absolute()).get(HEADER, "")
 
 

@@ -11,6 +11,7 @@ unseen data; `sysid.selection.folds` makes the parts.
 """
 
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -70,9 +71,7 @@ def select(
         judged = _rounds(space, data, work)
         rows, chosen = ranked(judged)
         if not np.isfinite(rows[0].fit_percent):
-            raise InputError(
-                "no structure of the space has a valid free run on this record; inspect the data or widen the space"
-            )
+            raise InputError(_none_valid(rows))
         left = max(work.begun + seconds - time.time(), 0.1 * seconds)
         chosen, fit, notes = final_fit(rows, chosen, data, search, seed, Effort(space.starts, 200, left))
         fit.remember(chosen.candidate.scale(data))
@@ -125,6 +124,17 @@ def _rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:
         if not found:
             break
     return judged
+
+
+def _none_valid(rows: Sequence[Row]) -> str:
+    """Why no candidate can be used: what most of them say, and how many."""
+    why, times = Counter(row.why.partition(";")[0] for row in rows).most_common(1)[0]
+    of = f"all {len(rows)}" if times == len(rows) else f"{times} of {len(rows)}"
+    return (
+        "no structure of the space has a valid free run on this record, each half of which is fitted and judges the "
+        f"other; of {of} candidates: {why}; record longer, give the search more of the record (qpal identify --split "
+        "0.7), or widen the space"
+    )
 
 
 def _by_fit(row: Row) -> tuple[float, int]:

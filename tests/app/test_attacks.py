@@ -199,6 +199,27 @@ def test_the_rightful_browser_is_let_in_and_no_other_page_may_read_it(site):
     assert received.startswith(b"HTTP/1.1 101 ")
 
 
+COOKIES_OF_OTHERS = (
+    'theme={"dark": true}', 'prefs={"a":1,"b":2}', "name=J\xfcrgen", "flag", "a[b]=1", "p=50% off", "path=/home",
+    "version=3", "domain=lab", "", "=", 'open="never closed', "secure", "qpal_1=x", "a=b=c",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("other", COOKIES_OF_OTHERS)
+def test_cookies_of_other_servers_of_this_machine_keep_nobody_out(site, other):
+    """A cookie knows no port: the browser sends those of every server at this name, and RFC 6265 lets them be any."""
+    for sent in (f"{other}; {site.cookie}", f"{site.cookie}; {other}", f"{other};{site.cookie};{other}"):
+        assert request(site.port, "/", {**site.here, "Cookie": sent})[0] == 200, sent
+    name, _, value = site.cookie.partition("=")
+    for wrong in (
+        f"{other}; {name}={value}x",
+        f"{other}; x{site.cookie}",
+        f'{other}; x="; {name}="',
+        f"{name}; {value}",
+    ):
+        assert request(site.port, "/", {**site.here, "Cookie": wrong})[0] == 403, wrong
+
+
 def test_silent_connections_are_few_and_keep_nobody_out(site):
     with ExitStack() as stack:
         lines = []

@@ -5,6 +5,7 @@ import resource
 import runpy
 import subprocess
 import sys
+import threading
 import warnings
 from pathlib import Path
 
@@ -110,3 +111,21 @@ def test_a_verb_runs_within_them(monkeypatch, capsys):
     monkeypatch.setattr(settings, "no_room", lambda: "no room")
     assert main(["--help"]) == 2
     assert capsys.readouterr().err == "qpal: no room\n"
+
+
+def test_a_limit_of_threads_is_told_before_the_libraries_load(monkeypatch, capsys):
+    assert settings.no_threads() == ""
+    begun = []
+
+    class Few(threading.Thread):
+        def start(self):
+            if len(begun) == 3:
+                raise RuntimeError("can't start new thread")
+            begun.append(self)
+            super().start()
+
+    before = threading.active_count()
+    monkeypatch.setattr(settings.threading, "Thread", Few)
+    assert main(["info"]) == 2
+    assert "this process may start 3 threads and needs 8" in capsys.readouterr().err
+    assert threading.active_count() == before

@@ -40,7 +40,7 @@ def stopped(kills, place, number, when):
     ends = time.monotonic() + 60.0
     while not when(place) and time.monotonic() < ends:
         time.sleep(0.002)
-    os.kill(process.pid, kills.SIGNALS[number])
+    os.kill(process.pid, getattr(signal, f"SIG{number}"))
     code = process.wait(60)
     ends = time.monotonic() + 3.0
     while kills.processes(process.pid) and time.monotonic() < ends:
@@ -59,11 +59,23 @@ def at_work(place):
     return any((place / "runs").glob(".*")) if (place / "runs").exists() else False
 
 
-@pytest.mark.parametrize(("number", "when"), [("TERM", at_once), ("INT", at_work), ("TERM", at_work)])
+@pytest.mark.parametrize(
+    ("number", "when"),
+    [
+        ("TERM", at_once),
+        ("INT", at_work),
+        ("TERM", at_work),
+        ("USR1", at_once),  # a warning of batch systems, as the next ones
+        ("USR1", at_work),
+        ("USR2", at_work),
+        ("XCPU", at_work),
+    ],
+)
 def test_a_run_that_is_told_to_stop_says_so_and_leaves_nothing(number, when, kills, given, tmp_path):
     place = tmp_path / "place"
     shutil.copytree(given, place)
-    assert stopped(kills, place, number, when) == (130, "qpal: stopped; nothing was written\n")
+    why = " at the limit of processor time, see ulimit -t" if number == "XCPU" else ""
+    assert stopped(kills, place, number, when) == (130, f"qpal: stopped{why}; nothing was written\n")
     assert sorted(path.name for path in place.iterdir()) == ["log.csv", "tmp", "tmp.err"]
     assert not kills.left(place)
 

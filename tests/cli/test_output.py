@@ -1,7 +1,9 @@
 """Every run has a folder of its own, also among runs that begin in the same second."""
 
+import errno
 import json
 import os
+import shutil
 import subprocess
 import sys
 from datetime import datetime
@@ -9,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from sysid.base import files
 from sysid.base.errors import InputError
+from sysid.base.files import Lines
 from twin.cli import main, output
 from twin.cli.output import run_folder
 
@@ -210,3 +214,54 @@ def test_the_root_is_refused_before_the_work(root):
         run_folder(root, "info"),
     ):
         raise AssertionError("the work began")
+
+
+def test_what_leads_nowhere_is_told_and_makes_no_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("dang").symlink_to("away")
+    for out, said in (("dang", "it is a link to away, which does not exist"), ("x/../y", "there is no folder x, ")):
+        with pytest.raises(InputError, match=f"cannot write to {out} .{said}"), run_folder(out, "info"):
+            pytest.fail("it cannot begin")
+    assert [path.name for path in tmp_path.iterdir()] == ["dang"]
+
+
+def test_a_read_only_disk_is_told(tmp_path, monkeypatch):
+    class Disk:
+        f_flag = os.ST_RDONLY
+
+    monkeypatch.setattr(output.os, "access", lambda place, how: False)
+    for flag, said in ((os.ST_RDONLY, "read-only file system"), (0, "permission denied")):
+        Disk.f_flag = flag
+        monkeypatch.setattr(output.os, "statvfs", lambda place: Disk)
+        with pytest.raises(InputError, match=rf"\({said}\)"), run_folder(str(tmp_path), "info"):
+            pytest.fail("it cannot begin")
+        with pytest.raises(InputError, match=rf"\({said}\)"):
+            output.check_writable_file(tmp_path / "log.csv")
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])
+def test_a_full_disk_is_told_with_the_folder_and_leaves_nothing(number, tmp_path, monkeypatch):
+    monkeypatch.setattr(output.shutil, "disk_usage", lambda place: shutil._ntuple_diskusage(10**6, 10**6, 100))
+    told = pytest.raises(InputError, match=rf"cannot write to .*out .*{os.strerror(number)}.*nothing was written")
+    with told, run_folder(str(tmp_path / "out"), "info"):
+        raise OSError(number, os.strerror(number))
+    assert not list(tmp_path.iterdir())
+
+
+def test_standard_output_that_is_full_is_not_taken_for_the_disk(tmp_path):
+    with pytest.raises(OSError, match="No space"), run_folder(str(tmp_path / "out"), "info"):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_line_that_cannot_be_written_leaves_no_empty_file(tmp_path, monkeypatch):
+    def full(number):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    lines, kept = Lines(tmp_path / "j.jsonl"), Lines(tmp_path / "kept.jsonl")
+    kept.append("first")
+    monkeypatch.setattr(files.os, "fsync", full)
+    monkeypatch.setattr(Lines, "_whole", lambda self: b"" if self is lines else b"first\n")
+    for each in (lines, kept):
+        with pytest.raises(OSError, match="No space"):
+            each.append("a row")
+    assert [path.name for path in tmp_path.iterdir()] == ["kept.jsonl"]

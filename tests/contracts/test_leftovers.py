@@ -193,3 +193,39 @@ def test_a_worker_that_another_process_started_for_its_parent_goes_on():
         text=True,
     ) as process:
         assert process.communicate(timeout=50)[0] == "watched\nwent on\n"
+
+
+@pytest.fixture
+def machine(tmp_path, monkeypatch):
+    """Tells which mark a machine has that is described by these texts."""
+
+    def mark(**said):
+        for name in ("MACHINE", "SERIAL", "BOOT"):
+            path = tmp_path / name
+            path.unlink(missing_ok=True)
+            if name.lower() in said:
+                path.write_text(said[name.lower()] + "\n")
+            monkeypatch.setattr(leftovers, name, str(path))
+        link = tmp_path / "pid"
+        link.unlink(missing_ok=True)
+        link.symlink_to(said.get("within", leftovers.OUTSIDE))
+        monkeypatch.setattr(leftovers, "PROCESSES", str(link))
+        return leftovers._machine.__wrapped__()
+
+    return mark
+
+
+def test_machines_of_one_name_are_told_apart_and_one_that_started_again_is_the_same(machine):
+    first = machine(machine="a1", boot="b1")
+    assert machine(machine="a1", boot="b2") == first, "after it started again"
+    assert machine(machine="a2", boot="b1") != first
+    assert machine(machine="a1", serial="c2", boot="b1") != first, "a copied card in another board"
+    assert machine(boot="b1") != machine(boot="b2"), "without an id nothing else tells two machines apart"
+
+
+def test_containers_of_one_image_on_two_machines_are_told_apart(machine):
+    """Name, id and number within the kernel may all be the same."""
+    own = machine(machine="image", boot="b1", within="pid:[4026532201]")
+    assert machine(machine="image", boot="b1", within="pid:[4026532201]") == own
+    assert machine(machine="image", boot="b2", within="pid:[4026532201]") != own
+    assert machine(machine="image", boot="b1", within="pid:[4026532202]") != own

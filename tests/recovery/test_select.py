@@ -212,3 +212,13 @@ def test_a_journal_of_something_else_is_refused(tmp_path):
         select(hammerstein_record(600), SMALL, jobs=1, journal=journal)
     with pytest.raises(InputError, match="another path"):
         select(hammerstein_record(600), SMALL, jobs=1, journal=tmp_path / "none" / "search.jsonl")
+
+
+def test_where_nothing_can_be_fitted_it_says_why_and_what_helps():
+    """The input moves once, so that one half of the record has a constant one."""
+    rng = np.random.default_rng(0)
+    u = np.full(150, 8.98)
+    u[20:24] = 3.0
+    data = sysid.IOData(u, rng.standard_normal(150), Ts=0.1)
+    with pytest.raises(InputError, match=r"of (all )?\d+.* candidates: the input is constant \(8\.98\).*--split 0\.7"):
+        select(data, SMALL, jobs=1)

@@ -18,7 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with Stopping(program=arguments is None) as stopping, settings.within_reason():
             streams.prepare()
-            if sentence := settings.no_room():  # before the libraries load
+            if sentence := settings.no_room() or settings.no_threads():  # before the libraries load
                 return _fail(sentence)
             return _run(arguments, stopping)
     except KeyboardInterrupt:  # before the first line of the run, or after its last
@@ -47,11 +47,11 @@ def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
         streams.flush()
     except (KeyboardInterrupt, Stopped) as stopped:
         stopping.over()
-        return _stopped(str(stopped) or moving.kept())
+        return _stopped(str(stopped) or moving.kept(), stopping.why)
     except BaseException as error:
         if stopping.asked:  # a library made an error of its own of the interrupt
             stopping.over()
-            return _stopped(moving.kept())
+            return _stopped(moving.kept(), stopping.why)
         if isinstance(error, (OSError, SystemExit)) and caused_by(error, BrokenPipeError):
             # The reader of our output went away (`qpal ... | head`): nothing is wrong, and nobody is left to tell.
             streams.drop()
@@ -71,15 +71,15 @@ def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
             raise
     if code == 130:  # the interrupt, as typer says it
         stopping.over()
-        return _stopped(moving.kept())
+        return _stopped(moving.kept(), stopping.why)
     return code if isinstance(code, int) else 0
 
 
 _NOTHING = "qpal: stopped; nothing was written"
 
 
-def _stopped(kept: str) -> int:
-    streams.say(f"qpal: stopped; {kept}")
+def _stopped(kept: str, why: str = "") -> int:
+    streams.say(f"qpal: stopped{why}; {kept}")
     return 130
 
 

@@ -1,7 +1,9 @@
 """Output folder of a verb; it appears complete or not at all."""
 
+import errno
 import os
 import shutil
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
@@ -15,6 +17,7 @@ from twin.cli.streams import say
 
 RUNS = Path("runs")
 MANY = 5  # names in a sentence
+LITTLE = 1 << 20  # [byte] that are free on a disk on which a file had no space
 
 
 @contextmanager
@@ -86,7 +89,9 @@ def _reserve(folder: Path) -> tuple[Path, Path]:
     if folder.exists() and not folder.is_dir():
         raise NotADirectoryError(0, "it is a file")
     if folder.exists() and not os.access(folder, os.W_OK | os.X_OK):
-        raise PermissionError(0, "permission denied")
+        raise _denied(folder)
+    if folder.is_symlink() and not folder.exists():
+        raise FileNotFoundError(0, f"it is a link to {os.readlink(folder)}, which does not exist")
     if folder.exists() and (why := _nothing_beside(folder)):
         raise InputError(
             f"cannot write to {folder}: results are made beside it first, and {folder.parent.resolve()} {why}; give a "
@@ -107,7 +112,12 @@ def _scratch(folder: Path, reserve: Callable[[], tuple[Path, Path]], claimed: bo
                 folder, scratch = reserve()
         except OSError as error:
             raise _not_writable(folder, error) from None
-        yield folder, scratch
+        try:
+            yield folder, scratch
+        except OSError as error:
+            if said := _full(folder, error):
+                raise InputError(said) from None
+            raise
         try:
             foreign = moving.move(scratch, folder, claimed)
         except OSError as error:
@@ -144,9 +154,36 @@ def check_writable_file(path: Path) -> None:
         if not path.parent.is_dir():
             raise FileNotFoundError(0, f"there is no folder {path.parent}")
         if not os.access(path.parent, os.W_OK):
-            raise PermissionError(0, "permission denied")
+            raise _denied(path.parent)
     except OSError as error:
         raise _not_writable(path, error) from None
+
+
+def _denied(place: Path) -> OSError:
+    """Why nothing can be written in a place that the system says is closed to it."""
+    with suppress(OSError, AttributeError):  # Windows
+        if os.statvfs(place).f_flag & os.ST_RDONLY:
+            return OSError(0, "read-only file system")
+    return PermissionError(0, "permission denied")
+
+
+def _full(folder: Path, error: OSError) -> str:
+    """A sentence where a disk or a limit was full while `folder` was made, since such an error names no file; or none.
+
+    Standard output may be full too, which is told elsewhere.
+    """
+    if error.errno == errno.EFBIG:
+        return (
+            f"cannot write to {folder} ({error.strerror}): a limit of this shell or of the disk ends a file, see "
+            "ulimit -f; nothing was written"
+        )
+    if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        return ""
+    for place in (folder.absolute().parent, Path(tempfile.gettempdir())):
+        with suppress(OSError):
+            if error.errno == errno.EDQUOT or shutil.disk_usage(place).free < LITTLE:
+                return f"cannot write to {folder} ({error.strerror} in {place}); nothing was written; free some space"
+    return ""
 
 
 def _make_parents(folder: Path, made: list[Path]) -> None:
@@ -154,6 +191,8 @@ def _make_parents(folder: Path, made: list[Path]) -> None:
     missing = []
     parent = folder.parent
     while not parent.exists():
+        if parent.name == "..":
+            raise FileNotFoundError(0, f"there is no folder {parent.parent}, through which it leads")
         missing.append(parent)
         parent = parent.parent
     for parent in reversed(missing):

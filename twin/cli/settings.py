@@ -1,13 +1,16 @@
 """What the machine's own settings may not do to a verb: limits, and variables that libraries die of."""
 
+import logging
 import os
 import re
 import sys
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 LEAST = 2048  # [MiB] of address space; below it a library's own threads cannot start, and it aborts or waits for ever
+THREADS = 8  # that a small machine's libraries start
 EPOCH = "SOURCE_DATE_EPOCH"  # NumPy takes it for a number while it loads
 # MuJoCo reads the first while it loads; what draws the robot is a process of its own, which gets its own value. The
 # second is for who tests a library: no result may die of a warning, in a worker neither.
@@ -36,6 +39,8 @@ def within_reason() -> Iterator[None]:
     for name, pattern in UNDERSTOOD.items():
         if not re.fullmatch(pattern, os.environ.get(name, ""), re.ASCII) and name in os.environ:
             former[name] = os.environ.pop(name)
+    # Where a disk is full it says so in its own words, and reads the fonts again the next time.
+    logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
     try:
         with warnings.catch_warnings():
             if any(option.partition(":")[0].startswith("e") for option in sys.warnoptions):
@@ -60,3 +65,27 @@ def no_room() -> str:
         f"this process may have {soft >> 20} MiB of address space and needs {LEAST} MiB, most of which stays unused; "
         f"give it more with: ulimit -v {LEAST << 10}"
     )
+
+
+def no_threads() -> str:
+    """A sentence where this process may not start the threads that the libraries start; else nothing.
+
+    OpenBLAS would say so in lines of its own and then interrupt the process, as if a person had.
+    """
+    over = threading.Event()
+    started = []
+    try:
+        for _ in range(THREADS):
+            started.append(threading.Thread(target=over.wait, daemon=True))
+            started[-1].start()
+    except RuntimeError:
+        return (
+            f"this process may start {len(started) - 1} threads and needs {THREADS}; end other programs of this user, "
+            "or raise the limit of processes, see ulimit -u"
+        )
+    finally:
+        over.set()
+        for thread in started:
+            if thread.ident is not None:
+                thread.join()
+    return ""

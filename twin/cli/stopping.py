@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and a closed terminal end a run, also where the first request is lost.
+"""Ctrl-C, SIGTERM, a closed terminal and the warnings of batch systems end a run, also where the first request is lost.
 
 A KeyboardInterrupt that rises within a callback (of a compiled kernel, a destructor, a library that catches all) is
 printed or dropped by Python, and the run would go on for hours. So the request is repeated twice a second until it is
@@ -16,7 +16,9 @@ from types import FrameType, TracebackType
 from typing import Any
 
 AGAIN = 0.5  # [s] between two requests
-NUMBERS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))  # a closed terminal
+# Ctrl-C, a closed terminal, and how batch systems announce an end. A default action would leave what was half made.
+NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2", "SIGXCPU")
+NUMBERS = tuple(getattr(signal, name) for name in NAMES if hasattr(signal, name))
 _held, _late = 0, False
 
 
@@ -37,7 +39,7 @@ def held() -> Iterator[None]:
 
 @contextmanager
 def at_once(sentence: str) -> Iterator[None]:
-    """SIGINT and SIGTERM end the process with `sentence` and code 130, for as long as it has done nothing.
+    """The signals of `NUMBERS` end the process with `sentence` and code 130, for as long as it has done nothing.
 
     Nothing is raised: an import that is interrupted may drop the interrupt, or report an error of its own.
     """
@@ -56,7 +58,7 @@ def at_once(sentence: str) -> Iterator[None]:
 
 
 def _set(handler: Any) -> dict[int, Any]:
-    """Sets the handler of both signals; returns the former ones. One that is ignored stays ignored."""
+    """Sets the handler of all signals; returns the former ones. One that is ignored stays ignored."""
     former: dict[int, Any] = {}
     with suppress(ValueError):  # not in the main thread
         for number in NUMBERS:
@@ -74,11 +76,13 @@ def stay_ignored() -> None:
 
 
 class Stopping:
-    """A context within which SIGINT and SIGTERM raise KeyboardInterrupt until it is handled; former handlers return.
+    """A context within which the signals of `NUMBERS` raise KeyboardInterrupt until it is handled.
+
+    Former handlers return at its end.
 
     Outside the main thread, where Python sets no handlers, it does nothing. A signal that is ignored stays ignored.
-    `asked` says whether a signal has come. At the end of a whole `program` both are ignored from then on: the work is
-    done and said, and Python would answer a request with a traceback while it ends.
+    `asked` says whether a signal has come, `why` what is known of its cause. At the end of a whole `program` all are
+    ignored from then on: the work is done and said, and Python would answer a request with a traceback while it ends.
     """
 
     def __init__(self, program: bool = False) -> None:
@@ -88,6 +92,7 @@ class Stopping:
         self._over = False
         self._unraised = sys.unraisablehook
         self.asked = False
+        self.why = ""
 
     def __enter__(self) -> "Stopping":
         self._former = _set(self._stop)
@@ -114,6 +119,8 @@ class Stopping:
         if self._over:
             return
         self.asked = self.asked or number in NUMBERS
+        if number == getattr(signal, "SIGXCPU", None):
+            self.why = " at the limit of processor time, see ulimit -t"
         self._repeat(AGAIN)
         if _held:
             global _late

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
+from sysid.base import forked
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.executor import results
@@ -148,6 +149,7 @@ class Ensemble:
         if (Path(self.folder) / MANIFEST).is_file() and not self._parts(new=True).missing():
             return self  # which a folder that may only be read allows
         assert isinstance(self.folder, Path)
+        forked.check()
         Parts.place(self.folder)
         with held(self.folder, self._taken):
             self._run(int(threads), progress, scheduler)
@@ -200,6 +202,7 @@ class Ensemble:
         """
         import polars
 
+        forked.check()
         signals = {*self._names(SIGNALS), "meta"}
         found = list(self._read([name for name in self._columns() if name not in signals]))
         if not found:
@@ -303,6 +306,7 @@ class Ensemble:
     def _table_of(self, cases: Sequence[_Case], shown: np.ndarray, trouble: Sequence[str]) -> "polars.DataFrame":
         import polars
 
+        forked.check()
         rows, signals = [], []
         for case, rows_of, said in zip(cases, shown, trouble, strict=True):
             values, meta = self._record(case, rows_of)
