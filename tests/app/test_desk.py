@@ -173,6 +173,9 @@ def test_a_log_that_cannot_be_read_says_why_and_columns_can_be_chosen(desk, tmp_
     entry = desk.session.data[key]
     assert entry.columns == ("a", "b", "c")
     assert "plain.csv" in entry.problem
+    with pytest.raises(InputError) as said:
+        desk.record(key)
+    assert str(said.value).count("plain.csv") == entry.problem.count("plain.csv")
     assert str(desk.session.folder) not in entry.problem
     with pytest.raises(InputError, match=r"plain\.csv"):
         desk.fit(key, Setting(**LINEAR))

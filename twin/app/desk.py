@@ -240,7 +240,9 @@ class Desk:
     def _readable(self, key: str) -> Path:
         path = self.session.file("data", key, "record.npz")
         if not path.is_file():
-            raise InputError(f"{self.session.data[key].name}: {self.session.data[key].problem or UNREAD}")
+            entry = self.session.data[key]
+            said = entry.problem or UNREAD
+            raise InputError(said if said.startswith(f"{entry.name}:") else f"{entry.name}: {said}")
         return path
 
     def _request(self, task: str, key: str) -> dict[str, Any]:

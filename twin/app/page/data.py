@@ -15,6 +15,12 @@ from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.parameters import JOINTS
 
 
+FIELDS = (  # for options of the command line that a sentence may name
+    "Choose input, output and time below, or the sampling time, then Read again. What has no field here, such as a unit "
+    "or a range, is an option of the command qpal info, or a line of its mapping file."
+)
+
+
 class DataPanel(Panel):
     """The list of records, and ways to add one."""
 
@@ -42,6 +48,8 @@ class DataPanel(Panel):
         entry = self.desk.session.data[key]
         if entry.problem:
             note(entry.problem, "text-negative")
+            if entry.columns:
+                note(FIELDS)
         if entry.columns:
             with ui.expansion("Columns", value=bool(entry.problem)).classes("w-full").props("dense"):
                 self._columns(key)
