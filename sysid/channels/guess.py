@@ -110,7 +110,8 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     timed = _clock(table, columns, given)
     why, unclear, remarks = timed.why, timed.unclear, timed.remarks
     clock = timed.clock or Clock()
-    rest = {name: look for name, look in columns.items() if name not in (clock.column, timed.aside) and not look.dated}
+    times = (clock.column, timed.aside, *timed.same)
+    rest = {name: look for name, look in columns.items() if name not in times and not look.dated}
     if given.input is None and given.output is None:
         sure = not unclear
         picked = _pair(table, rest, why, unclear)

@@ -29,6 +29,7 @@ class ClockGuess:
     unclear: list[str] = field(default_factory=list)
     remarks: dict[str, str] = field(default_factory=dict)
     aside: str = ""
+    same: tuple[str, ...] = ()  # columns that show the same time, and so are no signals
 
 
 def guess_clock(columns: Mapping[str, Look]) -> ClockGuess:
@@ -48,6 +49,7 @@ def guess_clock(columns: Mapping[str, Look]) -> ClockGuess:
             found.clock = Clock(column=look.name)
             return found
         look = chosen
+        found.same = tuple(each.name for each in named)
         found.why += [
             f"column {look.name!r} is the clock; {each.name!r} shows the same time{_apart(look, each)}"
             for each in named
@@ -95,6 +97,7 @@ def _named(columns: Mapping[str, Look]) -> list[Look]:
     """Columns that are clocks by name or by unit, and rise."""
     rising = [look for look in columns.values() if not look.constant and (look.rises or counter_bits(look))]
     by_name = [look for look in rising if look.header.has(CLOCK) or look.header.base.lower() in CLOCK]
+    by_name = [look for look in by_name if not _measures(look)] or by_name  # T [degC] of a motor that warms up
     by_unit = [look for look in rising if look not in by_name and convert(look.header.unit).is_time]
     if OWN in columns:  # of others only those that say another time beyond doubt
         own = columns[OWN]
@@ -103,6 +106,14 @@ def _named(columns: Mapping[str, Look]) -> list[Look]:
         ]
         return [own, *(look for look, step in steps if abs(step - own.step) > 0.01 * own.step)]
     return by_name or by_unit
+
+
+def _measures(look: Look) -> bool:
+    """Whether a column names a unit that is none of time, or is called T, as temperatures, torques and periods are."""
+    unit = look.header.unit or written_unit(look.name)
+    if look.header.words & CLOCK == {"t"} and "t" not in look.header.base:
+        return True
+    return bool(unit) and not convert(unit).is_time
 
 
 def _one_of(named: Sequence[Look]) -> Look | None:

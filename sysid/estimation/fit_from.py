@@ -1,5 +1,6 @@
 """A fit that starts from another one: static maps put around a linear model, or blocks taken over by their role."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,11 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.map_start import start_maps
 from sysid.estimation.result import Fit
+from sysid.estimation.safeguard import squares
 from sysid.estimation.start import within
 from sysid.model.chain import Chain
+
+_ABOVE = 1.01  # times the errors of the fit that it starts from
 
 
 @checked
@@ -22,14 +26,24 @@ def fit_from(fit: Fit, model: Chain, data: IOData, **options: Any) -> Fit:
 
     A block is common if its role and its parameters are: the linear model of an output-error fit starts a
     Hammerstein-Wiener model of the same orders. Static maps that `fit` has not start near a straight line, and as near
-    one as they can; the better search is kept, so the loss is not above that of `fit`. Raises InputError for a block
+    one as they can; the better search is kept, so the errors are not above those of `fit` but where the new
+    model cannot be as `fit` is, as a saturation has no place for an offset: then a warning says so. Raises InputError for a block
     without a start, for other orders, another sampling time and several channels, and the errors of `sysid.fit`.
     """
     for name in ("start", "starts"):
         if name in options:
             raise InputError(f"fit_from starts from the fit that it is given; leave {name} out, or use sysid.fit")
     chain, thetas = started(fit, model, data)
-    return fit_chain(chain, data, start=thetas, **options).remember(data)
+    found = fit_chain(chain, data, start=thetas, **options)
+    before = squares(fit.model, with_initial_states(fit.model, fit.theta, data), data) / max(data.observed.sum(), 1)
+    if found.criteria.mse > _ABOVE * before:
+        above = (
+            f"the mean square error is {found.criteria.mse / before:.3g} times that of the fit that this one starts "
+            "from, as its maps have no place for what that fit has, such as an offset: take the means off the record "
+            "(sysid.data.preprocess.detrend), or choose another map"
+        )
+        found = replace(found, warnings=(above, *found.warnings))
+    return found.remember(data)
 
 
 def started(fit: Fit, model: Chain, data: IOData) -> tuple[Chain, np.ndarray]:

@@ -185,7 +185,7 @@ class Fit(FitMethods):
             return pole_std(F[1:], G @ self.covariance.cov @ G.T)
         for part, b in self.model.dynamics:
             f = slice(part.start + b.nb, part.start + b.nb + b.nf)
-            held = bool(self.covariance.bounded[f].any())
+            held = bool((self.covariance.bounded | self.covariance.unidentifiable)[f].any())
             found.append(pole_std(self.theta[f], self.covariance.cov[f, f], held))
         return np.concatenate(found)
 

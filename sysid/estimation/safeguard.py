@@ -70,7 +70,7 @@ def not_above_linear(run: Run, raced: Raced) -> Raced:
     if len(run.data.lengths) == 1 or not plain or not applies(chain) or len(chain.dynamics) != 1 or run.late:
         return raced
     linear, rows = _linear_model(run, chain.part(raced.problem.thetas(raced.outcome.p)[0], chain.linear))
-    if not _squares(linear, rows, run.data) < _BELOW * _cost(raced.problem.plain, raced.outcome.p):
+    if not squares(linear, rows, run.data) < _BELOW * _cost(raced.problem.plain, raced.outcome.p):
         return raced
     best = raced
     for straight in (False, True):
@@ -96,7 +96,8 @@ def _linear_model(run: Run, known: np.ndarray) -> tuple[Chain, np.ndarray]:
     return chain, min(ends, key=lambda end: end[0])[1]
 
 
-def _squares(chain: Chain, thetas: np.ndarray, data: IOData) -> float:
+def squares(chain: Chain, thetas: np.ndarray, data: IOData) -> float:
+    """The sum of the squared errors of free runs from theta (K, P), one row for each experiment."""
     runs = [chain.outputs(theta, e.u) for theta, e in zip(thetas, data.experiments, strict=True)]
     return float(np.sum((data.y - np.concatenate(runs))[data.observed] ** 2))
 

@@ -170,7 +170,7 @@ def check_numbers(theta: np.ndarray, covariance: Covariance, criteria: Criteria)
     own = np.diag(covariance.cov)
     if np.any(own < -1e-9 * np.abs(own).max(initial=0.0)) or covariance.noise_variance < 0:  # but for rounding
         raise InputError("the covariance has a variance below 0; save the fit again")
-    if not 1 <= criteria.N <= MOST or not 0 <= criteria.d <= MOST or min(criteria.loss, criteria.mse) < 0:
+    if not 1 <= criteria.N <= MOST or not 0 <= criteria.d <= MOST or criteria.loss < 0 or criteria.mse < 0:
         raise InputError(
             f"the criteria have N = {criteria.N}, d = {criteria.d}, loss = {criteria.loss:g} and mse = "
             f"{criteria.mse:g}; N is at least 1, none of the others is below 0 and no count above {MOST:,}: save the "

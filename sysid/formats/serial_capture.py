@@ -64,7 +64,9 @@ class SerialCapture:
         shape = shapes.most_common(1)[0][0]
         samples = [line for line in lines if line.shape == shape]
         notes: list[str] = []
-        named, names = _names(texts, samples[0], shape)
+        named, names = _names(texts, samples, shape)
+        if named > samples[0].row:  # what stands above the names is no sample: a version, a calibration
+            samples = [line for line in samples if line.row > named]
         above, below = _ends(texts, samples, named)
         _check_form(path, texts, lines, samples, (*above, *below))
         samples = self._without_garbled(path, texts, samples, (above, below), notes)
@@ -128,7 +130,7 @@ def _bare(text: str) -> str:
 
 
 def _line(row: int, text: str) -> Line | None:
-    text = _bare(text)
+    text = _unended(_bare(text))
     mark = "," if "," in text else ";" if ";" in text else ""
     if PLAIN[mark].fullmatch(text):
         cells = tuple(text.replace(" ", "").split(mark) if mark else text.split())
@@ -182,20 +184,33 @@ def _is_plain(shape: tuple[str, ...]) -> bool:
     return len(shape) == 2 and shape[1].isdigit()
 
 
-def _names(texts: list[str], first: Line, shape: tuple[str, ...]) -> tuple[int, list[str] | None]:
-    """The keys of the pairs, or the words of the last line above the first sample that has one for each number.
+def _names(texts: list[str], samples: Sequence[Line], shape: tuple[str, ...]) -> tuple[int, list[str] | None]:
+    """The keys of the pairs, or the words of the last line above the samples that has one for each number.
 
-    With the row of that line, 0 for none.
+    With the row of that line, 0 for none. A few lines of numbers may stand above the names.
     """
     if not _is_plain(shape):
         return 0, list(shape)
-    for row in range(first.row - 1, 0, -1):
-        text = texts[row - 1]
-        words = [word.strip(" \t\"'#%") for word in _bare(text).lstrip("#% ").split(shape[0] or None)]
+    first = samples[0]
+    for row in (*range(first.row - 1, 0, -1), *range(first.row + 1, samples[min(FEW, len(samples) - 1)].row)):
+        words = _words(texts[row - 1], shape[0])
+        words = words if len(words) == len(first.cells) else _words(texts[row - 1], "\t")
         if len(words) == len(first.cells) and len(set(words)) == len(words):
-            named = all(re.match(r"[^\W\d]", word) and word.isprintable() for word in words)
-            return (row, words) if named else (0, None)
+            if all(re.match(r"[^\W\d]", word) and word.isprintable() for word in words):
+                return row, words
+            if row < first.row:
+                return 0, None
     return 0, None
+
+
+def _words(text: str, mark: str) -> list[str]:
+    text = _unended(_bare(text)).lstrip("#% ")
+    return [word.strip(" \t\"'#%") for word in text.split(mark or None)]
+
+
+def _unended(text: str) -> str:
+    """The line without a mark behind its last number, which some programs print."""
+    return text[:-1] if text.endswith((",", ";")) else text
 
 
 def _odd_decimals(samples: Sequence[Line]) -> set[int]:

@@ -56,7 +56,10 @@ class Compact(Protocol):
 @checked
 @dataclass(frozen=True)
 class Options:
-    """Stopping options of a search. After `max_seconds` a fit ends with the best that its searches found so far."""
+    """Stopping options of a search. After `max_seconds` a fit ends with the best that its searches found so far.
+
+    The clock is looked at between steps; the first fit of a kind in a process also compiles or loads its blocks.
+    """
 
     max_iterations: int = 200
     tolerance: float = 0.01  # [%] of the loss: expected improvement of a Gauss-Newton step

@@ -114,3 +114,22 @@ def test_a_supply_is_no_input():
     found = guess(table(timestamp=0.005 * K, goal_position=goal, position=goal, input_volts=volts))
     assert found.mapping.input[0].column == "goal_position"
     assert any("'input_volts' barely varies" in sentence for sentence in found.why)
+
+
+@pytest.mark.parametrize(("warm", "unit"), [("T", "degC"), ("T_C", ""), ("T", "Nm"), ("t", "N"), ("T (K)", "")])
+@pytest.mark.parametrize("clock", ["time_s", "time", "t_ms"])
+def test_what_rises_in_a_unit_that_is_no_time_is_no_clock(clock, warm, unit):
+    """A motor that warms up in a test rises as a clock does."""
+    k, step = np.arange(100), 10.0 if clock == "t_ms" else 0.01
+    made = from_table(
+        table({warm: unit} if unit else {}, **{clock: step * k, "u": k % 7, "y": k % 5, warm: 20 + k / 9})
+    )
+    assert made.input[0].values[3] == 3.0
+    assert made.Ts == pytest.approx(0.01, rel=1e-12)
+
+
+def test_columns_that_show_the_time_of_the_clock_are_neither_input_nor_output():
+    k = np.arange(100)
+    times = dict.fromkeys(("cmd.time", "cmd.stamp", "position.time"), 0.01 * k)
+    made = from_table(table({}, **times, **{"cmd.voltage": k % 7, "position.angle": k % 5}))
+    assert (made.input[0].column, made.output[0].column, made.Ts) == ("cmd.voltage", "position.angle", 0.01)

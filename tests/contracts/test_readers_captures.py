@@ -5,6 +5,7 @@ import pytest
 from few_rows import columns
 from often import often
 
+from sysid import read
 from sysid.base.errors import InputError
 from sysid.formats import read_table
 
@@ -82,6 +83,32 @@ def test_text_below_the_last_sample_is_told(tmp_path):
     path.write_text("\n".join([*PAIRED, *["bye"] * 60]) + "\n")
     with pytest.raises(InputError, match=r"row 201: .* 60 of 260 lines"):
         read_table(path)
+
+
+ABOVE = {"a version": "2,1", "a calibration": "512.0,1.5", "two lines": "51.0,0.3\n50.0,0.1", "three": "1,2\n3,4\n5,6"}
+
+
+@pytest.mark.parametrize("above", ABOVE.values(), ids=ABOVE)
+@pytest.mark.parametrize("end", ["", ","])
+def test_numbers_above_the_names_are_no_samples_and_hide_no_names(above, end, tmp_path):
+    """The names were lost, and with them which column is the input and the unit of the angle."""
+    rng = np.random.default_rng(5)
+    u, y = rng.integers(-120, 121, 60) / 10, rng.integers(100, 400, 60) / 10
+    path = tmp_path / "a.log"
+    rows = [f"{b},{a}{end}" for a, b in zip(u, y, strict=True)]
+    path.write_text("\n".join([above, f"angle_deg,voltage_V{end}", *rows]) + "\n")
+    record = read(path, Ts=0.01)
+    np.testing.assert_array_equal(record.u[:, 0], u)
+    np.testing.assert_allclose(record.y[:, 0], np.radians(y), rtol=1e-12)
+
+
+def test_names_with_blanks_between_tabs_are_the_names(tmp_path):
+    path = tmp_path / "a.log"
+    rows = [f"{k % 7}.0\t{k % 5}.0" for k in range(60)]
+    path.write_text("\n".join(["angle [deg]\tvoltage [V]", *rows]) + "\n")
+    record = read(path, Ts=0.01)
+    np.testing.assert_array_equal(record.u[:, 0], np.arange(60) % 5)
+    np.testing.assert_allclose(record.y[:, 0], np.radians(np.arange(60) % 7), rtol=1e-12)
 
 
 @pytest.mark.parametrize("seed", often(6, 2))

@@ -216,6 +216,10 @@ DAMAGES = {
     "beside its fixed value": (put("model", "fixed", {"output.c1": 99.0}), r"output\.c1 is -0\.2 and fixed at 99"),
     "bounds exchanged": (put("model", "bounds", {"linear.f2": [9.0, -9.0]}), r"bounds of linear\.f2 are 9 and -9"),
     "negative variance": (put("covariance", "cov", 0, 0, -1.0), "a variance below 0"),
+    "negative mse": (
+        lambda document: (drop("criteria", "loss")(document), put("criteria", "mse", -1.0)(document)),
+        "loss = nan and mse = -1; N is at least 1, none of the others is below 0",
+    ),
     "negative noise": (put("covariance", "noise_variance", -1.0), "a variance below 0"),
 }  # fmt: skip
 

@@ -93,3 +93,9 @@ def test_a_log_that_names_its_joint_is_held_to_its_columns(tmp_path):
     path.write_text(path.read_text(encoding="utf-8").replace("angle_rad", "angle_old"), encoding="utf-8")
     with pytest.raises(InputError, match="unknown column 'angle_rad'"):
         twin.Log.load(path)
+
+
+def test_one_glitch_of_a_voltage_names_no_other_unit():
+    u = LOG.u.copy()
+    u[17] = 150.0
+    check_plausible(twin.Log(u, LOG.y, LOG.Ts, joint="thigh"), "thigh", P)

@@ -34,6 +34,21 @@ def test_the_search_starts_near_the_loss_of_the_linear_model_and_lowers_it(data,
     np.testing.assert_array_equal(chain.part(theta, chain.linear), linear.theta[: len(chain.part(theta, chain.linear))])
 
 
+def test_a_map_that_cannot_hold_the_offset_is_told():
+    rng = np.random.default_rng(0)
+    u = rng.normal(size=400)
+    y = np.zeros(400)
+    for k in range(1, 400):
+        y[k] = 0.8 * y[k - 1] + 0.5 * u[k - 1]
+    y = np.clip(y, -2, 2) + 0.3
+    for level, told in ((0.3, True), (0.0, False)):
+        data = sysid.IOData(u, y - 0.3 + level, 0.1)
+        base = sysid.fit(sysid.structures.output_error(1, 1, 1, offset="free"), data)
+        found = sysid.fit_from(base, sysid.structures.wiener(1, 1, 1, output="saturation"), data)
+        assert (found.criteria.mse > 1.01 * base.criteria.mse) == told
+        assert any("times that of the fit that this one starts from" in text for text in found.warnings) == told
+
+
 def test_held_parameters_stay_held(data, linear):
     model = sysid.structures.hammerstein_wiener(nb=2, nf=2, nk=1, input="saturation", fixed={"input": (0.0, 2.4)})
     found = sysid.fit_from(linear, model, data, search="lm")

@@ -14,10 +14,9 @@ from twin.app.page.panel import Panel, note, said, tell
 from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.parameters import JOINTS
 
-
 FIELDS = (  # for options of the command line that a sentence may name
-    "Choose input, output and time below, or the sampling time, then Read again. What has no field here, such as a unit "
-    "or a range, is an option of the command qpal info, or a line of its mapping file."
+    "Choose input, output and time below, or the sampling time, then Read again. What has no field here, such as a "
+    "unit or a range, is an option of the command qpal info, or a line of its mapping file."
 )
 
 
