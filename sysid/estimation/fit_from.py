@@ -26,9 +26,9 @@ def fit_from(fit: Fit, model: Chain, data: IOData, **options: Any) -> Fit:
 
     A block is common if its role and its parameters are: the linear model of an output-error fit starts a
     Hammerstein-Wiener model of the same orders. Static maps that `fit` has not start near a straight line, and as near
-    one as they can; the better search is kept, so the errors are not above those of `fit` but where the new
-    model cannot be as `fit` is, as a saturation has no place for an offset: then a warning says so. Raises InputError for a block
-    without a start, for other orders, another sampling time and several channels, and the errors of `sysid.fit`.
+    one as they can; the better search is kept, so the errors are not above those of `fit`. Where the new model cannot
+    be as `fit` is, as a saturation has no place for an offset, a warning says so. Raises InputError for a block without
+    a start, for other orders, another sampling time and several channels, and the errors of `sysid.fit`.
     """
     for name in ("start", "starts"):
         if name in options:
