@@ -180,7 +180,7 @@ def test_a_stroke_that_the_pins_cannot_span_is_refused() -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("time_s,voltage_V\n0,1\n0.1,2\n", "unknown column 'angle_rad'"),
+        ("time_s,voltage_V\n0,1\n0.1,2\n", "no column is left for the output"),
         ("time_s,voltage_V,angle_rad\n0,1,x\n0.1,2,3\n", "row 2, column 'angle_rad': found 'x', which is not a number"),
         ("time_s,voltage_V,angle_rad\n0,1,2\n0.1,2,nan\n", r"row 3, column 'angle_rad': found no value"),
         (

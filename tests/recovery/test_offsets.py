@@ -48,13 +48,12 @@ def test_a_fit_to_a_record_with_a_constant_more_takes_the_same_steps(model, name
     data = record()
     chain = model(2, 2, 1, **{"input" if model is S.hammerstein else "output": FREE[name]})
     plain = sysid.fit(chain, data, starts=1, options=ONE)
-    steps = (
-        1 if name.endswith("network") else None
-    )  # a search over redundant units amplifies rounding from step to step
+    # A search over redundant units amplifies rounding, from step to step, and differently on another processor.
+    steps, same = (1, 1e-3) if name.endswith("network") else (None, 1e-4)
     for c in (7.0, -30.0):
         moved = replace(data, u=data.u + c) if model is S.hammerstein else replace(data, y=data.y + c)
         fit = sysid.fit(chain, moved, starts=1, options=ONE)
-        assert losses(fit)[:steps] == pytest.approx(losses(plain)[:steps], rel=1e-4)
+        assert losses(fit)[:steps] == pytest.approx(losses(plain)[:steps], rel=same)
         off = fit.model.outputs(fit.theta, moved.u) - (0.0 if model is S.hammerstein else c)
         distance = np.std(off - plain.model.outputs(plain.theta, data.u)) / np.std(data.y)
         assert distance < (1e-2 if steps else 1e-5)
