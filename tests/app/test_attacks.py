@@ -239,7 +239,7 @@ def _closed(lines):
 
 def test_a_silent_connection_has_its_time():
     """With a clock of hundredths of a second: the oldest goes first, one that asked stays, one that waits goes."""
-    from twin.view.door import Waiting
+    from twin.view.door import SilentConnections
 
     class Transport:
         gone = False
@@ -248,12 +248,12 @@ def test_a_silent_connection_has_its_time():
             self.gone = True
 
     async def story():
-        waiting = Waiting(most=2, seconds=0.05)
+        waiting = SilentConnections(most=2, seconds=0.05)
         transports = [Transport() for _ in range(3)]
         for each in transports:
-            waiting.came(each)
+            waiting.add(each)
         assert [each.gone for each in transports] == [True, False, False]
-        waiting.asked(transports[1])
+        waiting.remove(transports[1])
         await asyncio.sleep(0.2)
         assert [each.gone for each in transports] == [True, False, True]
         assert len(waiting) == 0
@@ -262,10 +262,10 @@ def test_a_silent_connection_has_its_time():
 
 
 def test_the_token_on_a_command_line_opens_once():
-    from twin.view.door import Asked, Door
+    from twin.view.door import Door, Request
 
     door = Door(80, "token", "cookie", once="once")
-    asked = Asked("GET", "/", "token=once", {"host": ["127.0.0.1"]}, False)
+    asked = Request("GET", "/", "token=once", {"host": ["127.0.0.1"]}, False)
     assert door.answer(asked).status == 303
     assert door.answer(asked).status == 403
-    assert door.answer(Asked("GET", "/", "token=token", asked.headers, False)).status == 303
+    assert door.answer(Request("GET", "/", "token=token", asked.headers, False)).status == 303

@@ -16,11 +16,10 @@ from sysid.base.errors import InputError
 from sysid.report.zoom import _parts as parts
 from twin.app import jobs as jobs_module
 from twin.app import tasks
-from twin.app.desk import Desk
+from twin.app.desk import Desk, script
 from twin.app.entries import Data, Model, Prepare, Setting
 from twin.app.figures import below
 from twin.app.jobs import CANCELLED, DONE, FAILED, WAITING, Jobs
-from twin.app.script import script
 from twin.app.session import Session
 
 LINEAR = {"structure": "output_error", "settings": {"nb": 1, "nf": 1, "nk": 1}, "starts": 1}
@@ -235,7 +234,7 @@ def test_no_job_outlives_an_app_that_is_killed(desk, tmp_path):
     request["setting"] = Setting(structure="hammerstein_wiener", starts=1000).model_dump(mode="json")
     code = (
         "import subprocess, sys, time\n"
-        "p = subprocess.Popen([sys.executable, '-m', 'twin.app.worker'], stdin=-1, stdout=-1, text=True,"
+        "p = subprocess.Popen([sys.executable, '-m', 'twin.app.tasks'], stdin=-1, stdout=-1, text=True,"
         " start_new_session=True)\n"
         "p.stdin.write(sys.argv[1] + chr(10)); p.stdin.flush()\n"
         "p.stdout.readline(); print(p.pid, flush=True); time.sleep(600)\n"

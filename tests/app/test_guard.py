@@ -152,7 +152,7 @@ def test_the_guard_counts_a_body_whose_length_is_not_stated():
     """A chunked body ends in 413 when it passes the limit, and the application never sees the rest."""
     import asyncio
 
-    from twin.app.guard import Guard
+    from twin.app.server import Guard
 
     seen, sent = [], []
 

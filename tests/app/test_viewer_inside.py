@@ -68,9 +68,9 @@ def test_another_model_neither_comes_in_nor_ends_the_viewer(replay, monkeypatch,
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux says whose a connection is")
 def test_the_inner_port_takes_connections_of_its_own_process_alone():
-    from twin.view.inner import own_peers
+    from twin.view.door import accept_own_process
 
-    with own_peers(socket.create_server(("127.0.0.1", 0))) as listening:
+    with accept_own_process(socket.create_server(("127.0.0.1", 0))) as listening:
         port = listening.getsockname()[1]
         with socket.create_connection(("127.0.0.1", port)) as mine:
             accepted, _ = listening.accept()

@@ -19,8 +19,8 @@ import twin
 from twin.cli import main
 from twin.hardware.linkage import end_angles
 from twin.view import pictures, stills
-from twin.view.open import check_port
 from twin.view.replay import Replay, movement
+from twin.view.viewer import check_port
 
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="about X11 and /proc")
 

@@ -13,9 +13,8 @@ from fuzz.mutate import damaged, other_values
 from fuzz.runner import WrongError, sentence
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
-from twin.app import records
 from twin.app.desk import Desk
-from twin.app.entries import Data, Finding, Model, Prepare, Setting, Study, Twin
+from twin.app.entries import Data, Finding, Model, Prepare, Setting, Study, Twin, save_record
 from twin.app.session import Session
 
 SETTING = Setting(structure="output_error", settings={"nb": 1, "nf": 1, "nk": 1})
@@ -29,7 +28,7 @@ def build(folder: Path) -> None:
 
     def record(place: Path) -> None:
         (place / "log.csv").write_text("u,y\n1,2\n")
-        records.save(data, place / "record.npz")
+        save_record(data, place / "record.npz")
 
     def model(place: Path) -> None:
         (place / "model.json").write_text("{}")

@@ -17,7 +17,7 @@ from twin.robot.kinematics import body
 from twin.robot.shaping import shaped
 from twin.robot.statics import Statics, stability_margin
 from twin.robot.walk import drive
-from twin.view import crawl as crawl_pictures
+from twin.view import pictures
 from twin.view.stills import NoRenderer
 
 CYCLE = Gait(cycles=1)
@@ -223,7 +223,7 @@ def test_the_verb_writes_a_report_and_the_summary(tmp_path, monkeypatch, capsys)
     def nothing(*arguments):
         raise NoRenderer("not in this test")
 
-    monkeypatch.setattr(crawl_pictures, "draw_robot", nothing)
+    monkeypatch.setattr(pictures, "draw_robot", nothing)
     folder = tmp_path / "walk"
     options = ["--steps", "4", "--duration", "1", "--robots", "0", "--seed", "2", "--out", str(folder), "--json"]
     assert main(["crawl", *options]) == 0
@@ -265,7 +265,7 @@ def test_the_film_is_an_animation_and_the_strip_a_picture():
     rng = np.random.default_rng(0)
     stills = [(f"picture {k}", float(k), rng.integers(0, 255, (36, 48, 3), dtype=np.uint8)) for k in range(4)]
     frames = [rng.integers(0, 255, (30, 40, 3), dtype=np.uint8) for _ in range(5)]
-    seen = crawl_pictures.Pictures(stills, frames, 4.0)
+    seen = pictures.CrawlPictures(stills, frames, 4.0)
     with Image.open(io.BytesIO(report.film(seen))) as film:
         assert film.n_frames == 5
         assert film.size == (40, 30)

@@ -17,7 +17,7 @@ from twin.plant.leg import BENCH_LEG, LEGS
 from twin.view.pictures import standing_robot
 from twin.view.replay import GHOST_LEG, Movement, Replay, moment, movement
 from twin.view.stills import NoRenderer, cylinders, draw, draw_robot, mid_stroke
-from twin.view.window import Clock, simulate, window
+from twin.view.viewer import Clock, simulate, window
 
 T = np.arange(40) * 0.1
 OTHER = Parameters({"thigh.base_radius": 0.11, "thigh.stroke": 0.05})  # a leg with other pins

@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,8 @@ from pydantic import ValidationError
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.formats import TABLE as FORMATS
-from twin.app import records
-from twin.app.entries import Data, Finding, Model, Prepare, Setting, Study, Twin, sentence
+from twin.app.entries import Data, Finding, Model, Prepare, Runs, Setting, Study, Twin, load_record, load_runs, sentence
 from twin.app.jobs import Job, Jobs
-from twin.app.records import Runs
 from twin.app.session import Session
 from twin.parameters import JOINTS
 
@@ -181,7 +180,7 @@ class Desk:
         path = self._readable(key)
         stamp = path.stat().st_mtime
         if key not in self._records or self._records[key][0] != stamp:
-            self._records[key] = stamp, records.load(path)
+            self._records[key] = stamp, load_record(path)
         return self._records[key][1]
 
     def prepared(self, key: str) -> tuple[IOData, tuple[str, ...]]:
@@ -190,7 +189,7 @@ class Desk:
 
     def runs(self, key: str) -> Runs:
         """The free runs of a model."""
-        return records.load_runs(self.session.file("models", key, "runs.npz"))
+        return load_runs(self.session.file("models", key, "runs.npz"))
 
     def overlaid(self, ticked: Iterable[str], key: str | None) -> tuple[list[str], list[str]]:
         """Of the ticked models those of the record `key`, and those of other records."""
@@ -222,8 +221,6 @@ class Desk:
         if kind not in ("models", "studies") or name not in self.files(kind, key):
             raise InputError("there is no such file in this session")
         if name == "script.py":
-            from twin.app.script import script
-
             model = self.session.models[key]
             text = script(model, self.session.data[model.data], self.session.log(model.data))
             return text.encode("utf-8")
@@ -272,3 +269,53 @@ def _all_moved(source: Path, folder: Path) -> None:
     for file in source.iterdir():
         if file.is_file() and file.name != "stderr.txt":
             shutil.move(file, folder / file.name)
+
+
+def script(model: Model, data: Data, log: Path) -> str:
+    """The script of a model that was fitted to the record `data`, whose log is at `log`.
+
+    Names from files and people stand in it as Python literals alone, so that none of them is code. Raises InputError
+    for settings that give no model.
+    """
+    recipe = model.setting.recipe()
+    steps = model.prepare.preparation()
+    steps = replace(steps, detrend=recipe.detrend(steps.detrend))
+    given = {"input": data.input, "output": data.output, "Ts": data.Ts, "time": data.time}
+    columns = "".join(f", {name}={value!r}" for name, value in given.items() if value is not None)
+    settings = ", ".join(f"{name}={value!r}" for name, value in model.setting.settings.items())
+    wraps = ["from sysid.workflow.angles import without_wraps"] if recipe.zero else []
+    search = recipe.auto
+    options = f"search={search!r}, starts={model.setting.starts}, seed={model.setting.seed}"
+    call = f"sysid.fit(recipe.model_of(estimation), estimation, {options})"
+    if recipe.grown:
+        call = f"sysid.grow_joint(estimation, recipe.model_of(estimation), {options}).fit"
+    seen = "estimation.N" if model.setting.structure != "nlarx" else "None"
+    first = "0" if model.setting.structure != "nlarx" else "fit.n_init"
+    lines = [
+        '"""A model that was fitted in qpal app, fitted again: python THIS_FILE [LOG]"""',
+        "",
+        "import sys",
+        "",
+        "import numpy as np",
+        "",
+        "import sysid",
+        "from sysid.base.criteria import fit_percent",
+        *wraps,
+        "from sysid.workflow.record import read_record",
+        "",
+        f"log = sys.argv[1] if len(sys.argv) > 1 else {str(log)!r}  # it was added as {data.name!r}",
+        f"record = read_record(log{columns})",
+        *(["record = without_wraps(record)  # an angle that counts on over a turn"] if recipe.zero else []),
+        "data = record.data",
+        *steps.code("data"),
+        f"estimation, validation = data.split({model.setting.split!r})",
+        f"recipe = sysid.structures.{type(recipe).__name__}({settings})",
+        f"fit = {call}",
+        "",
+        f"run = np.ravel(fit.simulate(estimation, {seen}))",
+        f'print("fit on the estimation data:", repr(fit_percent(estimation.y[{first}:, 0], run[{first}:])), "%")',
+        'print("fit on the validation data:", repr(fit.fit_percent(validation)), "%")',
+        'print(*(f"{name}: {value:.6g}" for name, value in fit.criteria.as_dict().items()), sep="\\n")',
+        "",
+    ]
+    return "\n".join(lines)

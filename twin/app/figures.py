@@ -15,7 +15,7 @@ from sysid.data.record import IOData
 from sysid.report import zoom
 from sysid.report.figures import TABLE
 from sysid.workflow.evaluation import Evaluation
-from twin.app.records import Runs
+from twin.app.entries import Runs
 
 Figure = dict[str, Any]
 COLOURS = (style.MODEL, style.INPUT, "#2f855a", "#805ad5", "#b7791f", "#d53f8c")

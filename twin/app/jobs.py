@@ -1,6 +1,6 @@
 """Jobs: work in processes of its own, with progress, that end at once when they are cancelled and leave nothing behind.
 
-A job is `python -m twin.app.worker` in a process group of its own: it gets its request as one line on standard input
+A job is `python -m twin.app.tasks` in a process group of its own: it gets its request as one line on standard input
 and answers in lines of JSON. It ends when its standard input closes, so no job outlives the app, even a killed one.
 """
 
@@ -72,7 +72,7 @@ class Jobs:
         self._closed = False
 
     def submit(self, title: str, request: dict[str, Any], hear: Hear, about: str = "") -> Job:
-        """Begin, or queue, the work of `request` (see `twin.app.worker`).
+        """Begin, or queue, the work of `request` (see `twin.app.tasks`).
 
             `hear` receives its answers in a thread of their own: {"ready": ...} when its files are whole, and
         {"failed": reason} if it could not.
@@ -194,7 +194,7 @@ def _worker(out: Path) -> "subprocess.Popen[str]":
     path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
     with (out / "stderr.txt").open("wb") as errors:
         return subprocess.Popen(
-            [sys.executable, "-m", "twin.app.worker"],
+            [sys.executable, "-m", "twin.app.tasks"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors,

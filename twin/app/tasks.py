@@ -1,15 +1,20 @@
-"""The work that jobs do, in their own process: read, simulate, advise, fit, compare, calibrate.
+"""The work that jobs do: read, simulate, advise, fit, compare, calibrate; each in a process of its own, this module.
 
-Each task writes whole files into the folder "out" of its request, tells how far it is, and says {"ready": entry} when
-the files can be taken. Raises InputError, which the page shows as it is.
+The process gets one request as a line on standard input and answers in lines of JSON on standard output. Each task
+writes whole files into the folder "out" of its request, tells how far it is, and says {"ready": entry} when the files
+can be taken. Raises InputError, which the page shows as it is.
 """
 
 import json
+import os
+import signal
+import sys
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -18,7 +23,7 @@ from sysid.base.files import whole_file, write_text
 from sysid.base.json_values import plain
 from sysid.data.record import IOData
 from sysid.workflow.record import Record, read_record
-from twin.app.entries import Data, Finding, Model, Setting, Study, Twin
+from twin.app.entries import Data, Finding, Model, Setting, Study, Twin, save_record, save_runs
 
 Tell = Callable[..., None]
 USUAL = 20  # searches of a fit, of which nobody knows the number: the bar moves ever more slowly
@@ -47,7 +52,6 @@ def prepared(record: Record, entry: Data, setting: Setting) -> tuple[IOData, IOD
 def read(request: dict[str, Any], tell: Tell) -> None:
     """Reads a log into record.npz; the columns are told first, for a person to choose from where the guess fails."""
     from sysid.formats import read_table
-    from twin.app.records import save
 
     entry, log, out = Data.model_validate(request["data"]), Path(request["log"]), Path(request["out"])
     tell(said="reading the columns", share=0.1)
@@ -56,7 +60,7 @@ def read(request: dict[str, Any], tell: Tell) -> None:
     tell(columns=columns, joint=str(table.meta.get("joint", "")))
     tell(said="sampling", share=0.5)
     record = open_record(log, entry)
-    save(record.data, out / "record.npz")
+    save_record(record.data, out / "record.npz")
     tell(ready=plain({"notes": list(record.notes), "input": record.input, "output": record.output}))
 
 
@@ -89,7 +93,7 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
     from sysid.workflow.evaluation import Setting as Settings
     from sysid.workflow.evaluation import check_parts, evaluate
     from sysid.workflow.exports import export
-    from twin.app import figures, records
+    from twin.app import figures
 
     began = time.perf_counter()
     entry, setting = Data.model_validate(request["data"]), Setting.model_validate(request["setting"])
@@ -118,7 +122,7 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
     start = entry.prepare.start or 0.0
     drawn, complaints = figures.of_model(found, start)
     write_text(files / "figures.json", json.dumps(plain(drawn), allow_nan=False))
-    records.save_runs(found, start, files / "runs.npz")
+    save_runs(found, start, files / "runs.npz")
     scored = found.fit.criteria
     made = Model(
         name=request["name"],
@@ -245,3 +249,47 @@ def _report(record: Record, entry: Data, setting: Setting, found: Any, exports: 
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def main() -> int:
+    """Do the task of the request; 0 if it was done or said why not."""
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what a library prints is no answer
+    request = json.loads(sys.stdin.readline())
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+    def tell(**said: Any) -> None:
+        answers.write(json.dumps(said) + "\n")
+        answers.flush()
+
+    return _do(request, tell, answers)
+
+
+def _do(request: dict[str, Any], tell: Any, answers: TextIO) -> int:
+    try:
+        TABLE[request["task"]](request, tell)
+    except InputError as error:
+        name = str(request.get("data", {}).get("name", "the log"))
+        tell(error=str(error).replace(str(request.get("log", "\0")), name))
+    except OSError as error:
+        tell(
+            error=f"a file of this job cannot be read or written ({error.strerror or error}); free disk space, and try "
+            "again"
+        )
+    except MemoryError:
+        tell(error="the memory of this machine is not enough for this; give a shorter range, or resample")
+    answers.close()
+    return 0
+
+
+def _end_with_parent() -> None:
+    """End this process and all that it started as soon as nobody holds the other end of standard input."""
+    while os.read(0, 4096):
+        pass
+    if os.name == "posix" and os.getpgrp() == os.getpid():
+        os.killpg(os.getpgrp(), signal.SIGKILL)
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

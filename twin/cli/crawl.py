@@ -27,7 +27,7 @@ def crawl(
     from twin.report import crawl as report
     from twin.robot import crawl as walking
     from twin.robot.gait import Gait
-    from twin.view.crawl import Pictures, pictures
+    from twin.view.pictures import CrawlPictures, crawl_pictures
     from twin.view.stills import NoRenderer
 
     shares = (*walking.shares(walking.cycles(steps), duration, robots), PICTURES, DRAWING)
@@ -36,9 +36,9 @@ def crawl(
     with run_folder(out, "crawl") as (folder, scratch), told as step:
         result = walking.run(gait, parameters, duration, robots, options.seed(seed), threads=0, steps=step)
         step("pictures of the robot")
-        seen: Pictures | str
+        seen: CrawlPictures | str
         try:
-            seen = pictures(result)
+            seen = crawl_pictures(result)
         except NoRenderer as reason:
             seen = str(reason)
         step("drawing the report")

@@ -78,7 +78,7 @@ def view(
     if replay is not None and traces is not None:
         replay, names = _with_twin(replay, traces, params), [*names, "twin"]
     if not (strip or frames or gif):
-        from twin.view.open import show
+        from twin.view.viewer import show
 
         show(replay, speed=speed, web=web, port=port)
         return
@@ -166,7 +166,7 @@ def _with_twin(replay: "Replay", traces: "Traces", params: str | None) -> "Repla
 
 
 def _write_mcap(target: str, traces: "Traces") -> None:
-    from twin.view.mcap_file import write_mcap
+    from twin.view.traces import write_mcap
 
     path = Path(target)
     check_writable_file(path)

@@ -15,7 +15,7 @@ from sysid.report.page import Grid, Page, Picture, Section
 from twin.parameters import JOINTS
 from twin.plant.leg import LEGS
 from twin.robot.crawl import SPREAD, Crawl, margins
-from twin.view.crawl import FILM_SECONDS, Pictures
+from twin.view.pictures import FILM_SECONDS, CrawlPictures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +26,7 @@ LOCKED = 1e-3  # [m] of sinking during the standing test
 NAMES = tuple(leg.replace("_", " ") for leg in LEGS)
 
 
-def page(result: Crawl, pictures: Pictures | str) -> Page:
+def page(result: Crawl, pictures: CrawlPictures | str) -> Page:
     """The report; `pictures` of the robot, or a sentence with the reason why there are none."""
     gait = result.plan.gait
     return Page(
@@ -98,7 +98,7 @@ def _others(result: Crawl) -> str:
     )
 
 
-def _seen(pictures: Pictures | str) -> Section:
+def _seen(pictures: CrawlPictures | str) -> Section:
     if isinstance(pictures, str):
         return Section("Pictures", [f"The pictures are missing: {pictures}."])
     return Section(
@@ -193,7 +193,7 @@ def robots(result: Crawl) -> Grid:
 
 
 @styled
-def strip(pictures: Pictures) -> Figure:
+def strip(pictures: CrawlPictures) -> Figure:
     """Start, the swing of each leg, end."""
     columns = 3
     rows = -(-len(pictures.stills) // columns)
@@ -206,7 +206,7 @@ def strip(pictures: Pictures) -> Figure:
     return figure
 
 
-def film(pictures: Pictures) -> bytes:
+def film(pictures: CrawlPictures) -> bytes:
     """The film as an animated PNG; its last picture stays for a second."""
     from PIL import Image
 

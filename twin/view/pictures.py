@@ -1,4 +1,4 @@
-"""A replay as pictures: a strip along the record, numbered frames, or a GIF. Needs no display."""
+"""A replay as pictures: a strip along the record, numbered frames, a GIF; and pictures of a crawl. Needs no display."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from sysid.base.style import INK, legend, line, styled
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import LEGS, robot
 from twin.view.replay import GHOST, Replay
-from twin.view.stills import HEIGHT, WIDTH, draw, mid_stroke
+from twin.view.stills import HEIGHT, WIDTH, draw, draw_robot, mid_stroke
 from twin.view.traces import Traces, draw_error, draw_input, panel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from PIL.Image import Image
+
+    from twin.robot.crawl import Crawl
 
 RATE, GIF_RATE = 20.0, 10.0  # [1/s] of wall time; a GIF counts in hundredths of a second
 GIF = 480, 360  # pixels of a frame of a GIF: a small file, drawn in half the time of a larger one
@@ -33,6 +35,9 @@ SIDES = (
     {"azimuth": 180.0, "elevation": -8.0},
     {"azimuth": 90.0, "elevation": -89.0, "distance": 1.7},
 )
+CRAWL_STILL, CRAWL_FRAME = (480, 360), (400, 300)  # [pixel]
+FILM_FRAMES = 60  # of a crawl, about
+FILM_SECONDS = 8.0  # that it lasts
 
 
 @dataclass(frozen=True)
@@ -198,3 +203,33 @@ def _captioned(picture: np.ndarray, text: str, names: Names) -> Image:
         colour = tuple(round(255 * part) for part in GHOST[:3])
         pen.text((image.width - 14, image.height - 32), f"{names.ghost} (ghost)", fill=colour, font=font, anchor="ra")
     return image
+
+
+@dataclass(frozen=True)
+class CrawlPictures:
+    """`stills`: label, time [s] and picture (360, 480, 3); `film` (n, 300, 400, 3) lasts FILM_SECONDS and runs
+    at `times` the real speed [1]. All uint8."""
+
+    stills: list[tuple[str, float, np.ndarray]]
+    film: list[np.ndarray]
+    times: float
+
+
+def crawl_pictures(result: Crawl) -> CrawlPictures:
+    """Pictures of the nominal robot's crawl. Raises twin.view.stills.NoRenderer if this machine cannot draw."""
+    walk, moves = result.walk, result.plan.moves
+    ends = [start for start, _ in moves[1:]] + [len(walk.qpos)]
+    first = [(name, (start + end) // 2) for (start, name), end in zip(moves, ends, strict=True)][:8]
+    chosen = [(f"{name} swings", k) for name, k in first if name not in ("stand", "body moves")]
+    chosen = [("start", 0), *chosen, ("end", len(walk.qpos) - 1)]
+    middle = 0.5 * (walk.torso[0, 0] + walk.torso[-1, 0])
+    camera = {"lookat": (middle, 0.0, 0.24), "distance": 1.05 + middle, "azimuth": 122.0, "elevation": -14.0}
+    model = robot(walk.parameters)
+    stills = draw_robot(walk.qpos[[k for _, k in chosen]], camera, model, CRAWL_STILL)
+    frames = np.unique(np.linspace(0, len(walk.qpos) - 1, FILM_FRAMES).astype(int))
+    film = draw_robot(walk.qpos[frames], camera, model, CRAWL_FRAME)
+    return CrawlPictures(
+        [(name, float(walk.t[k]), picture) for (name, k), picture in zip(chosen, stills, strict=True)],
+        film,
+        float(walk.t[-1]) / FILM_SECONDS,
+    )

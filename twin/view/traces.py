@@ -1,13 +1,17 @@
-"""Traces under the frames of a replay: the error between log and twin, and the input."""
+"""Traces of a log beside its twin: the error and the input under the frames of a replay, and all as an MCAP file."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sysid.base import style
+from sysid.base.errors import InputError
+from sysid.base.files import whole_file
 from sysid.base.style import INK, INPUT, SECOND, line, styled
 
 if TYPE_CHECKING:
@@ -15,6 +19,14 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 HEIGHT = 190  # [pixel] of the panel under a frame
+MCAP_SUFFIX = ".mcap"
+MCAP_SCHEMA = {
+    "type": "object",
+    "title": "qpal.Value",
+    "properties": {"value": {"type": "number"}, "unit": {"type": "string"}},
+    "required": ["value", "unit"],
+}
+NANOSECONDS = 1_000_000_000  # of a second
 
 
 @dataclass(frozen=True)
@@ -90,3 +102,37 @@ def panel(traces: Traces, start: float, stop: float, width: int) -> Panel:
     picture = np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
     box = lower.get_window_extent()
     return Panel(picture, float(box.x0), float(box.x1), start, stop)
+
+
+def write_mcap(path: Path, traces: Traces) -> Path:
+    """Write JSON messages that Foxglove, rerun and PlotJuggler read.
+
+    Topics are /input, /log/JOINT, /twin/JOINT and /error/JOINT, one message a sample; times count from zero.
+
+    Raises InputError if the library `mcap` is not installed, or if the suffix is not .mcap.
+    """
+    if path.suffix.lower() != MCAP_SUFFIX:
+        raise InputError(f"{path} ends in {path.suffix or 'no suffix'!r}; give a name that ends in {MCAP_SUFFIX}")
+    try:
+        from mcap.writer import Writer
+    except ImportError:
+        raise InputError("writing MCAP needs the library mcap; install it with: pip install 'qpal[robot]'") from None
+    topics = {
+        "/input": (traces.u, "V"),
+        f"/log/{traces.joint}": (traces.log, "rad"),
+        f"/twin/{traces.joint}": (traces.twin, "rad"),
+        f"/error/{traces.joint}": (traces.error, "rad"),
+    }
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="", library="qpal")
+        schema = writer.register_schema("qpal.Value", "jsonschema", json.dumps(MCAP_SCHEMA).encode())
+        channels = {topic: writer.register_channel(topic, "json", schema) for topic in topics}
+        for k, time in enumerate(np.round(traces.t * NANOSECONDS).astype(int).tolist()):
+            for topic, (values, unit) in topics.items():
+                value = float(values[k])
+                if np.isfinite(value):  # JSON has no other numbers
+                    message = json.dumps({"value": value, "unit": unit}).encode()
+                    writer.add_message(channels[topic], log_time=time, publish_time=time, data=message, sequence=k)
+        writer.finish()
+    return path

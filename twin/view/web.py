@@ -16,14 +16,13 @@ from typing import Any
 import mujoco
 from mujoco.studio import app, launch_web, messages, plugin, sim, viewer_protocol, web_viewer
 
-from twin.view.door import TOKEN, Door, secret
-from twin.view.guard import OWN, guarded
-from twin.view.inner import own_peers
+from twin.view.door import TOKEN, Door, accept_own_process, guard_server, secret
 from twin.view.pictures import standing_robot
 from twin.view.replay import Replay, moment
 from twin.view.stills import column, cylinders, shape
 
 FRAME = 1 / 60  # [s] between poses sent to the viewer
+HOSTS = ("localhost", "127.0.0.1", "[::1]")  # names of this machine
 
 
 def serve(replay: Replay | None, speed: float, port: int) -> None:
@@ -112,22 +111,22 @@ def _aim(model: mujoco.MjModel, camera: Mapping[str, Any]) -> None:
 
 @contextmanager
 def on_this_machine_only() -> Iterator[None]:
-    """Within this context the web viewer serves the loopback only, and its own page only (see `twin.view.guard`).
+    """Within this context the web viewer serves the loopback only, and its own page only (see `twin.view.door`).
 
     MuJoCo 4.0 has no such option: it listens on every interface without a password, so that anyone can steer, load a
     model or read the paths of files. A server started in this context keeps these settings. The address has a token;
-    MuJoCo's inner port, through which the page is drawn, takes connections of this process only (`twin.view.inner`).
+    MuJoCo's inner port, through which the page is drawn, takes connections of this process only.
     """
     server, banner, browser = web_viewer.web_server, web_viewer._print_url_banner, web_viewer._open_browser
     bind, listen, inner = server.bind_public_socket, server.serve, server.bind_loopback_socket
     token, once, cookie = secret(), secret(), secret()
 
     def door(port: int) -> Door:
-        return Door(port, token, cookie, once, OWN, ("GET",), "qpal view")
+        return Door(port, token, cookie, once, HOSTS, ("GET",), "qpal view")
 
-    server.serve = guarded(listen, door)
+    server.serve = guard_server(listen, door)
     server.bind_public_socket = lambda host, port=0: bind("127.0.0.1", port)
-    server.bind_loopback_socket = lambda port=0: own_peers(inner(port))
+    server.bind_loopback_socket = lambda port=0: accept_own_process(inner(port))
     web_viewer._print_url_banner = lambda host, port: print(
         f"The viewer is at http://localhost:{port}/?{TOKEN}={token} for browsers on this machine; Ctrl-C ends it.",
         flush=True,

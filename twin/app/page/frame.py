@@ -6,13 +6,10 @@ from nicegui import app, ui
 
 from sysid.base.errors import InputError
 from twin.app.desk import Desk
-from twin.app.page.board import BoardPanel, rank
-from twin.app.page.data import DataPanel
-from twin.app.page.detail import DetailPanel
 from twin.app.page.fit import FitPanel, JobsPanel
 from twin.app.page.panel import View, note
-from twin.app.page.prepare import AdvicePanel, PreparePanel
-from twin.app.page.signals import SignalsPanel
+from twin.app.page.record import AdvicePanel, DataPanel, PreparePanel, SignalsPanel
+from twin.app.page.results import BoardPanel, DetailPanel, rank
 from twin.app.page.twin_panel import LegPanel, StudyPanel
 
 LOOK = 0.4  # [s] between looks for changes
@@ -47,7 +44,7 @@ APART = {"Content-Security-Policy": "sandbox allow-scripts allow-downloads"}
 
 
 def application(desk: Desk) -> FastAPI:
-    """The page of `desk` as an application; to be served behind `twin.app.guard` only."""
+    """The page of `desk` as an application; to be served behind the guard of `twin.app.server` only."""
     served = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
 
     @app.get("/files/{kind}/{key}/{name}")

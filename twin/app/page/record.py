@@ -1,0 +1,268 @@
+"""Records: drop a log, make one with the twin, choose columns; prepare it, see its signals, read the advice on it."""
+
+from typing import Any
+
+from nicegui import events, run, ui
+
+from sysid import excitations
+from sysid.base.errors import InputError
+from sysid.base.leftovers import scratch
+from sysid.data.preparation import MISSING
+from sysid.data.preprocess import DETREND
+from sysid.formats import TABLE as FORMATS
+from twin.app import figures
+from twin.app.desk import displayed, suffix_of
+from twin.app.entries import LARGEST
+from twin.app.page.panel import Panel, note, said, tell
+from twin.imperfections import TABLE as IMPERFECTIONS
+from twin.parameters import JOINTS
+
+FIELDS = (  # for options of the command line that a sentence may name
+    "Choose input, output and time below, or the sampling time, then Read again. What has no field here, such as a "
+    "unit or a range, is an option of the command qpal info, or a line of its mapping file."
+)
+BY_STRUCTURE = "by structure"
+COLOURS = {"fine": "positive", "note": "info", "warning": "warning"}
+ICONS = {"fine": "check_circle", "note": "info", "warning": "warning"}
+
+
+class DataPanel(Panel):
+    """The list of records, and ways to add one."""
+
+    title = "1  Data"
+
+    def state(self) -> Any:
+        return tuple((key, entry.name, entry.problem, entry.columns) for key, entry in self._entries()), self.view.key
+
+    def _entries(self) -> list[tuple[str, Any]]:
+        return list(self.desk.session.data.items())
+
+    def draw(self) -> None:
+        if not self._entries():
+            note("No record yet: drop a log below, or make one with the twin.")
+            return
+        options = {key: f"{key}  {entry.name}" for key, entry in self._entries()}
+        with ui.row().classes("w-full items-center no-wrap gap-1"):
+            choose = ui.select(options, value=self.view.key, label="record").classes("grow min-w-0")
+            choose.on_value_change(lambda e: self.desk.session.change(shown=e.value))
+            ui.button(icon="delete", on_click=self._remove).props("flat dense round").tooltip(
+                "Delete this record from the session"
+            )
+        key = self.view.key
+        assert key is not None
+        entry = self.desk.session.data[key]
+        if entry.problem:
+            note(entry.problem, "text-negative")
+            if entry.columns:
+                note(FIELDS)
+        if entry.columns:
+            with ui.expansion("Columns", value=bool(entry.problem)).classes("w-full").props("dense"):
+                self._columns(key)
+
+    def _columns(self, key: str) -> None:
+        entry = self.desk.session.data[key]
+        options = {None: "found by name and unit"} | {name: name for name in entry.columns}
+        fields = {}
+        for role in ("input", "output", "time"):
+            fields[role] = ui.select(options, value=getattr(entry, role), label=role).classes("w-full").props("dense")
+        Ts = ui.number("sampling time [s], without a time column", value=entry.Ts, min=0).classes("w-full")
+
+        def read() -> None:
+            chosen = {role: select.value for role, select in fields.items()}
+            said(lambda: self.desk.choose_columns(key, **chosen, Ts=Ts.value))
+
+        ui.button("Read again", on_click=read).props("outline dense")
+        for text in entry.notes:
+            note(text)
+
+    def _remove(self) -> None:
+        if self.view.key is not None:
+            self.desk.remove("data", self.view.key)
+
+    def foot(self) -> None:
+        upload = ui.upload(label="Drop a log here", auto_upload=True, max_file_size=LARGEST, on_upload=self._uploaded)
+        upload.on_rejected(lambda: tell(f"a log is one file of at most {LARGEST // 2**20} MiB: {', '.join(FORMATS)}"))
+        upload.props(f'accept="{",".join(FORMATS)}" flat bordered').classes("w-full")
+        with ui.expansion("Make a log with the twin", icon="precision_manufacturing").classes("w-full").props("dense"):
+            self._twin()
+
+    async def _uploaded(self, event: events.UploadEventArguments) -> None:
+        name = displayed(event.file.name)
+        with scratch() as folder:
+            try:
+                path = folder / f"log{suffix_of(name)}"
+                await event.file.save(path)
+                self.desk.add_log(name, path)
+            except InputError as error:
+                tell(str(error))
+        event.sender.reset()  # type: ignore[attr-defined]
+
+    def _twin(self) -> None:
+        known = self.desk.session.head.twin
+        with ui.grid(columns=2).classes("w-full gap-2"):
+            joint = ui.select(list(JOINTS), value=known.joint, label="joint").props("dense")
+            signal = ui.select(list(excitations.TABLE), value=known.excitation, label="excitation").props("dense")
+            duration = ui.number("duration [s]", value=known.duration, min=1).props("dense")
+            Ts = ui.number("sampling time [s]", value=known.Ts, min=0.001, step=0.01).props("dense")
+            seed = ui.number("seed", value=known.seed, min=0, precision=0).props("dense")
+        ui.label("Imperfections").classes("text-caption text-grey-8")
+        with ui.row().classes("w-full gap-x-3 gap-y-0"):
+            switches = {
+                name: ui.checkbox(name.replace("_", " "), value=name not in known.without).props("dense size=sm")
+                for name in IMPERFECTIONS
+            }
+
+        def make() -> None:
+            without = tuple(name for name, box in switches.items() if not box.value)
+
+            def run() -> None:
+                asked = {"joint": joint.value, "excitation": signal.value, "duration": duration.value, "Ts": Ts.value}
+                self.desk.make(**asked, seed=seed.value, without=without)
+
+            said(run)
+
+        ui.button("Run the twin", icon="play_arrow", on_click=make).props("data-mark=make")
+
+
+class PreparePanel(Panel):
+    """What is done before a fit."""
+
+    title = "2  Prepare"
+
+    def state(self) -> Any:
+        key = self.view.key
+        return key, None if key is None else self._entry().model_dump_json(include={"prepare", "columns", "problem"})
+
+    def _entry(self) -> Any:
+        assert self.view.key is not None
+        return self.desk.session.data[self.view.key]
+
+    def draw(self) -> None:
+        key = self.view.key
+        if key is None:
+            note("Add a record first.")
+            return
+        now = self._entry().prepare
+        note("Drag over the signals to choose a range, or type it. A double click there takes the range back.")
+        fields: dict[str, Any] = {}
+        with ui.grid(columns=2).classes("w-full gap-2"):
+            for name, label in (
+                ("start", "from [s]"),
+                ("stop", "to [s]"),
+                ("low", "high-pass above [Hz]"),
+                ("high", "low-pass below [Hz]"),
+                ("resample", "new sampling time [s]"),
+            ):
+                fields[name] = ui.number(label, value=getattr(now, name), min=0).props(
+                    f"dense clearable data-mark={name}"
+                )
+            kinds = [BY_STRUCTURE, *DETREND]
+            fields["detrend"] = ui.select(kinds, value=now.detrend or BY_STRUCTURE, label="offsets").props("dense")
+            fields["missing"] = ui.select(list(MISSING), value=now.missing, label="missing samples").props("dense")
+
+        def apply() -> None:
+            chosen = {name: field.value for name, field in fields.items()}
+            if chosen["detrend"] == BY_STRUCTURE:
+                chosen["detrend"] = None
+            said(lambda: self.desk.prepare(key, **chosen))
+
+        def whole() -> None:
+            said(lambda: self.desk.prepare(key, start=None, stop=None))
+
+        with ui.row().classes("gap-2"):
+            ui.button("Apply", on_click=apply).props("dense").classes("q-px-md").props("data-mark=apply")
+            ui.button("Whole record", on_click=whole).props("flat dense")
+
+
+class SignalsPanel(Panel):
+    """Input and output of the shown record."""
+
+    title = "Signals"
+
+    def state(self) -> Any:
+        key = self.view.key
+        if key is None:
+            return None
+        entry = self.desk.session.data[key]
+        return key, entry.notes, entry.prepare, entry.problem
+
+    def draw(self) -> None:
+        key = self.view.key
+        if key is None:
+            note("The signals of a record appear here.")
+            return
+        try:
+            data = self.desk.record(key)
+        except InputError as error:
+            note(str(error))
+            return
+        asked = self.desk.session.data[key].prepare
+        length = (data.N - 1) * data.Ts
+        note(f"{data.N:,} samples every {data.Ts:g} s, {length:,.6g} s. Grey is left out; drag to choose a range.")
+        plot = ui.plotly(figures.of_record(data, asked.start, asked.stop)).classes("w-full").props("data-mark=signals")
+        plot.on("plotly_selected", self._dragged, args=["range"])
+        plot.on("plotly_doubleclick", lambda: self._range(None, None), args=[])
+        if (asked.resample, asked.low, asked.high) != (None, None, None):
+            below = ui.column().classes("w-full gap-1")
+            ui.timer(0.01, lambda: self._prepared(key, below), once=True)
+
+    async def _prepared(self, key: str, below: ui.column) -> None:
+        """The record after the steps that change its shape; they may take seconds, and the page goes on meanwhile."""
+        try:
+            found = await run.io_bound(self.desk.prepared, key)
+        except InputError as error:
+            with below:
+                note(str(error), "text-negative")
+            return
+        if found is None:  # the app ends
+            return
+        data, sentences = found
+        with below:
+            note(f"Prepared: {'; '.join(sentences)}.")
+            ui.plotly(figures.of_record(data, None, None, height=300)).classes("w-full")
+
+    def _dragged(self, event: events.GenericEventArguments) -> None:
+        ends = (event.args or {}).get("range", {}).get("x") if isinstance(event.args, dict) else None
+        if not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(end, int | float) for end in ends)):
+            return
+        self._range(*sorted(float(end) for end in ends))
+
+    def _range(self, start: float | None, stop: float | None) -> None:
+        key = self.view.key
+        if key is None:
+            return
+        data = said(lambda: self.desk.record(key))
+        if data is None or start is None or stop is None:
+            said(lambda: self.desk.prepare(key, start=None, stop=None))
+            return
+        last = (data.N - 1) * data.Ts
+        low = None if start <= 0 else round(start / data.Ts) * data.Ts
+        high = None if stop >= last else round(stop / data.Ts) * data.Ts
+        rounded = [None if end is None else float(f"{end:.9g}") for end in (low, high)]
+        said(lambda: self.desk.prepare(key, start=rounded[0], stop=rounded[1]))
+
+
+class AdvicePanel(Panel):
+    """What the record can show, and what to do about it."""
+
+    title = "Advice"
+
+    def state(self) -> Any:
+        key = self.view.key
+        return None if key is None else (key, self.desk.session.data[key].advice)
+
+    def draw(self) -> None:
+        key = self.view.key
+        if key is None:
+            return
+        found = self.desk.session.data[key].advice
+        if found is None:
+            with ui.row().classes("items-center gap-2"):
+                note("The record as it is prepared has no advice yet.")
+                ui.button("Advise", on_click=lambda: said(lambda: self.desk.advise(key))).props("outline dense")
+            return
+        for each in sorted(found, key=lambda each: list(COLOURS).index(each.severity), reverse=True):
+            with ui.row().classes("items-start no-wrap gap-2 w-full"):
+                ui.icon(ICONS[each.severity], color=COLOURS[each.severity], size="18px")
+                text = f"{each.sentence}: {each.action}" if each.action else each.sentence
+                ui.label(text[:1].upper() + text[1:]).classes("text-body2 whitespace-normal break-words min-w-0")
