@@ -16,10 +16,9 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.files import ordinary, whole_file
 from sysid.data.table import Table
-from sysid.formats import _survived
-from sysid.formats._date_beside import with_days
-from sysid.formats._dates import dated
-from sysid.formats._units import unit_in
+from sysid.formats import _sandbox
+from sysid.formats._dates import dated, with_days
+from sysid.formats._unit_names import unit_in
 from sysid.formats.delimited import Delimited
 from sysid.formats.json_records import JsonRecords
 from sysid.formats.mat import Mat
@@ -55,7 +54,7 @@ class Format(Protocol):
 
 FORMATS: tuple[type[Format], ...] = (Delimited, JsonRecords, Mat, NumpyArrays, Parquet, RobotLog, SerialCapture)
 TABLE: dict[str, type[Format]] = dict(sorted((suffix, each) for each in FORMATS for suffix in each.suffixes))
-FOREIGN: tuple[type[_survived.Foreign], ...] = (Mat, NumpyArrays, Parquet, RobotLog)  # read by libraries of others
+FOREIGN: tuple[type[_sandbox.Foreign], ...] = (Mat, NumpyArrays, Parquet, RobotLog)  # read by libraries of others
 WRITTEN: tuple[str, ...] = tuple(suffix for suffix, each in TABLE.items() if suffix in each.written)
 
 
@@ -93,14 +92,14 @@ def read_header(path: str | os.PathLike[str]) -> str:
     """The header of a file read by `read_table`; empty if it has none."""
     path = ordinary(path)
     kind = TABLE[path.suffix.lower()]
-    return _survived.header(path, kind) if _foreign(kind) else kind().header(path)
+    return _sandbox.header(path, kind) if _foreign(kind) else kind().header(path)
 
 
 def _read(path: Path, kind: type[Format]) -> tuple[Table, str]:
-    return _survived.read(path, kind) if _foreign(kind) else (kind().read(path), kind().header(path))
+    return _sandbox.read(path, kind) if _foreign(kind) else (kind().read(path), kind().header(path))
 
 
-def _foreign(kind: type[Format]) -> TypeGuard[type[_survived.Foreign]]:
+def _foreign(kind: type[Format]) -> TypeGuard[type[_sandbox.Foreign]]:
     return kind in FOREIGN
 
 

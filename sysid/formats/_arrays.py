@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
-from sysid.formats._units import units_of
+from sysid.formats._unit_names import units_of
 
 WHOLE = 2**53  # whole numbers up to here are exact in float64
 NUMERIC = "biuf"

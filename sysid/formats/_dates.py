@@ -1,13 +1,108 @@
-"""Columns of dates and times of day as seconds since their first cell, where that has one reading."""
+"""Columns of dates and times of day as seconds since their first cell, where that has one reading.
+
+A date in one column and the time of day in another one are read together: the days that pass count, also where no
+midnight is seen.
+"""
 
 import re
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sysid.base import forked
 from sysid.data.table import Table
-from sysid.formats._date_cells import DAY, FORMS, ORDERS, Cells, taken_apart
+
+if TYPE_CHECKING:
+    import polars
+
+# [0-9]: \d has the digits of other scripts too, of which polars makes no number.
+_TIME = (
+    r"(?P<hour>[0-9]{1,3}):(?P<minute>[0-9]{2}):(?P<second>[0-9]{2})(?:[.,](?P<part>[0-9]{1,18})|:(?P<milli>[0-9]{3}))?"
+    r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
+)
+_ZONE = r"\s*(?P<zone>[Zz]|UTC|[+-][0-9]{2}(?::?[0-9]{2})?)?"
+_YEAR, _ONE, _TWO = "(?P<year>[0-9]{4})", "(?P<one>[0-9]{1,2})", "(?P<two>[0-9]{1,2})"
+FORMS = {
+    "time": rf"^{_TIME}$",
+    "year first": rf"^{_YEAR}[-/.]{_ONE}[-/.]{_TWO}(?:[Tt]|\s+){_TIME}{_ZONE}$",
+    "dots": rf"^{_ONE}\.{_TWO}\.{_YEAR}(?:[Tt]|,?\s+){_TIME}{_ZONE}$",
+    "year last": rf"^{_ONE}[/-]{_TWO}[/-]{_YEAR}(?:[Tt]|,?\s+){_TIME}{_ZONE}$",
+}
+ORDERS = {  # which of the two numbers beside the year is the month; nobody writes a month before a dot and the day
+    "time": {"": ""},
+    "year first": {"year-month-day": "one"},
+    "dots": {"day.month.year": "two"},
+    "year last": {"day/month/year": "two", "month/day/year": "one"},
+}
+DAY = 86400
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells (n,): seconds since 1970 or midnight by order, the nanoseconds beyond, which name an offset from UTC.
+
+    `wrong` marks cells of another form, or without a date in an order; `longest` is the largest number of hours.
+    """
+
+    seconds: dict[str, np.ndarray]
+    nanos: np.ndarray
+    zoned: np.ndarray
+    wrong: dict[str, np.ndarray]
+    longest: int
+
+
+def parse_cells(texts: "polars.Series", form: str) -> Cells:
+    """What texts (n,) without blanks around them say in a form of `FORMS`."""
+    import polars
+
+    fields = texts.str.extract_groups(FORMS[form]).struct.unnest()
+
+    def whole(name: str) -> np.ndarray:
+        return fields[name].cast(polars.Int64).fill_null(0).to_numpy()
+
+    hour, minute, second = whole("hour"), whole("minute"), whole("second")
+    half = fields["half"].str.to_lowercase().fill_null("").to_numpy()
+    halved = half != ""
+    wrong = fields["hour"].is_null().to_numpy() | (minute > 59) | (second > 59)
+    wrong |= halved & ((hour < 1) | (hour > 12))
+    wrong |= (hour > 23) & (form != "time")
+    hour = np.where(halved, hour % 12 + 12 * (half == "p"), hour)
+    digits = polars.coalesce(polars.col("part"), polars.col("milli"), polars.lit("0")).str.slice(0, 9)
+    nanos = fields.select(nanos=digits.str.pad_end(9, "0").cast(polars.Int64))["nanos"].to_numpy()
+    of_day = hour * 3600 + minute * 60 + second
+    zoned = np.zeros(len(texts), dtype=bool)
+    if form == "time":
+        return Cells({"": of_day}, nanos, zoned, {"": wrong}, int(hour.max(initial=0)))
+    zoned = fields["zone"].is_not_null().to_numpy()
+    of_day -= 60 * _minutes_ahead(fields["zone"])
+    seconds, none = {}, {}
+    for order, month in ORDERS[form].items():
+        days, real = _calendar_days(whole("year"), whole(month), whole("two" if month == "one" else "one"))
+        seconds[order], none[order] = of_day + DAY * days, wrong | ~real
+    return Cells(seconds, nanos, zoned, none, int(hour.max(initial=0)))
+
+
+def _minutes_ahead(zone: "polars.Series") -> np.ndarray:
+    """Minutes (n,) by which local time is ahead of UTC: +01:00 is 60."""
+    import polars
+
+    digits = zone.str.extract(r"([0-9]{2}(?::?[0-9]{2})?)").str.replace(":", "", literal=True).str.pad_end(4, "0")
+    number = digits.cast(polars.Int64).fill_null(0).to_numpy()
+    sign = np.where(zone.str.starts_with("-").fill_null(value=False).to_numpy(), -1, 1)
+    return sign * (number // 100 * 60 + number % 100)
+
+
+def _calendar_days(year: np.ndarray, month: np.ndarray, day: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Days (n,) since 1970, and which of them are in the calendar."""
+    real = (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
+    first = ((year - 1970) * 12 + np.where(real, month, 1) - 1).astype("datetime64[M]")
+    date = first.astype("datetime64[D]") + (np.where(real, day, 1) - 1)
+    real &= date.astype("datetime64[M]") == first  # not 31 April
+    return date.astype(np.int64), real
+
 
 LIKE = re.compile(r"\d{1,4}[./-]\d{1,2}[./-]\d{2,4}\b.*|.*\d:\d{2}\b.*|\d{4}-\d{2}-\d{2}.*|\d{8}T\d{4,6}.*")
 CHUNK = 1 << 17  # cells that are taken apart at a time
@@ -33,7 +128,7 @@ def dated(table: Table) -> Table:
         if not LIKE.fullmatch(first):
             continue
         try:
-            columns[j], dates[name], begins = _read(table, j, first)
+            columns[j], dates[name], begins = _read_column(table, j, first)
             local |= {name: begins} if begins is not None else {}
             units[name] = "s"
         except _NotReadError as error:
@@ -43,7 +138,7 @@ def dated(table: Table) -> Table:
     return replace(table, columns=tuple(columns), units=units, dates=dates, undated=undated, local=local)
 
 
-def _read(table: Table, j: int, first: str) -> tuple[np.ndarray, str, float | None]:
+def _read_column(table: Table, j: int, first: str) -> tuple[np.ndarray, str, float | None]:
     """Seconds (n,) since the `first` cell that is not empty, nan for empty ones, and how they were read.
 
     Then the seconds since 1970 of that cell in local time: nan for a time of day, and for a date with two readings;
@@ -90,7 +185,7 @@ def all_parts(table: Table, j: int, form: str) -> tuple[np.ndarray, list[Cells]]
         texts = polars.Series([cell.strip() for cell in cells[start : start + CHUNK]], dtype=polars.String)
         filled = texts.str.len_bytes() > 0
         places.append(start + np.flatnonzero(filled.to_numpy()))
-        part = taken_apart(texts.filter(filled), form)
+        part = parse_cells(texts.filter(filled), form)
         wrong = np.logical_and.reduce(list(part.wrong.values()))
         if wrong.any():
             k = int(places[-1][int(np.argmax(wrong))])
@@ -110,3 +205,127 @@ def _over_midnight(seconds: np.ndarray, nanos: np.ndarray) -> tuple[np.ndarray, 
     steps = np.diff(seconds) + np.diff(nanos) / 1e9
     turned = np.concatenate([[0], np.cumsum(steps < -0.5 * DAY)])
     return seconds + DAY * turned, int(turned[-1])
+
+
+_DATE = re.compile(
+    r"([0-9]{4}[-/.][0-9]{1,2}[-/.][0-9]{1,2}|[0-9]{1,2}([-/.])[0-9]{1,2}\2(?:[0-9]{4}|[0-9]{2}))"
+    r"(?:[T ]00:00(?::00(?:\.0*)?)?)?"
+)
+_DIGITS = re.compile(r"((?:19|20)[0-9]{2})([0-9]{2})([0-9]{2})")  # 20260310, in a column that is called a date
+_NAMES = re.compile(r".*(?:date|datum|fecha|day|tag)", re.IGNORECASE)
+
+
+def with_days(text: Table, table: Table) -> Table:
+    """`table` with the days of a column of dates beside its times of day; `text` is the table before they were read.
+
+    A date that stays, or changes where the time passes midnight, changes nothing. Where it says more, both are one
+    clock; where it cannot be read so, the times are `undated` and say why.
+    """
+    times = [
+        name for name in table.dates if _first_text(text, name) and re.match(FORMS["time"], _first_text(text, name))
+    ]
+    if len(times) != 1:
+        return table
+    days = [name for name in text.names if name not in times and _is_date(name, _first_text(text, name))]
+    if len(days) != 1:
+        return table
+    name, (i, j) = times[0], (text.names.index(each) for each in (days[0], times[0]))
+    of = _dates_by_row(_cells_of_text(text, days[0]))
+    changes = np.flatnonzero([a != b for a, b in pairwise(of)]) + 1
+    cells = _cells_of_text(text, name)
+    if not len(changes) or len(of) != len(cells):
+        return table
+    own = np.asarray(table.columns[j], dtype=float)
+    joined = [f"{day} {cell.strip()}" if cell.strip() else "" for day, cell in zip(of, cells, strict=True)]
+    found = _readings(replace(text, columns=(*text.columns[:j], joined, *text.columns[j + 1 :])), j)
+    if any(np.allclose(t, own, rtol=0.0, atol=1e-6, equal_nan=True) for t, _ in found):
+        return table
+    if not found and np.array_equal(
+        changes, np.flatnonzero(np.diff(np.floor(_since_midnight(own, cells) / DAY)) > 0) + 1
+    ):
+        return table
+    if len(found) == 1:
+        t, begins = found[0]
+        columns = tuple(t if k == j else of if k == i else each for k, each in enumerate(table.columns))
+        said = f"columns {days[0]!r} and {name!r} were read together as seconds since {next(filter(None, joined))}"
+        local = {**table.local, name: begins}
+        dates = {key: each for key, each in table.dates.items() if key != days[0]}
+        return replace(table, columns=columns, dates={**dates, name: said}, local=local)
+    why = (
+        f"column {name!r} holds times of day, and {days[0]!r} beside it changes in row {text.rows[j][int(changes[0])]} "
+        f"in another way than they pass midnight; put both into one column: {WRITE}"
+    )
+    return replace(_with_text_again(table, text, name), undated={name: why, **table.undated})
+
+
+def _with_text_again(table: Table, text: Table, name: str) -> Table:
+    """The table in which a column is text again."""
+    j = table.names.index(name)
+    columns = (*table.columns[:j], text.columns[j], *table.columns[j + 1 :])
+    left = {key: said for key, said in table.dates.items() if key != name}
+    units = {key: unit for key, unit in table.units.items() if key != name or key not in table.dates}
+    return replace(table, columns=columns, dates=left, units=units)
+
+
+def _cells_of_text(table: Table, name: str) -> Sequence[str]:
+    cells = table.columns[table.names.index(name)]
+    if not isinstance(cells, np.ndarray):
+        return cells
+    whole = (
+        cells.dtype.kind in "fiu" and len(cells) and bool(np.all((cells > 19e6) & (cells < 21e6) & (cells % 1 == 0)))
+    )
+    return [str(int(cell)) for cell in cells] if whole else []  # 20260310 was read as a number
+
+
+def _first_text(table: Table, name: str) -> str:
+    cells = _cells_of_text(table, name)
+    if not len(cells) or not isinstance(cells[0], str):
+        return ""
+    return next((cell.strip() for cell in cells if cell.strip()), "")
+
+
+def _is_date(name: str, first: str) -> bool:
+    return bool(_DATE.fullmatch(first) or (_DIGITS.fullmatch(first) and _NAMES.fullmatch(name)))
+
+
+def _dates_by_row(cells: Sequence[str]) -> list[str]:
+    """The date of each row, without a midnight behind it; an empty cell has the date above it."""
+    said, last = [], ""
+    known: dict[str, str] = {}
+    for cell in cells:
+        if cell not in known:
+            text = cell.strip()
+            date, digits = _DATE.fullmatch(text), _DIGITS.fullmatch(text)
+            known[cell] = date[1] if date else "-".join(digits.groups()) if digits else text
+        last = known[cell] or last
+        said.append(last)
+    return said
+
+
+def _since_midnight(since: np.ndarray, cells: Sequence[str]) -> np.ndarray:
+    """Seconds (n,) since the first midnight."""
+    hour, minute, second = (float(part) for part in re.findall(r"[0-9]+", next(c for c in cells if c.strip()))[:3])
+    return since + 3600 * hour + 60 * minute + second
+
+
+def _readings(table: Table, j: int) -> list[tuple[np.ndarray, float]]:
+    """The different readings of column j: seconds (n,) since its first cell, and that cell since 1970 [s]."""
+    first = next(filter(None, table.columns[j]), "")
+    form = next((form for form, pattern in FORMS.items() if re.match(pattern, first)), None)
+    if form is None:
+        return []
+    try:
+        known, parts = all_parts(table, j, form)
+    except ValueError:
+        return []
+    nanos = np.concatenate([each.nanos for each in parts])
+    found: list[tuple[np.ndarray, float]] = []
+    for order in ORDERS[form]:
+        if any(each.wrong[order].any() for each in parts):
+            continue
+        seconds = np.concatenate([each.seconds[order] for each in parts])
+        t = np.full(len(table.columns[j]), np.nan)
+        t[known] = (seconds - seconds[0]).astype(float) + (nanos - nanos[0]) / 1e9
+        if not any(np.array_equal(t, other, equal_nan=True) for other, _ in found):
+            found.append((t, float(seconds[0] + nanos[0] / 1e9)))
+    return found

@@ -13,11 +13,9 @@ import numpy as np
 from sysid.base import forked
 from sysid.base.errors import InputError
 from sysid.data.table import Table, is_number
-from sysid.formats._body import Body
-from sysid.formats._cells import Layout, cells, split, trimmed
-from sysid.formats._marks import WITH_COMMA
-from sysid.formats._text import blocks, comments, data_lines
-from sysid.formats._units import is_unit, units_of
+from sysid.formats._body import WITH_COMMA, Body
+from sysid.formats._cells import Layout, blocks, cells, comments, data_lines, split, trimmed
+from sysid.formats._unit_names import is_unit, units_of
 from sysid.formats.serial_capture import SerialCapture, looks_like_one
 
 HEADER = "qpal:"

@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
-from sysid.formats._units import units_of
+from sysid.formats._unit_names import units_of
 
 LINES = object()  # stands for a file that holds one value a line
 

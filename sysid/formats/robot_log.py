@@ -13,7 +13,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
-from sysid.formats._units import units_of
+from sysid.formats._unit_names import units_of
 
 LONGEST = 64  # elements of a list in a message that become columns; an image or a scan is no signal
 SECOND = 1_000_000_000  # [ns]

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sysid.base.errors import InputError
-from sysid.formats import _text, read_table, write_table
-from sysid.formats._units import units_of
+from sysid.formats import _cells, read_table, write_table
+from sysid.formats._unit_names import units_of
 
 HEADS = {  # text, names, units
     "brackets": ("t [ms],angle (deg),u {V}\n0,1,2\n", ["t [ms]", "angle (deg)", "u {V}"], ["ms", "deg", "V"]),
@@ -127,8 +127,8 @@ def test_blocks_of_any_size_and_lines_of_any_kind_read_alike(rows, quoted, size,
     wanted = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip() and line[0] != "#"][1:]
     cells = list(csv.reader([line for _, line in wanted]))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_text.blocks, "__defaults__", (size,))
-        patch.setattr(_text, "BLOCK", size)
+        patch.setattr(_cells.blocks, "__defaults__", (size,))
+        patch.setattr(_cells, "BLOCK", size)
         table = read_table(path)
     assert list(table.rows[0]) == [number for number, _ in wanted]
     assert table.numbers("a").tolist() == [float(row[0]) for row in cells]

@@ -16,7 +16,7 @@ from mat_bytes import level_5, opaque, vector
 
 from sysid.base.errors import InputError
 from sysid.formats import FOREIGN as KINDS
-from sysid.formats import TABLE, _survived, read_table
+from sysid.formats import TABLE, _sandbox, read_table
 
 U, Y = np.sin(np.arange(30.0)), np.cos(np.arange(30.0))
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="forks and limits of memory are those of Linux")
@@ -27,7 +27,7 @@ def way(request, monkeypatch):
     """One process that forks, or one for each file."""
     if request.param == "forked" and sys.platform != "linux":
         pytest.skip("no fork here")
-    monkeypatch.setattr(_survived, "FORKS", request.param == "forked")
+    monkeypatch.setattr(_sandbox, "FORKS", request.param == "forked")
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def path(tmp_path):
 
 def refused(path: Path, reader: type) -> str:
     with pytest.raises(InputError) as error:
-        _survived.read(path, reader)
+        _sandbox.read(path, reader)
     said = str(error.value)
     assert said.startswith(str(path))
     assert "\n" not in said
@@ -47,7 +47,7 @@ def refused(path: Path, reader: type) -> str:
 
 @pytest.mark.usefixtures("way")
 def test_what_a_reader_found_comes_back_whole(path):
-    table, header = _survived.read(path, bad_readers.Good)
+    table, header = _sandbox.read(path, bad_readers.Good)
     assert header == "head"
     assert table.path == path
     assert table.names == ("u",)
@@ -62,7 +62,7 @@ READ_SO = [name for name in FOREIGN if TABLE[Path(name).suffix] in KINDS]
 
 @pytest.mark.parametrize(("name", "forks"), [*((name, True) for name in READ_SO), ("vectors.mat", False)])
 def test_the_same_table_as_in_one_process(name, forks, tmp_path, monkeypatch):
-    monkeypatch.setattr(_survived, "FORKS", forks and _survived.FORKS)
+    monkeypatch.setattr(_sandbox, "FORKS", forks and _sandbox.FORKS)
     FOREIGN[name](tmp_path / name, U, Y)
     monkeypatch.chdir(tmp_path)
     found, right = read_table(name), TABLE[Path(name).suffix]().read(Path(name))
@@ -81,7 +81,7 @@ def test_a_reader_that_ends_on_a_signal_is_a_sentence_and_the_next_file_is_read(
     if sys.platform != "win32":
         assert "SIGSEGV" in said
     assert re.search("damaged.*write it again", said)
-    assert _survived.read(path, bad_readers.Good)[1] == "head"
+    assert _sandbox.read(path, bad_readers.Good)[1] == "head"
 
 
 @LINUX
@@ -113,8 +113,8 @@ def test_a_reader_that_the_system_ended_is_no_damaged_file(path):
 @LINUX
 @pytest.mark.parametrize("reader", [bad_readers.Loops, bad_readers.Waits])
 def test_a_reader_without_end_is_ended(reader, path, monkeypatch):
-    monkeypatch.setattr(_survived, "SECONDS", 1.0)
-    monkeypatch.setattr(_survived, "WAIT", 0.0)
+    monkeypatch.setattr(_sandbox, "SECONDS", 1.0)
+    monkeypatch.setattr(_sandbox, "WAIT", 0.0)
     began = time.monotonic()
     assert "not read within 1 s" in refused(path, reader)
     assert time.monotonic() - began < 30.0
@@ -122,8 +122,8 @@ def test_a_reader_without_end_is_ended(reader, path, monkeypatch):
 
 @LINUX
 def test_a_reader_that_takes_all_memory_is_refused_it(path, monkeypatch):
-    monkeypatch.setattr(_survived, "BYTES", 1 << 30)
-    monkeypatch.setattr(_survived, "BYTES_PER_CORE", 0)
+    monkeypatch.setattr(_sandbox, "BYTES", 1 << 30)
+    monkeypatch.setattr(_sandbox, "BYTES_PER_CORE", 0)
     assert "more than 1 GiB of memory" in refused(path, bad_readers.Takes)
 
 
@@ -138,7 +138,7 @@ def test_names_in_a_damaged_file_neither_break_nor_flood_the_sentence(path):
 
 def test_an_error_of_the_system_keeps_its_number(path):
     with pytest.raises(PermissionError, match="Permission denied"):
-        _survived.read(path, bad_readers.Denied)
+        _sandbox.read(path, bad_readers.Denied)
 
 
 @pytest.mark.parametrize(("place", "byte"), [(225, 127), (225, 255), (256, 0), (256, 22)])
@@ -161,10 +161,10 @@ PARENT = """
 import os, signal, sys
 from pathlib import Path
 import bad_readers
-from sysid.formats import _survived
-_survived._server = _survived._Server()
-print(_survived._server.process.pid, flush=True)
-_survived.read(Path(sys.argv[1]), bad_readers.Loops)
+from sysid.formats import _sandbox
+_sandbox._server = _sandbox._Server()
+print(_sandbox._server.process.pid, flush=True)
+_sandbox.read(Path(sys.argv[1]), bad_readers.Loops)
 """
 
 
@@ -207,13 +207,13 @@ AFTER_FORK = """
 import os, sys
 from pathlib import Path
 import bad_readers
-from sysid.formats import _survived
+from sysid.formats import _sandbox
 path = Path(sys.argv[1])
-first = _survived.read(path, bad_readers.Good)[1]
+first = _sandbox.read(path, bad_readers.Good)[1]
 child = os.fork()
 if child == 0:
-    os._exit(0 if _survived.read(path, bad_readers.Good)[1] == first else 1)
-print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), _survived.read(path, bad_readers.Good)[1])
+    os._exit(0 if _sandbox.read(path, bad_readers.Good)[1] == first else 1)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), _sandbox.read(path, bad_readers.Good)[1])
 """
 
 

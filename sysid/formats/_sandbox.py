@@ -21,7 +21,7 @@ from typing import Any, Protocol
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
-from sysid.formats import _wire
+from sysid.formats._sandbox_child import read_answer
 
 # Far above what sound files need: a bag of small messages takes 2 s and a compressed table 0.1 GB for each MB.
 SECONDS, SECONDS_PER_BYTE = 60.0, 1e-5  # of work
@@ -183,14 +183,14 @@ def _started(request: dict[str, Any], path: Path) -> tuple[int, dict[str, Any]]:
 
 def _answer(file: int, path: Path) -> dict[str, Any]:
     try:
-        return _wire.read(file, path)
+        return read_answer(file, path)
     except (ValueError, KeyError):  # it ended before it had written all
         return {}
 
 
 def _start(function: str, argument: str, **options: Any) -> subprocess.Popen:
     found = [each for each in sys.path if isinstance(each, str)]  # the same modules as here, however they were found
-    code = f"import sys; sys.path[:] = {found!r}; from sysid.formats import _child; _child.{function}()"
+    code = f"import sys; sys.path[:] = {found!r}; from sysid.formats import _sandbox_child; _sandbox_child.{function}()"
     try:
         return subprocess.Popen(
             [os.fsdecode(get_executable()), "-I", "-c", code, argument],

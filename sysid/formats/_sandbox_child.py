@@ -1,10 +1,13 @@
 """The process in which files of other programs are read: a damaged one may crash it, and nothing else.
 
 `serve` runs in a process of its own, which has no threads, and forks one more for each file, with limits of time and
-memory. That one reads a single file with a single reader, writes what it found, and ends.
+memory. That one reads a single file with a single reader, writes what it found as plain numbers and JSON (nothing that
+runs), and ends. The answer holds the columns, then a JSON object that says where each of them is, then its length in 8
+bytes.
 """
 
 import json
+import mmap
 import os
 import select
 import signal
@@ -15,8 +18,70 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sysid.base.errors import InputError
-from sysid.formats import _wire
+from sysid.data.table import Table
+
+_TAIL = 8  # bytes of the length
+
+
+def write_answer(file: int, found: Table | None, **said: Any) -> None:
+    """Writes a table, and whatever else is said, into the open file descriptor."""
+    place, columns = 0, []
+    for values in found.columns if found else ():
+        values = np.ascontiguousarray(values)
+        columns.append((values.dtype.str, len(values), place))
+        _write_all(file, memoryview(values).cast("B") if len(values) else b"")
+        place += values.nbytes
+    if found:
+        said["table"] = {
+            "names": found.names,
+            "columns": columns,
+            "place": found.place,
+            "units": dict(found.units),
+            "meta": dict(found.meta),
+            "notes": found.notes,
+            "timed": sorted(found.timed),
+            "local": dict(found.local),
+        }
+    text = json.dumps(said).encode()
+    _write_all(file, text + len(text).to_bytes(_TAIL, "little"))
+
+
+def read_answer(file: int, path: Path) -> dict[str, Any]:
+    """What `write_answer` said, its table as `table`; raises ValueError or KeyError where its end is missing."""
+    size = os.fstat(file).st_size
+    if size < _TAIL:
+        raise ValueError("nothing was written")
+    held = mmap.mmap(file, size, access=mmap.ACCESS_COPY)  # arrays keep it; nothing is copied
+    end = size - _TAIL
+    length = int.from_bytes(held[end:], "little")
+    said = json.loads(held[max(0, end - length) : end])
+    if "table" in said:
+        table = said["table"]
+        columns = tuple(np.frombuffer(held, kind, count, place) for kind, count, place in table["columns"])
+        rows = tuple(range(1, len(values) + 1) for values in columns)
+        said["table"] = Table(
+            path,
+            tuple(table["names"]),
+            columns,
+            rows,
+            place=table["place"],
+            units=table["units"],
+            meta=table["meta"],
+            notes=tuple(table["notes"]),
+            timed=frozenset(table["timed"]),
+            local=table["local"],
+        )
+    return said
+
+
+def _write_all(file: int, raw: Any) -> None:
+    left = memoryview(raw)
+    while left:
+        left = left[os.write(file, left) :]
+
 
 IDLE = 60.0  # [s] after which a server that nobody asks ends
 
@@ -56,15 +121,15 @@ def once(request: dict[str, Any], file: int) -> None:
     try:
         reader = getattr(import_module(request["module"]), request["reader"])()
         table = None if request["head"] else reader.read(path)
-        _wire.write(file, table, header=reader.header(path))
+        write_answer(file, table, header=reader.header(path))
     except MemoryError:
-        _wire.write(file, None, memory=True)
+        write_answer(file, None, memory=True)
     except InputError as error:
-        _wire.write(file, None, error=str(error))
+        write_answer(file, None, error=str(error))
     except OSError as error:
-        _wire.write(file, None, errno=error.errno, strerror=error.strerror or str(error))
+        write_answer(file, None, errno=error.errno, strerror=error.strerror or str(error))
     except BaseException as error:  # a library's panic is no Exception
-        _wire.write(file, None, strange=type(error).__name__)
+        write_answer(file, None, strange=type(error).__name__)
     os._exit(0)
 
 
