@@ -6,6 +6,7 @@ import inspect
 import pkgutil
 import subprocess
 import sys
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -63,6 +64,11 @@ NOT_FOR_SYSID = ("twin", "mujoco")
 LONGEST = 400
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def sources(package) -> list[Path]:
     return sorted(Path(package.__file__).parent.rglob("*.py"))
 
@@ -77,7 +83,7 @@ def modules() -> list[str]:
 def imported(path: Path) -> set[str]:
     """Top-level names that a file imports anywhere in it, inside functions too."""
     names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             names |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
@@ -100,7 +106,7 @@ def arrows(package) -> dict[str, set[str]]:
     found: dict[str, set[str]] = {}
     for name, path in files.items():
         used = set()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree_of(path)):
             if isinstance(node, ast.Import):
                 used |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
@@ -148,18 +154,23 @@ def test_imports_run_in_no_circle(package):
     TopologicalSorter(graph).prepare()  # CycleError names the circle
 
 
-@pytest.mark.parametrize("path", sources(sysid), ids=lambda p: p.name)
-def test_no_module_takes_names_from_the_facade(path):
+def test_no_module_takes_names_from_the_facade():
     """The facade is for users: what is inside says from which room a name comes."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    plain = [alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names]
-    taken = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module == "sysid"]
-    assert path.parent == Path(sysid.__file__).parent or (not taken and "sysid" not in plain)
+    wrong = []
+    for path in sources(sysid):
+        nodes = list(ast.walk(tree_of(path)))
+        plain = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+        taken = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module == "sysid"]
+        if path.parent != Path(sysid.__file__).parent and (taken or "sysid" in plain):
+            wrong.append(path.name)
+    assert not wrong
 
 
-@pytest.mark.parametrize("path", sources(sysid), ids=lambda p: p.name)
-def test_sysid_knows_no_robot(path):
-    wrong = {name for name in imported(path) if name in NOT_FOR_SYSID or name.startswith("relative")}
+def test_sysid_knows_no_robot():
+    names = {path.name: imported(path) for path in sources(sysid)}
+    wrong = {
+        file: used for file, used in names.items() if used & set(NOT_FOR_SYSID) or any("relative" in n for n in used)
+    }
     assert not wrong
 
 
@@ -182,11 +193,10 @@ def test_every_file_of_an_extension_folder_is_in_its_table(folder):
     assert files == in_table
 
 
-@pytest.mark.parametrize("name", modules())
-def test_every_exported_name_exists(name):
-    module = importlib.import_module(name)
-    for exported in getattr(module, "__all__", ()):
-        assert getattr(module, exported, None) is not None, f"{name}.__all__ names {exported}"
+def test_every_exported_name_exists():
+    loaded = [importlib.import_module(name) for name in modules()]
+    wrong = [f"{m.__name__}.{name}" for m in loaded for name in getattr(m, "__all__", ()) if not hasattr(m, name)]
+    assert not wrong
 
 
 def stub() -> dict[str, str | None]:
@@ -202,12 +212,11 @@ def test_sysid_offers_every_public_name_and_nothing_else():
     assert {"blocks", "select", "fit", "structures"} <= set(dir(sysid))
 
 
-@pytest.mark.parametrize("name", sorted(stub()))
-def test_every_name_of_the_stub_resolves_where_it_says(name):
+def test_every_name_of_the_stub_resolves_where_it_says():
     """By attribute access; where a function bears its module's name, the function, whoever imported the module."""
-    where = stub()[name]
-    module = importlib.import_module(f"sysid.{where or name}")
-    assert getattr(sysid, name) is (getattr(module, name) if where else module)
+    for name, where in stub().items():
+        module = importlib.import_module(f"sysid.{where or name}")
+        assert getattr(sysid, name) is (getattr(module, name) if where else module), name
 
 
 def test_importing_sysid_is_light():
@@ -235,9 +244,10 @@ def test_packages_say_that_they_are_typed(package):
     assert (Path(package.__file__).parent / "py.typed").is_file()  # PEP 561
 
 
-@pytest.mark.parametrize("path", [p for package in PACKAGES for p in sources(package)], ids=lambda p: p.name)
-def test_no_module_is_a_second_house(path):
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST
+def test_no_module_is_a_second_house():
+    paths = [path for package in PACKAGES for path in sources(package)]
+    long = [path.name for path in paths if len(path.read_text(encoding="utf-8").splitlines()) > LONGEST]
+    assert not long
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda p: p.__name__)
