@@ -71,7 +71,7 @@ def throughput(name: str, experiment: Experiment, draws: Draws | None, o: argpar
     """Print the row of one ensemble."""
     with tempfile.TemporaryDirectory() as folder:
         ensemble = Ensemble(experiment, range(o.experiments), draws, folder)
-        cases = ensemble._prepare(range(o.experiments))
+        cases = ensemble.members.prepare(range(o.experiments))
     runs = [case.run for case in cases if case.run is not None]
     per = round(experiment.Ts / TIMESTEP)
     lead = np.zeros((len(runs), round(SETTLE / TIMESTEP), len(experiment.joints)))

@@ -36,7 +36,7 @@ def test_nothing_explodes_in_the_parameter_box(joint: str) -> None:
     experiment = Experiment(joint, "aprbs", 5.0, options={"hold_min": 0.1, "hold_max": 1.5})
     whole = Ensemble(experiment, range(n), whole_box(), "unused")
     for first in range(0, n, side_by_side):
-        cases = whole._prepare(range(first, min(first + side_by_side, n)))
+        cases = whole.members.prepare(range(first, min(first + side_by_side, n)))
         runs = [switched(case.run, case.row["seed"]) for case in cases if case.run is not None]
         assert len(runs) == len(cases)
         shown, trouble = attempt(runs, experiment.Ts, 0.5, 2)

@@ -22,7 +22,7 @@ from mujoco.batch import MODEL_FIELDS, Batch, SimulationError
 from sysid.base.errors import InputError
 from twin import Ensemble, Experiment
 from twin.ensemble.draws import ROWS, WHOLE, Draws, whole_box
-from twin.ensemble.ensemble import COMPILED
+from twin.ensemble.members import COMPILED
 from twin.hardware.linkage import end_angles
 from twin.log import Log
 from twin.parameters import JOINTS, Parameters

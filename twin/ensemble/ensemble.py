@@ -3,12 +3,11 @@
 import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import mujoco
 import numpy as np
 
 from sysid.base import forked
@@ -19,32 +18,17 @@ from sysid.base.json_values import plain
 from sysid.base.lock import held
 from sysid.base.versions import versions
 from twin.ensemble.draws import Draws
+from twin.ensemble.members import SIGNALS, Members, simulate_part
 from twin.ensemble.parts import MANIFEST, Parts
-from twin.experiment import SETTLE, Experiment
+from twin.experiment import Experiment
 from twin.log import Log
-from twin.parameters import JOINTS, TABLE, Parameters
-from twin.plant import slots
-from twin.plant.leg import bench_spec
-from twin.plant.stepping import Run, attempt
+from twin.parameters import JOINTS
 
 if TYPE_CHECKING:
     import polars
 
 SIDE_BY_SIDE = 64  # experiments in a part, at most
 SAMPLES = 2**19  # in a part, over all joints, at most, but at least two experiments
-COMPILED = tuple(row.name for row in TABLE if row.compiled)  # experiments that agree in these share one compiled model
-RANGE = ("angle_min_rad", "angle_max_rad")
-SIGNALS = ("voltage_V", "angle_rad", "angle_true_rad")
-
-
-@dataclass(frozen=True)
-class _Case:
-    """An experiment ready for simulation, or a sentence with the reason why not; `row` is the start of its row."""
-
-    row: dict[str, Any]
-    experiment: Experiment | None
-    run: Run | None
-    trouble: str
 
 
 @checked(late=True)
@@ -87,7 +71,7 @@ class Ensemble:
                 raise InputError(f"a seed is {seed!r}; give whole numbers of at least 0, for example range(100)")
         if not seeds:
             raise InputError("there are no seeds; give one per experiment, for example range(100)")
-        part = _part(self.experiment) if self.part is None else self.part
+        part = _part_size(self.experiment) if self.part is None else self.part
         if isinstance(part, bool) or not isinstance(part, Integral) or part < 1:
             raise InputError(f"part is {self.part!r}; give a whole number of at least 1")
         object.__setattr__(self, "seeds", tuple(int(seed) for seed in seeds))
@@ -103,14 +87,12 @@ class Ensemble:
         """Experiment `number` of the ensemble. Raises InputError if there is none."""
         if not 0 <= number < len(self):
             raise InputError(f"experiment {number} is not in the ensemble; give a number from 0 to {len(self) - 1}")
-        return replace(self.experiment, seed=self.seeds[number], parameters=self._drawn(number)[0])
+        return self.members.variant(number)
 
-    def _drawn(self, number: int) -> tuple[Parameters, int]:
-        """The parameters of experiment `number`, and the number of rejected draws before them."""
-        if self.draws is None:
-            return self.experiment.p, 0
-        drawn = self.draws.draw(self.experiment.p, number)
-        return drawn.parameters, drawn.redrawn
+    @property
+    def members(self) -> Members:
+        """The experiments, without the folder."""
+        return Members(self.experiment, self.seeds, self.draws)
 
     def describe(self) -> dict[str, Any]:
         """Everything that the logs depend on except software versions, as JSON values."""
@@ -151,49 +133,52 @@ class Ensemble:
         assert isinstance(self.folder, Path)
         forked.check()
         Parts.place(self.folder)
-        with held(self.folder, self._taken):
+        with held(self.folder, self._locked_message):
             self._run(int(threads), progress, scheduler)
         return self
 
-    def _taken(self, who: str) -> str:
+    def _locked_message(self, owner: str) -> str:
         return (
-            f"another run ({who}) writes to {self.folder}; wait until it ends and run again, or choose another folder"
+            f"another run ({owner}) writes to {self.folder}; wait until it ends and run again, or choose another folder"
         )
 
     def _run(self, threads: int, progress: Callable[[int, int], None] | None, scheduler: str | None) -> None:
         """Write the missing parts; one process at a time."""
-        parts = self._parts(new=True)
+        parts, members = self._parts(new=True), self.members
         parts.sweep()
-        left = parts.missing()
-        done = len(self) - sum(len(parts.numbers(k)) for k in left)
+        missing = parts.missing()
+        finished = len(self) - sum(len(parts.numbers(k)) for k in missing)
+
+        def report(count: int) -> None:
+            nonlocal finished
+            finished += count
+            if progress is not None:
+                progress(finished, len(self))
+
         if scheduler is not None:
-            jobs = [(self, parts.numbers(k)) for k in left]
-            for i, table in results(_part_of, jobs, scheduler=scheduler):
-                parts.write(left[i], table)
-                done += len(table)
-                if progress is not None:
-                    progress(done, len(self))
+            jobs = [(members, parts.numbers(k)) for k in missing]
+            for i, table in results(simulate_part, jobs, scheduler=scheduler):
+                parts.write(missing[i], table)
+                report(len(table))
             return
 
-        def written(writing: "Future[int]") -> None:
-            nonlocal done
-            done += writing.result()
-            if progress is not None:
-                progress(done, len(self))
+        def write(k: int, *records: Any) -> int:
+            parts.write(k, members.table(*records))
+            return len(parts.numbers(k))
 
         # While one part is simulated, the next is prepared and the previous one is written, so that no processor waits.
         with ThreadPoolExecutor(2) as helpers:
-            ahead = [helpers.submit(self._prepare, parts.numbers(k)) for k in left[:1]]
-            behind: list[Future[int]] = []
-            for i, k in enumerate(left):
-                cases = ahead.pop().result()
-                ahead += [helpers.submit(self._prepare, parts.numbers(following)) for following in left[i + 1 : i + 2]]
-                shown, trouble = self._simulate(cases, threads)
-                if behind:
-                    written(behind.pop())
-                behind.append(helpers.submit(self._write, parts, k, cases, shown, trouble))
-            if behind:
-                written(behind.pop())
+            preparation = [helpers.submit(members.prepare, parts.numbers(k)) for k in missing[:1]]
+            writing: list[Future[int]] = []
+            for i, k in enumerate(missing):
+                part = preparation.pop().result()
+                preparation += [helpers.submit(members.prepare, parts.numbers(n)) for n in missing[i + 1 : i + 2]]
+                records, trouble = members.simulate(part, threads)
+                if writing:
+                    report(writing.pop().result())
+                writing.append(helpers.submit(write, k, part, records, trouble))
+            if writing:
+                report(writing.pop().result())
 
     def table(self) -> "polars.DataFrame":
         """One row per finished experiment: number, seed, redrawn (rejected draws before its own), each drawn parameter
@@ -203,8 +188,8 @@ class Ensemble:
         import polars
 
         forked.check()
-        signals = {*self._names(SIGNALS), "meta"}
-        found = list(self._read([name for name in self._columns() if name not in signals]))
+        signals = {*self.members.names(SIGNALS), "meta"}
+        found = list(self._read([name for name in self.members.columns() if name not in signals]))
         if not found:
             raise InputError(f"{self.folder} has no finished part yet; call run() first")
         try:
@@ -217,7 +202,7 @@ class Ensemble:
 
     def __iter__(self) -> Iterator[Log]:
         """Logs of the finished experiments in order, one part in memory at a time; see `table` for their numbers."""
-        joint, names = self.experiment.joint, self._names(SIGNALS)
+        joint, names = self.experiment.joint, self.members.names(SIGNALS)
         for part in self._read(["number", *names, "meta"]):
             columns = [part[name].to_numpy() for name in names]
             for i, (number, meta) in enumerate(zip(part["number"], part["meta"], strict=True)):
@@ -227,19 +212,13 @@ class Ensemble:
                 yield Log(u, y, self.experiment.Ts, y_true, joint, self._header(number, meta))
 
     def _read(self, columns: list[str]) -> Iterator["polars.DataFrame"]:
-        return self._parts().read(columns, [*self._begun(0)[0], "trouble", "meta"], self._is_own)
+        """These columns of the finished parts; raises InputError for a part of another ensemble."""
+        members = self.members
 
-    def _is_own(self, row: dict[str, Any]) -> bool:
-        """Whether a row of a part is of this ensemble: its seed, its drawn values, and the experiment of its log."""
-        begun, parameters = self._begun(row["number"])
-        if any(row[name] != value for name, value in begun.items()):
-            return False
-        found = self._header(row["number"], row["meta"])
-        if row["trouble"]:  # its log has no header
-            return True
-        made = replace(self.experiment, seed=begun["seed"], parameters=parameters).meta()
-        described = json.loads(json.dumps(made, default=plain))
-        return all(found.get(name) == value for name, value in described.items() if name != "versions")
+        def is_member(row: dict[str, Any]) -> bool:
+            return members.matches_start(row) and members.matches_log(row, self._header(row["number"], row["meta"]))
+
+        return self._parts().read(columns, [*members.row(0)[0], "trouble", "meta"], is_member)
 
     def _header(self, number: int, text: Any) -> dict[str, Any]:
         """What a row says of its log."""
@@ -249,104 +228,14 @@ class Ensemble:
             path = self._parts().path(number // self._parts().size)
             raise InputError(f"{path} has a damaged meta in row {number}; delete this file and run again") from None
 
-    def _names(self, names: Sequence[str]) -> list[str]:
-        """Columns with these names, one set per driven joint if there are several."""
-        if self.experiment.joint in JOINTS:
-            return list(names)
-        return [f"{joint}.{name}" for joint in self.experiment.joints for name in names]
-
-    def _columns(self) -> list[str]:
-        drawn = () if self.draws is None else self.draws.names
-        return ["number", "seed", "redrawn", *drawn, *self._names(RANGE), "trouble", *self._names(SIGNALS), "meta"]
-
     def _parts(self, new: bool = False) -> Parts:
         assert isinstance(self.folder, Path)
         assert self.part is not None
         made_with = {name: now for name, now in versions().items() if name in ("qpal", "mujoco", "numpy")}
         return Parts.open(self.folder, len(self), self.part, self.describe(), made_with, new)
 
-    def _prepare(self, numbers: range) -> list[_Case]:
-        models: dict[tuple[float, ...], mujoco.MjModel] = {}
-        return [self._prepared(number, models) for number in numbers]
 
-    def _begun(self, number: int) -> tuple[dict[str, Any], Parameters]:
-        """The start of the row of experiment `number`: what it was made from; and its parameters."""
-        parameters, redrawn = self._drawn(number)
-        row: dict[str, Any] = {"number": number, "seed": self.seeds[number], "redrawn": redrawn}
-        return row | ({} if self.draws is None else {name: parameters[name] for name in self.draws.names}), parameters
-
-    def _prepared(self, number: int, models: dict[tuple[float, ...], mujoco.MjModel]) -> _Case:
-        row, parameters = self._begun(number)
-        try:
-            experiment = replace(self.experiment, seed=self.seeds[number], parameters=parameters)
-            key = tuple(parameters[name] for name in COMPILED)
-            if key not in models:
-                models[key] = _model(experiment)
-            return _Case(row, experiment, experiment.prepare(models[key]), "")
-        except InputError as error:  # a valid leg, but not for this excitation
-            return _Case(row, None, None, str(error))
-
-    def _simulate(self, cases: Sequence[_Case], threads: int) -> tuple[np.ndarray, list[str]]:
-        """Records of the boards (cases, N, joints, COLUMNS), NaN if there is none, with a sentence that says why."""
-        e = self.experiment
-        shown = np.full((len(cases), e.N, len(e.joints), slots.COLUMNS), np.nan)
-        trouble = [case.trouble for case in cases]
-        runs = {i: case.run for i, case in enumerate(cases) if case.run is not None}
-        if runs:
-            shown[list(runs)], said = attempt(list(runs.values()), e.Ts, SETTLE, threads)
-            for i, sentence in zip(runs, said, strict=True):
-                trouble[i] = sentence
-        return shown, trouble
-
-    def _write(self, parts: Parts, k: int, cases: Sequence[_Case], shown: np.ndarray, trouble: Sequence[str]) -> int:
-        """Write part k; returns its number of experiments."""
-        parts.write(k, self._table_of(cases, shown, trouble))
-        return len(cases)
-
-    def _table_of(self, cases: Sequence[_Case], shown: np.ndarray, trouble: Sequence[str]) -> "polars.DataFrame":
-        import polars
-
-        forked.check()
-        rows, signals = [], []
-        for case, rows_of, said in zip(cases, shown, trouble, strict=True):
-            values, meta = self._record(case, rows_of)
-            with_range = zip(self._names(RANGE), (g(y) for y in values[:, 1] for g in (np.min, np.max)), strict=True)
-            meta = meta | {"number": case.row["number"], "trouble": said}
-            rows.append(case.row | dict(with_range) | {"trouble": said, "meta": json.dumps(meta)})
-            signals.append(values.reshape(-1, values.shape[-1]))
-        table = polars.DataFrame(rows, infer_schema_length=None).with_columns(
-            polars.Series(name, column) for name, column in zip(self._names(SIGNALS), np.stack(signals, 1), strict=True)
-        )
-        return table.select(self._columns())
-
-    def _record(self, case: _Case, shown: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
-        """Voltage, angle and true angle (joints, 3, N) of a case from its boards' records, and its log's header."""
-        if case.experiment is None or case.run is None:
-            return np.full((shown.shape[1], len(SIGNALS), shown.shape[0]), np.nan), {}
-        log = case.experiment.record(case.run, shown)
-        assert log.y_true is not None
-        values = np.stack([column.reshape(log.N, -1).T for column in (log.u, log.y, log.y_true)], axis=1)
-        return values, dict(log.meta)
-
-
-def _part_of(job: tuple[Ensemble, range]) -> "polars.DataFrame":
-    """The table of some experiments of an ensemble; runs on a worker."""
-    ensemble, numbers = job
-    cases = ensemble._prepare(numbers)
-    return ensemble._table_of(cases, *ensemble._simulate(cases, 1))
-
-
-def _model(experiment: Experiment) -> mujoco.MjModel:
-    """The experiment's bench without textures: they take most of a model's build time and memory."""
-    spec = bench_spec(experiment.joint, experiment.p, experiment.without, experiment.realisation)
-    for material in spec.materials:
-        material.textures = [""] * len(material.textures)
-    for texture in list(spec.textures):
-        spec.delete(texture)
-    return spec.compile()
-
-
-def _part(experiment: Experiment) -> int:
+def _part_size(experiment: Experiment) -> int:
     """Number of these experiments in a part."""
     return int(np.clip(SAMPLES // (experiment.N * len(experiment.joints)), 2, SIDE_BY_SIDE))
 

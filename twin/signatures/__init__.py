@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from sysid.base.checks import checked
 from twin.parameters import Parameters
-from twin.signatures import bridge, friction, mechanics, sensing
+from twin.signatures import electronics, friction, mechanics
 from twin.signatures.signature import Axis, Line, Mark, Signature, Size
 
 # In the order of `twin.IMPERFECTIONS`; an imperfection may have more than one.
@@ -16,15 +16,15 @@ TABLE: dict[str, Callable[[Parameters], Signature]] = {
     "load_friction": mechanics.load_friction,
     "end_stops": mechanics.end_stops,
     "backlash": mechanics.backlash,
-    "pwm": bridge.pwm,
-    "dead_band": bridge.dead_band,
-    "sag": bridge.sag,
-    "delay": bridge.delay,
-    "nonlinearity": sensing.nonlinearity,
-    "noise": sensing.noise,
-    "adc": sensing.adc,
-    "jitter": sensing.jitter,
-    "dropouts": sensing.dropouts,
+    "pwm": electronics.pwm,
+    "dead_band": electronics.dead_band,
+    "sag": electronics.sag,
+    "delay": electronics.delay,
+    "nonlinearity": electronics.nonlinearity,
+    "noise": electronics.noise,
+    "adc": electronics.adc,
+    "jitter": electronics.jitter,
+    "dropouts": electronics.dropouts,
     "gravity": mechanics.gravity,
     "contact": mechanics.contact,
 }
