@@ -248,7 +248,7 @@ def test_a_silent_connection_has_its_time():
             self.gone = True
 
     async def story():
-        waiting = SilentConnections(most=2, seconds=0.05)
+        waiting = SilentConnections(limit=2, seconds=0.05)
         transports = [Transport() for _ in range(3)]
         for each in transports:
             waiting.add(each)

@@ -170,7 +170,7 @@ def test_the_panel_under_a_frame_shows_its_time():
     image = Image.new("RGB", (640, 480), "white")
     columns = []
     for time in (2.0, 4.0, 6.0):
-        whole = np.asarray(made.under(image, time)).astype(int)
+        whole = np.asarray(made.paste_below(image, time)).astype(int)
         assert whole.shape == (480 + made.picture.shape[0], 640, 3)
         changed = np.abs(whole[480:] - made.picture).sum(axis=2)
         columns.append(float(np.flatnonzero(changed.sum(axis=0) > 0).mean()))

@@ -83,7 +83,7 @@ def test_ghost_and_leg_coincide_for_one_log_and_part_for_two():
 def test_between_samples_straight_over_gaps_and_held_at_the_ends():
     leg = Movement(np.array([0.0, 1.0, 2.0, 3.0]), {"thigh": np.array([0.0, 0.2, np.nan, 0.6])})
     for time, angle in ((0.5, 0.1), (1.0, 0.2), (2.0, 0.4), (2.5, 0.5), (-1.0, 0.0), (9.0, 0.6)):
-        assert leg.at(time)["thigh"] == pytest.approx(angle, abs=1e-12)
+        assert leg.angles_at(time)["thigh"] == pytest.approx(angle, abs=1e-12)
 
 
 def test_a_part_starts_and_ends_where_it_is_told():

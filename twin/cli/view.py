@@ -179,7 +179,7 @@ def _write_strip(replay: "Replay | None", names: list[str], count: int, path: Pa
     from sysid.base.style import png
     from twin.view import pictures
 
-    figure = pictures.standing() if replay is None else pictures.strip(replay, pictures.Names(*names), count, traces)
+    figure = pictures.robot_views() if replay is None else pictures.strip(replay, pictures.Names(*names), count, traces)
     path.write_bytes(png(figure))
 
 

@@ -22,7 +22,7 @@ TRIES = 100_000  # over the whole box, about every tenth triangle closes
 
 
 @dataclass(frozen=True)
-class Drawn:
+class Draw:
     """Parameters of one experiment; `redrawn` counts the rejected draws before them."""
 
     parameters: Parameters
@@ -49,10 +49,10 @@ class Draws:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for what in ("uniform", "log_uniform"):
-            if isinstance(getattr(self, what), str):
-                raise InputError(f"{what} is the string {getattr(self, what)!r}; give a list of names")
-            object.__setattr__(self, what, tuple(getattr(self, what)))
+        for field_name in ("uniform", "log_uniform"):
+            if isinstance(getattr(self, field_name), str):
+                raise InputError(f"{field_name} is the string {getattr(self, field_name)!r}; give a list of names")
+            object.__setattr__(self, field_name, tuple(getattr(self, field_name)))
         if isinstance(self.seed, bool) or not isinstance(self.seed, int | np.integer) or self.seed < 0:
             raise InputError(f"seed of the draws is {self.seed!r}; give a whole number of at least 0")
         names = (*self.spread, *self.uniform, *self.log_uniform)
@@ -73,8 +73,8 @@ class Draws:
     @property
     def names(self) -> tuple[str, ...]:
         """The rows that are drawn, in the order of the table."""
-        named = {*self.spread, *self.uniform, *self.log_uniform}
-        return tuple(row.name for row in TABLE if row.name in named)
+        names = {*self.spread, *self.uniform, *self.log_uniform}
+        return tuple(row.name for row in TABLE if row.name in names)
 
     @checked(late=True)
     def limits(self, base: Parameters) -> dict[str, tuple[float, float]]:
@@ -91,31 +91,31 @@ class Draws:
         return max(row.lower, base[row.name] - half), min(row.upper, base[row.name] + half)
 
     @checked(late=True)
-    def draw(self, base: Parameters, number: int) -> Drawn:
+    def draw(self, base: Parameters, number: int) -> Draw:
         """The parameters of experiment `number`; raises InputError if none of very many draws is a valid leg."""
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,)))
         limits = self.limits(base)
         values = dict(base.values) | self._values(limits, rng)
         redrawn = 0
         for joint in JOINTS:
-            mine = {name: span for name, span in limits.items() if name in {f"{joint}.{part}" for part in SHAPE}}
+            part_limits = {name: span for name, span in limits.items() if name in {f"{joint}.{part}" for part in SHAPE}}
             while not _closes(values, joint):
                 redrawn += 1
-                if not mine or redrawn > TRIES:
+                if not part_limits or redrawn > TRIES:
                     end_angles(Parameters(values), joint)  # raises with the reason
-                values |= self._values(mine, rng)
+                values |= self._values(part_limits, rng)
         for joint in JOINTS:
-            mine = {name: span for name, span in limits.items() if name in {f"{joint}.{part}" for part in ROTOR}}
-            while mine and redrawn <= TRIES and not _heavy(values, joint):
+            part_limits = {name: span for name, span in limits.items() if name in {f"{joint}.{part}" for part in ROTOR}}
+            while part_limits and redrawn <= TRIES and not _heavy(values, joint):
                 redrawn += 1
-                values |= self._values(mine, rng)
+                values |= self._values(part_limits, rng)
         floor = {name: span for name, span in limits.items() if name == "bench_height"}
         while (
             floor and clearance(Parameters(values)) < 0.0 and redrawn <= TRIES
         ):  # the foot would start inside the floor
             redrawn += 1
             values |= self._values(floor, rng)
-        return Drawn(Parameters(values), redrawn)
+        return Draw(Parameters(values), redrawn)
 
     def _values(self, limits: Mapping[str, tuple[float, float]], rng: np.random.Generator) -> dict[str, float]:
         shares = dict(

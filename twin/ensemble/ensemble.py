@@ -189,11 +189,11 @@ class Ensemble:
 
         forked.check()
         signals = {*self.members.names(SIGNALS), "meta"}
-        found = list(self._read([name for name in self.members.columns() if name not in signals]))
-        if not found:
+        parts = list(self._read([name for name in self.members.columns() if name not in signals]))
+        if not parts:
             raise InputError(f"{self.folder} has no finished part yet; call run() first")
         try:
-            return polars.concat(found)
+            return polars.concat(parts)
         except polars.exceptions.PolarsError as error:
             raise InputError(
                 f"{self.folder} has parts of other columns ({str(error).splitlines()[0]}); delete the part that was "
@@ -231,8 +231,8 @@ class Ensemble:
     def _parts(self, new: bool = False) -> Parts:
         assert isinstance(self.folder, Path)
         assert self.part is not None
-        made_with = {name: now for name, now in versions().items() if name in ("qpal", "mujoco", "numpy")}
-        return Parts.open(self.folder, len(self), self.part, self.describe(), made_with, new)
+        libraries = {name: version for name, version in versions().items() if name in ("qpal", "mujoco", "numpy")}
+        return Parts.open(self.folder, len(self), self.part, self.describe(), libraries, new)
 
 
 def _part_size(experiment: Experiment) -> int:

@@ -69,8 +69,8 @@ class Members:
 
     def columns(self) -> list[str]:
         """The columns of the table."""
-        drawn_rows = () if self.draws is None else self.draws.names
-        numbers = ("number", "seed", "redrawn", *drawn_rows, *self.names(RANGE))
+        rows = () if self.draws is None else self.draws.names
+        numbers = ("number", "seed", "redrawn", *rows, *self.names(RANGE))
         return [*numbers, "trouble", *self.names(SIGNALS), "meta"]
 
     def matches_start(self, row: dict[str, Any]) -> bool:

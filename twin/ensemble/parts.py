@@ -46,7 +46,7 @@ class Parts:
         """
         manifest = folder / MANIFEST
         if manifest.is_file():
-            size = _same(manifest, description, versions, new)
+            size = _manifest_size(manifest, description, versions, new)
             return Parts(folder, rows, size, description, versions)
         _check_empty(folder)
         if not new:
@@ -113,32 +113,32 @@ class Parts:
     def read(
         self,
         columns: list[str] | None = None,
-        seen: Sequence[str] = (),
-        own: Callable[[dict[str, Any]], bool] = lambda row: True,
+        own_columns: Sequence[str] = (),
+        is_own_row: Callable[[dict[str, Any]], bool] = lambda row: True,
     ) -> Iterator["polars.DataFrame"]:
         """The parts that are written, in order, or some columns of them.
 
         Raises InputError for a damaged one, for one of other rows than its name says, and for one whose first or last
-        row `own` denies, which gets the columns `seen` of it: a part of another ensemble.
+        row `is_own_row` denies, which gets the columns `own_columns` of it: a part of another ensemble.
         """
-        looked = list(dict.fromkeys([NUMBER, *seen]))
-        wanted = None if columns is None else list(dict.fromkeys([*looked, *columns]))
+        checked_columns = list(dict.fromkeys([NUMBER, *own_columns]))
+        read_columns = None if columns is None else list(dict.fromkeys([*checked_columns, *columns]))
 
         for k in range(len(self)):
             path = self.path(k)
             if not path.is_file():
                 continue
             try:
-                found = read_parquet(path, wanted)
-                if found[NUMBER].to_list() != list(self.numbers(k)):
+                table = read_parquet(path, read_columns)
+                if table[NUMBER].to_list() != list(self.numbers(k)):
                     raise OSError("it has other rows than its name says")
-                if not all(own(found[looked].row(at, named=True)) for at in (0, -1)):
+                if not all(is_own_row(table[checked_columns].row(place, named=True)) for place in (0, -1)):
                     raise OSError("it has rows of another ensemble")
-                yield found if columns is None else found.select(columns)
+                yield table if columns is None else table.select(columns)
             except (OSError, DamagedError) as error:
-                said = str(error).splitlines()[0]
+                reason = str(error).splitlines()[0]
                 raise InputError(
-                    f"{path} cannot be read ({said}); delete this file and run the ensemble again"
+                    f"{path} cannot be read ({reason}); delete this file and run the ensemble again"
                 ) from None
 
 
@@ -152,30 +152,39 @@ def fingerprint(description: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()
 
 
-def _same(manifest: Path, description: Mapping[str, Any], versions: Mapping[str, str], more: bool) -> int:
+def _manifest_size(
+    manifest: Path, description: Mapping[str, Any], versions: Mapping[str, str], is_writing: bool
+) -> int:
     """The size of the parts in the folder of `manifest`; raises InputError if it belongs to another ensemble.
 
-    If `more` parts will be written, other software versions are refused too, because the parts would not match.
+    If `is_writing` parts will be written, other software versions are refused too, because the parts would not match.
     """
     try:
-        found = json.loads(ordinary(manifest).read_text(encoding="utf-8"))
-        kind, size, theirs = found["kind"], int(found["part"]), found["description"]
-        whole = kind == KIND and size > 0 and found["fingerprint"] == fingerprint(theirs)
-        split = {name: found[name] for name in ("fingerprint", "rows", "part")}
-        whole = whole and found.get(CHECK, check_sum(split, KIND)) == check_sum(split, KIND)  # older ones have none
-        made = dict(found["versions"])
+        document = json.loads(ordinary(manifest).read_text(encoding="utf-8"))
+        kind, size, kept_description = document["kind"], int(document["part"]), document["description"]
+        is_valid = kind == KIND and size > 0 and document["fingerprint"] == fingerprint(kept_description)
+        split = {name: document[name] for name in ("fingerprint", "rows", "part")}
+        expected = check_sum(split, KIND)
+        is_valid = is_valid and document.get(CHECK, expected) == expected  # older ones have none
+        old_versions = dict(document["versions"])
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        whole = False
-    if not whole:
+        is_valid = False
+    if not is_valid:
         raise InputError(f"{manifest} is damaged or not from an ensemble; choose another folder, or delete this one")
-    if found["fingerprint"] != fingerprint(description):
-        names = [name for name in {**theirs, **description} if theirs.get(name) != description.get(name)]
+    if document["fingerprint"] != fingerprint(description):
+        names = [
+            name for name in {**kept_description, **description} if kept_description.get(name) != description.get(name)
+        ]
         raise InputError(
             f"{manifest.parent} has another ensemble, which differs in {', '.join(names)}; choose another folder"
         )
-    other = [f"{name} {made.get(name)} and now {now}" for name, now in versions.items() if made.get(name) != now]
-    if more and other:
+    changes = [
+        f"{name} {old_versions.get(name)} and now {version}"
+        for name, version in versions.items()
+        if old_versions.get(name) != version
+    ]
+    if is_writing and changes:
         raise InputError(
-            f"{manifest.parent} was started with {', '.join(other)}; use those versions, or choose another folder"
+            f"{manifest.parent} was started with {', '.join(changes)}; use those versions, or choose another folder"
         )
     return size

@@ -29,12 +29,12 @@ SPEED, TORQUE = Axis("speed", "rad/s"), Axis("friction", "N m")
 def friction(p: Parameters) -> Signature:
     """Torque of steady motion over its speed, from the motor: K (V - K w) / R at the joint."""
     Ts = 0.01
-    n = _settled(p, Ts)
+    n = _settling_samples(p, Ts)
     levels = np.array([3.0, 5.0, 7.0, 9.0, 11.0]) * p["supply_voltage"] / 12.0
     u = holds(np.concatenate([levels, -levels]), n)
-    on, off = pair("friction", (), p, "shoulder", u, Ts)
-    maps = [_torque_map(seen, n, motor(p, "shoulder")) for seen in (on, off)]
-    (level, slope), (level_off, slope_off) = (_level_and_slope(*m) for m in maps)
+    run, base = pair("friction", (), p, "shoulder", u, Ts)
+    maps = [_torque_map(trial, n, motor(p, "shoulder")) for trial in (run, base)]
+    (level, slope), (base_level, base_slope) = (_level_and_slope(*m) for m in maps)
     speed, torque = maps[0]
     lines = [Line(*maps[1], on=False, dots=True), Line(*maps[1], on=False), Line(speed, torque, dots=True)]
     for way in (1, -1):
@@ -53,10 +53,10 @@ def friction(p: Parameters) -> Signature:
         tuple(lines),
         (Mark((0.0, 0.0), (0.0, level), dry, "N m", "dry {}", "left"),),
         (
-            Size("dry friction of gear and bearing", (level, level_off), dry, "N m", rows),
+            Size("dry friction of gear and bearing", (level, base_level), dry, "N m", rows),
             Size(
                 "viscous friction of gear and bearing",
-                (slope, slope_off),
+                (slope, base_slope),
                 viscous,
                 "N m s/rad",
                 tuple(row.replace("coulomb", "viscous") for row in rows),
@@ -69,27 +69,27 @@ def friction(p: Parameters) -> Signature:
 def asymmetry(p: Parameters) -> Signature:
     """Drift under a symmetric square wave, and the difference of friction from the two steady speeds."""
     Ts, periods = 0.01, 4
-    n = _settled(p, Ts)
+    n = _settling_samples(p, Ts)
     volts = 0.5 * p["supply_voltage"]
     u = holds(np.tile([volts, -volts], periods), n)
-    on, off = pair("asymmetry", ("friction",), p, "shoulder", u, Ts)
+    run, base = pair("asymmetry", ("friction",), p, "shoulder", u, Ts)
     constants = motor(p, "shoulder")
     damping = constants.damping + p["shoulder.viscous"] + p["shoulder.bearing_viscous"]
     differences = []
-    for seen in (on, off):
-        speeds = steady_speeds(seen, n, 20)
+    for trial in (run, base):
+        speeds = steady_speeds(trial, n, 20)
         differences.append(-damping * float(np.mean(speeds[2::2] + speeds[3::2])))  # torque = K V / R - damping w
     true = 2 * p["shoulder.asymmetry"] * p["shoulder.coulomb"]
     top = [n, (2 * periods - 1) * n]  # where the first and the last rise end
-    end = on.t[top[1]]
+    end = run.t[top[1]]
     return Signature(
         "asymmetry",
         "Direction-dependent friction",
         "shoulder",
         Axis("time", "s"),
         Axis("angle", "rad"),
-        (Line(off.t, off.angle, on=False), Line(on.t, on.angle)),
-        (Mark((end, on.angle[top[1]]), (end, on.angle[top[0]]), true, "N m", "drift for\n{} more up", "above"),),
+        (Line(base.t, base.angle, on=False), Line(run.t, run.angle)),
+        (Mark((end, run.angle[top[1]]), (end, run.angle[top[0]]), true, "N m", "drift for\n{} more up", "above"),),
         (
             Size(
                 "friction up minus friction down",
@@ -117,18 +117,18 @@ def stribeck(p: Parameters) -> Signature:
     u = np.linspace(0.5 * dry / constants.force_per_volt, top, round(seconds / Ts))
     losses = constants.damping + p["shoulder.viscous"] + p["shoulder.bearing_viscous"]
     inertia = -losses / truth("shoulder", parameters=p).continuous_pole
-    curves, found = [], []
-    for seen in pair("stribeck", ("friction",), p, "shoulder", u, Ts):
-        speed = (seen.angle[2 * span :] - seen.angle[: -2 * span]) / (2 * span * Ts)
-        volts = seen.volts[span + 1 : 1 - span]
+    curves, sizes = [], []
+    for trial in pair("stribeck", ("friction",), p, "shoulder", u, Ts):
+        speed = (trial.angle[2 * span :] - trial.angle[: -2 * span]) / (2 * span * Ts)
+        volts = trial.volts[span + 1 : 1 - span]
         torque = constants.force_per_volt * volts - constants.damping * speed - inertia * np.gradient(speed, Ts)
         moving = speed > 0.02 * fade
         slope, level = line_fit(*(v[speed > 3 * fade] for v in (speed, torque)))
         speed, torque = speed[moving], torque[moving]
         excess = torque - level - slope * speed
         curves.append((speed, torque))
-        found.append((float(excess[0]) if len(excess) else np.nan, _falls_to(extra / math.e, speed, excess), level))
-    (at_rest, speed_e, level), (off, _, _) = found
+        sizes.append((float(excess[0]) if len(excess) else np.nan, _speed_at(extra / math.e, speed, excess), level))
+    (at_rest, speed_e, level), (base, _, _) = sizes
     return Signature(
         "stribeck",
         "Stribeck: more friction at low speed",
@@ -138,14 +138,14 @@ def stribeck(p: Parameters) -> Signature:
         (Line(*curves[1], on=False), Line(*curves[0])),
         (Mark((0.0, level), (0.0, level + at_rest), extra, "N m", "{} more at rest", "corner"),),
         (
-            Size("static friction above Coulomb friction", (at_rest, off), extra, "N m", _rows("stribeck", "coulomb")),
+            Size("static friction above Coulomb friction", (at_rest, base), extra, "N m", _rows("stribeck", "coulomb")),
             Size("speed at which 1/e of it remains", (speed_e, np.nan), fade, "rad/s", _rows("stribeck_speed")),
         ),
         "Friction is highest at rest, falls at low speed, and then grows with the speed.",
     )
 
 
-def _falls_to(value: float, speed: np.ndarray, excess: np.ndarray) -> float:
+def _speed_at(value: float, speed: np.ndarray, excess: np.ndarray) -> float:
     """Speed at which the falling curve passes `value`; nan if it does not."""
     if len(excess) == 0 or not 0.0 < value < excess[0]:
         return np.nan
@@ -165,40 +165,41 @@ def hunting(p: Parameters) -> Signature:
     Ts, seconds, reference = 0.01, 40.0, np.deg2rad(5.0)
     p = p.replace(HUNTING)
     u = np.full(round(seconds / Ts), reference * potentiometer(p).scale)
-    on, off = pair("stribeck", ("friction",), p, "shoulder", u, Ts, mode="servo")
+    run, base = pair("stribeck", ("friction",), p, "shoulder", u, Ts, mode="servo")
     force_per_volt = motor(p, "shoulder").force_per_volt
-    found = [force_per_volt * _breaking_voltage(seen) for seen in (on, off)]
+    forces = [force_per_volt * _breaking_voltage(trial) for trial in (run, base)]
     static = p["shoulder.coulomb"] * (1 + p["shoulder.stribeck"]) + p["shoulder.bearing_coulomb"]
-    late = on.angle[len(u) // 2 :]
-    at = 1.03 * float(on.t[-1])
+    second_half = run.angle[len(u) // 2 :]
+    lowest, highest = float(second_half.min()), float(second_half.max())
+    place = 1.03 * float(run.t[-1])
     return Signature(
         "stribeck",
         "Stick-slip under integral action",
         "shoulder",
         Axis("time", "s"),
         Axis("angle", "rad"),
-        (Line(off.t, off.angle, on=False), Line(on.t, on.angle)),
-        (Mark((at, float(late.min())), (at, float(late.max())), static, "N m", "sticks up\nto {}", "outside"),),
-        (Size("break-away friction at each slip", found, static, "N m", _rows("coulomb", "stribeck")),),
+        (Line(base.t, base.angle, on=False), Line(run.t, run.angle)),
+        (Mark((place, lowest), (place, highest), static, "N m", "sticks up\nto {}", "outside"),),
+        (Size("break-away friction at each slip", forces, static, "N m", _rows("coulomb", "stribeck")),),
         "With an integral gain and static friction twice the Coulomb friction the joint never comes to rest at its "
         "reference: it sticks, the integrator winds up, and it slips past. Without the Stribeck part it settles.",
         variant="hunting",
     )
 
 
-def _breaking_voltage(seen: Trial) -> float:
+def _breaking_voltage(trial: Trial) -> float:
     """Mean absolute motor voltage [V] at break-away in the second half; nan if the joint stays at rest."""
     rest, slip = 20, 10  # samples that it stands before, and looks ahead after
-    still = np.abs(np.diff(seen.angle)) < 1e-6
+    is_still = np.abs(np.diff(trial.angle)) < 1e-6
     starts = [
         k
-        for k in range(max(len(still) // 2, rest), len(still) - slip)
-        if not still[k] and still[k - rest : k].all() and abs(seen.angle[k + slip] - seen.angle[k]) > 1e-3
+        for k in range(max(len(is_still) // 2, rest), len(is_still) - slip)
+        if not is_still[k] and is_still[k - rest : k].all() and abs(trial.angle[k + slip] - trial.angle[k]) > 1e-3
     ]
-    return float(np.mean(np.abs(seen.volts[starts]))) if starts else np.nan
+    return float(np.mean(np.abs(trial.volts[starts]))) if starts else np.nan
 
 
-def _settled(p: Parameters, Ts: float) -> int:
+def _settling_samples(p: Parameters, Ts: float) -> int:
     """Samples until the new speed is reached, and 20 more to measure it."""
     return round(16 * lag(p, "shoulder") / Ts) + 20
 
@@ -207,10 +208,10 @@ def _rows(*names: str) -> tuple[str, ...]:
     return tuple(f"shoulder.{name}" for name in names)
 
 
-def _torque_map(seen: Trial, n: int, constants: Motor) -> tuple[np.ndarray, np.ndarray]:
+def _torque_map(trial: Trial, n: int, constants: Motor) -> tuple[np.ndarray, np.ndarray]:
     """Steady speed [rad/s] and its torque [N m] for every hold except the first, in the order of speed."""
-    speed = steady_speeds(seen, n, 20)
-    torque = constants.force_per_volt * seen.u[n - 1 :: n] - constants.damping * speed
+    speed = steady_speeds(trial, n, 20)
+    torque = constants.force_per_volt * trial.u[n - 1 :: n] - constants.damping * speed
     order = np.argsort(speed)
     return speed[order], torque[order]
 

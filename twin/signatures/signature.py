@@ -103,8 +103,8 @@ class Signature:
 
     def as_dict(self) -> dict[str, Any]:
         """The measured sizes, ready for JSON; without the lines."""
-        about = {"name": self.name, "title": self.title, "joint": self.joint, "sentence": self.sentence}
-        return {"key": self.key, **about, "sizes": [size.as_dict() for size in self.sizes]}
+        header = {"name": self.name, "title": self.title, "joint": self.joint, "sentence": self.sentence}
+        return {"key": self.key, **header, "sizes": [size.as_dict() for size in self.sizes]}
 
 
 @dataclass(frozen=True)
@@ -123,18 +123,18 @@ class Trial:
     logged: np.ndarray
 
 
-def without_all_but(*kept: str) -> tuple[str, ...]:
+def omit_all_but(*names: str) -> tuple[str, ...]:
     """All imperfections except these, to be left out."""
-    return tuple(name for name in IMPERFECTIONS if name not in kept)
+    return tuple(name for name in IMPERFECTIONS if name not in names)
 
 
 def pair(
-    name: str, also: Collection[str], parameters: Parameters, joint: str, u: np.ndarray, Ts: float, **settings
+    name: str, others: Collection[str], parameters: Parameters, joint: str, u: np.ndarray, Ts: float, **settings
 ) -> tuple[Trial, Trial]:
-    """The same trial with the imperfections `name` and `also`, and with only those of `also`."""
-    kept = without_all_but(name, *also), without_all_but(*also)
-    on, off = (trial(parameters, joint, u, Ts, without=without, **settings) for without in kept)
-    return on, off
+    """The same trial with the imperfections `name` and `others`, and with only those of `others`."""
+    omissions = omit_all_but(name, *others), omit_all_but(*others)
+    run, base = (trial(parameters, joint, u, Ts, without=omitted, **settings) for omitted in omissions)
+    return run, base
 
 
 def trial(
@@ -143,9 +143,9 @@ def trial(
     """`joint` under u (N,) [V], each value held for Ts [s]; it starts at rest at `start` [rad] or mid stroke."""
     experiment = Experiment(joint, Ts=Ts, parameters=parameters, **settings)
     run = experiment.prepare(u=u[:, None], start={} if start is None else {joint: start})
-    shown = step([run], Ts, SETTLE)[0]
-    angle, reading, volts = (shown[:, 0, column] for column in (slots.ANGLE, slots.READING, slots.VOLTS))
-    return Trial(np.arange(len(u)) * Ts, u, angle, reading, volts, experiment.record(run, shown).y)
+    boards = step([run], Ts, SETTLE)[0]
+    angle, reading, volts = (boards[:, 0, column] for column in (slots.ANGLE, slots.READING, slots.VOLTS))
+    return Trial(np.arange(len(u)) * Ts, u, angle, reading, volts, experiment.record(run, boards).y)
 
 
 FREE = ("coulomb", "bearing_coulomb", "viscous", "bearing_viscous")
@@ -171,11 +171,11 @@ def holds(levels: np.ndarray, n: int) -> np.ndarray:
     return np.repeat(np.asarray(levels, dtype=float), n)
 
 
-def steady_speeds(seen: Trial, n: int, last: int) -> np.ndarray:
+def steady_speeds(trial: Trial, n: int, last: int) -> np.ndarray:
     """Speed [rad/s] over the last `last` intervals of each hold of n samples."""
-    angle = np.append(seen.angle, 2 * seen.angle[-1] - seen.angle[-2])
-    ends = np.arange(n, len(seen.angle) + 1, n)
-    return (angle[ends] - angle[ends - last]) / (last * (seen.t[1] - seen.t[0]))
+    angle = np.append(trial.angle, 2 * trial.angle[-1] - trial.angle[-2])
+    ends = np.arange(n, len(trial.angle) + 1, n)
+    return (angle[ends] - angle[ends - last]) / (last * (trial.t[1] - trial.t[0]))
 
 
 def line_fit(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:

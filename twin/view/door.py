@@ -109,8 +109,8 @@ class Door:
         if not origins and not reads:  # browsers always say where a write or a WebSocket comes from
             return "This request does not say from which page it comes."
         sites = request.headers.get("sec-fetch-site", [])
-        fetched = request.single_header("sec-fetch-mode"), request.single_header("sec-fetch-dest")
-        if not (fetched == ("navigate", "document") or all(site in ("same-origin", "none") for site in sites)):
+        fetch = request.single_header("sec-fetch-mode"), request.single_header("sec-fetch-dest")
+        if not (fetch == ("navigate", "document") or all(site in ("same-origin", "none") for site in sites)):
             return "This page is not part of other pages."
         return None
 
@@ -135,13 +135,13 @@ class Door:
 
 
 class SilentConnections:
-    """Connections without a whole request yet. Each has `seconds`; of more than `most` the oldest is closed.
+    """Connections without a whole request yet. Each has `seconds`; of more than `limit` the oldest is closed.
 
     So silent connections, however many, do not keep the rightful browser out.
     """
 
-    def __init__(self, most: int = MOST_SILENT, seconds: float = PATIENCE) -> None:
-        self.most, self.seconds = most, seconds
+    def __init__(self, limit: int = MOST_SILENT, seconds: float = PATIENCE) -> None:
+        self.limit, self.seconds = limit, seconds
         self._open: dict[asyncio.Transport, asyncio.TimerHandle] = {}
 
     def __len__(self) -> int:
@@ -151,7 +151,7 @@ class SilentConnections:
         """A connection waits from now on, if it does not wait already."""
         if transport in self._open:
             return
-        if len(self._open) >= self.most:
+        if len(self._open) >= self.limit:
             self._close(next(iter(self._open)))
         clock = asyncio.get_running_loop()
         self._open[transport] = clock.call_later(self.seconds, self._close, transport)

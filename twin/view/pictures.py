@@ -53,10 +53,10 @@ def frame_times(replay: Replay, speed: float, rate: float = RATE) -> np.ndarray:
     of wall time; raises InputError for too many frames."""
     n = int(np.floor(replay.length / speed * rate)) + 1
     if n > MOST_FRAMES:
-        enough = int(np.ceil(replay.length * rate / (MOST_FRAMES - 1)))
+        speed_needed = int(np.ceil(replay.length * rate / (MOST_FRAMES - 1)))
         raise InputError(
             f"{replay.length:g} s at speed {speed:g} are {n} frames of {rate:g} a second; at most {MOST_FRAMES} are "
-            f"drawn: give --speed {enough} or show a part with --start and --stop"
+            f"drawn: give --speed {speed_needed} or show a part with --start and --stop"
         )
     return np.arange(n) * speed / rate
 
@@ -74,14 +74,14 @@ def frames(
     With `traces` error and input stand below each picture, with a line at its time. Raises NoRenderer if this machine
     cannot draw.
     """
-    below = None if traces is None else panel(traces, replay.start, replay.start + replay.length, size[0])
+    trace_panel = None if traces is None else panel(traces, replay.start, replay.start + replay.length, size[0])
     for first in range(0, len(times), BATCH):
         part = times[first : first + BATCH]
         poses = np.array([replay.pose(time) for time in part])
         pictures = draw(replay.model, poses, [replay.camera()] * len(part), stand=True, size=size, film=True)
         for picture, time in zip(pictures, part, strict=True):
-            image = _captioned(picture, f"{replay.start + time:.1f} s", names)
-            yield image if below is None else below.under(image, replay.start + time)
+            image = _add_caption(picture, f"{replay.start + time:.1f} s", names)
+            yield image if trace_panel is None else trace_panel.paste_below(image, replay.start + time)
         tell(first + len(part))
 
 
@@ -95,9 +95,9 @@ def save_frames(images: Iterator[Image], folder: Path) -> int:
 
 def save_gif(images: Iterator[Image], path: Path) -> None:
     """Write the frames as one GIF that starts again after its end."""
-    few = (image.quantize(128) for image in images)
-    first = next(few)
-    first.save(path, "GIF", save_all=True, append_images=few, duration=round(1000 / GIF_RATE), loop=0)
+    palette_images = (image.quantize(128) for image in images)
+    first = next(palette_images)
+    first.save(path, "GIF", save_all=True, append_images=palette_images, duration=round(1000 / GIF_RATE), loop=0)
 
 
 @styled
@@ -112,8 +112,8 @@ def strip(replay: Replay, names: Names, count: int, traces: Traces | None = None
     pictures = draw(replay.model, poses, [replay.camera()] * count, stand=True, size=(480, 480))
     joints = _moving(replay)
     side = 2.0 if count >= 4 else 8.0 / count  # [inch]
-    more = (draw_error, draw_input) if traces is not None else ()
-    rows = len(joints) + len(more)
+    trace_plots = (draw_error, draw_input) if traces is not None else ()
+    rows = len(joints) + len(trace_plots)
     figure = Figure(figsize=(side * count, side + 0.4 + 1.35 * rows), layout="constrained")
     grid = figure.add_gridspec(1 + rows, count, height_ratios=[side] + [1.2] * rows)
     for k, (picture, time) in enumerate(zip(pictures, times, strict=True)):
@@ -131,17 +131,17 @@ def strip(replay: Replay, names: Names, count: int, traces: Traces | None = None
         else:
             axes.tick_params(labelbottom=False)
     if traces is not None:
-        shown = (traces.t >= replay.start) & (traces.t <= replay.start + replay.length)
-        for row, drawn in enumerate(more, 1 + len(joints)):
+        mask = (traces.t >= replay.start) & (traces.t <= replay.start + replay.length)
+        for row, draw_trace in enumerate(trace_plots, 1 + len(joints)):
             axes = figure.add_subplot(grid[row, :])
-            drawn(axes, traces, shown)
+            draw_trace(axes, traces, mask)
             axes.tick_params(labelbottom=row == rows)
         axes.set_xlabel("time [s]")
     return figure
 
 
 @styled
-def standing(parameters: Parameters | None = None) -> Figure:
+def robot_views(parameters: Parameters | None = None) -> Figure:
     """The robot on its floor at mid stroke, from three sides."""
     from matplotlib.figure import Figure
 
@@ -167,8 +167,9 @@ def standing_robot() -> tuple[mujoco.MjModel, np.ndarray]:
     model = robot(parameters)
     for suffix in LEGS.values():
         for joint in JOINTS:
-            rated = parameters[f"{joint}.rated_voltage"]
-            model.actuator(joint + suffix).ctrllimited, model.actuator(joint + suffix).ctrlrange = True, (-rated, rated)
+            voltage = parameters[f"{joint}.rated_voltage"]
+            actuator = model.actuator(joint + suffix)
+            actuator.ctrllimited, actuator.ctrlrange = True, (-voltage, voltage)
     return model, standing_pose(parameters)
 
 
@@ -184,15 +185,16 @@ def _trace(axes, replay: Replay, names: Names, joint: str, times: np.ndarray) ->
     ):
         if part is None or joint not in part.angles:
             continue
-        shown = (part.t >= replay.start) & (part.t <= replay.start + replay.length)
-        line(axes, part.t[shown], np.rad2deg(part.angles[joint][shown]), color=colour, linewidth=width, label=name)
-        marks = [np.rad2deg(part.at(replay.start + time)[joint]) for time in times]
+        mask = (part.t >= replay.start) & (part.t <= replay.start + replay.length)
+        angles = np.rad2deg(part.angles[joint][mask])
+        line(axes, part.t[mask], angles, color=colour, linewidth=width, label=name)
+        marks = [np.rad2deg(part.angles_at(replay.start + time)[joint]) for time in times]
         axes.plot(replay.start + times, marks, "o", color=colour, markersize=3 + 1.6 * width)
     axes.set_ylabel(f"{joint} [deg]")
     axes.margins(x=0.01)
 
 
-def _captioned(picture: np.ndarray, text: str, names: Names) -> Image:
+def _add_caption(picture: np.ndarray, text: str, names: Names) -> Image:
     from PIL import Image, ImageDraw, ImageFont
 
     image = Image.fromarray(picture)
@@ -220,16 +222,16 @@ def crawl_pictures(result: Crawl) -> CrawlPictures:
     walk, moves = result.walk, result.plan.moves
     ends = [start for start, _ in moves[1:]] + [len(walk.qpos)]
     first = [(name, (start + end) // 2) for (start, name), end in zip(moves, ends, strict=True)][:8]
-    chosen = [(f"{name} swings", k) for name, k in first if name not in ("stand", "body moves")]
-    chosen = [("start", 0), *chosen, ("end", len(walk.qpos) - 1)]
+    moments = [(f"{name} swings", k) for name, k in first if name not in ("stand", "body moves")]
+    moments = [("start", 0), *moments, ("end", len(walk.qpos) - 1)]
     middle = 0.5 * (walk.torso[0, 0] + walk.torso[-1, 0])
     camera = {"lookat": (middle, 0.0, 0.24), "distance": 1.05 + middle, "azimuth": 122.0, "elevation": -14.0}
     model = robot(walk.parameters)
-    stills = draw_robot(walk.qpos[[k for _, k in chosen]], camera, model, CRAWL_STILL)
+    stills = draw_robot(walk.qpos[[k for _, k in moments]], camera, model, CRAWL_STILL)
     frames = np.unique(np.linspace(0, len(walk.qpos) - 1, FILM_FRAMES).astype(int))
     film = draw_robot(walk.qpos[frames], camera, model, CRAWL_FRAME)
     return CrawlPictures(
-        [(name, float(walk.t[k]), picture) for (name, k), picture in zip(chosen, stills, strict=True)],
+        [(name, float(walk.t[k]), picture) for (name, k), picture in zip(moments, stills, strict=True)],
         film,
         float(walk.t[-1]) / FILM_SECONDS,
     )

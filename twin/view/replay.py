@@ -44,11 +44,11 @@ class Movement:
             if not np.isfinite(angle).any():
                 raise InputError(f"{joint} has no finite angle; give a record with finite angles")
 
-    def at(self, time: float) -> dict[str, float]:
+    def angles_at(self, time: float) -> dict[str, float]:
         """Angles [rad] by joint at `time` [s]: linear between measured samples, constant beyond the ends."""
-        known = {joint: np.isfinite(angle) for joint, angle in self.angles.items()}
+        is_finite = {joint: np.isfinite(angle) for joint, angle in self.angles.items()}
         return {
-            joint: float(np.interp(time, self.t[known[joint]], angle[known[joint]]))
+            joint: float(np.interp(time, self.t[is_finite[joint]], angle[is_finite[joint]]))
             for joint, angle in self.angles.items()
         }
 
@@ -115,23 +115,23 @@ class Replay:
         colours = {suffix: HIDDEN for suffix in LEGS.values() if suffix != BENCH_LEG}
         if self.ghost is not None:
             colours[GHOST_LEG] = GHOST
-            onto, moved = model.body(f"shoulder_hub{BENCH_LEG}"), model.body(f"shoulder_hub{GHOST_LEG}")
-            moved.pos, moved.quat = onto.pos, onto.quat
-            thinner = [model.geom(k).name.endswith(GHOST_LEG) for k in range(model.ngeom)]
-            model.geom_size[thinner] *= GHOST_SCALE
-            thinner = [model.tendon(k).name.endswith(GHOST_LEG) for k in range(model.ntendon)]
-            model.tendon_width[thinner] *= GHOST_SCALE
+            leg, ghost = model.body(f"shoulder_hub{BENCH_LEG}"), model.body(f"shoulder_hub{GHOST_LEG}")
+            ghost.pos, ghost.quat = leg.pos, leg.quat
+            ghost_parts = [model.geom(k).name.endswith(GHOST_LEG) for k in range(model.ngeom)]
+            model.geom_size[ghost_parts] *= GHOST_SCALE
+            ghost_parts = [model.tendon(k).name.endswith(GHOST_LEG) for k in range(model.ntendon)]
+            model.tendon_width[ghost_parts] *= GHOST_SCALE
         tint(model, colours)
-        off = mujoco.mjtDisableBit
-        model.opt.disableflags |= off.mjDSBL_GRAVITY | off.mjDSBL_CONSTRAINT | off.mjDSBL_ACTUATION
+        flags = mujoco.mjtDisableBit
+        model.opt.disableflags |= flags.mjDSBL_GRAVITY | flags.mjDSBL_CONSTRAINT | flags.mjDSBL_ACTUATION
         return model
 
     def pose(self, time: float) -> np.ndarray:
         """Pose (nq,) of `model` at `time` [s] after the start; joints without a record are at mid stroke."""
         parameters = self.parameters or Parameters()
-        qpos = on_stand(self.model, parameters, self.leg.at(self.start + time))
+        qpos = on_stand(self.model, parameters, self.leg.angles_at(self.start + time))
         if self.ghost is not None:
-            for joint, angle in self.ghost.at(self.start + time).items():
+            for joint, angle in self.ghost.angles_at(self.start + time).items():
                 qpos[self.model.joint(joint + GHOST_LEG).qposadr[0]] = angle
         return qpos
 

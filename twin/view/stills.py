@@ -85,14 +85,14 @@ def leg_stills() -> list[tuple[str, str, np.ndarray]]:
     parameters = Parameters()
     model = robot(parameters)
     tint(model, {suffix: FADED for suffix in LEGS.values() if suffix != BENCH_LEG})
-    shown = [
+    cases = [
         (joint, end, angle)
         for joint in JOINTS
         for end, angle in zip(("min", "max"), end_angles(parameters, joint), strict=True)
     ]
-    poses = [on_stand(model, parameters, {joint: angle}) for joint, _, angle in shown]
-    pictures = draw(model, np.array(poses), [VIEWS[joint] for joint, _, _ in shown], stand=True)
-    return [(joint, end, picture) for (joint, end, _), picture in zip(shown, pictures, strict=True)]
+    poses = [on_stand(model, parameters, {joint: angle}) for joint, _, angle in cases]
+    pictures = draw(model, np.array(poses), [VIEWS[joint] for joint, _, _ in cases], stand=True)
+    return [(joint, end, picture) for (joint, end, _), picture in zip(cases, pictures, strict=True)]
 
 
 def on_stand(model: mujoco.MjModel, parameters: Parameters, angles: Mapping[str, float]) -> np.ndarray:
@@ -129,10 +129,10 @@ def tint(model: mujoco.MjModel, colours: Mapping[str, Sequence[float]]) -> None:
                 [model.tendon(k).name for k in range(model.ntendon)],
             ),
         ):
-            chosen = [name.endswith(suffix) for name in names]
-            rgba[chosen], material[chosen] = colour, -1
+            is_leg = [name.endswith(suffix) for name in names]
+            rgba[is_leg], material[is_leg] = colour, -1
             if colour[3] == 0:
-                group[chosen] = UNSEEN  # opacity 0 alone would still cast a shadow
+                group[is_leg] = UNSEEN  # opacity 0 alone would still cast a shadow
 
 
 def cylinders(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Rod]:
@@ -146,9 +146,9 @@ def cylinders(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Rod]:
             if colour[3] == 0:
                 continue
             base, rod = data.site(f"{joint}_base{suffix}").xpos, data.site(f"{joint}_rod{suffix}").xpos
-            along = (rod - base) / np.linalg.norm(rod - base)
+            direction = (rod - base) / np.linalg.norm(rod - base)
             tendon = model.tendon(joint + suffix).id
-            tip = base + along * 0.8 * model.tendon_range[tendon, 0]
+            tip = base + direction * 0.8 * model.tendon_range[tendon, 0]
             scale = model.tendon_width[tendon] / model.tendon_width.max()  # a ghost leg is a little thinner
             yield Rod(0.013 * scale, base, tip, colour)
             yield Rod(0.017 * scale, base, base + 0.35 * (tip - base), colour)
@@ -203,7 +203,7 @@ def draw(
         np.savez(folder / "request.npz", allow_pickle=False, qpos=qpos, stand=stand, size=size, **views)
         for backend in BACKENDS:
             try:
-                done = subprocess.run(
+                process = subprocess.run(
                     [sys.executable, "-m", "twin.view.stills", str(folder), str(os.getpid())],
                     env={**os.environ, "MUJOCO_GL": backend, "PYTHONPATH": path},
                     capture_output=True,
@@ -214,10 +214,10 @@ def draw(
             except subprocess.TimeoutExpired:
                 reasons.append(f"{backend}: no answer within {limit:g} s")
                 continue
-            if done.returncode == 0 and (folder / "pictures.npy").is_file():
+            if process.returncode == 0 and (folder / "pictures.npy").is_file():
                 return list(np.load(folder / "pictures.npy"))
-            last = done.stderr.strip().splitlines()
-            reasons.append(f"{backend}: {last[-1] if last else f'the process ended with {done.returncode}'}")
+            lines = process.stderr.strip().splitlines()
+            reasons.append(f"{backend}: {lines[-1] if lines else f'the process ended with {process.returncode}'}")
     raise NoRenderer(f"no picture of the leg: no offscreen renderer works here ({'; '.join(reasons)})")
 
 
@@ -235,7 +235,7 @@ def _check(
         if name not in CAMERA:
             raise unknown("camera entry", name, CAMERA)
     largest = model.vis.global_.offwidth, model.vis.global_.offheight
-    if not all(1 <= side <= most for side, most in zip(size, largest, strict=True)):
+    if not all(1 <= side <= largest_side for side, largest_side in zip(size, largest, strict=True)):
         raise InputError(f"the picture size is {size[0]} x {size[1]}; this model draws up to {largest}")
 
 

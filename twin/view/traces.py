@@ -45,17 +45,17 @@ class Traces:
         return self.log - self.twin
 
 
-def draw_error(axes: Axes, traces: Traces, shown: np.ndarray) -> None:
+def draw_error(axes: Axes, traces: Traces, mask: np.ndarray) -> None:
     """The error in degrees."""
-    line(axes, traces.t[shown], np.rad2deg(traces.error[shown]), color=SECOND, linewidth=1.0)
+    line(axes, traces.t[mask], np.rad2deg(traces.error[mask]), color=SECOND, linewidth=1.0)
     axes.axhline(0.0, color=INK, linewidth=0.6)
     axes.set_ylabel("error [deg]")
     axes.margins(x=0.01)
 
 
-def draw_input(axes: Axes, traces: Traces, shown: np.ndarray) -> None:
+def draw_input(axes: Axes, traces: Traces, mask: np.ndarray) -> None:
     """The input in volts."""
-    line(axes, traces.t[shown], traces.u[shown], steps=True, color=INPUT, linewidth=1.0)
+    line(axes, traces.t[mask], traces.u[mask], steps=True, color=INPUT, linewidth=1.0)
     axes.set_ylabel("input [V]")
     axes.margins(x=0.01)
 
@@ -70,19 +70,19 @@ class Panel:
     start: float
     stop: float
 
-    def under(self, image: Image, time: float) -> Image:
+    def paste_below(self, image: Image, time: float) -> Image:
         """The image with this panel below it and a line at `time` [s]."""
         from PIL import Image as Images
         from PIL import ImageDraw
 
-        below = Images.fromarray(self.picture)
+        strip = Images.fromarray(self.picture)
         share = (time - self.start) / max(self.stop - self.start, 1e-12)
         x = self.left + min(max(share, 0.0), 1.0) * (self.right - self.left)
-        ImageDraw.Draw(below).line([(x, 4), (x, below.height - 4)], fill=style.MODEL, width=2)
-        both = Images.new("RGB", (image.width, image.height + below.height), "white")
-        both.paste(image, (0, 0))
-        both.paste(below, (0, image.height))
-        return both
+        ImageDraw.Draw(strip).line([(x, 4), (x, strip.height - 4)], fill=style.MODEL, width=2)
+        combined = Images.new("RGB", (image.width, image.height + strip.height), "white")
+        combined.paste(image, (0, 0))
+        combined.paste(strip, (0, image.height))
+        return combined
 
 
 @styled
@@ -93,9 +93,9 @@ def panel(traces: Traces, start: float, stop: float, width: int) -> Panel:
 
     figure = Figure(figsize=(width / 80, HEIGHT / 80), dpi=80, layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    shown = (traces.t >= start) & (traces.t <= stop)
-    draw_error(upper, traces, shown)
-    draw_input(lower, traces, shown)
+    mask = (traces.t >= start) & (traces.t <= stop)
+    draw_error(upper, traces, mask)
+    draw_input(lower, traces, mask)
     lower.set(xlabel="time [s]", xlim=(start, stop))
     canvas = FigureCanvasAgg(figure)
     canvas.draw()

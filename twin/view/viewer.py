@@ -66,7 +66,7 @@ def check_display() -> None:
         return  # there the window belongs to another thread, so it is not tested
     import glfw
 
-    with warnings.catch_warnings(record=True) as said:  # GLFW's errors are Python warnings
+    with warnings.catch_warnings(record=True) as warnings_list:  # GLFW's errors are Python warnings
         warnings.simplefilter("always")
         works = bool(glfw.init())
         if works:
@@ -74,7 +74,7 @@ def check_display() -> None:
             works = bool(glfw.create_window(64, 64, "qpal", None, None))
             glfw.terminate()
     if not works:
-        reason = str(said[-1].message) if said else "GLFW gives no reason"
+        reason = str(warnings_list[-1].message) if warnings_list else "GLFW gives no reason"
         raise InputError(f"no window can be opened here ({reason}); {ELSEWHERE}")
 
 
@@ -109,18 +109,18 @@ def window(replay: Replay | None, speed: float) -> None:
     with suppress(KeyboardInterrupt), viewer.launch_passive(model, data, key_callback=clock.key, **panels) as handle:
         _aim(handle.cam, {**CAMERA, **({} if replay is None else replay.camera())})
         while handle.is_running():
-            begun = time.monotonic()
+            start = time.monotonic()
             with handle.lock():
                 if replay is None:
-                    simulate(model, data, speed * clock.tick(begun))
+                    simulate(model, data, speed * clock.tick(start))
                 else:
-                    clock.tick(begun)
-                    shown = moment(clock.wall, replay.length, speed)
-                    data.qpos[:], data.time = replay.pose(shown), replay.start + shown
+                    clock.tick(start)
+                    time_shown = moment(clock.wall, replay.length, speed)
+                    data.qpos[:], data.time = replay.pose(time_shown), replay.start + time_shown
                     mujoco.mj_fwdPosition(model, data)
                 _decorate(handle.user_scn, model, data, replay is not None)
             handle.sync()
-            time.sleep(max(0.0, FRAME - (time.monotonic() - begun)))
+            time.sleep(max(0.0, FRAME - (time.monotonic() - start)))
 
 
 class Clock:
@@ -136,22 +136,22 @@ class Clock:
         if code == ord(" "):
             self._paused = not self._paused
 
-    def tick(self, now: float) -> float:
+    def tick(self, clock: float) -> float:
         """Time [s] that passed since the last call, 0 in a pause."""
-        passed = 0.0 if self._paused or self._last is None else now - self._last
-        self._last = now
-        self.wall += passed
-        return passed
+        duration = 0.0 if self._paused or self._last is None else clock - self._last
+        self._last = clock
+        self.wall += duration
+        return duration
 
 
-def simulate(model: mujoco.MjModel, data: mujoco.MjData, passed: float) -> None:
-    """Step physics through `passed` [s], less if the machine is too slow; ctrl keeps the person's settings."""
-    asked = data.ctrl.copy()
+def simulate(model: mujoco.MjModel, data: mujoco.MjData, duration: float) -> None:
+    """Step physics through `duration` [s], less if the machine is too slow; ctrl keeps the person's settings."""
+    commands = data.ctrl.copy()
     with boards():  # the board's kernels replace the commands by the motors' voltages
-        for _ in range(round(min(passed, LAG) / model.opt.timestep)):
-            data.ctrl[:] = asked
+        for _ in range(round(min(duration, LAG) / model.opt.timestep)):
+            data.ctrl[:] = commands
             mujoco.mj_step(model, data)
-    data.ctrl[:] = asked
+    data.ctrl[:] = commands
     mujoco.mj_fwdPosition(model, data)
 
 

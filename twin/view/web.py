@@ -64,13 +64,13 @@ class Player(plugin.SimPlugin):
 
     @messages.handler
     def on_step(self, event: messages.StepEvent) -> None:
-        now = time.monotonic()
+        clock = time.monotonic()
         if self._control.pause_state == sim.PauseState.UNPAUSED:
-            self._wall += (now - self._last) * self._control.speed / 100
-        self._last = now
-        shown = moment(self._wall, self._replay.length, self._speed)
-        event.data.qpos[:] = self._replay.pose(shown)
-        event.data.time = self._replay.start + shown
+            self._wall += (clock - self._last) * self._control.speed / 100
+        self._last = clock
+        time_shown = moment(self._wall, self._replay.length, self._speed)
+        event.data.qpos[:] = self._replay.pose(time_shown)
+        event.data.time = self._replay.start + time_shown
         time.sleep(FRAME)
 
     @messages.handler
@@ -119,10 +119,10 @@ def on_this_machine_only() -> Iterator[None]:
     """
     server, banner, browser = web_viewer.web_server, web_viewer._print_url_banner, web_viewer._open_browser
     bind, listen, inner = server.bind_public_socket, server.serve, server.bind_loopback_socket
-    token, once, cookie = secret(), secret(), secret()
+    token, single_token, cookie = secret(), secret(), secret()
 
     def door(port: int) -> Door:
-        return Door(port, token, cookie, once, HOSTS, ("GET",), "qpal view")
+        return Door(port, token, cookie, single_token, HOSTS, ("GET",), "qpal view")
 
     server.serve = guard_server(listen, door)
     server.bind_public_socket = lambda host, port=0: bind("127.0.0.1", port)
@@ -131,7 +131,7 @@ def on_this_machine_only() -> Iterator[None]:
         f"The viewer is at http://localhost:{port}/?{TOKEN}={token} for browsers on this machine; Ctrl-C ends it.",
         flush=True,
     )
-    web_viewer._open_browser = lambda port: _open(f"http://localhost:{port}/?{TOKEN}={once}")
+    web_viewer._open_browser = lambda port: _open(f"http://localhost:{port}/?{TOKEN}={single_token}")
     try:
         yield
     finally:
