@@ -18,7 +18,7 @@ from twin.app import jobs as jobs_module
 from twin.app import tasks
 from twin.app.desk import Desk, script
 from twin.app.entries import Data, Model, Prepare, Setting
-from twin.app.figures import below
+from twin.app.figures import stack_panels
 from twin.app.jobs import CANCELLED, DONE, FAILED, WAITING, Jobs
 from twin.app.session import Session
 
@@ -28,7 +28,7 @@ LINEAR = {"structure": "output_error", "settings": {"nb": 1, "nf": 1, "nk": 1}, 
 def wait(desk, seconds=PATIENCE):
     end = time.monotonic() + seconds
     while any(not job.over for job in desk.jobs.all):
-        assert time.monotonic() < end, [(job.title, job.said) for job in desk.jobs.all]
+        assert time.monotonic() < end, [(job.title, job.progress) for job in desk.jobs.all]
         time.sleep(0.05)
     return {job.title: job for job in desk.jobs.all}
 
@@ -81,7 +81,7 @@ def test_the_model_has_its_numbers_figures_and_files(desk):
 
 
 def test_results_and_overlay_show_the_record_on_its_own_levels_and_at_its_own_times(desk):
-    data = desk.prepared("d1")[0]
+    data = desk.prepared_record("d1")[0]
     assert np.abs(data.y.mean()) > 1e-3  # it is removed before this fit
     figure, runs = desk.figures("models", "m1")["free-run"]["figure"], desk.runs("m1")
     measured, model, *_, volts = figure["data"]
@@ -100,8 +100,8 @@ def test_results_and_overlay_show_the_record_on_its_own_levels_and_at_its_own_ti
 def test_in_a_narrow_window_panels_stand_below_each_other():
     layout = parts.base("", height=330) | {"meta": {"beside": 2}}
     layout |= {"xaxis2": {}, "yaxis": {}, "yaxis2": {}, "annotations": [{"text": "a"}, {"text": "b"}]}
-    assert below({"data": [], "layout": {**layout, "meta": {"beside": 1}}}) is None
-    found = below({"data": [], "layout": layout})["layout"]
+    assert stack_panels({"data": [], "layout": {**layout, "meta": {"beside": 1}}}) is None
+    found = stack_panels({"data": [], "layout": layout})["layout"]
     (_, gap), (low, high) = found["yaxis2"]["domain"], found["yaxis"]["domain"]
     assert (high, found["yaxis2"]["domain"][0]) == (1.0, pytest.approx(0.0, abs=1e-12))
     assert (low - gap) * (found["height"] - 110) > 60.0  # room for numbers, label and title
@@ -213,7 +213,7 @@ def test_cancel_ends_a_fit_at_once_and_leaves_no_process_and_no_model(desk):
     before = dict(desk.session.models)
     job = desk.fit("d1", Setting(structure="hammerstein_wiener", starts=1000))
     end = time.monotonic() + PATIENCE
-    while not job.said.startswith(("fitting", "search")) and time.monotonic() < end:
+    while not job.progress.startswith(("fitting", "search")) and time.monotonic() < end:
         time.sleep(0.05)
     assert job.process is not None
     pid = job.process.pid
@@ -271,7 +271,7 @@ def test_jobs_wait_for_a_core_and_closing_ends_them_all(desk):
 def test_a_process_that_dies_is_a_sentence(desk):
     job = desk.fit("d1", Setting(structure="hammerstein_wiener", starts=1000))
     end = time.monotonic() + PATIENCE
-    while not job.said.startswith(("fitting", "search", "reading")) and time.monotonic() < end:
+    while not job.progress.startswith(("fitting", "search", "reading")) and time.monotonic() < end:
         time.sleep(0.05)
     assert job.process is not None
     os.kill(job.process.pid, 9)

@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from sysid.base.errors import InputError
-from twin.app.desk import displayed, suffix_of
+from twin.app.desk import display_name, suffix_of
 from twin.app.entries import Data, Model, Prepare, Setting
 from twin.app.session import Session
 
@@ -143,7 +143,7 @@ def test_an_entry_is_deleted_with_its_files(session):
     ],
 )
 def test_a_name_from_a_browser_is_a_short_text_without_folders(name, shown):
-    assert displayed(name) == shown
+    assert display_name(name) == shown
 
 
 @pytest.mark.parametrize("name", ["page.html", "run.py", "log", "archive.tar.gz", ".csv"])

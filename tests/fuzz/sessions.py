@@ -99,7 +99,10 @@ def used(desk: Desk) -> bool:
         raise WrongError(f"no sentence: {session.complaints}")
     asked = [session.head.setting.recipe]
     for key in session.data:
-        asked += [lambda key=key: check_record(desk.record(key)), lambda key=key: check_record(desk.prepared(key)[0])]
+        asked += [
+            lambda key=key: check_record(desk.record(key)),
+            lambda key=key: check_record(desk.prepared_record(key)[0]),
+        ]
         asked += [lambda key=key: session.log(key)]
     for key, model in session.models.items():
         asked += [model.setting.recipe, lambda key=key: desk.figures("models", key), lambda key=key: desk.runs(key)]

@@ -53,9 +53,9 @@ class Desk:
 
     def add_log(self, name: str, file: Path) -> str:
         """Take a log into the session and read it; `name` comes from a browser and is shown, never used as a path."""
-        shown = displayed(name)
-        entry = Data(name=shown, suffix=suffix_of(shown))
-        key = self.session.add(entry, lambda folder: _moved(file, folder / entry.file))
+        text = display_name(name)
+        entry = Data(name=text, suffix=suffix_of(text))
+        key = self.session.add(entry, lambda folder: _move_file(file, folder / entry.file))
         self.session.change(shown=key)
         self.read(key)
         return key
@@ -67,35 +67,35 @@ class Desk:
         except ValidationError as error:
             raise InputError(sentence(error)) from None
 
-    def simulate(self, asked: Twin) -> Job:
+    def simulate(self, settings: Twin) -> Job:
         """Make a log with the twin."""
-        self.session.change(twin=asked)
+        self.session.change(twin=settings)
 
-        def hear(job: Job, said: dict[str, Any]) -> None:
-            if "ready" in said:
-                name = f"twin {asked.joint} {asked.excitation} {asked.duration:g} s, seed {asked.seed}"
-                entry = Data(name=name, suffix=".csv", twin=asked, joint=asked.joint)
-                key = self.session.add(entry, lambda folder: _moved(job.out / "log.csv", folder / entry.file))
+        def hear(job: Job, answer: dict[str, Any]) -> None:
+            if "ready" in answer:
+                name = f"twin {settings.joint} {settings.excitation} {settings.duration:g} s, seed {settings.seed}"
+                entry = Data(name=name, suffix=".csv", twin=settings, joint=settings.joint)
+                key = self.session.add(entry, lambda folder: _move_file(job.out / "log.csv", folder / entry.file))
                 self.session.change(shown=key)
                 self.read(key)
 
-        what = f"twin: {asked.excitation}, {asked.duration:g} s"
-        return self.jobs.submit(what, {"task": "simulate", "twin": asked.model_dump(mode="json")}, hear)
+        title = f"twin: {settings.excitation}, {settings.duration:g} s"
+        return self.jobs.submit(title, {"task": "simulate", "twin": settings.model_dump(mode="json")}, hear)
 
     def read(self, key: str) -> Job:
         """Read the log of a record, then give advice on it."""
 
-        def hear(job: Job, said: dict[str, Any]) -> None:
-            if "columns" in said:
-                joint = said["joint"] if said["joint"] in JOINTS else self.session.data[key].joint
-                self.session.change_data(key, columns=tuple(said["columns"]), joint=joint)
-            elif "ready" in said:
-                self.session.put("data", key, job.out / "record.npz")
+        def hear(job: Job, answer: dict[str, Any]) -> None:
+            if "columns" in answer:
+                joint = answer["joint"] if answer["joint"] in JOINTS else self.session.data[key].joint
+                self.session.change_data(key, columns=tuple(answer["columns"]), joint=joint)
+            elif "ready" in answer:
+                self.session.add_file("data", key, job.out / "record.npz")
                 self._records.pop(key, None)
-                self.session.change_data(key, notes=tuple(said["ready"]["notes"]), problem="", advice=None)
+                self.session.change_data(key, notes=tuple(answer["ready"]["notes"]), problem="", advice=None)
                 self.advise(key)
-            elif "failed" in said:
-                self.session.change_data(key, problem=said["failed"])
+            elif "failed" in answer:
+                self.session.change_data(key, problem=answer["failed"])
 
         return self.jobs.submit("reading", self._request("read", key), hear, key)
 
@@ -104,10 +104,10 @@ class Desk:
     ) -> Job:
         """Read a log again by these columns; raises InputError for columns that it lacks."""
         self.session.log(key)  # raises InputError for a record that was removed meanwhile
-        known = self.session.data[key].columns
+        columns = self.session.data[key].columns
         for column in (input, output, time):
-            if column is not None and column not in known:
-                raise InputError(f"the log has no column {column!r}; it has {', '.join(known)}")
+            if column is not None and column not in columns:
+                raise InputError(f"the log has no column {column!r}; it has {', '.join(columns)}")
         try:
             self.session.change_data(key, input=input, output=output, time=time, Ts=Ts, problem="")
         except ValidationError as error:
@@ -117,23 +117,24 @@ class Desk:
     def prepare(self, key: str, **fields: Any) -> None:
         """Set what is done to a record before a fit; raises InputError, and changes nothing, if it cannot be done."""
         self._readable(key)
-        before = self.session.data[key].prepare
+        previous = self.session.data[key].prepare
         try:
-            asked = Prepare.model_validate({**before.model_dump(), **fields})
+            steps = Prepare.model_validate({**previous.model_dump(), **fields})
         except ValidationError as error:
             raise InputError(sentence(error)) from None
-        if asked == before:
+        if steps == previous:
             return
-        asked.preparation().apply(self.record(key))
-        self.session.change_data(key, prepare=asked, advice=None)
+        steps.preparation().apply(self.record(key))
+        self.session.change_data(key, prepare=steps, advice=None)
 
     def advise(self, key: str) -> Job:
         """Advice on a record as it is prepared."""
         prepare = self.session.data[key].prepare
 
-        def hear(job: Job, said: dict[str, Any]) -> None:
-            if "ready" in said and key in self.session.data and self.session.data[key].prepare == prepare:
-                self.session.change_data(key, advice=tuple(Finding.model_validate(each) for each in said["ready"]))
+        def hear(job: Job, answer: dict[str, Any]) -> None:
+            if "ready" in answer and key in self.session.data and self.session.data[key].prepare == prepare:
+                findings = tuple(Finding.model_validate(finding) for finding in answer["ready"])
+                self.session.change_data(key, advice=findings)
 
         return self.jobs.submit("advice", self._request("advise", key), hear, key)
 
@@ -150,14 +151,14 @@ class Desk:
         self._readable(key)
         self.session.change(setting=setting)
         request = {**self._request("fit", key), "setting": setting.model_dump(mode="json"), "name": str(recipe)}
-        made: list[str] = []
+        model_keys: list[str] = []
 
-        def hear(job: Job, said: dict[str, Any]) -> None:
-            if "ready" in said:
-                entry = Model.model_validate(said["ready"])
-                made.append(self.session.add(entry, lambda folder: _all_moved(job.out / "files", folder)))
-            elif "report" in said and made:
-                self.session.put("models", made[0], job.out / "report.html")
+        def hear(job: Job, answer: dict[str, Any]) -> None:
+            if "ready" in answer:
+                entry = Model.model_validate(answer["ready"])
+                model_keys.append(self.session.add(entry, lambda folder: _move_files(job.out / "files", folder)))
+            elif "report" in answer and model_keys:
+                self.session.add_file("models", model_keys[0], job.out / "report.html")
 
         return self.jobs.submit(str(recipe), request, hear, key)
 
@@ -167,10 +168,10 @@ class Desk:
             raise InputError(f"joint is {joint or 'not named'}; choose one of {', '.join(JOINTS)}")
         self._readable(key)
 
-        def hear(job: Job, said: dict[str, Any]) -> None:
-            if "ready" in said:
-                entry = Study.model_validate(said["ready"])
-                self.session.add(entry, lambda folder: _all_moved(job.out, folder))
+        def hear(job: Job, answer: dict[str, Any]) -> None:
+            if "ready" in answer:
+                entry = Study.model_validate(answer["ready"])
+                self.session.add(entry, lambda folder: _move_files(job.out, folder))
 
         words = {"compare": "beside the twin", "calibrate": "calibrating the twin"}
         return self.jobs.submit(f"{joint} {words[kind]}", {**self._request(kind, key), "joint": joint}, hear, key)
@@ -183,7 +184,7 @@ class Desk:
             self._records[key] = stamp, load_record(path)
         return self._records[key][1]
 
-    def prepared(self, key: str) -> tuple[IOData, tuple[str, ...]]:
+    def prepared_record(self, key: str) -> tuple[IOData, tuple[str, ...]]:
         """The record after its preparation, and what was done in sentences."""
         return self.session.data[key].prepare.preparation().steps(self.record(key))
 
@@ -191,27 +192,27 @@ class Desk:
         """The free runs of a model."""
         return load_runs(self.session.file("models", key, "runs.npz"))
 
-    def overlaid(self, ticked: Iterable[str], key: str | None) -> tuple[list[str], list[str]]:
+    def overlaid(self, ticks: Iterable[str], key: str | None) -> tuple[list[str], list[str]]:
         """Of the ticked models those of the record `key`, and those of other records."""
-        known = [model for model in self.session.models if model in set(ticked)]
-        of_it = [model for model in known if self.session.models[model].data == key]
-        return of_it, [model for model in known if model not in of_it]
+        models = [model for model in self.session.models if model in set(ticks)]
+        same_record = [model for model in models if self.session.models[model].data == key]
+        return same_record, [model for model in models if model not in same_record]
 
     def figures(self, kind: str, key: str) -> dict[str, Any]:
         """The figures of a model or a study, each with its caption; raises InputError for a damaged file."""
         path = self.session.file(kind, key, "figures.json")
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))
-            return {name: each for name, each in found.items() if "figure" in each and "caption" in each}
+            content = json.loads(path.read_text(encoding="utf-8"))
+            return {name: entry for name, entry in content.items() if "figure" in entry and "caption" in entry}
         except (OSError, ValueError, AttributeError, TypeError, RecursionError):
             raise InputError(f"the figures of {key} are damaged; fit or compare again") from None
 
     def files(self, kind: str, key: str) -> dict[str, str]:
         """What can be taken away of a model or a study, by name; files that it does not have are left out."""
-        known = FILES if kind == "models" else STUDY_FILES
+        file_names = FILES if kind == "models" else STUDY_FILES
         return {
             name: words
-            for name, words in known.items()
+            for name, words in file_names.items()
             if self.session.file(kind, key, name).is_file()
             or (name == "script.py" and self.session.models[key].data in self.session.data)
         }
@@ -228,7 +229,7 @@ class Desk:
 
     def remove(self, kind: str, key: str) -> None:
         """Delete a record, a model or a study; a record's jobs end, and its models stay."""
-        for job in [job for job in self.jobs.all if job.about == key]:
+        for job in [job for job in self.jobs.all if job.subject == key]:
             self.jobs.cancel(job)
         self.session.remove(kind, key)
         if self.session.head.shown == key:
@@ -238,8 +239,8 @@ class Desk:
         path = self.session.file("data", key, "record.npz")
         if not path.is_file():
             entry = self.session.data[key]
-            said = entry.problem or UNREAD
-            raise InputError(said if said.startswith(f"{entry.name}:") else f"{entry.name}: {said}")
+            problem = entry.problem or UNREAD
+            raise InputError(problem if problem.startswith(f"{entry.name}:") else f"{entry.name}: {problem}")
         return path
 
     def _request(self, task: str, key: str) -> dict[str, Any]:
@@ -247,7 +248,7 @@ class Desk:
         return {"task": task, "key": key, "data": entry, "log": str(self.session.log(key))}
 
 
-def displayed(name: str) -> str:
+def display_name(name: str) -> str:
     """A file's name from a browser as a short text without folders and control characters."""
     last = re.split(r"[\\/]", name)[-1]
     return re.sub(r"[^\w.()+ -]", "_", last).strip()[-120:] or "log"
@@ -255,17 +256,17 @@ def displayed(name: str) -> str:
 
 def suffix_of(name: str) -> str:
     """The suffix of a log that some format reads; raises InputError for another."""
-    found = Path(name).suffix.lower()
-    if found not in FORMATS:
-        raise InputError(f"{name} ends in {found or 'no suffix'!r}; give a log: {', '.join(FORMATS)}")
-    return found
+    suffix = Path(name).suffix.lower()
+    if suffix not in FORMATS:
+        raise InputError(f"{name} ends in {suffix or 'no suffix'!r}; give a log: {', '.join(FORMATS)}")
+    return suffix
 
 
-def _moved(file: Path, target: Path) -> None:
+def _move_file(file: Path, target: Path) -> None:
     shutil.move(file, target)
 
 
-def _all_moved(source: Path, folder: Path) -> None:
+def _move_files(source: Path, folder: Path) -> None:
     for file in source.iterdir():
         if file.is_file() and file.name != "stderr.txt":
             shutil.move(file, folder / file.name)
@@ -280,8 +281,8 @@ def script(model: Model, data: Data, log: Path) -> str:
     recipe = model.setting.recipe()
     steps = model.prepare.preparation()
     steps = replace(steps, detrend=recipe.detrend(steps.detrend))
-    given = {"input": data.input, "output": data.output, "Ts": data.Ts, "time": data.time}
-    columns = "".join(f", {name}={value!r}" for name, value in given.items() if value is not None)
+    selection = {"input": data.input, "output": data.output, "Ts": data.Ts, "time": data.time}
+    columns = "".join(f", {name}={value!r}" for name, value in selection.items() if value is not None)
     settings = ", ".join(f"{name}={value!r}" for name, value in model.setting.settings.items())
     wraps = ["from sysid.workflow.angles import without_wraps"] if recipe.zero else []
     search = recipe.auto
@@ -289,8 +290,8 @@ def script(model: Model, data: Data, log: Path) -> str:
     call = f"sysid.fit(recipe.model_of(estimation), estimation, {options})"
     if recipe.grown:
         call = f"sysid.grow_joint(estimation, recipe.model_of(estimation), {options}).fit"
-    seen = "estimation.N" if model.setting.structure != "nlarx" else "None"
-    first = "0" if model.setting.structure != "nlarx" else "fit.n_init"
+    initial_samples = "estimation.N" if model.setting.structure != "nlarx" else "None"
+    start = "0" if model.setting.structure != "nlarx" else "fit.n_init"
     lines = [
         '"""A model that was fitted in qpal app, fitted again: python THIS_FILE [LOG]"""',
         "",
@@ -312,8 +313,8 @@ def script(model: Model, data: Data, log: Path) -> str:
         f"recipe = sysid.structures.{type(recipe).__name__}({settings})",
         f"fit = {call}",
         "",
-        f"run = np.ravel(fit.simulate(estimation, {seen}))",
-        f'print("fit on the estimation data:", repr(fit_percent(estimation.y[{first}:, 0], run[{first}:])), "%")',
+        f"run = np.ravel(fit.simulate(estimation, {initial_samples}))",
+        f'print("fit on the estimation data:", repr(fit_percent(estimation.y[{start}:, 0], run[{start}:])), "%")',
         'print("fit on the validation data:", repr(fit.fit_percent(validation)), "%")',
         'print(*(f"{name}: {value:.6g}" for name, value in fit.criteria.as_dict().items()), sep="\\n")',
         "",

@@ -163,9 +163,9 @@ def sentence(error: Any) -> str:
     """The first complaint of pydantic's ValidationError in words."""
     first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"]) or "the file"
-    found = first.get("input")
-    shown = "" if isinstance(found, (dict, list)) else f" is {str(found)[:60]!r}"
-    return f"{place}{shown}: {first['msg'][0].lower()}{first['msg'][1:]}"
+    value = first.get("input")
+    text = "" if isinstance(value, (dict, list)) else f" is {str(value)[:60]!r}"
+    return f"{place}{text}: {first['msg'][0].lower()}{first['msg'][1:]}"
 
 
 @dataclass(frozen=True)
@@ -193,34 +193,35 @@ def save_record(data: IOData, path: Path) -> None:
 
 def load_record(path: Path) -> IOData:
     """Read what `save_record` wrote; raises InputError for a file that is missing or damaged."""
-    found = _read(path)
+    arrays = _read(path)
     try:
-        missing = found["missing"] if found["missing"].size else None
-        words: dict[str, Any] = {name: str(found[name]) for name in FIELDS}
-        return IOData(found["u"], found["y"], float(found["Ts"]), missing=missing, **words)
+        missing = arrays["missing"] if arrays["missing"].size else None
+        words: dict[str, Any] = {name: str(arrays[name]) for name in FIELDS}
+        return IOData(arrays["u"], arrays["y"], float(arrays["Ts"]), missing=missing, **words)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path.name} is damaged ({error}); add the log again") from None
 
 
-def save_runs(found: Any, start: float, path: Path) -> None:
+def save_runs(evaluation: Any, start: float, path: Path) -> None:
     """Write the free runs of an evaluation whose record begins `start` [s] after that of the log."""
-    one, two = found.estimation, found.validation
-    offset = one.y_offset[0]
-    y = np.concatenate([np.where(part.observed[:, 0], part.y[:, 0], np.nan) for part in (one, two)]) + offset
-    run = np.concatenate([np.ravel(found.estimation_output), np.ravel(found.validation_output)]) + offset
-    t = start + np.arange(len(y)) * one.Ts
-    words = {"name": np.array(one.y_name), "unit": np.array(one.y_unit)}
-    _write(path, t=t, y=y, run=run, border=np.array(start + (one.N - 0.5) * one.Ts), **words)
+    estimation, validation = evaluation.estimation, evaluation.validation
+    offset = estimation.y_offset[0]
+    measured = [np.where(part.observed[:, 0], part.y[:, 0], np.nan) for part in (estimation, validation)]
+    y = np.concatenate(measured) + offset
+    run = np.concatenate([np.ravel(evaluation.estimation_output), np.ravel(evaluation.validation_output)]) + offset
+    t = start + np.arange(len(y)) * estimation.Ts
+    words = {"name": np.array(estimation.y_name), "unit": np.array(estimation.y_unit)}
+    _write(path, t=t, y=y, run=run, border=np.array(start + (estimation.N - 0.5) * estimation.Ts), **words)
 
 
 def load_runs(path: Path) -> Runs:
     """Read what `save_runs` wrote; raises InputError for a file that is missing or damaged."""
-    found = _read(path)
+    arrays = _read(path)
     try:
-        t, y, run = (np.asarray(found[name], dtype=float) for name in ("t", "y", "run"))
+        t, y, run = (np.asarray(arrays[name], dtype=float) for name in ("t", "y", "run"))
         if not (t.ndim == 1 and t.shape == y.shape == run.shape):
             raise ValueError("the signals differ in length")
-        return Runs(t, y, run, float(found["border"]), str(found["name"]), str(found["unit"]))
+        return Runs(t, y, run, float(arrays["border"]), str(arrays["name"]), str(arrays["unit"]))
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path.name} is damaged ({error}); fit the model again") from None
 
@@ -233,9 +234,10 @@ def _write(path: Path, **arrays: np.ndarray) -> None:
 def _read(path: Path) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as file:
-            found = {name: file[name] for name in file.files}
-            if not all(isinstance(array, np.ndarray) for array in found.values()):  # numpy gives other members as bytes
+            arrays = {name: file[name] for name in file.files}
+            # numpy gives other members as bytes
+            if not all(isinstance(array, np.ndarray) for array in arrays.values()):
                 raise ValueError("one of its members is no array")
-            return found
+            return arrays
     except Exception as error:  # a damaged file fails in many ways inside numpy and zipfile
         raise InputError(f"{path.name} cannot be read ({error}); add the log, or fit the model, again") from None

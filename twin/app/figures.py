@@ -36,27 +36,27 @@ def of_model(e: Evaluation, start: float = 0.0) -> tuple[dict[str, Figure], list
 
     Free runs are on the record's own levels, over the time of the log, in which the fitted range begins at `start` [s].
     """
-    drawn, complaints = dict[str, Figure](), list[str]()
+    drawings, complaints = dict[str, Figure](), list[str]()
     for name, title in TITLES.items():
-        figure = TABLE[name]
-        if figure.zoom is None or not figure.applies(e):
+        kind = TABLE[name]
+        if kind.zoom is None or not kind.applies(e):
             continue
         try:
-            found = figure.zoom(e)
-            found = _later(found, start) if name == "free-run" else found
-            drawn[name] = {"figure": found, "caption": figure.caption(e)}
+            figure = kind.zoom(e)
+            figure = _shift_time(figure, start) if name == "free-run" else figure
+            drawings[name] = {"figure": figure, "caption": kind.caption(e)}
         except (InputError, np.linalg.LinAlgError) as error:
             complaints.append(f"no figure '{title}': {error}")
-    return drawn, complaints
+    return drawings, complaints
 
 
-def _later(figure: Figure, start: float) -> Figure:
+def _shift_time(figure: Figure, start: float) -> Figure:
     """A figure over time, all of it `start` [s] later."""
     for trace in figure["data"]:
         trace["x"] = [None if x is None else x + start for x in trace["x"]]
-    for each in (*figure["layout"]["shapes"], *figure["layout"]["annotations"]):
-        if each.get("xref") == "x":
-            each |= {name: each[name] + start for name in ("x", "x0", "x1") if name in each}
+    for item in (*figure["layout"]["shapes"], *figure["layout"]["annotations"]):
+        if item.get("xref") == "x":
+            item |= {name: item[name] + start for name in ("x", "x0", "x1") if name in item}
     return figure
 
 
@@ -88,7 +88,7 @@ def overlay(models: Mapping[str, Runs]) -> Figure:
             traces.append(_line(runs.t, runs.y * quantity.factor, "measured", style.INK, 1.8, quantity.unit))
             low, high = np.nanmin(runs.y), np.nanmax(runs.y)
             half = 0.75 * (high - low)  # a run that leaves the data does not squeeze the others
-            if any(np.abs(each.run - 0.5 * (low + high)).max() > 2 * half for each in models.values()):
+            if any(np.abs(model_runs.run - 0.5 * (low + high)).max() > 2 * half for model_runs in models.values()):
                 middle = 0.5 * (low + high)
                 layout["yaxis"]["range"] = [(middle - half) * quantity.factor, (middle + half) * quantity.factor]
         with np.errstate(over="ignore"):
@@ -140,21 +140,21 @@ CONFIG = {"displaylogo": False, "responsive": True, "scrollZoom": False, "modeBa
 def ready(figure: Figure) -> Figure:
     """A stored figure with the page's buttons."""
     layout = {**figure["layout"], "modebar": MODEBAR}
-    return {"data": [_packed(trace) for trace in figure["data"]], "layout": layout, "config": CONFIG}
+    return {"data": [_pack(trace) for trace in figure["data"]], "layout": layout, "config": CONFIG}
 
 
-def _packed(trace: Figure) -> Figure:
+def _pack(trace: Figure) -> Figure:
     """A trace with its long lists of numbers as the bytes of their doubles: one text, not thousands of values."""
-    found = dict(trace)
+    packed_trace = dict(trace)
     for axis in ("x", "y"):
         values = trace.get(axis)
         if isinstance(values, list) and len(values) > PACKED and all(isinstance(v, int | float | None) for v in values):
             doubles = np.array([np.nan if v is None else v for v in values], dtype="<f8")
-            found[axis] = {"dtype": "f8", "bdata": b64encode(doubles.tobytes()).decode("ascii")}
-    return found
+            packed_trace[axis] = {"dtype": "f8", "bdata": b64encode(doubles.tobytes()).decode("ascii")}
+    return packed_trace
 
 
-def below(figure: Figure) -> Figure | None:
+def stack_panels(figure: Figure) -> Figure | None:
     """A figure with its panels below instead of beside each other, for a narrow window; None if it has one panel."""
     n = figure["layout"].get("meta", {}).get("beside", 1)
     if n < 2:
@@ -172,7 +172,7 @@ def below(figure: Figure) -> Figure | None:
     return {"data": figure["data"], "layout": layout}
 
 
-def said(figure: Figure) -> str:
+def remark(figure: Figure) -> str:
     """What the figure's maker wants said beside it; empty if nothing."""
     return str(figure.get("layout", {}).get("meta", {}).get("said", ""))
 
@@ -184,7 +184,7 @@ def name_of(name: str, fit: float | None) -> str:
 
 def _line(t: np.ndarray, y: np.ndarray, name: str, colour: str, width: float, unit: str) -> Figure:
     x, v = style.thin(np.asarray(t, dtype=float), np.asarray(y, dtype=float))
-    values = [float(each) if np.isfinite(each) else None for each in v]
+    values = [float(value) if np.isfinite(value) else None for value in v]
     return {
         "type": "scatter",
         "mode": "lines",

@@ -33,20 +33,20 @@ Hear = Callable[["Job", dict[str, Any]], None]
 class Job:
     """One piece of work: what it is, how far it is, and why it failed.
 
-    `share` is from 0 to 1. `out` is the folder for what it makes; `about` is for those who asked.
+    `share` is from 0 to 1. `out` is the folder for what it makes; `subject` is for those who asked.
     """
 
     title: str
     request: dict[str, Any]
     out: Path
     hear: Hear
-    about: str = ""
+    subject: str = ""
     state: str = WAITING
-    said: str = "waiting for a free core"
+    progress: str = "waiting for a free core"
     share: float = 0.0
     error: str = ""
-    began: float = field(default_factory=time.monotonic)
-    ended: float | None = None
+    start_time: float = field(default_factory=time.monotonic)
+    end_time: float | None = None
     process: "subprocess.Popen[str] | None" = field(default=None, repr=False)
 
     @property
@@ -57,21 +57,21 @@ class Job:
     @property
     def seconds(self) -> float:
         """Time since it was asked for, until it ended [s]."""
-        return (time.monotonic() if self.ended is None else self.ended) - self.began
+        return (time.monotonic() if self.end_time is None else self.end_time) - self.start_time
 
 
 class Jobs:
-    """The jobs of an app, at most `most` at a time; the others wait in order."""
+    """The jobs of an app, at most `limit` at a time; the others wait in order."""
 
-    def __init__(self, most: int | None = None) -> None:
+    def __init__(self, limit: int | None = None) -> None:
         self.all: list[Job] = []
         self.version = 0
-        self._most = most or available()
+        self._limit = limit or available()
         self._lock = threading.RLock()
         self._scratch = new_scratch()
         self._closed = False
 
-    def submit(self, title: str, request: dict[str, Any], hear: Hear, about: str = "") -> Job:
+    def submit(self, title: str, request: dict[str, Any], hear: Hear, subject: str = "") -> Job:
         """Begin, or queue, the work of `request` (see `twin.app.tasks`).
 
             `hear` receives its answers in a thread of their own: {"ready": ...} when its files are whole, and
@@ -83,7 +83,7 @@ class Jobs:
             raise InputError(
                 f"the job cannot begin ({error.strerror or error}); free disk space, and try again"
             ) from None
-        job = Job(title, {**request, "out": str(out)}, out, hear, about)
+        job = Job(title, {**request, "out": str(out)}, out, hear, subject)
         with self._lock:
             self.all.append(job)
             self._begin_waiting()
@@ -119,7 +119,7 @@ class Jobs:
     def _begin_waiting(self) -> None:
         running = sum(job.state == RUNNING for job in self.all)
         for job in list(self.all):
-            if running >= self._most or self._closed:
+            if running >= self._limit or self._closed:
                 break
             if job.state == WAITING:
                 self._begin(job)
@@ -127,14 +127,14 @@ class Jobs:
         self.version += 1
 
     def _begin(self, job: Job) -> None:
-        job.state, job.said, job.began = RUNNING, "starting", time.monotonic()
+        job.state, job.progress, job.start_time = RUNNING, "starting", time.monotonic()
         try:
             job.process = _worker(job.out)
             threading.Thread(target=self._follow, args=(job, job.process), daemon=True).start()
         except (OSError, RuntimeError) as error:  # no file, process or thread can be had
             _kill(job.process)
             job.error = f"the job cannot begin ({getattr(error, 'strerror', '') or error}); end others, and try again"
-            self._told(job, {"failed": job.error})
+            self._tell_owner(job, {"failed": job.error})
             self._end(job, FAILED, "done")
             shutil.rmtree(job.out, ignore_errors=True)
 
@@ -149,7 +149,7 @@ class Jobs:
             with self._lock:
                 if job.over:
                     break
-                self._heard(job, line)
+                self._read_answer(job, line)
         code = process.wait()
         for pipe in (process.stdin, process.stdout):
             with suppress(OSError):
@@ -158,32 +158,32 @@ class Jobs:
             if not job.over:
                 job.error = job.error or ("" if code == 0 else _last_words(job.out, code))
                 if job.error:
-                    self._told(job, {"failed": job.error})  # first: who sees FAILED may ask at once why
+                    self._tell_owner(job, {"failed": job.error})  # first: who sees FAILED may ask at once why
                 self._end(job, FAILED if job.error else DONE, "done")
             self._begin_waiting()
         shutil.rmtree(job.out, ignore_errors=True)
 
-    def _heard(self, job: Job, line: str) -> None:
+    def _read_answer(self, job: Job, line: str) -> None:
         try:
-            said = json.loads(line)
+            answer = json.loads(line)
         except ValueError:
             return
-        if "error" in said:
-            job.error = str(said["error"])
-        elif "said" in said:
-            job.said, job.share = str(said["said"]), float(said.get("share", job.share))
+        if "error" in answer:
+            job.error = str(answer["error"])
+        elif "said" in answer:
+            job.progress, job.share = str(answer["said"]), float(answer.get("share", job.share))
         else:
-            self._told(job, said)
+            self._tell_owner(job, answer)
         self.version += 1
 
-    def _told(self, job: Job, said: dict[str, Any]) -> None:
+    def _tell_owner(self, job: Job, answer: dict[str, Any]) -> None:
         try:
-            job.hear(job, said)
+            job.hear(job, answer)
         except Exception as error:  # whatever it is, the person who waits for this job reads it
             job.error = str(error)
 
-    def _end(self, job: Job, state: str, said: str) -> None:
-        job.state, job.said, job.ended = state, said, time.monotonic()
+    def _end(self, job: Job, state: str, message: str) -> None:
+        job.state, job.progress, job.end_time = state, message, time.monotonic()
         if state == DONE:
             job.share = 1.0
         self.version += 1
@@ -222,5 +222,5 @@ def _last_words(out: Path, code: int) -> str:
         lines = []
     if code < 0:
         return f"the system ended the process of this job (signal {-code}), as it does where memory runs out; {LESS}"
-    why = lines[-1][:200] if lines else f"code {code}"
-    return f"an error of qpal itself ended this job: {why}; the other models and the record are as they were"
+    reason = lines[-1][:200] if lines else f"code {code}"
+    return f"an error of qpal itself ended this job: {reason}; the other models and the record are as they were"

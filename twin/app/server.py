@@ -52,11 +52,11 @@ def serve(desk: Desk, listening: socket.socket, open_browser: bool, say: Callabl
 
     from twin.app.page.frame import application
 
-    chosen = listening.getsockname()[1]
+    port = listening.getsockname()[1]
     token = secret()
-    once = secret()  # for the browser that is started: its address is on a command line, which others can read
-    guard = Guard(application(desk), chosen, token, secret(), once=once)
-    address = f"http://{HOST}:{chosen}/?{TOKEN}="
+    single_token = secret()  # for the browser that is started: its address is on a command line, which others can read
+    guard = Guard(application(desk), port, token, secret(), once=single_token)
+    address = f"http://{HOST}:{port}/?{TOKEN}="
     server = uvicorn.Server(
         uvicorn.Config(
             guard,
@@ -70,7 +70,7 @@ def serve(desk: Desk, listening: socket.socket, open_browser: bool, say: Callabl
     )
     say(address + token)
     if open_browser:
-        threading.Timer(0.7, webbrowser.open, [address + once]).start()
+        threading.Timer(0.7, webbrowser.open, [address + single_token]).start()
     server.run(sockets=[listening])
 
 
@@ -118,15 +118,15 @@ def listen(port: int) -> socket.socket:
         raise InputError(NEEDED)
     if not 0 <= port <= 65535:
         raise InputError(f"--port is {port}; give a number from 1 to 65535, or 0 for the first free one")
-    for each in [port] if port else range(FIRST, FIRST + TRIES):
-        found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    for number in [port] if port else range(FIRST, FIRST + TRIES):
+        listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            found.bind((HOST, each))
-            found.listen(64)
-            return found
+            listening.bind((HOST, number))
+            listening.listen(64)
+            return listening
         except OSError as error:
-            found.close()
+            listening.close()
             reason = error.strerror
     if port:
         raise InputError(f"port {port} cannot be used: {reason}; give another one with --port, or leave --port out")
@@ -163,13 +163,13 @@ class Guard:
         websocket = scope["type"] == "websocket"
         answer = self.door.answer(Request(scope.get("method", "GET"), scope["path"], query, headers, websocket))
         if answer is None:
-            await self._forward(scope, receive, send, headers)
+            await self._pass_on(scope, receive, send, headers)
         elif websocket:
             await send({"type": "websocket.close", "code": 1008, "reason": answer.text})  # before it was accepted: 403
         else:
             await _send_text(send, answer.status, answer.text, answer.headers)
 
-    async def _forward(self, scope: Scope, receive: Receive, send: Send, headers: dict[str, list[str]]) -> None:
+    async def _pass_on(self, scope: Scope, receive: Receive, send: Send, headers: dict[str, list[str]]) -> None:
         """Hand a request to the application; its body is counted, and the answer gets the headers of `ISOLATION`."""
         refusal = f"The file is larger than {self.largest // 2**20} MiB; give a shorter part of it."
         length = headers.get("content-length", ["0"])[0]
@@ -206,8 +206,8 @@ class Guard:
 
 async def _send_text(send: Send, status: int, text: str, headers: Iterable[tuple[str, str]] = ()) -> None:
     body = (text + "\n").encode() if text else b""
-    about = ("content-type", "text/plain; charset=utf-8"), ("content-length", str(len(body)))
-    await send({"type": "http.response.start", "status": status, "headers": _as_bytes((*about, *ISOLATION, *headers))})
+    pairs = ("content-type", "text/plain; charset=utf-8"), ("content-length", str(len(body))), *ISOLATION, *headers
+    await send({"type": "http.response.start", "status": status, "headers": _as_bytes(pairs)})
     await send({"type": "http.response.body", "body": body})
 
 

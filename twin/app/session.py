@@ -57,26 +57,26 @@ class Session:
         Raises InputError for a folder of other files, one that cannot be written to, one that another app has open,
         and a session of a newer version.
         """
-        found = cls(Path(folder).resolve())
+        session = cls(Path(folder).resolve())
         try:
-            if found.folder.exists() and not found.folder.is_dir():
+            if session.folder.exists() and not session.folder.is_dir():
                 raise InputError(f"{folder} is a file; give a folder for --session")
-            if found.folder.is_dir() and any(found.folder.iterdir()) and not _is_session(found.folder):
+            if session.folder.is_dir() and any(session.folder.iterdir()) and not _is_session(session.folder):
                 raise InputError(f"{folder} holds other files and no session; give a new folder for --session")
-            found.folder.mkdir(parents=True, exist_ok=True)
-            found._lock = take(found.folder / LOCK, found._taken)
+            session.folder.mkdir(parents=True, exist_ok=True)
+            session._lock = take(session.folder / LOCK, session._locked_message)
             for name in KINDS:
-                (found.folder / name).mkdir(exist_ok=True)
-                for left in (found.folder / name).glob(f"{NEW}*"):  # a kill left it
-                    shutil.rmtree(left, ignore_errors=True)
+                (session.folder / name).mkdir(exist_ok=True)
+                for remnant in (session.folder / name).glob(f"{NEW}*"):  # a kill left it
+                    shutil.rmtree(remnant, ignore_errors=True)
         except OSError as error:
             raise InputError(f"{folder} cannot be a session: {error.strerror or error}; give another folder") from None
         try:
-            found._read()
+            session._read()
         except InputError:
-            found.close()
+            session.close()
             raise
-        return found
+        return session
 
     def close(self) -> None:
         """Another app may open the folder."""
@@ -84,9 +84,9 @@ class Session:
             self._lock.close(remove=False)
             self._lock = None
 
-    def _taken(self, who: str) -> str:
+    def _locked_message(self, owner: str) -> str:
         return (
-            f"{self.folder} is open in another qpal app ({who}); close that one, or give another folder for --session"
+            f"{self.folder} is open in another qpal app ({owner}); close that one, or give another folder for --session"
         )
 
     def change(self, **fields: Any) -> None:
@@ -119,7 +119,7 @@ class Session:
             self.version += 1
         return entry
 
-    def put(self, kind: str, key: str, file: Path) -> None:
+    def add_file(self, kind: str, key: str, file: Path) -> None:
         """Move a whole file into the folder of an entry, if the entry is still there."""
         with self._turn:
             if key not in getattr(self, kind):
@@ -133,9 +133,9 @@ class Session:
         with self._turn:
             if getattr(self, kind).pop(key, None) is None:
                 return
-            gone = self.folder / kind / f"{NEW}{key}-gone"  # at once for a reader, whatever deleting takes
-            os.rename(self.folder / kind / key, gone)
-            shutil.rmtree(gone, ignore_errors=True)
+            target = self.folder / kind / f"{NEW}{key}-gone"  # at once for a reader, whatever deleting takes
+            os.rename(self.folder / kind / key, target)
+            shutil.rmtree(target, ignore_errors=True)
             self.version += 1
 
     def file(self, kind: str, key: str, name: str) -> Path:
@@ -158,8 +158,9 @@ class Session:
 
     def _free_id(self, kind: str) -> str:
         letter = KINDS[kind][0]
-        taken = [int(path.name[1:]) for path in (self.folder / kind).glob(f"{letter}[0-9]*") if path.name[1:].isdigit()]
-        return f"{letter}{max(taken, default=0) + 1}"
+        names = [path.name[1:] for path in (self.folder / kind).glob(f"{letter}[0-9]*")]
+        numbers = [int(name) for name in names if name.isdigit()]
+        return f"{letter}{max(numbers, default=0) + 1}"
 
     def _read(self) -> None:
         path = self.folder / HEAD

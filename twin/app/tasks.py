@@ -36,7 +36,7 @@ def open_record(log: Path, entry: Data) -> Record:
     return read_record(log, entry.input, entry.output, entry.Ts, entry.time)
 
 
-def prepared(record: Record, entry: Data, setting: Setting) -> tuple[IOData, IOData, tuple[str, ...]]:
+def fit_parts(record: Record, entry: Data, setting: Setting) -> tuple[IOData, IOData, tuple[str, ...]]:
     """Estimation and validation data for a fit, and what was done to the record in sentences."""
     from sysid.workflow.angles import without_wraps
 
@@ -44,9 +44,9 @@ def prepared(record: Record, entry: Data, setting: Setting) -> tuple[IOData, IOD
     if kind.zero:  # absolute angles count on over a turn
         record = without_wraps(record)
     steps = entry.prepare.preparation()
-    data, said = replace(steps, detrend=kind.detrend(steps.detrend)).steps(record.data)
+    data, sentences = replace(steps, detrend=kind.detrend(steps.detrend)).steps(record.data)
     estimation, validation = data.split(setting.split)
-    return estimation, validation, (*record.remarks, *said)
+    return estimation, validation, (*record.remarks, *sentences)
 
 
 def read(request: dict[str, Any], tell: Tell) -> None:
@@ -68,9 +68,9 @@ def simulate(request: dict[str, Any], tell: Tell) -> None:
     """Runs an experiment on the twin and writes its log."""
     from twin.experiment import Experiment
 
-    asked, out = Twin.model_validate(request["twin"]), Path(request["out"])
-    tell(said=f"{asked.duration:g} s of {asked.excitation} on the {asked.joint}", share=0.2)
-    experiment = Experiment(asked.joint, asked.excitation, asked.duration, asked.Ts, asked.seed, asked.without)
+    s, out = Twin.model_validate(request["twin"]), Path(request["out"])
+    tell(said=f"{s.duration:g} s of {s.excitation} on the {s.joint}", share=0.2)
+    experiment = Experiment(s.joint, s.excitation, s.duration, s.Ts, s.seed, s.without)
     experiment.run().save(out / "log.csv")
     tell(ready={})
 
@@ -83,9 +83,9 @@ def advise(request: dict[str, Any], tell: Tell) -> None:
     tell(said="reading", share=0.1)
     data = entry.prepare.preparation().apply(open_record(Path(request["log"]), entry).data)
     tell(said="looking at the record", share=0.4)
-    wanted = set(Finding.model_fields)
-    found = [Finding.model_validate({k: v for k, v in vars(a).items() if k in wanted}) for a in say(data)]
-    tell(ready=[each.model_dump() for each in found])
+    fields = set(Finding.model_fields)
+    findings = [Finding.model_validate({k: v for k, v in vars(a).items() if k in fields}) for a in say(data)]
+    tell(ready=[finding.model_dump() for finding in findings])
 
 
 def fit(request: dict[str, Any], tell: Tell) -> None:
@@ -102,46 +102,46 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
     files.mkdir()
     tell(said="reading", share=0.02)
     record = open_record(Path(request["log"]), entry)
-    estimation, validation, said = prepared(record, entry, setting)
+    estimation, validation, sentences = fit_parts(record, entry, setting)
     check_parts(estimation, validation)
-    done = 0
+    searches = 0
 
-    def searched(text: str) -> None:
-        nonlocal done
-        done += 1
-        tell(said=f"search {done}, {text.replace('_', ' ')}", share=0.05 + 0.85 * done / (done + USUAL))
+    def report_search(text: str) -> None:
+        nonlocal searches
+        searches += 1
+        tell(said=f"search {searches}, {text.replace('_', ' ')}", share=0.05 + 0.85 * searches / (searches + USUAL))
 
     tell(said="fitting", share=0.05)
-    asked = Settings(setting.recipe(), "auto", setting.starts, setting.seed)
-    found = evaluate(asked, estimation, validation, searched)
+    settings = Settings(setting.recipe(), "auto", setting.starts, setting.seed)
+    evaluation = evaluate(settings, estimation, validation, report_search)
     seconds = time.perf_counter() - began
     tell(said="drawing", share=0.92)
-    exports = export(found, files)
-    notes = [*said, *found.notes, *exports.notes]
-    notes += _mjcf(found.fit, files)
+    exports = export(evaluation, files)
+    notes = [*sentences, *evaluation.notes, *exports.notes]
+    notes += _mjcf(evaluation.fit, files)
     start = entry.prepare.start or 0.0
-    drawn, complaints = figures.of_model(found, start)
-    write_text(files / "figures.json", json.dumps(plain(drawn), allow_nan=False))
-    save_runs(found, start, files / "runs.npz")
-    scored = found.fit.criteria
-    made = Model(
+    plots, complaints = figures.of_model(evaluation, start)
+    write_text(files / "figures.json", json.dumps(plain(plots), allow_nan=False))
+    save_runs(evaluation, start, files / "runs.npz")
+    criteria = evaluation.fit.criteria
+    model = Model(
         name=request["name"],
         data=request["key"],
         prepare=entry.prepare,
         setting=setting,
-        fit_estimation=_finite(found.estimation_fit),
-        fit_validation=_finite(found.validation_fit),
-        d=int(scored.d),
-        N=int(scored.N),
+        fit_estimation=_finite(evaluation.estimation_fit),
+        fit_validation=_finite(evaluation.validation_fit),
+        d=int(criteria.d),
+        N=int(criteria.N),
         seconds=seconds,
-        converged=bool(found.fit.stop.converged),
+        converged=bool(evaluation.fit.stop.converged),
         joint=(files / "joint.xml").exists(),
         notes=(*notes, *complaints),
     )
-    tell(ready=made.model_dump(mode="json"))
+    tell(ready=model.model_dump(mode="json"))
     tell(said="writing the report", share=0.96)
-    named = replace(record, path=Path(entry.name))
-    _report(named, entry, setting, found, exports, out / "report.html")
+    renamed = replace(record, path=Path(entry.name))
+    _report(renamed, entry, setting, evaluation, exports, out / "report.html")
     tell(report=True)
 
 
@@ -151,17 +151,17 @@ def compare(request: dict[str, Any], tell: Tell) -> None:
     from twin.compare.comparison import compare as run
     from twin.report import compare as report
 
-    began, done = time.perf_counter(), 0
+    began, steps = time.perf_counter(), 0
     log, name, joint = _twin_log(request)
 
     def step(text: str) -> None:
-        nonlocal done
-        done += 1
-        tell(said=text, share=done / (done + len(COMPARED)))
+        nonlocal steps
+        steps += 1
+        tell(said=text, share=steps / (steps + len(COMPARED)))
 
     result = run(log, joint, pot_side=str(log.meta.get("pot_side", "link")), threads=1, tell=step)
-    page, said = report.page(result, name), report.sentences(result, name)
-    _study(request, "compare", said, began, page, figures.of_comparison(result), tell)
+    page, sentences = report.page(result, name), report.sentences(result, name)
+    _study(request, "compare", sentences, began, page, figures.of_comparison(result), tell)
 
 
 def calibrate(request: dict[str, Any], tell: Tell) -> None:
@@ -171,18 +171,18 @@ def calibrate(request: dict[str, Any], tell: Tell) -> None:
     from twin.calibrate.written import write
     from twin.report import calibrate as report
 
-    began, done = time.perf_counter(), 0
+    began, steps = time.perf_counter(), 0
     log, name, joint = _twin_log(request)
 
     def step(text: str) -> None:
-        nonlocal done
-        done += 1
-        tell(said=text, share=min(done / SEARCHED, 0.95))
+        nonlocal steps
+        steps += 1
+        tell(said=text, share=min(steps / SEARCHED, 0.95))
 
     result = run([log], joint, labels=[name], threads=1, progress=step)
     write(result, Path(request["out"]) / "parameters.toml")
-    said = [*report.verdict(result), *report.sentences(result)]
-    _study(request, "calibrate", said, began, report.page(result), figures.of_calibration(result), tell)
+    sentences = [*report.verdict(result), *report.sentences(result)]
+    _study(request, "calibrate", sentences, began, report.page(result), figures.of_calibration(result), tell)
 
 
 TABLE: dict[str, Callable[[dict[str, Any], Tell], None]] = {
@@ -191,19 +191,25 @@ TABLE: dict[str, Callable[[dict[str, Any], Tell], None]] = {
 
 
 def _study(
-    request: dict[str, Any], kind: Any, said: list[str], began: float, page: Any, drawn: dict[str, Any], tell: Tell
+    request: dict[str, Any],
+    kind: Any,
+    sentences: list[str],
+    began: float,
+    page: Any,
+    plots: dict[str, Any],
+    tell: Tell,
 ) -> None:
     out = Path(request["out"])
     write_text(out / "report.html", page.html())
-    write_text(out / "figures.json", json.dumps(plain(drawn), allow_nan=False))
-    made = Study(
+    write_text(out / "figures.json", json.dumps(plain(plots), allow_nan=False))
+    study = Study(
         kind=kind,
         data=request["key"],
         joint=request["joint"],
-        sentences=tuple(said),
+        sentences=tuple(sentences),
         seconds=time.perf_counter() - began,
     )
-    tell(ready=made.model_dump(mode="json"))
+    tell(ready=study.model_dump(mode="json"))
 
 
 def _twin_log(request: dict[str, Any]) -> tuple[Any, str, str]:
@@ -219,22 +225,22 @@ def _twin_log(request: dict[str, Any]) -> tuple[Any, str, str]:
     return Log.load(Path(request["log"]), None, request["joint"]), entry.name, request["joint"]
 
 
-def _mjcf(found: Any, folder: Path) -> list[str]:
+def _mjcf(model_fit: Any, folder: Path) -> list[str]:
     """joint.xml where MJCF has elements for all of an actuated joint; else why not, for a joint."""
     from sysid.estimation.joint_parts import is_joint
     from sysid.estimation.result import Fit
     from sysid.export import mjcf
 
-    if not isinstance(found, Fit) or not is_joint(found.model):
+    if not isinstance(model_fit, Fit) or not is_joint(model_fit.model):
         return []
     try:
-        write_text(folder / "joint.xml", mjcf.fragment(found, "joint").model())
+        write_text(folder / "joint.xml", mjcf.fragment(model_fit, "joint").model())
     except InputError as error:
         return [f"no MJCF: {error}"]
     return []
 
 
-def _report(record: Record, entry: Data, setting: Setting, found: Any, exports: Any, path: Path) -> None:
+def _report(record: Record, entry: Data, setting: Setting, evaluation: Any, exports: Any, path: Path) -> None:
     from sysid.report import identify as report
     from sysid.workflow.identified import Identification
     from sysid.workflow.next_step import next_step
@@ -242,9 +248,9 @@ def _report(record: Record, entry: Data, setting: Setting, found: Any, exports: 
 
     steps = entry.prepare.preparation()
     plan = Plan(split=setting.split, detrend=setting.recipe().detrend(steps.detrend), preparation=steps)
-    whole = Identification(record, plan, found, ())
+    result = Identification(record, plan, evaluation, ())
     with whole_file(path) as temporary:
-        temporary.write_text(report.page(replace(whole, next=next_step(whole)), exports).html(), encoding="utf-8")
+        temporary.write_text(report.page(replace(result, next=next_step(result)), exports).html(), encoding="utf-8")
 
 
 def _finite(value: float) -> float | None:
@@ -258,8 +264,8 @@ def main() -> int:
     request = json.loads(sys.stdin.readline())
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
-    def tell(**said: Any) -> None:
-        answers.write(json.dumps(said) + "\n")
+    def tell(**answer: Any) -> None:
+        answers.write(json.dumps(answer) + "\n")
         answers.flush()
 
     return _do(request, tell, answers)

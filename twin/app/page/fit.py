@@ -9,7 +9,7 @@ from sysid.base.errors import InputError
 from sysid.structures import TABLE as STRUCTURES
 from twin.app.entries import Setting
 from twin.app.jobs import CANCELLED, FAILED, Job
-from twin.app.page.panel import Panel, note, said, tell
+from twin.app.page.panel import Panel, attempt, note, tell
 
 DEFAULT = "default"
 FIRST = ("output_error", "hammerstein_wiener")  # ticked at first: a linear one, and the toolbox's own
@@ -23,8 +23,8 @@ class FitPanel(Panel):
     def __init__(self, view: Any) -> None:
         self._ticked: set[str] = set(FIRST)
         self._values: dict[str, dict[str, Any]] = {}
-        known = view.desk.session.head.setting
-        self._common: dict[str, Any] = {"starts": known.starts, "seed": known.seed, "split": known.split}
+        setting = view.desk.session.head.setting
+        self._common: dict[str, Any] = {"starts": setting.starts, "seed": setting.seed, "split": setting.split}
         super().__init__(view)
 
     def state(self) -> Any:
@@ -68,8 +68,8 @@ class FitPanel(Panel):
                         "dense clearable"
                     ).tooltip(option.help)
                 else:
-                    allowed = {each: each.replace("_", " ") for each in option.allowed}
-                    choices: dict[Any, str] = ({None: DEFAULT} if default is None else {}) | allowed
+                    names = {name: name.replace("_", " ") for name in option.allowed}
+                    choices: dict[Any, str] = ({None: DEFAULT} if default is None else {}) | names
                     ui.select(choices, label=field.replace("_", " ")).bind_value(values, field).props(
                         "dense options-dense"
                     ).classes("min-w-0").tooltip(option.help).props(f"data-mark={name}-{field}")
@@ -83,7 +83,7 @@ class FitPanel(Panel):
             tell("tick at least one structure")
         for name in STRUCTURES:
             if name in self._ticked:
-                said(partial(self._begin, key, name))
+                attempt(partial(self._begin, key, name))
 
     def _begin(self, key: str, name: str) -> None:
         self.desk.fit(key, self._setting(name))
@@ -110,18 +110,18 @@ class JobsPanel(Panel):
         self._bars: dict[Job, tuple[ui.linear_progress, ui.label]] = {}
         super().__init__(view)
 
-    def _shown(self) -> list[Job]:
+    def _visible_jobs(self) -> list[Job]:
         return [job for job in self.desk.jobs.all if not job.over or job.state in (FAILED, CANCELLED)]
 
     def state(self) -> Any:
-        return tuple((id(job), job.state) for job in self._shown())
+        return tuple((id(job), job.state) for job in self._visible_jobs())
 
     def draw(self) -> None:
         self._bars = {}
-        shown = self._shown()
-        if not shown:
+        jobs = self._visible_jobs()
+        if not jobs:
             note("Nothing runs.")
-        for job in shown:
+        for job in jobs:
             with ui.row().classes("w-full items-center no-wrap gap-2").props("data-mark=job"):
                 with ui.column().classes("grow gap-0 min-w-0"):
                     ui.label(job.title).classes("text-body2 break-words")
@@ -146,4 +146,4 @@ class JobsPanel(Panel):
         super().refresh()
         for job, (bar, words) in self._bars.items():
             bar.set_value(round(job.share, 3))
-            words.set_text(f"{job.seconds:.0f} s, {job.said}")
+            words.set_text(f"{job.seconds:.0f} s, {job.progress}")

@@ -45,7 +45,7 @@ APART = {"Content-Security-Policy": "sandbox allow-scripts allow-downloads"}
 
 def application(desk: Desk) -> FastAPI:
     """The page of `desk` as an application; to be served behind the guard of `twin.app.server` only."""
-    served = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+    api = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
 
     @app.get("/files/{kind}/{key}/{name}")
     def file(kind: str, key: str, name: str) -> Response:
@@ -64,9 +64,9 @@ def application(desk: Desk) -> FastAPI:
         _page(desk)
 
     ui.run_with(
-        served, title="qpal app", language="en-US", favicon="🦿", show_welcome_message=False, reconnect_timeout=PATIENCE
+        api, title="qpal app", language="en-US", favicon="🦿", show_welcome_message=False, reconnect_timeout=PATIENCE
     )
-    return served
+    return api
 
 
 def _page(desk: Desk) -> None:

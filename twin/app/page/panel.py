@@ -23,8 +23,8 @@ class View:
     @property
     def key(self) -> str | None:
         """The record that is shown."""
-        shown = self.desk.session.head.shown
-        return shown if shown in self.desk.session.data else next(reversed(self.desk.session.data), None)
+        key = self.desk.session.head.shown
+        return key if key in self.desk.session.data else next(reversed(self.desk.session.data), None)
 
 
 class Panel:
@@ -60,10 +60,10 @@ class Panel:
             self._seen = state
             self.box.clear()
             with self.box:
-                said(self.draw)
+                attempt(self.draw)
 
 
-def said(action: Callable[[], Any]) -> Any:
+def attempt(action: Callable[[], Any]) -> Any:
     """The action's result; bad input becomes a message on the page."""
     try:
         return action()

@@ -11,9 +11,9 @@ from sysid.data.preparation import MISSING
 from sysid.data.preprocess import DETREND
 from sysid.formats import TABLE as FORMATS
 from twin.app import figures
-from twin.app.desk import displayed, suffix_of
+from twin.app.desk import display_name, suffix_of
 from twin.app.entries import LARGEST
-from twin.app.page.panel import Panel, note, said, tell
+from twin.app.page.panel import Panel, attempt, note, tell
 from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.parameters import JOINTS
 
@@ -68,8 +68,8 @@ class DataPanel(Panel):
         Ts = ui.number("sampling time [s], without a time column", value=entry.Ts, min=0).classes("w-full")
 
         def read() -> None:
-            chosen = {role: select.value for role, select in fields.items()}
-            said(lambda: self.desk.choose_columns(key, **chosen, Ts=Ts.value))
+            columns = {role: select.value for role, select in fields.items()}
+            attempt(lambda: self.desk.choose_columns(key, **columns, Ts=Ts.value))
 
         ui.button("Read again", on_click=read).props("outline dense")
         for text in entry.notes:
@@ -80,14 +80,14 @@ class DataPanel(Panel):
             self.desk.remove("data", self.view.key)
 
     def foot(self) -> None:
-        upload = ui.upload(label="Drop a log here", auto_upload=True, max_file_size=LARGEST, on_upload=self._uploaded)
+        upload = ui.upload(label="Drop a log here", auto_upload=True, max_file_size=LARGEST, on_upload=self._add_upload)
         upload.on_rejected(lambda: tell(f"a log is one file of at most {LARGEST // 2**20} MiB: {', '.join(FORMATS)}"))
         upload.props(f'accept="{",".join(FORMATS)}" flat bordered').classes("w-full")
         with ui.expansion("Make a log with the twin", icon="precision_manufacturing").classes("w-full").props("dense"):
             self._twin()
 
-    async def _uploaded(self, event: events.UploadEventArguments) -> None:
-        name = displayed(event.file.name)
+    async def _add_upload(self, event: events.UploadEventArguments) -> None:
+        name = display_name(event.file.name)
         with scratch() as folder:
             try:
                 path = folder / f"log{suffix_of(name)}"
@@ -98,28 +98,28 @@ class DataPanel(Panel):
         event.sender.reset()  # type: ignore[attr-defined]
 
     def _twin(self) -> None:
-        known = self.desk.session.head.twin
+        settings = self.desk.session.head.twin
         with ui.grid(columns=2).classes("w-full gap-2"):
-            joint = ui.select(list(JOINTS), value=known.joint, label="joint").props("dense")
-            signal = ui.select(list(excitations.TABLE), value=known.excitation, label="excitation").props("dense")
-            duration = ui.number("duration [s]", value=known.duration, min=1).props("dense")
-            Ts = ui.number("sampling time [s]", value=known.Ts, min=0.001, step=0.01).props("dense")
-            seed = ui.number("seed", value=known.seed, min=0, precision=0).props("dense")
+            joint = ui.select(list(JOINTS), value=settings.joint, label="joint").props("dense")
+            signal = ui.select(list(excitations.TABLE), value=settings.excitation, label="excitation").props("dense")
+            duration = ui.number("duration [s]", value=settings.duration, min=1).props("dense")
+            Ts = ui.number("sampling time [s]", value=settings.Ts, min=0.001, step=0.01).props("dense")
+            seed = ui.number("seed", value=settings.seed, min=0, precision=0).props("dense")
         ui.label("Imperfections").classes("text-caption text-grey-8")
         with ui.row().classes("w-full gap-x-3 gap-y-0"):
             switches = {
-                name: ui.checkbox(name.replace("_", " "), value=name not in known.without).props("dense size=sm")
+                name: ui.checkbox(name.replace("_", " "), value=name not in settings.without).props("dense size=sm")
                 for name in IMPERFECTIONS
             }
 
         def make() -> None:
-            without = tuple(name for name, box in switches.items() if not box.value)
+            omitted_effects = tuple(name for name, box in switches.items() if not box.value)
 
             def run() -> None:
-                asked = {"joint": joint.value, "excitation": signal.value, "duration": duration.value, "Ts": Ts.value}
-                self.desk.make(**asked, seed=seed.value, without=without)
+                choice = {"joint": joint.value, "excitation": signal.value, "duration": duration.value, "Ts": Ts.value}
+                self.desk.make(**choice, seed=seed.value, without=omitted_effects)
 
-            said(run)
+            attempt(run)
 
         ui.button("Run the twin", icon="play_arrow", on_click=make).props("data-mark=make")
 
@@ -142,7 +142,7 @@ class PreparePanel(Panel):
         if key is None:
             note("Add a record first.")
             return
-        now = self._entry().prepare
+        steps = self._entry().prepare
         note("Drag over the signals to choose a range, or type it. A double click there takes the range back.")
         fields: dict[str, Any] = {}
         with ui.grid(columns=2).classes("w-full gap-2"):
@@ -153,25 +153,25 @@ class PreparePanel(Panel):
                 ("high", "low-pass below [Hz]"),
                 ("resample", "new sampling time [s]"),
             ):
-                fields[name] = ui.number(label, value=getattr(now, name), min=0).props(
+                fields[name] = ui.number(label, value=getattr(steps, name), min=0).props(
                     f"dense clearable data-mark={name}"
                 )
             kinds = [BY_STRUCTURE, *DETREND]
-            fields["detrend"] = ui.select(kinds, value=now.detrend or BY_STRUCTURE, label="offsets").props("dense")
-            fields["missing"] = ui.select(list(MISSING), value=now.missing, label="missing samples").props("dense")
+            fields["detrend"] = ui.select(kinds, value=steps.detrend or BY_STRUCTURE, label="offsets").props("dense")
+            fields["missing"] = ui.select(list(MISSING), value=steps.missing, label="missing samples").props("dense")
 
         def apply() -> None:
-            chosen = {name: field.value for name, field in fields.items()}
-            if chosen["detrend"] == BY_STRUCTURE:
-                chosen["detrend"] = None
-            said(lambda: self.desk.prepare(key, **chosen))
+            values = {name: field.value for name, field in fields.items()}
+            if values["detrend"] == BY_STRUCTURE:
+                values["detrend"] = None
+            attempt(lambda: self.desk.prepare(key, **values))
 
-        def whole() -> None:
-            said(lambda: self.desk.prepare(key, start=None, stop=None))
+        def clear_range() -> None:
+            attempt(lambda: self.desk.prepare(key, start=None, stop=None))
 
         with ui.row().classes("gap-2"):
             ui.button("Apply", on_click=apply).props("dense").classes("q-px-md").props("data-mark=apply")
-            ui.button("Whole record", on_click=whole).props("flat dense")
+            ui.button("Whole record", on_click=clear_range).props("flat dense")
 
 
 class SignalsPanel(Panel):
@@ -196,32 +196,32 @@ class SignalsPanel(Panel):
         except InputError as error:
             note(str(error))
             return
-        asked = self.desk.session.data[key].prepare
+        steps = self.desk.session.data[key].prepare
         length = (data.N - 1) * data.Ts
         note(f"{data.N:,} samples every {data.Ts:g} s, {length:,.6g} s. Grey is left out; drag to choose a range.")
-        plot = ui.plotly(figures.of_record(data, asked.start, asked.stop)).classes("w-full").props("data-mark=signals")
-        plot.on("plotly_selected", self._dragged, args=["range"])
+        plot = ui.plotly(figures.of_record(data, steps.start, steps.stop)).classes("w-full").props("data-mark=signals")
+        plot.on("plotly_selected", self._choose_range, args=["range"])
         plot.on("plotly_doubleclick", lambda: self._range(None, None), args=[])
-        if (asked.resample, asked.low, asked.high) != (None, None, None):
-            below = ui.column().classes("w-full gap-1")
-            ui.timer(0.01, lambda: self._prepared(key, below), once=True)
+        if (steps.resample, steps.low, steps.high) != (None, None, None):
+            box = ui.column().classes("w-full gap-1")
+            ui.timer(0.01, lambda: self._show_prepared(key, box), once=True)
 
-    async def _prepared(self, key: str, below: ui.column) -> None:
+    async def _show_prepared(self, key: str, box: ui.column) -> None:
         """The record after the steps that change its shape; they may take seconds, and the page goes on meanwhile."""
         try:
-            found = await run.io_bound(self.desk.prepared, key)
+            result = await run.io_bound(self.desk.prepared_record, key)
         except InputError as error:
-            with below:
+            with box:
                 note(str(error), "text-negative")
             return
-        if found is None:  # the app ends
+        if result is None:  # the app ends
             return
-        data, sentences = found
-        with below:
+        data, sentences = result
+        with box:
             note(f"Prepared: {'; '.join(sentences)}.")
             ui.plotly(figures.of_record(data, None, None, height=300)).classes("w-full")
 
-    def _dragged(self, event: events.GenericEventArguments) -> None:
+    def _choose_range(self, event: events.GenericEventArguments) -> None:
         ends = (event.args or {}).get("range", {}).get("x") if isinstance(event.args, dict) else None
         if not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(end, int | float) for end in ends)):
             return
@@ -231,15 +231,15 @@ class SignalsPanel(Panel):
         key = self.view.key
         if key is None:
             return
-        data = said(lambda: self.desk.record(key))
+        data = attempt(lambda: self.desk.record(key))
         if data is None or start is None or stop is None:
-            said(lambda: self.desk.prepare(key, start=None, stop=None))
+            attempt(lambda: self.desk.prepare(key, start=None, stop=None))
             return
         last = (data.N - 1) * data.Ts
         low = None if start <= 0 else round(start / data.Ts) * data.Ts
         high = None if stop >= last else round(stop / data.Ts) * data.Ts
-        rounded = [None if end is None else float(f"{end:.9g}") for end in (low, high)]
-        said(lambda: self.desk.prepare(key, start=rounded[0], stop=rounded[1]))
+        ends = [None if end is None else float(f"{end:.9g}") for end in (low, high)]
+        attempt(lambda: self.desk.prepare(key, start=ends[0], stop=ends[1]))
 
 
 class AdvicePanel(Panel):
@@ -255,14 +255,14 @@ class AdvicePanel(Panel):
         key = self.view.key
         if key is None:
             return
-        found = self.desk.session.data[key].advice
-        if found is None:
+        findings = self.desk.session.data[key].advice
+        if findings is None:
             with ui.row().classes("items-center gap-2"):
                 note("The record as it is prepared has no advice yet.")
-                ui.button("Advise", on_click=lambda: said(lambda: self.desk.advise(key))).props("outline dense")
+                ui.button("Advise", on_click=lambda: attempt(lambda: self.desk.advise(key))).props("outline dense")
             return
-        for each in sorted(found, key=lambda each: list(COLOURS).index(each.severity), reverse=True):
+        for finding in sorted(findings, key=lambda finding: list(COLOURS).index(finding.severity), reverse=True):
             with ui.row().classes("items-start no-wrap gap-2 w-full"):
-                ui.icon(ICONS[each.severity], color=COLOURS[each.severity], size="18px")
-                text = f"{each.sentence}: {each.action}" if each.action else each.sentence
+                ui.icon(ICONS[finding.severity], color=COLOURS[finding.severity], size="18px")
+                text = f"{finding.sentence}: {finding.action}" if finding.action else finding.sentence
                 ui.label(text[:1].upper() + text[1:]).classes("text-body2 whitespace-normal break-words min-w-0")

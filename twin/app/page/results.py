@@ -35,7 +35,7 @@ class BoardPanel(Panel):
         if not models:
             note("Fitted models appear here, the best on the validation data first.")
             return
-        ranked = sorted(models.items(), key=lambda item: -rank(item[1]))
+        ranking = sorted(models.items(), key=lambda item: -rank(item[1]))
         with (
             ui.element("div").classes("w-full overflow-x-auto"),
             ui.element("table").classes("qpal-table").props("data-mark=board"),
@@ -44,9 +44,9 @@ class BoardPanel(Panel):
                 for heading, meaning in HEAD:
                     with ui.element("th").classes("text-left"):
                         ui.label(heading).tooltip(meaning)
-            for key, model in ranked:
-                chosen = self.view.detail == ("models", key)
-                with ui.element("tr").classes("bg-blue-1" if chosen else "").props(f"data-mark=model-{key}"):
+            for key, model in ranking:
+                is_chosen = self.view.detail == ("models", key)
+                with ui.element("tr").classes("bg-blue-1" if is_chosen else "").props(f"data-mark=model-{key}"):
                     self._row(key, model)
         self._overlay()
 
@@ -80,20 +80,20 @@ class BoardPanel(Panel):
     def _overlay(self) -> None:
         models = self.desk.session.models
         record = self.view.key or next(iter(models.values())).data  # models stay where every record was deleted
-        chosen, others = self.desk.overlaid(self.view.overlaid, record)
-        shown = dict[str, Runs]()
-        for key in chosen:
+        keys, other_keys = self.desk.overlaid(self.view.overlaid, record)
+        runs = dict[str, Runs]()
+        for key in keys:
             try:
-                shown[figures.name_of(key, models[key].fit_validation)] = self.desk.runs(key)
+                runs[figures.name_of(key, models[key].fit_validation)] = self.desk.runs(key)
             except InputError as error:
                 tell(str(error))
-        if others:
-            note(f"Not shown below, because fitted to another record than {record}: {', '.join(others)}.")
-        if not shown:
+        if other_keys:
+            note(f"Not shown below, because fitted to another record than {record}: {', '.join(other_keys)}.")
+        if not runs:
             note(f"Tick models of {record} to lay their free runs over its measured output.")
             return
         note(f"Record {record}:")
-        ui.plotly(figures.overlay(shown)).classes("w-full").props("data-mark=overlay")
+        ui.plotly(figures.overlay(runs)).classes("w-full").props("data-mark=overlay")
         note("Measured output and free runs; validation begins at the dotted line, and the legend has its fit.")
 
 
@@ -109,11 +109,11 @@ class DetailPanel(Panel):
         return shown, tuple(self.desk.files(*shown))
 
     def draw(self) -> None:
-        shown = self.view.detail
-        if shown is None or shown[1] not in getattr(self.desk.session, shown[0]):
+        selection = self.view.detail
+        if selection is None or selection[1] not in getattr(self.desk.session, selection[0]):
             note("Choose a model on the board, or a study of the twin.")
             return
-        kind, key = shown
+        kind, key = selection
         entry = getattr(self.desk.session, kind)[key]
         heading = entry.name.replace("_", " ") if kind == "models" else f"{entry.joint}, {entry.kind}"
         ui.label(f"{key}  {heading}").classes("text-subtitle1 text-weight-bold break-words")
@@ -138,25 +138,25 @@ class DetailPanel(Panel):
 
     def _figures(self, kind: str, key: str) -> None:
         try:
-            found = self.desk.figures(kind, key)
+            entries = self.desk.figures(kind, key)
         except InputError as error:
             note(str(error), "text-negative")
             return
-        if not found:
+        if not entries:
             return
-        first = self.view.tab if self.view.tab in found else next(iter(found))
+        first = self.view.tab if self.view.tab in entries else next(iter(entries))
         with ui.tabs().classes("w-full qpal-tabs").props("dense no-caps align=left") as tabs:
-            for name in found:
+            for name in entries:
                 ui.tab(name, figures.TITLES.get(name, "Run")).props(f"data-mark=tab-{name}")
         with ui.tab_panels(tabs, value=first, animated=False).classes("w-full") as panels:
-            for name, each in found.items():
+            for name, entry in entries.items():
                 with ui.tab_panel(name).classes("q-pa-none"):
-                    narrow = figures.below(each["figure"])
-                    plot = ui.plotly(figures.ready(each["figure"])).classes("w-full").props(f"data-mark=figure-{name}")
+                    narrow = figures.stack_panels(entry["figure"])
+                    plot = ui.plotly(figures.ready(entry["figure"])).classes("w-full").props(f"data-mark=figure-{name}")
                     if narrow is not None:
                         plot.classes("qpal-wide")
                         ui.plotly(figures.ready(narrow)).classes("w-full qpal-narrow")
-                    note(" ".join(filter(None, (each["caption"], figures.said(each["figure"])))))
+                    note(" ".join(filter(None, (entry["caption"], figures.remark(entry["figure"])))))
         panels.on_value_change(lambda event: setattr(self.view, "tab", str(event.value)))
 
 

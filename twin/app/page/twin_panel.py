@@ -12,7 +12,7 @@ import numpy as np
 from nicegui import run, ui
 
 from sysid.base.errors import InputError
-from twin.app.page.panel import Panel, note, said
+from twin.app.page.panel import Panel, attempt, note
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import BENCH_LEG, robot
 from twin.view.stills import on_stand
@@ -41,11 +41,11 @@ class Bar:
         """Rotation (3, 3) that takes the y axis, along which a cylinder of the scene lies, to this bar."""
         if self.length < 1e-9:
             return np.eye(3)
-        along = (self.stop - self.start) / self.length
-        other = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
-        side = np.cross(other, along)
+        axis = (self.stop - self.start) / self.length
+        helper = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
+        side = np.cross(helper, axis)
         side /= np.linalg.norm(side)
-        return np.column_stack([side, along, np.cross(side, along)])
+        return np.column_stack([side, axis, np.cross(side, axis)])
 
 
 class Leg:
@@ -65,7 +65,7 @@ class Leg:
         hub, thigh, shank = (np.array(data.body(f"{part}{BENCH_LEG}").xpos) for part in PARTS)
         foot = np.array(data.site(f"foot{BENCH_LEG}").xpos)
         floor = np.array([torso[0], torso[1], 0.0])
-        found = [
+        cylinders = [
             Bar("stand", 0.02, floor, torso, STAND),
             Bar("torso", 0.05, torso, hub, TORSO),
             Bar("shoulder", 0.03, hub, thigh, LINK),
@@ -77,8 +77,8 @@ class Leg:
             base, rod = (np.array(data.site(f"{joint}_{end}{BENCH_LEG}").xpos) for end in ("base", "rod"))
             shell = 0.8 * self._model.tendon_range[self._model.tendon(joint + BENCH_LEG).id, 0]
             tip = base + (rod - base) / np.linalg.norm(rod - base) * shell
-            found += [Bar(f"{joint} cylinder", 0.014, base, tip, MOTOR), Bar(f"{joint} rod", 0.007, tip, rod, ROD)]
-        return found
+            cylinders += [Bar(f"{joint} cylinder", 0.014, base, tip, MOTOR), Bar(f"{joint} rod", 0.007, tip, rod, ROD)]
+        return cylinders
 
 
 class StudyPanel(Panel):
@@ -103,7 +103,7 @@ class StudyPanel(Panel):
         with ui.row().classes("gap-2"):
             for kind, words in (("compare", "Compare"), ("calibrate", "Calibrate")):
                 ui.button(
-                    words, on_click=lambda kind=kind: said(lambda: self.desk.study(key, kind, joint.value or ""))
+                    words, on_click=lambda kind=kind: attempt(lambda: self.desk.study(key, kind, joint.value or ""))
                 ).props(f"outline dense data-mark={kind}").classes("q-px-md")
         for name, study in self.desk.session.studies.items():
             with ui.row().classes("items-center no-wrap w-full"):
@@ -144,14 +144,14 @@ class LegPanel(Panel):
         if not joint or data.y_unit != "rad":
             note("The leg moves where the output is an angle of a joint: name the joint under 4 Twin.")
             return
-        inside = ui.column().classes("w-full gap-2")
-        ui.timer(0.01, lambda: self._drawn(inside, joint, data), once=True)
+        box = ui.column().classes("w-full gap-2")
+        ui.timer(0.01, lambda: self._draw_scene(box, joint, data), once=True)
 
-    async def _drawn(self, inside: ui.column, joint: str, data: Any) -> None:
+    async def _draw_scene(self, box: ui.column, joint: str, data: Any) -> None:
         """The scene; the first time the model is compiled in a thread, so that the page goes on."""
         if LegPanel._leg is None:
             LegPanel._leg = await run.io_bound(Leg)
-        with inside:
+        with box:
             self._scene(LegPanel._leg or Leg(), joint, data)
 
     def _scene(self, leg: Leg, joint: str, data: Any) -> None:
@@ -174,8 +174,8 @@ class LegPanel(Panel):
         slider.on_value_change(lambda event: pose(float(event.value)))
 
         def step() -> None:
-            now = slider.value + FRAME
-            slider.set_value(0.0 if now > last else now)
+            time = slider.value + FRAME
+            slider.set_value(0.0 if time > last else time)
 
         timer = ui.timer(FRAME, step, active=False)
 
@@ -195,7 +195,7 @@ def _shape(scene: ui.scene, bar: Bar) -> Any:
 
 def _place(shape: Any, bar: Bar) -> None:
     middle = (bar.start + bar.stop) / 2
-    shape.move(*(float(each) for each in middle))
+    shape.move(*(float(value) for value in middle))
     if bar.length >= 1e-9:
         shape.rotate_R(bar.turn().tolist())
         shape.scale(1.0, bar.length, 1.0)
