@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from sysid.report.page import Grid
-from twin.report import beyond, reproduce
+from twin.report import actuated_joint, reproduce
 from twin.studies import protocol
 from twin.view.stills import leg_stills
 
@@ -31,7 +31,7 @@ def renew_tables() -> None:
     readme = ROOT / "README.md"
     text = readme.read_text(encoding="utf-8")
     result = protocol.run(seed=0)
-    for name, grid in (("results", reproduce.table(result)), ("beyond", beyond.table(result))):
+    for name, grid in (("results", reproduce.table(result)), ("beyond", actuated_joint.table(result))):
         mark, end = MARK.format(name), END.format(name)
         pattern, new = re.escape(mark) + ".*?" + re.escape(end), mark + markdown(grid) + end
         text = re.sub(pattern, lambda _, new=new: new, text, flags=re.DOTALL)

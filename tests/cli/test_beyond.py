@@ -14,7 +14,7 @@ from sysid.structures import ActuatedJoint
 from sysid.workflow.evaluation import Setting
 from twin import IMPERFECTIONS
 from twin.cli import main
-from twin.report import beyond as report
+from twin.report import actuated_joint as report
 from twin.studies import ablation, beyond, protocol
 
 # What an actuated joint can say exactly: a motor with dry friction between two stops, read with noise.

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from twin.cli import main
-from twin.report import beyond, reproduce
+from twin.report import actuated_joint, reproduce
 from twin.studies import protocol
 
 ROOT = Path(__file__).parents[2]
@@ -69,7 +69,7 @@ def test_links_and_pictures_exist():
 @pytest.mark.long
 def test_the_tables_of_results_are_what_reproduce_prints():
     result = protocol.run(seed=0)
-    for name, table in (("results", reproduce.table), ("beyond", beyond.table)):
+    for name, table in (("results", reproduce.table), ("beyond", actuated_joint.table)):
         assert_printed(name, table(result))
 
 

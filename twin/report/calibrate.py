@@ -25,24 +25,28 @@ if TYPE_CHECKING:
 def page(result: Calibration) -> Page:
     """The report on one calibration."""
     overlays = [_overlay(run, k) for k, run in enumerate(result.runs)]
+    correlations = Picture("correlation", style.png(correlation(result)), _CORRELATION)
+    left_over = [
+        Picture("residuals", style.png(residuals(result)), _RESIDUALS),
+        Picture("search", style.png(cost(result)), "RMS error over the iterations of the search."),
+    ]
     return Page(
         title=f"Calibration of the {result.joint}",
         subtitle=f"{len(result.values)} parameters from {', '.join(result.provenance['logs'])}",
         verdict=verdict(result),
         sections=[
-            Section(
-                "Twin and logs",
-                tables=[scores(result)],
-                pictures=[*overlays, _leg(result)],
-            ),
-            Section("Parameters", [_INTERVALS], tables=[values(result)], pictures=[_correlation(result)]),
-            Section("What the logs tell", sentences(result), details=[_told(result)]),
-            Section("What is left over", [_LEFT], pictures=[_residuals(result), _cost(result)]),
+            Section("Twin and logs", tables=[scores(result)], pictures=[*overlays, _leg(result)]),
+            Section("Parameters", [_INTERVALS], tables=[values(result)], pictures=[correlations]),
+            Section("What the logs tell", sentences(result), details=[_identifiability(result)]),
+            Section("What is left over", [_LEFT], pictures=left_over),
         ],
         made_with=versions(),
     )
 
 
+PARTS = 24  # of the travel, each with its mean residual; chosen by hand
+_CORRELATION = "Correlation of the estimates: near 1 or -1, an error in one is made up for by the other."
+_RESIDUALS = "Log less calibrated twin over the angle, in motion upwards and downwards; lines: mean over a part."
 _INTERVALS = (
     "Intervals allow for noise, for departures of the twin from the leg that repeat with place and direction, and for "
     "the parameters that keep their value. The last column is the share of noise alone: a small share means that the "
@@ -53,28 +57,28 @@ _LEFT = "A residual that repeats with place and direction belongs to an effect t
 
 def verdict(result: Calibration) -> list[str]:
     """The result in a few sentences, what must not be used first."""
-    said = [
+    sentences = [
         *doubt.sentences(result),
         f"The search {'converged' if result.converged else 'did not converge'} after {result.found.stop.iterations} "
         f"iterations: {result.reason}.",
     ]
     if result.next_step():
-        said.append(result.next_step())
+        sentences.append(result.next_step())
     if result.found.descents > 1:
-        said.append(f"{result.found.agreed} of {result.found.descents} starts led to this place.")
+        sentences.append(f"{result.found.agreed} of {result.found.descents} starts led to this place.")
     for score in result.scores:
-        said.append(
+        sentences.append(
             f"{score.log} ({'held out' if score.held_out else 'used'}): free run {score.fit_before:.1f} % before, "
             f"{score.fit_after:.1f} % after calibration."
         )
-    return said
+    return sentences
 
 
 def sentences(result: Calibration) -> list[str]:
     """Parameters that these logs do not tell, each with what to record."""
     if not result.fixed:
         return ["These logs tell every parameter that was free."]
-    return [f"{said} To tell it, {what_to_record(result.joint, row)}." for row, said in result.fixed.items()]
+    return [f"{reason} To tell it, {what_to_record(result.joint, row)}." for row, reason in result.fixed.items()]
 
 
 def tables(result: Calibration) -> list[Grid]:
@@ -85,13 +89,13 @@ def tables(result: Calibration) -> list[Grid]:
 def values(result: Calibration) -> Grid:
     """Calibrated values beside the nominal ones."""
     rows = []
-    for value in result.values:
-        as_shown = shown(value.name, value.unit)
-        cells = [
-            number(as_shown.factor * v, 4) for v in (value.nominal, value.start, value.value, value.low, value.high)
-        ]
-        unit = as_shown.unit or "–"
-        rows.append((value.name, unit, *cells[:3], f"{cells[3]} to {cells[4]}", f"{100 * value.noise_share:.0f} %"))
+    for v in result.values:
+        q = shown(v.name, v.unit)
+        nominal, start, value, low, high = (
+            number(q.factor * x, 4) for x in (v.nominal, v.start, v.value, v.low, v.high)
+        )
+        noise = f"{100 * v.noise_share:.0f} %"
+        rows.append((v.name, q.unit or "–", nominal, start, value, f"{low} to {high}", noise))
     heading = f"{100 * result.level:g} % interval"
     return Grid(("parameter", "unit", "before", "start", "calibrated", heading, "noise"), rows, text_columns=2)
 
@@ -102,10 +106,8 @@ def scores(result: Calibration) -> Grid:
         (
             score.log,
             "held out" if score.held_out else "used",
-            number(float(np.degrees(score.rms_before)), 3),
-            number(float(np.degrees(score.rms_after)), 3),
-            f"{score.fit_before:.2f} %",
-            f"{score.fit_after:.2f} %",
+            *(number(float(np.degrees(rms)), 3) for rms in (score.rms_before, score.rms_after)),
+            *(f"{fit:.2f} %" for fit in (score.fit_before, score.fit_after)),
         )
         for score in result.scores
     ]
@@ -113,14 +115,14 @@ def scores(result: Calibration) -> Grid:
     return Grid(headings, rows, text_columns=2)
 
 
-def _told(result: Calibration) -> Grid:
+def _identifiability(result: Calibration) -> Grid:
+    """What the logs tell of each parameter, before the search."""
     rows = []
     for row in result.told:
-        as_shown = shown(row.name, row.unit)
-        expected, scale = (number(as_shown.factor * v, 3) for v in (row.expected, row.scale))
-        rows.append(
-            (row.name, as_shown.unit or "–", expected, scale, "yes" if row.told else "no", ", ".join(row.alike))
-        )
+        q = shown(row.name, row.unit)
+        deviation, scale = (number(q.factor * v, 3) for v in (row.expected, row.scale))
+        verdict = "yes" if row.told else "no"
+        rows.append((row.name, q.unit or "–", deviation, scale, verdict, ", ".join(row.alike)))
     headings = ("parameter", "unit", "expected deviation", "plausible change", "told", "acts like")
     return Grid(headings, rows, "Before the search", text_columns=2, last_text=True)
 
@@ -129,13 +131,13 @@ def _overlay(run: Run, k: int) -> Picture:
     kind = "held out" if run.held_out else "used"
     caption = f"{run.name} ({kind}): log, uncalibrated and calibrated twin in free run, and the two errors."
     data = IOData(run.u, run.y, run.Ts, "input", "angle", "V", "rad", missing=~np.isfinite(run.y))
-    zoomed = zoom.runs(data, {"twin calibrated": run.after, "twin before": run.before}, measured="log")
-    return Picture(f"overlay-{k + 1}", style.png(overlay(run)), caption, zoomed)
+    figure = zoom.runs(data, {"twin calibrated": run.after, "twin before": run.before}, measured="log")
+    return Picture(f"overlay-{k + 1}", style.png(overlay(run)), caption, figure)
 
 
 def _leg(result: Calibration) -> Picture:
     """The log and the calibrated twin, as legs with the calibrated lengths."""
-    run = next((each for each in result.runs if each.held_out), result.runs[0])
+    run = next((run for run in result.runs if run.held_out), result.runs[0])
     sides = {"log": {result.joint: run.y}, "calibrated twin": {result.joint: run.after}}
     return leg.picture("leg", np.arange(len(run.y)) * run.Ts, sides, result.parameters)
 
@@ -143,22 +145,17 @@ def _leg(result: Calibration) -> Picture:
 @styled
 def overlay(run: Run) -> "list[Axes]":
     """Log and both free runs over time, and their errors below."""
-    above, below = style.panels(None, rows=2, height=4.2, sharex=True)
+    upper, lower = style.panels(None, rows=2, height=4.2, sharex=True)
     t = np.arange(len(run.y)) * run.Ts
-    style.line(above, t, np.degrees(run.y), color=style.INK, label="log", linewidth=1.0)
-    style.line(above, t, np.degrees(run.before), color=style.SECOND, label="twin before", linewidth=1.0)
-    style.line(above, t, np.degrees(run.after), color=style.MODEL, label="twin calibrated", linewidth=1.0)
-    style.line(below, t, np.degrees(run.y - run.before), color=style.SECOND, linewidth=0.8)
-    style.line(below, t, np.degrees(run.y - run.after), color=style.MODEL, linewidth=0.8)
-    above.set(ylabel="angle [deg]", title=run.name)
-    style.legend(above)
-    below.set(xlabel="time [s]", ylabel="log less twin [deg]")
-    return [above, below]
-
-
-def _correlation(result: Calibration) -> Picture:
-    caption = "Correlation of the estimates: near 1 or -1, an error in one is made up for by the other."
-    return Picture("correlation", style.png(correlation(result)), caption)
+    style.line(upper, t, np.degrees(run.y), color=style.INK, label="log", linewidth=1.0)
+    style.line(upper, t, np.degrees(run.before), color=style.SECOND, label="twin before", linewidth=1.0)
+    style.line(upper, t, np.degrees(run.after), color=style.MODEL, label="twin calibrated", linewidth=1.0)
+    style.line(lower, t, np.degrees(run.y - run.before), color=style.SECOND, linewidth=0.8)
+    style.line(lower, t, np.degrees(run.y - run.after), color=style.MODEL, linewidth=0.8)
+    upper.set(ylabel="angle [deg]", title=run.name)
+    style.legend(upper)
+    lower.set(xlabel="time [s]", ylabel="log less twin [deg]")
+    return [upper, lower]
 
 
 @styled
@@ -166,8 +163,8 @@ def correlation(result: Calibration) -> "Axes":
     """The correlation matrix with its numbers."""
     (ax,) = style.panels(None, height=4.2)
     names = [value.name.rpartition(".")[2] for value in result.values]
-    drawn = ax.imshow(result.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
-    ax.figure.colorbar(drawn, ax=ax, label="correlation", ticks=[-1.0, -0.5, 0.0, 0.5, 1.0])
+    image = ax.imshow(result.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
+    ax.figure.colorbar(image, ax=ax, label="correlation", ticks=[-1.0, -0.5, 0.0, 0.5, 1.0])
     for (i, j), r in np.ndenumerate(result.correlation):
         ax.text(j, i, f"{r:.2f}", ha="center", va="center", fontsize=7, color="white" if abs(r) > 0.6 else style.INK)
     ax.set_xticks(range(len(names)), names, rotation=40, ha="right")
@@ -176,42 +173,30 @@ def correlation(result: Calibration) -> "Axes":
     return ax
 
 
-def _residuals(result: Calibration) -> Picture:
-    caption = "Log less calibrated twin over the angle, in motion upwards and downwards; lines: mean over a part."
-    return Picture("residuals", style.png(residuals(result)), caption)
-
-
-_PARTS = 24
-
-
 @styled
 def residuals(result: Calibration) -> "list[Axes]":
     """Residual over the angle, one panel for each direction of motion."""
-    used = [run for run in result.runs if not run.held_out]
+    runs = [run for run in result.runs if not run.held_out]
     axes = style.panels(None, columns=2, height=2.8)
-    y, e = np.concatenate([run.after for run in used]), np.concatenate([run.y - run.after for run in used])
-    way, moves = (np.concatenate(each) for each in zip(*(directions(run.after, run.Ts) for run in used), strict=True))
-    edges = np.linspace(y.min(), y.max(), _PARTS + 1)
+    y, e = np.concatenate([run.after for run in runs]), np.concatenate([run.y - run.after for run in runs])
+    way, moves = (np.concatenate(parts) for parts in zip(*(directions(run.after, run.Ts) for run in runs), strict=True))
+    edges = np.linspace(y.min(), y.max(), PARTS + 1)
     for ax, direction, title in zip(axes, (1.0, -1.0), ("upwards", "downwards"), strict=True):
-        mine = moves & (way == direction) & np.isfinite(e)
-        ax.plot(np.degrees(y[mine]), np.degrees(e[mine]), ".", color=style.SECOND, markersize=1.5)
-        part = np.clip(np.digitize(y, edges) - 1, 0, _PARTS - 1)
-        means = [np.mean(e[mine & (part == k)]) if np.any(mine & (part == k)) else np.nan for k in range(_PARTS)]
+        mask = moves & (way == direction) & np.isfinite(e)
+        ax.plot(np.degrees(y[mask]), np.degrees(e[mask]), ".", color=style.SECOND, markersize=1.5)
+        part = np.clip(np.digitize(y, edges) - 1, 0, PARTS - 1)
+        means = [np.mean(e[mask & (part == k)]) if np.any(mask & (part == k)) else np.nan for k in range(PARTS)]
         ax.plot(np.degrees((edges[1:] + edges[:-1]) / 2), np.degrees(means), color=style.MODEL)
         ax.set(xlabel="angle [deg]", ylabel="log less twin [deg]", title=title)
     return axes
-
-
-def _cost(result: Calibration) -> Picture:
-    return Picture("search", style.png(cost(result)), "RMS error over the iterations of the search.")
 
 
 @styled
 def cost(result: Calibration) -> "Axes":
     """RMS error over iterations, from the start on."""
     (ax,) = style.panels(None, height=2.2)
-    scored = sum(int(np.isfinite(run.y).sum()) for run in result.runs if not run.held_out)
-    losses = [result.found.first / scored, *(row["loss"] for row in result.found.history)]
+    samples = sum(int(np.isfinite(run.y).sum()) for run in result.runs if not run.held_out)
+    losses = [result.found.first / samples, *(row["loss"] for row in result.found.history)]
     ax.plot(range(len(losses)), np.degrees(np.sqrt(losses)), "o-", color=style.MODEL, markersize=3)
     log_axis(ax, "y")
     ax.locator_params(axis="x", integer=True)

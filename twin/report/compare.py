@@ -1,11 +1,17 @@
 """The report of `qpal compare`: overlay, error by regime, frequency responses, residual tests and the verdict."""
 
+from collections.abc import Iterator
+
 from sysid.base import style
 from sysid.base.units import number, percent, shown
 from sysid.base.versions import versions
+from sysid.diagnosis.residuals import ResidualTests
+from sysid.joint.values import JointValue
 from sysid.plots import residual_tests
 from sysid.report import zoom
 from sysid.report.page import Grid, Page, Picture, Section
+from sysid.report.sections import NOT_KNOWN, capital
+from twin.compare.align import Alignment
 from twin.compare.comparison import LOG, MODEL, TWIN, Comparison
 from twin.compare.effects import TABLE
 from twin.compare.explain import Change, Share, Verdict
@@ -15,56 +21,41 @@ from twin.compare.regimes import DEFINITIONS
 from twin.report import compare_figures as figures
 from twin.report import leg
 
+UNKNOWN = "not determined by this record"
 WORDS = {"end_low": "lower end of travel", "end_high": "upper end of travel", "slope": "sensor slope", "zero": "zero"}
 
 
 def page(result: Comparison, file: str) -> Page:
     """The report on one comparison."""
-    sections = [
-        Section(
-            "Record",
-            pictures=[
-                Picture(
-                    "overlay", style.png(figures.overlay(result)), _overlay_caption(result), figures.zoomed(result)
-                ),
-                Picture("regimes", style.png(figures.regimes(result)), _regime_caption(result)),
-                _leg(result),
-            ],
-            tables=[regime_table(result)],
-        )
-    ]
-    if result.verdict is not None:
-        sections.append(
-            Section(
-                "Physical effects",
-                [_METHOD],
-                tables=[effect_table(result.verdict), *_change_tables(result.verdict)],
-                pictures=[
-                    Picture("effects", style.png(figures.effects(result.verdict)), _effect_caption(result.verdict))
-                ],
-            )
-        )
-    if result.alignment is not None:
-        sections.append(Section("Alignment", result.alignment.sentences(), tables=[alignment_table(result)]))
-    if result.pairs:
-        sections.append(Section("The actuated joint, fitted to both", [_PAIRS], tables=[pair_table(result)]))
-    sections.append(
-        Section(
-            "Frequency response",
-            pictures=[Picture("spectra", style.png(figures.spectra(result)), _spectra_caption(result))],
-        )
-    )
-    if result.tests is not None:
-        drawn = style.png(residual_tests(result.tests))
-        picture = Picture("residuals", drawn, _tests_caption(result), zoom.residual_tests(result.tests))
-        sections.append(Section("Residual tests", pictures=[picture]))
     return Page(
         title=f"The {result.joint} beside {result.label}",
         subtitle=f"{file}, {len(result.y)} samples, Ts {result.Ts:g} s",
         verdict=sentences(result, file),
-        sections=sections,
+        sections=list(_sections(result)),
         made_with=versions(),
     )
+
+
+def _sections(result: Comparison) -> Iterator[Section]:
+    """The sections of the page, of which the twin alone has all."""
+    overlay = Picture(
+        "overlay", style.png(figures.overlay(result)), _overlay_caption(result), figures.zoom_overlay(result)
+    )
+    regimes = Picture("regimes", style.png(figures.regimes(result)), _regime_caption(result))
+    yield Section("Record", pictures=[overlay, regimes, _leg(result)], tables=[regime_table(result)])
+    if result.verdict is not None:
+        tables = [effect_table(result.verdict), *_change_tables(result.verdict)]
+        effects = Picture("effects", style.png(figures.effects(result.verdict)), _effect_caption(result.verdict))
+        yield Section("Physical effects", [_METHOD], tables=tables, pictures=[effects])
+    if result.alignment is not None:
+        yield Section("Alignment", result.alignment.sentences(), tables=[alignment_table(result.alignment)])
+    if result.pairs:
+        yield Section("The actuated joint, fitted to both", [_PAIRS], tables=[pair_table(result)])
+    spectra = Picture("spectra", style.png(figures.spectra(result)), _spectra_caption(result))
+    yield Section("Frequency response", pictures=[spectra])
+    if result.tests is not None:
+        png, zoomable = style.png(residual_tests(result.tests)), zoom.residual_tests(result.tests)
+        yield Section("Residual tests", pictures=[Picture("residuals", png, _tests_caption(result.tests), zoomable)])
 
 
 _METHOD = (
@@ -80,8 +71,8 @@ _PAIRS = (
 
 def _leg(result: Comparison) -> Picture:
     """Both legs, with nominal lengths."""
-    mine, theirs = figures.names(result)
-    return leg.picture("leg", result.t, {mine: {result.joint: result.y}, theirs: {result.joint: result.other}})
+    log_name, twin_name = figures.names(result)
+    return leg.picture("leg", result.t, {log_name: {result.joint: result.y}, twin_name: {result.joint: result.other}})
 
 
 def sentences(result: Comparison, file: str) -> list[str]:
@@ -89,7 +80,7 @@ def sentences(result: Comparison, file: str) -> list[str]:
     if result.kind == LOG:
         return _of_repeat(result)
     worst = max(result.regimes, key=lambda regime: regime.of_error)
-    label = _capital(result.label) if result.kind == TWIN else result.label  # of a model: the name of its file
+    label = capital(result.label) if result.kind == TWIN else result.label  # of a model: the name of its file
     first = (
         f"{label} follows the log with an error of {_deg(result.rms)} RMS (fit {percent(result.fit)}, "
         f"noise of the log {_deg(result.noise)}); {100 * worst.of_error:.0f} % of the squared error is in the regime "
@@ -97,13 +88,13 @@ def sentences(result: Comparison, file: str) -> list[str]:
     )
     if result.kind == MODEL:
         return [first]
-    found = [first]
+    texts = [first]
     alignment = result.alignment
     if alignment is not None and alignment.turned:
-        found.append(alignment.sentences()[0])
+        texts.append(alignment.sentences()[0])
     if result.verdict is not None:
-        found += verdict_sentences(result.verdict, result.joint, file)
-    return found
+        texts += verdict_sentences(result.verdict, result.joint, file)
+    return texts
 
 
 def verdict_sentences(verdict: Verdict, joint: str, file: str) -> list[str]:
@@ -113,20 +104,20 @@ def verdict_sentences(verdict: Verdict, joint: str, file: str) -> list[str]:
             f"No departure beyond noise: no effect improves the fit by more than chance (error {_deg(verdict.rms)} "
             f"RMS, noise {_deg(verdict.noise)})."
         ]
-    found = [_of_share(share, k, verdict) for k, share in enumerate(verdict.named)]
+    texts = [_of_share(share, k, verdict) for k, share in enumerate(verdict.named)]
     first = TABLE[verdict.named[0].effect]
     for name in verdict.alike:
-        other = TABLE[name]
+        rival = TABLE[name]
         share = next(each.share for each in verdict.alone if each.effect == name)
-        found.append(
-            f"On this record {first.words} and {other.words} act alike: {other.words} alone would explain "
-            f"{_percent(share)}. To tell them apart, record {other.why}: qpal simulate --joint {joint} {other.record}."
+        texts.append(
+            f"On this record {first.words} and {rival.words} act alike: {rival.words} alone would explain "
+            f"{_percent(share)}. To tell them apart, record {rival.why}: qpal simulate --joint {joint} {rival.record}."
         )
-    left = 1.0 - verdict.explained
-    if left > 0.05:
-        found.append(f"{_percent(left)} stays unexplained: the leg does something that the twin does not have.")
-    found.append(_next(verdict, joint, file))
-    return found
+    rest = 1.0 - verdict.explained
+    if rest > 0.05:
+        texts.append(f"{_percent(rest)} stays unexplained: the leg does something that the twin does not have.")
+    texts.append(_next(verdict, joint, file))
+    return texts
 
 
 def _of_share(share: Share, k: int, verdict: Verdict) -> str:
@@ -134,26 +125,28 @@ def _of_share(share: Share, k: int, verdict: Verdict) -> str:
     values = "; ".join(_of_change(change) for change in share.changes)
     if k == 0:
         return (
-            f"{_capital(effect.words)} explains {_percent(share.share)} of the departure of {_deg(verdict.rms)} RMS: "
+            f"{capital(effect.words)} explains {_percent(share.share)} of the departure of {_deg(verdict.rms)} RMS: "
             f"{values}."
         )
-    further = share.share - verdict.named[k - 1].share
-    return f"Beside it, {effect.words} explains a further {_percent(further)}: {values}."
+    gain = share.share - verdict.named[k - 1].share
+    return f"Beside it, {effect.words} explains a further {_percent(gain)}: {values}."
 
 
 def _of_change(change: Change) -> str:
+    """A value that an effect moves: as the log has it, and as the twin has it."""
     unit = shown("", change.log.unit)
-    twin, value = (number(unit.factor * each, 3) for each in (change.twin, change.log.value))
+    twin, log = (number(unit.factor * value, 3) for value in (change.twin, change.log.value))
+    span = interval(change.log, unit.factor, "")
+    doubt = f"95 %: {span}" if span else UNKNOWN
     name = WORDS.get(change.name, change.name)
-    return f"{name} {value}{' ' + unit.unit if unit.unit else ''} ({span(change.log)}) where the twin has {twin}"
+    return f"{name} {log}{' ' + unit.unit if unit.unit else ''} ({doubt}) where the twin has {twin}"
 
 
-def span(value: Value) -> str:
-    """The interval in words, in display units."""
+def interval(value: Value | JointValue, factor: float, unknown: str, digits: int = 3) -> str:
+    """The interval in display units; `unknown` for a value that the record does not determine."""
     if value.low is None or value.high is None:
-        return "not determined by this record"
-    factor = shown("", value.unit).factor
-    return f"95 %: {number(factor * value.low, 3)} to {number(factor * value.high, 3)}"
+        return unknown
+    return f"{number(factor * value.low, digits)} to {number(factor * value.high, digits)}"
 
 
 def _next(verdict: Verdict, joint: str, file: str) -> str:
@@ -185,14 +178,14 @@ def _of_repeat(result: Comparison) -> list[str]:
 
 def tables(result: Comparison) -> list[Grid]:
     """The tables of the terminal."""
-    found = [regime_table(result)]
+    grids = [regime_table(result)]
     if result.alignment is not None:
-        found.append(alignment_table(result))
+        grids.append(alignment_table(result.alignment))
     if result.verdict is not None:
-        found.append(effect_table(result.verdict))
+        grids.append(effect_table(result.verdict))
     if result.pairs:
-        found.append(pair_table(result))
-    return found
+        grids.append(pair_table(result))
+    return grids
 
 
 def regime_table(result: Comparison) -> Grid:
@@ -211,19 +204,16 @@ def regime_table(result: Comparison) -> Grid:
     return Grid(headings, rows, last_text=True)
 
 
-def alignment_table(result: Comparison) -> Grid:
+def alignment_table(alignment: Alignment) -> Grid:
     """Delay, gear and offset with their intervals."""
-    a = result.alignment
-    assert a is not None
-    rows = []
-    for name, value, factor, unit in (
-        ("delay of the log", a.delay, 1e3, "ms"),
-        ("gear (slope)", a.gear, 1.0, ""),
-        ("offset (angle zero)", a.offset, shown("", "rad").factor, "deg"),
-    ):
-        known = value.low is not None and value.high is not None
-        low, high = (number(factor * v, 4) if v is not None else "–" for v in (value.low, value.high))
-        rows.append((name, number(factor * value.value, 4), f"{low} to {high}" if known else "not determined", unit))
+    rows = [
+        (name, number(factor * value.value, 4), interval(value, factor, NOT_KNOWN, 4), unit)
+        for name, value, factor, unit in (
+            ("delay of the log", alignment.delay, 1e3, "ms"),
+            ("gear (slope)", alignment.gear, 1.0, ""),
+            ("offset (angle zero)", alignment.offset, shown("", "rad").factor, "deg"),
+        )
+    ]
     note = "How often these intervals hold the true value is not counted yet; take them as a lower limit of the doubt."
     return Grid(("log over twin", "value", "95 % interval", "unit"), rows, last_text=True, note=note)
 
@@ -252,7 +242,7 @@ def _change_tables(verdict: Verdict) -> list[Grid]:
                     WORDS.get(change.name, change.name),
                     number(unit.factor * change.twin, 4),
                     number(unit.factor * change.log.value, 4),
-                    span(change.log).removeprefix("95 %: "),
+                    interval(change.log, unit.factor, UNKNOWN),
                     unit.unit,
                 )
             )
@@ -269,16 +259,9 @@ def pair_table(result: Comparison) -> Grid:
 
 def _pair_row(pair: Pair) -> tuple[str, ...]:
     unit = shown("", pair.log.unit.replace("y", "rad"))
-    cells = []
-    for value in (pair.log, pair.other):
-        low, high = (None if v is None else unit.factor * v for v in (value.low, value.high))
-        known = low is not None and high is not None
-        cells += [
-            number(unit.factor * value.value, 4),
-            f"{number(low, 3)} to {number(high, 3)}" if known else "–",
-        ]
-    words = pair.name.replace("_", " ")
-    return (words, TABLE[EFFECTS[pair.name]].words, *cells, unit.unit, "yes" if pair.apart else "no")
+    sides = [(number(unit.factor * v.value, 4), interval(v, unit.factor, "–")) for v in (pair.log, pair.other)]
+    effect = TABLE[EFFECTS[pair.name]].words
+    return (pair.name.replace("_", " "), effect, *sides[0], *sides[1], unit.unit, "yes" if pair.apart else "no")
 
 
 def _overlay_caption(result: Comparison) -> str:
@@ -304,14 +287,14 @@ def _effect_caption(verdict: Verdict) -> str:
             "(dashed). No effect makes it smaller by more than chance does."
         )
     best, longest = verdict.alone[0], max(verdict.alone, key=lambda share: share.share)
-    said = (
+    text = (
         "Share of the departure that vanishes when one effect alone is moved to fit the log. Filled: the effects that "
         f"the verdict names. The best alone is {TABLE[best.effect].words}, {_percent(best.share)}"
     )
     if _percent(longest.share) == _percent(best.share):
-        return f"{said}."
+        return f"{text}."
     return (
-        f"{said}; {TABLE[longest.effect].words}, {_percent(longest.share)}, stands behind it because it moves more "
+        f"{text}; {TABLE[longest.effect].words}, {_percent(longest.share)}, stands behind it because it moves more "
         "values (BIC)."
     )
 
@@ -324,9 +307,7 @@ def _spectra_caption(result: Comparison) -> str:
     )
 
 
-def _tests_caption(result: Comparison) -> str:
-    tests = result.tests
-    assert tests is not None
+def _tests_caption(tests: ResidualTests) -> str:
     return (
         f"Correlations of the error with itself ({tests.whiteness_outside} of {len(tests.lags) - 1} lags outside) and "
         f"with the input ({tests.independence_outside} of {len(tests.cross_lags)} outside). If only noise were left, "
@@ -340,10 +321,6 @@ def _deg(angle: float) -> str:
 
 def _percent(share: float) -> str:
     return f"{100 * share:.0f} %"
-
-
-def _capital(words: str) -> str:
-    return words[0].upper() + words[1:]
 
 
 __all__ = ["TWIN", "effect_table", "page", "pair_table", "sentences", "tables", "verdict_sentences"]

@@ -36,12 +36,12 @@ def page(result: Crawl, pictures: CrawlPictures | str) -> Page:
         ),
         verdict=verdict(result),
         sections=[
-            _seen(pictures),
+            _picture_section(pictures),
             Section("Walking", [_WALKING], tables=[table(result)], pictures=_walking(result)),
-            Section("Standing", [_standing(result)]),
+            Section("Standing", [_standing_sentence(result)]),
             Section("Forces", [_FORCES], tables=[forces(result)]),
             Section("Joints", pictures=[_picture("joints", joints(result), _JOINTS)]),
-            *([Section("Other robots", [_others(result)], details=[robots(result)])] if result.trials else []),
+            *([Section("Other robots", [_trials_sentence(result)], details=[robots(result)])] if result.trials else []),
         ],
         made_with=versions(),
     )
@@ -66,30 +66,30 @@ _JOINTS = (
 def verdict(result: Crawl) -> list[str]:
     """The outcome in plain words."""
     m, s = result.measures, result.standing
-    walked = (
+    walk = (
         f"The robot walked {1000 * m.forward:.0f} mm in {m.seconds:.0f} s ({1000 * m.speed:.1f} mm/s; planned "
         f"{1000 * result.plan.advance:.0f} mm). Its torso never tilted by more than {np.degrees(m.tilt):.1f} degrees, "
         f"and its centre of mass stayed {1000 * m.margin:.0f} mm or more inside the support."
     )
-    failed = f"The robot did not walk: {result.fault}."
-    stood = (
-        f"While standing for {s.seconds:g} s it sank by {_at_most(s.sink)} with the servos on and by "
-        f"{_at_most(s.sink_unpowered)} without power."
+    failure = f"The robot did not walk: {result.fault}."
+    standing = (
+        f"While standing for {s.seconds:g} s it sank by {_sinking(s.sink)} with the servos on and by "
+        f"{_sinking(s.sink_unpowered)} without power."
     )
-    return [failed if result.fault else walked, stood, *([_others(result)] if result.trials else [])]
+    return [failure if result.fault else walk, standing, *([_trials_sentence(result)] if result.trials else [])]
 
 
-def _standing(result: Crawl) -> str:
+def _standing_sentence(result: Crawl) -> str:
     s = result.standing
     return (
-        f"The servos hold the robot for {s.seconds:g} s: the torso sinks by {_at_most(s.sink)} and tilts by "
+        f"The servos hold the robot for {s.seconds:g} s: the torso sinks by {_sinking(s.sink)} and tilts by "
         f"{np.degrees(s.tilt):.2f} degrees at most; the motors take {s.power:.1f} W, because the potentiometers' "
-        f"noise keeps them active. Without voltage the torso sinks by {_at_most(s.sink_unpowered)}"
+        f"noise keeps them active. Without voltage the torso sinks by {_sinking(s.sink_unpowered)}"
         + (": the screws are self-locking." if s.sink_unpowered < LOCKED else ".")
     )
 
 
-def _others(result: Crawl) -> str:
+def _trials_sentence(result: Crawl) -> str:
     low, high = result.rate
     return (
         f"{result.successes} of {len(result.trials)} robots with friction and masses drawn within {100 * SPREAD:.0f} "
@@ -98,7 +98,7 @@ def _others(result: Crawl) -> str:
     )
 
 
-def _seen(pictures: CrawlPictures | str) -> Section:
+def _picture_section(pictures: CrawlPictures | str) -> Section:
     if isinstance(pictures, str):
         return Section("Pictures", [f"The pictures are missing: {pictures}."])
     return Section(
@@ -214,9 +214,9 @@ def film(pictures: CrawlPictures) -> bytes:
     palette = Image.fromarray(pictures.film[0]).quantize(256, Image.Quantize.MAXCOVERAGE)
     plain = Image.Dither.NONE
     frames = [Image.fromarray(frame).quantize(palette=palette, dither=plain) for frame in pictures.film]
-    each = round(1000 * FILM_SECONDS / len(frames))
+    duration = round(1000 * FILM_SECONDS / len(frames))
     buffer = io.BytesIO()
-    durations = [each] * (len(frames) - 1) + [1000]
+    durations = [duration] * (len(frames) - 1) + [1000]
     frames[0].save(buffer, "PNG", save_all=True, append_images=frames[1:], duration=durations, loop=0)
     return buffer.getvalue()
 
@@ -226,27 +226,27 @@ def path(result: Crawl) -> Figure:
     """Feet, torso and centre of mass from the side and from above [mm]."""
     (feet, _, centre), torso = result.walk.places, result.walk.torso
     figure, axes = style.sheet(2, height=6.6)
-    side, above = axes[:, 0]
+    side_view, top_view = axes[:, 0]
     for k, (name, colour) in enumerate(zip(NAMES, COLOURS, strict=True)):
-        side.plot(1000 * feet[:, k, 0], 1000 * feet[:, k, 2], color=colour, label=name)
-        above.plot(1000 * feet[:, k, 0], 1000 * feet[:, k, 1], color=colour, linewidth=0.8)
-    side.plot(1000 * torso[:, 0], 1000 * torso[:, 2] - 300, color=style.INK)
+        side_view.plot(1000 * feet[:, k, 0], 1000 * feet[:, k, 2], color=colour, label=name)
+        top_view.plot(1000 * feet[:, k, 0], 1000 * feet[:, k, 1], color=colour, linewidth=0.8)
+    side_view.plot(1000 * torso[:, 0], 1000 * torso[:, 2] - 300, color=style.INK)
     for start, name in result.plan.moves[:7]:  # the first cycle
         if name in NAMES:
             k = NAMES.index(name)
             corners = 1000 * np.delete(feet[start], k, axis=0)[[0, 1, 2, 0], :2]
-            above.plot(*corners.T, color=COLOURS[k], linewidth=0.8, linestyle=":")
-    above.plot(1000 * centre[:, 0], 1000 * centre[:, 1], color=style.INK, label="centre of mass")
+            top_view.plot(*corners.T, color=COLOURS[k], linewidth=0.8, linestyle=":")
+    top_view.plot(1000 * centre[:, 0], 1000 * centre[:, 1], color=style.INK, label="centre of mass")
     middle, height = 500 * (torso[0, 0] + torso[-1, 0]), 1000 * torso[:, 2].min() - 300
-    side.text(middle, height - 3, "torso, shown 300 mm lower", color=style.INK, ha="center", va="top")
-    side.set(title="(a) from the side", ylabel="height of the feet [mm]")
-    above.set(
+    side_view.text(middle, height - 3, "torso, shown 300 mm lower", color=style.INK, ha="center", va="top")
+    side_view.set(title="(a) from the side", ylabel="height of the feet [mm]")
+    top_view.set(
         title="(b) from above; standing feet dotted",
         xlabel="forward [mm]",
         ylabel="left [mm]",
     )
-    above.set_aspect("equal")
-    style.legend(side)
+    top_view.set_aspect("equal")
+    style.legend(side_view)
     return figure
 
 
@@ -254,20 +254,20 @@ def path(result: Crawl) -> Figure:
 def stability(result: Crawl) -> Figure:
     """Margin of stability and tilt over time."""
     feet, _, centre = result.walk.places
-    t, made = result.walk.t, result.plan
+    t, plan = result.walk.t, result.plan
     figure, axes = style.sheet(2, height=3.8, sharex=True)
     top, bottom = axes[:, 0]
-    swings = ~made.stance.all(axis=1)
-    planned = np.where(swings, 1000 * made.margin, np.nan)
-    walked = np.where(swings, 1000 * margins(made, feet, centre), np.nan)
-    top.plot(t, planned, color=style.SECOND, label="planned")
-    top.plot(t, walked, color=style.MODEL, label="walked")
+    swings = ~plan.stance.all(axis=1)
+    planned_margin = np.where(swings, 1000 * plan.margin, np.nan)
+    walk_margin = np.where(swings, 1000 * margins(plan, feet, centre), np.nan)
+    top.plot(t, planned_margin, color=style.SECOND, label="planned")
+    top.plot(t, walk_margin, color=style.MODEL, label="walked")
     top.set(title="(a) margin of stability on three feet", ylabel="margin [mm]")
-    top.set_ylim(bottom=min(0.0, float(np.nanmin(walked))))
+    top.set_ylim(bottom=min(0.0, float(np.nanmin(walk_margin))))
     bottom.plot(t, np.degrees(result.walk.tilt), color=style.INK)
     bottom.set(title="(b) tilt of the torso", ylabel="tilt [deg]", xlabel="time [s]")
     for ax in (top, bottom):
-        _shade(ax, t, made.stance)
+        _shade(ax, t, plan.stance)
     style.legend(top)
     return figure
 
@@ -300,7 +300,7 @@ def joints(result: Crawl) -> Figure:
     return figure
 
 
-def _at_most(value: float) -> str:
+def _sinking(value: float) -> str:
     return f"{_millimetres(value)} mm" if value >= 5e-5 else "less than 0.1 mm"
 
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 def page(result: Written) -> Page:
     """The report on one export."""
-    under = "the record's input" if result.source.recorded else "a drawn input"
-    run = f"Free run of the fit under {under}: the exported code computes this output."
+    source = "the record's input" if result.source.recorded else "a drawn input"
+    run = f"Free run of the fit under {source}: the exported code computes this output."
     files = Section("Files", tables=tables(result), pictures=[Picture("free-run", style.png(free_run(result)), run)])
     sections = [files]
     if result.fragment is not None and result.check is not None:
@@ -44,10 +44,10 @@ def tables(result: Written) -> list[Grid]:
 
 def sentences(result: Written) -> list[str]:
     """Warnings of the fit, levels of the files, the linear model, what the check found, what the elements lack."""
-    return [*_warned(result), *_levels(result), *_linear(result), *_checked(result)]
+    return [*_warnings(result), *_levels(result), *_linear(result), *_check_sentences(result)]
 
 
-def _warned(result: Written) -> list[str]:
+def _warnings(result: Written) -> list[str]:
     """What the saved fit says against itself, the gravest first."""
     warnings = sorted(result.source.fit.warnings, key=lambda text: not text.startswith(UNFIT))
     return [
@@ -75,19 +75,19 @@ def _linear(result: Written) -> list[str]:
     t = result.tangent
     if t is None:
         return []
-    where = "the model integrates, so it has no steady state" if t.integrates else "its steady state"
+    place = "the model integrates, so it has no steady state" if t.integrates else "its steady state"
     gain = "" if t.integrates else f", DC gain {number(float(np.sum(t.B) / np.sum(t.F)))}"
     return [
-        f"The linear model holds about the input {number(t.u)} and the output {number(t.y)} ({where}): poles "
+        f"The linear model holds about the input {number(t.u)} and the output {number(t.y)} ({place}): poles "
         f"{poles(np.roots(t.F))}{gain}. It takes and gives deviations from there; choose another input with --at."
     ]
 
 
-def _checked(result: Written) -> list[str]:
+def _check_sentences(result: Written) -> list[str]:
     if result.fragment is None or result.check is None:
         return []
     verdict = "do the same" if result.close else "differ"
-    said = [
+    texts = [
         f"In MuJoCo, with a light link, the elements and the fit {verdict}: "
         f"RMS {100 * result.check.share:.2f} % of the stroke, at most {100 * result.check.worst:.1f} % "
         f"(up to {100 * CLOSE:g} % RMS counts as the same)."
@@ -95,16 +95,16 @@ def _checked(result: Written) -> list[str]:
     data, fit = result.source.data, result.source.fit
     if result.source.recorded:
         percent = f"{fit.fit_percent(data):.1f} %"
-        said.insert(0, f"The joint follows the record to {percent} (free run, on the record it was fitted to).")
+        texts.insert(0, f"The joint follows the record to {percent} (free run, on the record it was fitted to).")
     if result.torque_per_volt is None:
-        said.append("Forces are those of 1 N m per volt; give --torque-per-volt from the motor's data sheet.")
-    said += [f"Not in the elements: {sentence}." for sentence in result.fragment.left_out]
+        texts.append("Forces are those of 1 N m per volt; give --torque-per-volt from the motor's data sheet.")
+    texts += [f"Not in the elements: {sentence}." for sentence in result.fragment.left_out]
     if not result.close:
-        said.append(
+        texts.append(
             "A joint with only the parts that MJCF has comes closer: give the log in place of the fit, "
             "qpal export LOG --mjcf."
         )
-    return said
+    return texts
 
 
 @styled

@@ -45,18 +45,18 @@ UNITS = {row.name: row.unit for row in TABLE}
 LONGEST = 6  # entries of a list shown in a cell
 
 
-def page(result: Information, more: Sequence[Section] = ()) -> Page:
-    """The whole report, with `more` sections before the parameters."""
-    asked = ", ".join(joint.name for joint in result.joints)
+def page(result: Information, sections: Sequence[Section] = ()) -> Page:
+    """The whole report, with `sections` sections before the parameters."""
+    names = ", ".join(joint.name for joint in result.joints)
     tables = [value_grid(name, group, result) for name, group in result.groups().items()]
     return Page(
         title="The twin's parameters and its truth",
-        subtitle=f"{asked}; Ts {result.Ts:g} s" + (f"; parameters of {result.source}" if result.source else ""),
+        subtitle=f"{names}; Ts {result.Ts:g} s" + (f"; parameters of {result.source}" if result.source else ""),
         verdict=verdict(result),
         sections=[
             Section("Truth", [_TRUTH], tables=[truth_grid(result)], pictures=pictures(result)),
-            *more,
-            Section("Parameters", [_PARAMETERS, *_marked(result)], tables=tables),
+            *sections,
+            Section("Parameters", [_PARAMETERS, *_grey_note(result)], tables=tables),
         ],
         made_with=result.as_dict()["versions"],
     )
@@ -76,15 +76,15 @@ _PARAMETERS = (
 def verdict(result: Information) -> list[str]:
     """Range and speed of each joint, changed parameters, and the number of assumptions."""
     moves = [_moves(joint, _supply(result)) for joint in result.joints]
-    return [*moves, *_changes(result), _known(result)]
+    return [*moves, *_changes(result), _assumptions(result)]
 
 
 def terminal_tables(result: Information) -> list[Grid]:
     """The parameters without the widest column, the truth and the versions."""
     grids = [value_grid(name, group, result) for name, group in result.groups().items()]
     short = [grid.only(*(heading for heading in grid.headings if heading != ENTERS)) for grid in grids]
-    made_with = list(result.as_dict()["versions"].items())
-    return [*short, truth_grid(result), Grid(("made with", "version"), made_with, last_text=True)]
+    libraries = list(result.as_dict()["versions"].items())
+    return [*short, truth_grid(result), Grid(("made with", "version"), libraries, last_text=True)]
 
 
 ENTERS = "how it enters"
@@ -97,7 +97,7 @@ def value_grid(name: str, values: Sequence[Value], result: Information) -> Grid:
     for v in values:
         unit = shown("", v.row.unit)
         value, nominal, lower, upper = (
-            _given(x * unit.factor) for x in (v.value, v.row.nominal, v.row.lower, v.row.upper)
+            _shortest(x * unit.factor) for x in (v.value, v.row.nominal, v.row.lower, v.row.upper)
         )
         was = [nominal if v.changed else ""] if changed else []
         rows.append((v.row.name, v.row.enters, v.row.source, value, *was, lower, upper, unit.unit))
@@ -148,12 +148,12 @@ def _static_rows(joint: Joint, supply: str) -> Iterator[tuple[str, str]]:
     ways = (joint.down, joint.up)
     least = (number(float(way.voltage[0]), 3) if way.starts else "–" for way in ways)
     yield "smallest voltage of a steady motion, however slow, down and up [V]", ", ".join(least)
-    speeds = (_given(math.degrees(way.top_speed), 4) for way in ways)
+    speeds = (_shortest(math.degrees(way.top_speed), 4) for way in ways)
     yield f"steady speed at {supply} V, down and up, mid stroke [deg/s]", ", ".join(speeds)
     yield f"end to end at {supply} V, down and up, about [s]", ", ".join(number(way.crossing, 2) for way in ways)
 
 
-def _given(value: float, digits: int = 5) -> str:
+def _shortest(value: float, digits: int = 5) -> str:
     """A chosen number in its shortest form, at most `digits` digits."""
     mantissa, e, exponent = number(value, digits).partition("e")
     return (mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa) + e + exponent
@@ -168,7 +168,7 @@ def _cell(value: Any, factor: float = 1.0) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int | float):
-        return _given(value * factor, 4)
+        return _shortest(value * factor, 4)
     if isinstance(value, list | tuple):
         return ", ".join(_cell(v, factor) for v in value) if len(value) <= LONGEST else f"{len(value)} values"
     return "–" if value is None else str(value)
@@ -186,17 +186,17 @@ def _roots(pairs: Sequence[Sequence[float]]) -> str:
 
 
 def _moves(joint: Joint, supply: str) -> str:
-    low, high = (_given(math.degrees(q), 3) for q in joint.truth.end_angles)
-    named = {"down": joint.down, "up": joint.up}
-    times = " and ".join(f"{number(way.crossing, 2)} s {name}" for name, way in named.items() if way.starts)
-    stands = " or ".join(name for name, way in named.items() if not way.starts)
-    said = [f"end to end at {supply} V takes about {times}"] if times else []
-    said += [f"at {supply} V it does not start {stands}"] if stands else []
-    return "; ".join([f"The {joint.name} travels from {low} to {high} degrees", *said]) + "."
+    low, high = (_shortest(math.degrees(q), 3) for q in joint.truth.end_angles)
+    ways = {"down": joint.down, "up": joint.up}
+    times = " and ".join(f"{number(way.crossing, 2)} s {name}" for name, way in ways.items() if way.starts)
+    stands = " or ".join(name for name, way in ways.items() if not way.starts)
+    texts = [f"end to end at {supply} V takes about {times}"] if times else []
+    texts += [f"at {supply} V it does not start {stands}"] if stands else []
+    return "; ".join([f"The {joint.name} travels from {low} to {high} degrees", *texts]) + "."
 
 
 def _supply(result: Information) -> str:
-    return _given(result.supply, 3)
+    return _shortest(result.supply, 3)
 
 
 def _changes(result: Information) -> list[str]:
@@ -207,24 +207,24 @@ def _changes(result: Information) -> list[str]:
     parts = []
     for v in result.changed[:LONGEST]:
         unit = shown("", v.row.unit)
-        value, nominal = _given(v.value * unit.factor), _given(v.row.nominal * unit.factor)
+        value, nominal = _shortest(v.value * unit.factor), _shortest(v.row.nominal * unit.factor)
         parts.append(f"{v.row.name} {value} {unit.unit}".rstrip() + f" instead of {nominal}")
-    more = len(result.changed) - len(parts)
-    parts += [f"{more} more"] if more else []
+    rest = len(result.changed) - len(parts)
+    parts += [f"{rest} more"] if rest else []
     return [f"Not nominal: {', '.join(parts)}."]
 
 
-def _known(result: Information) -> str:
+def _assumptions(result: Information) -> str:
     return f"Of {len(result.values)} parameters {result.assumed} are assumptions without a datasheet or a measurement."
 
 
-def _marked(result: Information) -> list[str]:
+def _grey_note(result: Information) -> list[str]:
     return ["Rows in grey are nominal; the other rows also show the nominal value."] if result.changed else []
 
 
 def pictures(result: Information) -> list[Picture]:
     """Speed over voltage of every joint, and the geometry of those with a linear actuator."""
-    found = [
+    drawings = [
         Picture(
             "speed-over-voltage",
             style.png(speed_over_voltage(result.joints, result.supply)),
@@ -234,7 +234,7 @@ def pictures(result: Information) -> list[Picture]:
         )
     ]
     if any(joint.geometry for joint in result.joints):
-        found.append(
+        drawings.append(
             Picture(
                 "geometry",
                 style.png(actuator_geometry(result.joints)),
@@ -242,7 +242,7 @@ def pictures(result: Information) -> list[Picture]:
                 "proportional to the inverse of the arm, so it changes along the travel. Dots: mid stroke.",
             )
         )
-    return found
+    return drawings
 
 
 @styled
@@ -272,19 +272,19 @@ def speed_over_voltage(joints: Sequence[Joint], supply: float) -> Figure:
 def actuator_geometry(joints: Sequence[Joint]) -> Figure:
     """Joint angle over actuator length, and moment arm over joint angle."""
     figure, axes = style.sheet(1, 2, height=3.0)
-    left, right = axes[0]
+    angle_axes, arm_axes = axes[0]
     for joint in joints:
         if joint.geometry is None:
             continue
         g, colour = joint.geometry, COLOURS[joint.name]
         angle, length, arm = np.degrees(g.angle), 1e3 * g.length, 1e3 * g.arm
-        left.plot(length, angle, color=colour, label=joint.name)
-        right.plot(angle, arm, color=colour)
+        angle_axes.plot(length, angle, color=colour, label=joint.name)
+        arm_axes.plot(angle, arm, color=colour)
         middle = np.degrees(joint.truth.operating_point)
-        left.plot(np.interp(middle, angle, length), middle, "o", color=colour, markersize=4)
-        right.plot(middle, np.interp(middle, angle, arm), "o", color=colour, markersize=4)
-    left.set(title="(a) angle over length", xlabel="actuator, pin to pin [mm]", ylabel="joint angle [deg]")
-    right.set(title="(b) moment arm over angle", xlabel="joint angle [deg]", ylabel="moment arm [mm]")
-    right.set_ylim(bottom=0)
-    style.legend(left)
+        angle_axes.plot(np.interp(middle, angle, length), middle, "o", color=colour, markersize=4)
+        arm_axes.plot(middle, np.interp(middle, angle, arm), "o", color=colour, markersize=4)
+    angle_axes.set(title="(a) angle over length", xlabel="actuator, pin to pin [mm]", ylabel="joint angle [deg]")
+    arm_axes.set(title="(b) moment arm over angle", xlabel="joint angle [deg]", ylabel="moment arm [mm]")
+    arm_axes.set_ylim(bottom=0)
+    style.legend(angle_axes)
     return figure

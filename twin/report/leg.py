@@ -13,16 +13,14 @@ from sysid.base import style
 from sysid.base.style import styled
 from sysid.report.page import Picture
 from sysid.report.zoom import Figure
-from twin.parameters import JOINTS, Parameters
-from twin.plant.leg import BENCH_LEG, robot
-from twin.view.stills import on_stand
+from twin.parameters import Parameters
+from twin.plant.leg import robot
+from twin.view.stills import leg_points, on_stand
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FRAMES = 101  # poses over the record
-LINKS = ("shoulder_hub", "thigh_lever", "shank_lever")  # whose origins are shoulder, hip pin and knee
-RODS = JOINTS[1:]
 AXES = ("forward", "outward", "up")
 COLOURS = (style.INK, style.MODEL)
 # As near as all three names of axes stay inside the picture.
@@ -52,52 +50,50 @@ def poses(angles: Course, parameters: Parameters | None = None) -> Poses:
     for k in range(len(next(iter(angles.values())))):
         data.qpos[:] = on_stand(model, p, {joint: float(course[k]) for joint, course in angles.items()})
         mujoco.mj_kinematics(model, data)
-        origin = data.body(f"{LINKS[0]}{BENCH_LEG}").xpos.copy()
-        own = [*(data.body(f"{name}{BENCH_LEG}").xpos for name in LINKS), data.site(f"foot{BENCH_LEG}").xpos]
-        ends = [data.site(f"{joint}_{end}{BENCH_LEG}").xpos for joint in RODS for end in ("base", "rod")]
-        links.append(np.array(own) - origin)
-        rods.append(np.array(ends) - origin)
+        points, ends = leg_points(data)
+        links.append(points - points[0])
+        rods.append(ends - points[0])
     return Poses(np.array(links), np.array(rods))
 
 
 def picture(name: str, t: np.ndarray, sides: Mapping[str, Course], parameters: Parameters | None = None) -> Picture:
     """The figure of one or two legs over times t (N,) [s]: `sides` are the joint angles (N,) [rad] by name."""
-    at = np.unique(np.linspace(0, len(t) - 1, min(FRAMES, len(t))).round().astype(int))
-    courses = {side: {joint: _whole(y)[at] for joint, y in course.items()} for side, course in sides.items()}
-    found = {side: poses(course, parameters) for side, course in courses.items()}
+    samples = np.unique(np.linspace(0, len(t) - 1, min(FRAMES, len(t))).round().astype(int))
+    courses = {side: {joint: _fill_gaps(y)[samples] for joint, y in course.items()} for side, course in sides.items()}
+    legs = {side: poses(course, parameters) for side, course in courses.items()}
     names = " and ".join(sides)
     caption = (
-        f"The leg as {names} {'move' if len(sides) > 1 else 'moves'} it, at {len(at)} moments of the record; joints "
-        "without a record are at mid stroke. Positions in metres from the shoulder's axis; the thin line is the way of "
-        "the foot. Drag to turn it, move the slider for another moment."
+        f"The leg as {names} {'move' if len(sides) > 1 else 'moves'} it, at {len(samples)} moments of the record; "
+        "joints without a record are at mid stroke. Positions in metres from the shoulder's axis; the thin line is the "
+        "way of the foot. Drag to turn it, move the slider for another moment."
     )
-    return Picture(name, style.png(draw(found)), caption, figure(t[at], found, courses))
+    return Picture(name, style.png(draw(legs)), caption, figure(t[samples], legs, courses))
 
 
-def _whole(y: np.ndarray) -> np.ndarray:
+def _fill_gaps(y: np.ndarray) -> np.ndarray:
     """The course without gaps."""
-    known = np.isfinite(y)
-    return y if known.all() else np.interp(np.arange(len(y)), np.flatnonzero(known), y[known])
+    is_finite = np.isfinite(y)
+    return y if is_finite.all() else np.interp(np.arange(len(y)), np.flatnonzero(is_finite), y[is_finite])
 
 
-def figure(t: np.ndarray, found: Mapping[str, Poses], courses: Mapping[str, Course]) -> Figure:
+def figure(t: np.ndarray, legs: Mapping[str, Poses], courses: Mapping[str, Course]) -> Figure:
     """The legs at times t (frames,) [s] as a figure of plotly, with a slider whose text gives time and angles."""
-    still = [_path(side, each, COLOURS[k]) for k, (side, each) in enumerate(found.items())]
-    moving = [_traces(found, 0), *(_traces(found, k) for k in range(len(t)))]
-    numbers = list(range(len(still), len(still) + len(moving[0])))
+    paths = [_path(side, legs_poses, COLOURS[k]) for k, (side, legs_poses) in enumerate(legs.items())]
+    moving = [_traces(legs, 0), *(_traces(legs, k) for k in range(len(t)))]
+    numbers = list(range(len(paths), len(paths) + len(moving[0])))
     frames = [{"name": str(k), "data": traces, "traces": numbers} for k, traces in enumerate(moving[1:])]
-    every = np.concatenate([np.concatenate([p.links, p.rods], axis=1).reshape(-1, 3) for p in found.values()])
+    points = np.concatenate([np.concatenate([p.links, p.rods], axis=1).reshape(-1, 3) for p in legs.values()])
     labels = [_label(float(t[k]), courses, k) for k in range(len(t))]
-    return {"data": [*still, *moving[0]], "layout": _layout(every, labels), "frames": frames}
+    return {"data": [*paths, *moving[0]], "layout": _layout(points, labels), "frames": frames}
 
 
-def _traces(found: Mapping[str, Poses], k: int) -> list[dict[str, Any]]:
+def _traces(legs: Mapping[str, Poses], k: int) -> list[dict[str, Any]]:
     """Links and actuators of each leg in frame k."""
     traces = list[dict[str, Any]]()
-    for n, (side, each) in enumerate(found.items()):
-        links, rods = each.links[k], each.rods[k]
+    for n, (side, leg_poses) in enumerate(legs.items()):
+        links, rods = leg_poses.links[k], leg_poses.rods[k]
         gap = np.full((1, 3), np.nan)
-        apart = np.concatenate([rods[:2], gap, rods[2:]])
+        rod_points = np.concatenate([rods[:2], gap, rods[2:]])
         look = {"type": "scatter3d", "mode": "lines+markers", "legendgroup": side}
         traces += [
             look
@@ -111,7 +107,7 @@ def _traces(found: Mapping[str, Poses], k: int) -> list[dict[str, Any]]:
                 "<extra></extra>",
             },
             look
-            | _points(apart)
+            | _points(rod_points)
             | {
                 "name": f"{side}, actuators",
                 "line": {"color": style.INPUT if n == 0 else COLOURS[n], "width": 6},
@@ -122,10 +118,10 @@ def _traces(found: Mapping[str, Poses], k: int) -> list[dict[str, Any]]:
     return traces
 
 
-def _path(side: str, each: Poses, colour: str) -> dict[str, Any]:
+def _path(side: str, leg_poses: Poses, colour: str) -> dict[str, Any]:
     """The way of the foot."""
     line = {"color": colour, "width": 2}
-    return {"type": "scatter3d", "mode": "lines", **_points(each.links[:, 3]), "name": f"{side}: foot"} | {
+    return {"type": "scatter3d", "mode": "lines", **_points(leg_poses.links[:, 3]), "name": f"{side}: foot"} | {
         "line": line,
         "legendgroup": side,
         "showlegend": False,
@@ -140,15 +136,15 @@ def _points(places: np.ndarray) -> dict[str, list[float | None]]:
 
 def _label(t: float, courses: Mapping[str, Course], k: int) -> str:
     """Time and angles of a frame."""
-    said = [
+    texts = [
         f"{side}: " + ", ".join(f"{joint} {np.degrees(course[joint][k]):.1f}°" for joint in course)
         for side, course in courses.items()
     ]
-    return f"{t:.4g} s; {'; '.join(said)}"
+    return f"{t:.4g} s; {'; '.join(texts)}"
 
 
-def _layout(every: np.ndarray, labels: list[str]) -> Figure:
-    low, high = every.min(axis=0) - 0.04, every.max(axis=0) + 0.04
+def _layout(points: np.ndarray, labels: list[str]) -> Figure:
+    low, high = points.min(axis=0) - 0.04, points.max(axis=0) + 0.04
     axes = {
         f"{axis}axis": {
             "title": {"text": f"{name} [m]"},
@@ -160,15 +156,13 @@ def _layout(every: np.ndarray, labels: list[str]) -> Figure:
         }
         for axis, name, a, b in zip("xyz", AXES, low, high, strict=True)
     }
-    now = {"mode": "immediate", "transition": {"duration": 0}}
-    steps = [
-        {"label": label, "method": "animate", "args": [[str(k)], now | {"frame": {"duration": 0, "redraw": True}}]}
-        for k, label in enumerate(labels)
-    ]
+    immediate = {"mode": "immediate", "transition": {"duration": 0}}
+    redraw = immediate | {"frame": {"duration": 0, "redraw": True}}
+    steps = [{"label": label, "method": "animate", "args": [[str(k)], redraw]} for k, label in enumerate(labels)]
     run = {"frame": {"duration": 60, "redraw": True}, "fromcurrent": True, "transition": {"duration": 0}}
     buttons = [
         {"label": "play", "method": "animate", "args": [None, run]},
-        {"label": "stop", "method": "animate", "args": [[None], now]},
+        {"label": "stop", "method": "animate", "args": [[None], immediate]},
     ]
     side = {"x": 0, "xanchor": "left"}
     return {
@@ -200,19 +194,19 @@ def _layout(every: np.ndarray, labels: list[str]) -> Figure:
 
 
 @styled
-def draw(found: Mapping[str, Poses]) -> list[Axes]:
+def draw(legs: Mapping[str, Poses]) -> list[Axes]:
     """Side view and top view: the first leg's two poses that lie farthest apart, and the way of each foot."""
     axes = style.panels(None, 1, 2, height=3.4)
-    for ax, (across, along), title in zip(axes, ((1, 2), (1, 0)), ("(a) from the side", "(b) from above"), strict=True):
-        for n, (side, each) in enumerate(found.items()):
-            foot = each.links[:, 3]
+    for ax, (i, j), title in zip(axes, ((1, 2), (1, 0)), ("(a) from the side", "(b) from above"), strict=True):
+        for n, (side, leg_poses) in enumerate(legs.items()):
+            foot = leg_poses.links[:, 3]
             first = int(np.argmax(np.linalg.norm(foot - foot[0], axis=1)))
             last = int(np.argmax(np.linalg.norm(foot - foot[first], axis=1)))
             for k, alpha, label in ((first, 1.0, side), (last, 0.4, None)):
-                x, y = each.links[k][:, across], each.links[k][:, along]
+                x, y = leg_poses.links[k][:, i], leg_poses.links[k][:, j]
                 ax.plot(x, y, "o-", color=COLOURS[n], linewidth=3, markersize=4, alpha=alpha, label=label)
-            ax.plot(foot[:, across], foot[:, along], color=COLOURS[n], linewidth=0.8)
-        ax.set(title=title, xlabel=f"{AXES[across]} [m]", ylabel=f"{AXES[along]} [m]")
+            ax.plot(foot[:, i], foot[:, j], color=COLOURS[n], linewidth=0.8)
+        ax.set(title=title, xlabel=f"{AXES[i]} [m]", ylabel=f"{AXES[j]} [m]")
         ax.set_aspect("equal", adjustable="datalim")
     style.legend(axes[0])
     return axes

@@ -14,7 +14,7 @@ from sysid.report.figures import TABLE, VALIDATION_TIME
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.report.words import tests_in_words
 from sysid.workflow.evaluation import Evaluation
-from twin.report import beyond
+from twin.report import actuated_joint
 from twin.studies.beyond import RECORDS
 from twin.studies.protocol import TS, JointResult, ProtocolResult
 
@@ -51,8 +51,8 @@ def page(result: ProtocolResult, stills: Stills) -> Page:
             _leg(stills),
             Section("Results", [_READING], tables=[table(result)], details=[]),
             Section("Truth", [_TRUTH], tables=[truth_table(result), checks_table(result)]),
-            beyond.section(result),
-            *sections.only([beyond.ablation_section(result)]),
+            actuated_joint.section(result),
+            *sections.only([actuated_joint.ablation_section(result)]),
             *(_joint(r) for r in result.joints),
         ],
         made_with=versions(),
@@ -83,37 +83,20 @@ def verdict(result: ProtocolResult) -> list[str]:
     )
     ceilings = ", ".join(f"{r.ceiling:.1f} %" for r in result.joints)
     networks = ", ".join(percent(r.nlarx.validation_fit) for r in result.joints)
-    failed = [check for check in result.checks if not check.holds]
-    first = (
+    fits_sentence = (
         "Each joint of the simulated leg was swept between its ends, and the paper's Hammerstein-Wiener structures "
         f"were fitted to the first half of the record. Their free-run fits on the second half are: {fits}. The "
         f"default NLARX models reach {networks}; the ceilings set by noise are {ceilings}. The sweep repeats itself, "
         "so a high fit does not mean that the model describes the leg: compare its poles with the truth below."
     )
-    further = beyond.verdict(result)
-    if not failed:
-        return [
-            first,
-            *further,
-            f"All {len(result.checks)} checks hold: the models are stable and the twin agrees with its closed form.",
-        ]
-    return [first, *further, *(f"DOES NOT HOLD – {check.statement}: {check.found}." for check in failed)]
+    failures = [f"DOES NOT HOLD – {check.statement}: {check.found}." for check in result.checks if not check.holds]
+    success = f"All {len(result.checks)} checks hold: the models are stable and the twin agrees with its closed form."
+    return [fits_sentence, *actuated_joint.verdict(result), *(failures or [success])]
 
 
 def table(result: ProtocolResult) -> Grid:
     """The main table: every model and the paper's row."""
-    headings = (
-        "joint",
-        "model",
-        "search",
-        "fit",
-        "ceiling",
-        "FPE",
-        "loss",
-        "stable",
-        "white, indep.",
-        "poles",
-    )
+    headings = ("joint", "model", "search", "fit", "ceiling", "FPE", "loss", "stable", "white, indep.", "poles")
     rows, quiet = [], set()
     for r in result.joints:
         rows += [*_nlarx_rows(r), _row(r, "default", r.default), _row(r, "final", r.final), _paper_row(r)]
@@ -122,43 +105,35 @@ def table(result: ProtocolResult) -> Grid:
 
 
 def _row(r: JointResult, name: str, e: Evaluation) -> tuple[str, ...]:
-    s, c, t = e.setting, e.fit.criteria, e.tests
-    verdicts = "–" if t is None else f"{_yes(t.white)}, {_yes(t.independent)}"
     return (
-        r.joint,
-        f"{name} {s.recipe.order_text}",
-        s.search,
-        percent(e.validation_fit),
+        *_start(r, name, e),
         percent(r.ceiling),
-        number(c.fpe, 3),
-        number(c.loss, 3),
+        *_losses(e),
         _yes(e.stable),
-        verdicts,
+        _residual_verdicts(e),
         poles(e.poles),
     )
 
 
 def _nlarx_rows(r: JointResult) -> list[tuple[str, ...]]:
-    e, one = r.nlarx, r.nlarx.one_step
-    assert one is not None
-    s, c, t = e.setting, e.fit.criteria, e.tests
-    verdicts = "–" if t is None else f"{_yes(t.white)}, {_yes(t.independent)}"
-    ahead = (percent(one.validation_fit), "–", number(c.fpe, 3), number(c.loss, 3), "–", verdicts, "–")
-    return [
-        (
-            r.joint,
-            f"NLARX {s.recipe.order_text}",
-            s.search,
-            percent(e.validation_fit),
-            percent(r.ceiling),
-            "–",
-            "–",
-            _yes(e.stable),
-            "–",
-            "–",
-        ),
-        (r.joint, "NLARX, ONE STEP", s.search, *ahead),
-    ]
+    """The free run of the NLARX model, and its one-step-ahead prediction."""
+    e, one_step = r.nlarx, r.nlarx.one_step
+    assert one_step is not None
+    free_run = (*_start(r, "NLARX", e), percent(r.ceiling), "–", "–", _yes(e.stable), "–", "–")
+    start = (r.joint, "NLARX, ONE STEP", e.setting.search, percent(one_step.validation_fit), "–")
+    return [free_run, (*start, *_losses(e), "–", _residual_verdicts(e), "–")]
+
+
+def _start(r: JointResult, name: str, e: Evaluation) -> tuple[str, str, str, str]:
+    return r.joint, f"{name} {e.setting.recipe.order_text}", e.setting.search, percent(e.validation_fit)
+
+
+def _losses(e: Evaluation) -> tuple[str, str]:
+    return number(e.fit.criteria.fpe, 3), number(e.fit.criteria.loss, 3)
+
+
+def _residual_verdicts(e: Evaluation) -> str:
+    return "–" if e.tests is None else f"{_yes(e.tests.white)}, {_yes(e.tests.independent)}"
 
 
 def _paper_row(r: JointResult) -> tuple[str, ...]:
@@ -173,29 +148,19 @@ def truth_table(result: ProtocolResult) -> Grid:
     rows = []
     for r in result.joints:
         t = r.truth
-        lo, hi = (np.degrees(angle) for angle in t.end_angles)
-        down, up = t.breakaway_voltage
+        low, high = (number(float(np.degrees(angle)), 3) for angle in t.end_angles)
         rows.append(
             (
                 r.joint,
-                ", ".join(f"{z.real:.5f}" for z in t.poles),
-                ", ".join(f"{z.real:.5f}" for z in t.closed_form_poles),
+                *(", ".join(f"{z.real:.5f}" for z in zs) for zs in (t.poles, t.closed_form_poles)),
                 number(float(np.degrees(t.gain)), 3),
-                f"{number(lo, 3)} to {number(hi, 3)}",
+                f"{low} to {high}",
                 f"{np.degrees(t.backlash):.2f}",
-                f"{number(down, 3)} / {number(up, 3)}",
+                " / ".join(number(volts, 3) for volts in t.breakaway_voltage),
             )
         )
-    headings = (
-        "joint",
-        "poles, twin",
-        "closed form",
-        "gain [deg/s/V]",
-        "ends [deg]",
-        "backlash [deg]",
-        "breakaway [V]",
-    )
-    return Grid(headings, rows)
+    quantities = ("poles, twin", "closed form", "gain [deg/s/V]", "ends [deg]", "backlash [deg]", "breakaway [V]")
+    return Grid(("joint", *quantities), rows)
 
 
 def checks_table(result: ProtocolResult) -> Grid:
@@ -211,8 +176,8 @@ def terminal_tables(result: ProtocolResult) -> list[Grid]:
         results.only("joint", "model", "search", "fit", "ceiling", "FPE", "loss"),
         results.only("joint", "model", "stable", "white, indep.", "poles"),
         truth.only("joint", "poles, twin", "closed form", "ends [deg]", "backlash [deg]"),
-        beyond.table(result),
-        beyond.values_table(result).only("joint", "value", "truth", "aim ±", *RECORDS),
+        actuated_joint.table(result),
+        actuated_joint.values_table(result).only("joint", "value", "truth", "aim ±", *RECORDS),
     ]
 
 
@@ -221,7 +186,7 @@ def _leg(stills: Stills) -> Section:
         return Section("The leg", [f"The 3-D stills are missing: {stills}."])
     pictures = [
         Picture(f"leg-{joint}-{end}", style.image_png(rgb), f"{joint.capitalize()} at its {end}imum angle.")
-        for joint, end, rgb in sorted(stills, key=lambda still: still[1], reverse=True)  # all minima, then all maxima
+        for joint, end, rgb in sorted(stills, key=lambda item: item[1], reverse=True)  # all minima, then all maxima
     ]
     lead = "Each joint at both ends of its travel, as figures 14 to 16 of the paper; only the excited leg moves."
     return Section("The leg", [lead], pictures=pictures, small_pictures=True)

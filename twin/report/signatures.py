@@ -10,11 +10,11 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.style import styled
-from sysid.base.units import Quantity, number, shown
+from sysid.base.units import number, shown
 from sysid.report.page import Grid, Picture, Section
 from twin.declared import Imperfection
 from twin.imperfections import TABLE as IMPERFECTIONS
-from twin.signatures import Axis, Mark, Signature
+from twin.signatures import Mark, Signature
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,9 +36,9 @@ MARKS = ("<!-- from here on made by scripts/signatures.py -->\n", "<!-- end of s
 ROOM = 0.4  # of the axes' width, for the text of a mark that stands outside of the data
 
 
-def section(found: Sequence[Signature]) -> Section:
+def section(signatures: Sequence[Signature]) -> Section:
     """All signatures and their sizes."""
-    return Section("Signatures", [_INTRODUCTION], [sizes(found)], pictures(found), small_pictures=True)
+    return Section("Signatures", [_INTRODUCTION], [sizes(signatures)], pictures(signatures), small_pictures=True)
 
 
 _INTRODUCTION = (
@@ -49,18 +49,18 @@ _INTRODUCTION = (
 )
 
 
-def pictures(found: Sequence[Signature]) -> list[Picture]:
+def pictures(signatures: Sequence[Signature]) -> list[Picture]:
     """One picture per signature."""
     return [
         Picture(f"signature-{signature.key}", style.png(draw(signature)), f"{signature.sentence} ({signature.joint})")
-        for signature in found
+        for signature in signatures
     ]
 
 
-def sizes(found: Sequence[Signature]) -> Grid:
+def sizes(signatures: Sequence[Signature]) -> Grid:
     """Measured beside true."""
     rows = []
-    for signature in found:
+    for signature in signatures:
         for size in signature.sizes:
             unit = shown("", size.unit)
             values = (_value(v * unit.factor, size.true * unit.factor) for v in (size.measured, size.true, size.off))
@@ -69,20 +69,21 @@ def sizes(found: Sequence[Signature]) -> Grid:
     return Grid(headings, rows, text_columns=3, last_text=True)
 
 
-def markdown(found: Sequence[Signature]) -> str:
+def markdown(signatures: Sequence[Signature]) -> str:
     """docs/imperfections.md from its table of sizes on: the text and the pictures of each imperfection."""
-    shown = sizes(found).only("switch", "what is measured", "joint", "measured", "true", "unit")
-    rule = [":--" if shown.is_text(j) else "--:" for j in range(len(shown.headings))]
-    table = "".join("| " + " | ".join(row) + " |\n" for row in (shown.headings, rule, *shown.rows))
-    return "\n".join([MARKS[0] + table + MARKS[1], *(_chapter(each, found) for each in IMPERFECTIONS.values())])
+    grid = sizes(signatures).only("switch", "what is measured", "joint", "measured", "true", "unit")
+    rule = [":--" if grid.is_text(j) else "--:" for j in range(len(grid.headings))]
+    table = "".join("| " + " | ".join(row) + " |\n" for row in (grid.headings, rule, *grid.rows))
+    chapters = [_chapter(imperfection, signatures) for imperfection in IMPERFECTIONS.values()]
+    return "\n".join([MARKS[0] + table + MARKS[1], *chapters])
 
 
-def _chapter(each: type[Imperfection], found: Sequence[Signature]) -> str:
-    first, *more = [f"![{one.sentence}](imperfections-{one.key}.png)" for one in found if one.name == each.name]
-    said = [each.about, f"Model: {each.model}", f"Parameters: {each.parameters}", "", each.remark]
-    about, model, rows, _, remark = (textwrap.fill(part, 120, break_on_hyphens=False) for part in said)
-    parts = [f"## {each.title}: `{each.name}`", about, model, rows, first, remark, *more]
-    return "\n\n".join(part for part in parts if part) + "\n"
+def _chapter(i: type[Imperfection], signatures: Sequence[Signature]) -> str:
+    """The heading, text and pictures of an imperfection."""
+    first, *rest = [f"![{s.sentence}](imperfections-{s.key}.png)" for s in signatures if s.name == i.name]
+    texts = [i.about, f"Model: {i.model}", f"Parameters: {i.parameters}", first, i.remark, *rest]
+    wrapped = [text if text.startswith("![") else textwrap.fill(text, 120, break_on_hyphens=False) for text in texts]
+    return "\n\n".join(text for text in (f"## {i.title}: `{i.name}`", *wrapped) if text) + "\n"
 
 
 def _value(value: float, true: float) -> str:
@@ -102,7 +103,7 @@ def draw(signature: Signature) -> Figure:
 
 def panel(axes: Axes, signature: Signature) -> None:
     """Lines without the imperfection below those with it; marks have their own colour."""
-    x, y = _quantity(signature.x), _quantity(signature.y)
+    x, y = (shown(axis.name, axis.unit) for axis in (signature.x, signature.y))
     for line in sorted(signature.lines, key=lambda line: line.on):
         colour = style.INK if line.on else OFF
         data = np.asarray(line.x) * x.factor, np.asarray(line.y) * y.factor
@@ -126,20 +127,15 @@ def _mark(axes: Axes, mark: Mark, x: float, y: float) -> None:
     arrow = {"arrowstyle": "<|-|>,head_width=0.18,head_length=0.35", "color": style.MODEL, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", ends[1], ends[0], arrowprops={**arrow, "linewidth": 1.1}, zorder=5)
     unit = shown("", mark.unit)
-    said = f"{_short(mark.value * unit.factor)} {unit.unit}".rstrip()
-    share, offset, across, up = PLACES[mark.place]
+    size = f"{_short(mark.value * unit.factor)} {unit.unit}".rstrip()
+    share, offset, horizontal, vertical = PLACES[mark.place]
     anchor = ends.min(axis=0) + share * np.ptp(ends, axis=0)
-    text = axes.annotate(
-        mark.text.format(said), anchor, offset, textcoords="offset points", ha=across, va=up, color=style.MODEL
-    )
-    text.set(fontsize=8.5, zorder=6, bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 0.6})
+    text = axes.annotate(mark.text.format(size), anchor, offset, textcoords="offset points", color=style.MODEL)
+    text.set(ha=horizontal, va=vertical, fontsize=8.5, zorder=6)
+    text.set(bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 0.6})
 
 
 def _short(value: float) -> str:
     """At most three digits, without trailing zeros."""
     text = number(value, 3)
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
-
-
-def _quantity(axis: Axis) -> Quantity:
-    return shown(axis.name, axis.unit)

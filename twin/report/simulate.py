@@ -60,13 +60,13 @@ def _leg(result: Simulation) -> Picture:
     return leg.picture("leg", result.parts[0].data.t, {"twin": angles}, parameters)
 
 
-def _pictures(part: Part, mode: str, without: list[str]) -> list[Picture]:
-    data, missing = part.data, ", ".join(without) or "nothing"
+def _pictures(part: Part, mode: str, omitted: list[str]) -> list[Picture]:
+    data, switched_off = part.data, ", ".join(omitted) or "nothing"
     return [
         Picture(
             f"data-{part.joint}",
             style.png(plots.record(data)),
-            f"{_INPUT[mode]} and angle that the potentiometer read, {part.joint}; switched off: {missing}.",
+            f"{_INPUT[mode]} and angle that the potentiometer read, {part.joint}; switched off: {switched_off}.",
             zoom.record(data),
         ),
         Picture(
@@ -80,10 +80,10 @@ def _pictures(part: Part, mode: str, without: list[str]) -> list[Picture]:
 
 
 @styled
-def measurement_error(t: np.ndarray, measured: np.ndarray, true: np.ndarray) -> "Axes":
+def measurement_error(t: np.ndarray, reading: np.ndarray, true: np.ndarray) -> "Axes":
     """Measured less true angle [rad], shown in degrees."""
     (ax,) = style.panels(None, height=2.2)
-    style.line(ax, t, np.degrees(measured - true), color=style.SECOND, linewidth=0.8)
+    style.line(ax, t, np.degrees(reading - true), color=style.SECOND, linewidth=0.8)
     ax.set(xlabel="time [s]", ylabel="error [deg]", title="measured less true angle")
     return ax
 
@@ -96,7 +96,7 @@ def tables(result: Simulation) -> list[Grid]:
 def _table(part: Part) -> Grid:
     t = part.truth
     lo, hi = (number(float(np.degrees(angle)), 4) for angle in t.end_angles)
-    down, up = (number(volts, 3) for volts in t.breakaway_voltage)
+    low_volts, high_volts = (number(volts, 3) for volts in t.breakaway_voltage)
     gain = "degrees per volt of reference" if t.mode == "servo" else "speed per volt [deg/s/V]"
     rows = [
         ("poles in z", ", ".join(_pole(z) for z in t.poles)),
@@ -104,7 +104,7 @@ def _table(part: Part) -> Grid:
         (gain, number(float(np.degrees(t.gain)), 4)),
         ("ends of travel [deg]", f"{lo} to {hi}"),
         ("backlash, whole width [deg]", number(float(np.degrees(t.backlash)), 3)),
-        ("break-away voltage, down / up [V]", f"{down} / {up}"),
+        ("break-away voltage, down / up [V]", f"{low_volts} / {high_volts}"),
         ("dead band of the drive [V]", number(t.dead_band, 3)),
         ("delay of the command [s]", number(t.delay, 3)),
     ]

@@ -113,6 +113,14 @@ def mid_stroke(model: mujoco.MjModel, parameters: Parameters) -> np.ndarray:
     return qpos
 
 
+def leg_points(data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+    """Points [m] of the bench leg: (4, 3) shoulder, hip, knee and foot; (4, 3) both ends of the thigh's actuator and of
+    the shank's."""
+    links = [data.body(f"{name}{BENCH_LEG}").xpos for name in ("shoulder_hub", "thigh_lever", "shank_lever")]
+    ends = [data.site(f"{joint}_{end}{BENCH_LEG}").xpos for joint in JOINTS[1:] for end in ("base", "rod")]
+    return np.array([*links, data.site(f"foot{BENCH_LEG}").xpos]), np.array(ends)
+
+
 def _address(model: mujoco.MjModel, joint: str) -> int:
     return int(model.joint(joint).qposadr[0])
 

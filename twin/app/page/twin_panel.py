@@ -15,11 +15,10 @@ from sysid.base.errors import InputError
 from twin.app.page.panel import Panel, attempt, note
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import BENCH_LEG, robot
-from twin.view.stills import on_stand
+from twin.view.stills import leg_points, on_stand
 
 FRAME = 0.08  # [s] between poses while it plays
 TORSO, LINK, FOOT, MOTOR, ROD, STAND = "#475569", "#2f6f8f", "#1f2933", "#c2410c", "#9aa5b1", "#64748b"
-PARTS = ("shoulder_hub", "thigh_lever", "shank_lever")  # bodies at shoulder, hip pin and knee
 
 
 @dataclass(frozen=True)
@@ -62,8 +61,7 @@ class Leg:
         data.qpos[:] = on_stand(self._model, self._parameters, angles)
         mujoco.mj_kinematics(self._model, data)
         torso = np.array(data.body("torso").xpos)
-        hub, thigh, shank = (np.array(data.body(f"{part}{BENCH_LEG}").xpos) for part in PARTS)
-        foot = np.array(data.site(f"foot{BENCH_LEG}").xpos)
+        (hub, thigh, shank, foot), ends = leg_points(data)
         floor = np.array([torso[0], torso[1], 0.0])
         cylinders = [
             Bar("stand", 0.02, floor, torso, STAND),
@@ -73,8 +71,7 @@ class Leg:
             Bar("shank", 0.02, shank, foot, LINK),
             Bar("foot", 0.03, foot, foot, FOOT),
         ]
-        for joint in JOINTS[1:]:
-            base, rod = (np.array(data.site(f"{joint}_{end}{BENCH_LEG}").xpos) for end in ("base", "rod"))
+        for joint, base, rod in zip(JOINTS[1:], ends[::2], ends[1::2], strict=True):
             shell = 0.8 * self._model.tendon_range[self._model.tendon(joint + BENCH_LEG).id, 0]
             tip = base + (rod - base) / np.linalg.norm(rod - base) * shell
             cylinders += [Bar(f"{joint} cylinder", 0.014, base, tip, MOTOR), Bar(f"{joint} rod", 0.007, tip, rod, ROD)]

@@ -1,4 +1,4 @@
-"""The part of `qpal reproduce` beyond the paper: an actuated joint, the paper's structure and the truth."""
+"""The part of `qpal reproduce` that the paper has not: an actuated joint, the paper's structure and the truth."""
 
 from __future__ import annotations
 
@@ -60,10 +60,10 @@ def verdict(result: ProtocolResult) -> list[str]:
         fits = ", ".join(
             f"{joint} {percent(t.joint.validation_fit)} ({percent(t.paper.validation_fit)})" for joint, t in trials
         )
-        near = sum(t.near for _, t in trials)
+        close_count = sum(t.near for _, t in trials)
         sentences.append(
             f"On {WORDS[record]} the actuated joint reaches, with the paper's structure in brackets: {fits}. It comes "
-            f"within {NEAR:g} point of the ceiling on {near} of {len(trials)} joints."
+            f"within {NEAR:g} point of the ceiling on {close_count} of {len(trials)} joints."
         )
     return sentences
 
@@ -82,8 +82,8 @@ def table(result: ProtocolResult) -> Grid:
 
 
 def _row(joint: str, t: Trial, model: str, e: Evaluation) -> tuple[str, ...]:
-    near = "yes" if e.validation_fit >= t.ceiling - NEAR else "no"
-    return joint, t.record, model, percent(e.validation_fit), percent(t.ceiling), near, str(e.fit.criteria.d)
+    is_close = "yes" if e.validation_fit >= t.ceiling - NEAR else "no"
+    return joint, t.record, model, percent(e.validation_fit), percent(t.ceiling), is_close, str(e.fit.criteria.d)
 
 
 _NONE = ("–", "–")
@@ -111,12 +111,11 @@ def values_table(result: ProtocolResult) -> Grid:
 
 def picture(r: JointResult) -> Picture:
     """Free runs of both structures on both records."""
-    sweep, drawn = r.beyond.trials
+    paper, joint = ([percent(getattr(t, side).validation_fit) for t in r.beyond.trials] for side in ("paper", "joint"))
     caption = (
         f"{r.joint.capitalize()}: free runs over the validation half of both records, and the errors on the second. "
-        f"The fit of the paper's structure falls from {percent(sweep.paper.validation_fit)} to "
-        f"{percent(drawn.paper.validation_fit)}, the actuated joint reaches {percent(sweep.joint.validation_fit)} and "
-        f"{percent(drawn.joint.validation_fit)}."
+        f"The fit of the paper's structure falls from {' to '.join(paper)}, the actuated joint reaches "
+        f"{' and '.join(joint)}."
     )
     return Picture(f"beyond-{r.joint}", style.png(free_runs(r.beyond.trials, SHOWN[r.joint])), caption)
 
@@ -128,14 +127,14 @@ def free_runs(trials: Sequence[Trial], seconds: float) -> Figure:
     for k, (ax, t) in enumerate(zip(axes[:, 0], trials, strict=False)):
         v = t.joint.validation
         n = min(v.N, max(2, round(seconds / v.Ts)))
-        measured = np.degrees(v.y[:n, 0])
-        style.line(ax, v.t[:n], measured, color=style.INK, label="measured", linewidth=2.2, alpha=0.55)
+        angle = np.degrees(v.y[:n, 0])
+        style.line(ax, v.t[:n], angle, color=style.INK, label="measured", linewidth=2.2, alpha=0.55)
         for e, colour, name in _models(t):
             run = np.degrees(e.validation_output[:n] + e.validation.y_offset[0])
             style.line(ax, v.t[:n], run, color=colour, label=f"{name} {percent(e.validation_fit)}", linewidth=1.1)
-        pad = 0.25 * float(np.ptp(measured))
+        pad = 0.25 * float(np.ptp(angle))
         ax.set(title=f"({'ab'[k]}) {t.record}", ylabel="angle [deg]")
-        ax.set_ylim(measured.min() - pad, measured.max() + pad)
+        ax.set_ylim(angle.min() - pad, angle.max() + pad)
         style.legend(ax)
     last, ax = trials[-1], axes[-1, 0]
     for e, colour, _ in _models(last):
@@ -173,32 +172,32 @@ def recovery(result: ProtocolResult) -> Figure:
     return figure
 
 
-def _dot(ax: Axes, value: Recovered, found: JointValue, row: float, mark: str, colour: str) -> None:
+def _dot(ax: Axes, value: Recovered, estimate: JointValue, row: float, mark: str, colour: str) -> None:
     true = value.true
 
-    def scaled(x: float) -> float:
+    def scale(x: float) -> float:
         return float(np.clip((x - true) / value.aim, -FRAME, FRAME))
 
-    x = scaled(found.value)
+    x = scale(estimate.value)
     if abs(x) == FRAME:
         mark = ">" if x > 0 else "<"
     face = "white"
-    if found.low is not None and found.high is not None:
-        ax.plot([scaled(found.low), scaled(found.high)], [row, row], color=colour, linewidth=1.6)
+    if estimate.low is not None and estimate.high is not None:
+        ax.plot([scale(estimate.low), scale(estimate.high)], [row, row], color=colour, linewidth=1.6)
         face = colour
     ax.plot([x], [row], mark, color=colour, markersize=4, markerfacecolor=face)
 
 
 def ablation_section(result: ProtocolResult) -> Section | None:
     """The loss without each part and the gain without each imperfection; None if this was not requested."""
-    found = [a for r in result.joints for a in r.ablation]
-    if not found:
+    ablations = [a for r in result.joints for a in r.ablation]
+    if not ablations:
         return None
     return Section(
         "Causes of the losses",
-        [_ABLATION, *ablation_verdict(found)],
-        [parts_table(found), imperfections_table(found)],
-        [Picture("ablation", style.png(bars(found)), _BARS)],
+        [_ABLATION, *ablation_verdict(ablations)],
+        [parts_table(ablations), imperfections_table(ablations)],
+        [Picture("ablation", style.png(bars(ablations)), _BARS)],
     )
 
 
@@ -214,42 +213,42 @@ _BARS = (
 )
 
 
-def ablation_verdict(found: Sequence[Ablation]) -> list[str]:
+def ablation_verdict(ablations: Sequence[Ablation]) -> list[str]:
     """The most important part on each record, and the effect of the most important imperfection."""
     sentences = []
-    for a in found:
-        most = max((row for row in a.joint if row.fit is not None), key=a.lost)
+    for a in ablations:
+        main = max((row for row in a.joint if row.fit is not None), key=a.lost)
         single = [row for row in a.paper if row.fit is not None and row.part in a.single]
         best = max(single, key=a.gained)
         bare = next((row.fit for row in a.paper if row.part == ablation.BARE), None)
-        even = "" if bare is None else f" With all imperfections off but the end stops it reaches {percent(bare)}."
+        text = f" With all imperfections off but the end stops it reaches {percent(bare)}." if bare is not None else ""
         sentences.append(
-            f"{a.name.capitalize()}, {a.record}: without its {most.part} the actuated joint loses {a.lost(most):.1f} "
+            f"{a.name.capitalize()}, {a.record}: without its {main.part} the actuated joint loses {a.lost(main):.1f} "
             f"points. The paper's structure is {a.behind:.1f} points behind; switching off a single imperfection of "
-            f"the twin improves it by at most {max(a.gained(best), 0.0):.1f} points ({_words(best.part)}).{even}"
+            f"the twin improves it by at most {max(a.gained(best), 0.0):.1f} points ({_words(best.part)}).{text}"
         )
     return sentences
 
 
-def parts_table(found: Sequence[Ablation]) -> Grid:
+def parts_table(ablations: Sequence[Ablation]) -> Grid:
     """Points that the actuated joint loses without each part."""
-    rows = [["nothing left out: fit", *(percent(a.joint_fit) for a in found)]]
-    for part in [row.part for row in found[0].joint]:
-        rows.append([part, *(_points(a, a.joint, part, a.lost) for a in found)])
-    return Grid(_headings(found), rows, "Points of fit that the actuated joint loses without a part")
+    rows = [["nothing left out: fit", *(percent(a.joint_fit) for a in ablations)]]
+    for part in [row.part for row in ablations[0].joint]:
+        rows.append([part, *(_points(a, a.joint, part, a.lost) for a in ablations)])
+    return Grid(_headings(ablations), rows, "Points of fit that the actuated joint loses without a part")
 
 
-def imperfections_table(found: Sequence[Ablation]) -> Grid:
+def imperfections_table(ablations: Sequence[Ablation]) -> Grid:
     """Fit of the paper's structure on the twin without each imperfection."""
-    rows = [["the twin as it is", *(percent(a.paper_fit) for a in found)]]
-    for part in [row.part for row in found[0].paper]:
-        fits = (next((row.fit for row in a.paper if row.part == part), None) for a in found)
+    rows = [["the twin as it is", *(percent(a.paper_fit) for a in ablations)]]
+    for part in [row.part for row in ablations[0].paper]:
+        fits = (next((row.fit for row in a.paper if row.part == part), None) for a in ablations)
         rows.append([_words(part), *("leaves the range" if fit is None else percent(fit) for fit in fits)])
-    return Grid(_headings(found), rows, "Fit of the paper's structure on the twin without an imperfection")
+    return Grid(_headings(ablations), rows, "Fit of the paper's structure on the twin without an imperfection")
 
 
-def _headings(found: Sequence[Ablation]) -> tuple[str, ...]:
-    return ("without", *(f"{a.name}, {a.record}" for a in found))
+def _headings(ablations: Sequence[Ablation]) -> tuple[str, ...]:
+    return ("without", *(f"{a.name}, {a.record}" for a in ablations))
 
 
 def _points(a: Ablation, rows: Sequence[Row], part: str, points) -> str:
@@ -264,27 +263,27 @@ def _words(part: str) -> str:
 
 
 @styled
-def bars(found: Sequence[Ablation]) -> Figure:
+def bars(ablations: Sequence[Ablation]) -> Figure:
     """Losses of the actuated joint on the left, gains of the paper's structure on the right, one colour per joint."""
     figure, axes = style.sheet(len(RECORDS), 2, height=8.4)
     for pair, record in zip(axes, RECORDS, strict=True):
-        chosen = [a for a in found if a.record == record]
-        _bars(pair[0], chosen, [(a.joint, a.lost) for a in chosen], f"model without, {record}", "points lost")
-        _bars(pair[1], chosen, [(a.paper, a.gained) for a in chosen], f"twin without, {record}", "points gained")
+        of_record = [a for a in ablations if a.record == record]
+        _bars(pair[0], of_record, [(a.joint, a.lost) for a in of_record], f"model without, {record}", "points lost")
+        _bars(pair[1], of_record, [(a.paper, a.gained) for a in of_record], f"twin without, {record}", "points gained")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
-def _bars(ax: Axes, found: Sequence[Ablation], sides: list, title: str, unit: str) -> None:
+def _bars(ax: Axes, ablations: Sequence[Ablation], sides: list, title: str, unit: str) -> None:
     parts = [row.part for row in sides[0][0]]
-    height = 0.8 / len(found)
+    height = 0.8 / len(ablations)
     for k, (a, (rows, points), colour) in enumerate(
-        zip(found, sides, (style.INK, style.INPUT, style.MODEL), strict=False)
+        zip(ablations, sides, (style.INK, style.INPUT, style.MODEL), strict=False)
     ):
         by_name = {row.part: points(row) for row in rows}
         values = np.array([by_name.get(part, np.nan) for part in parts])
-        places = np.arange(len(parts)) + (k - 0.5 * (len(found) - 1)) * height
+        places = np.arange(len(parts)) + (k - 0.5 * (len(ablations) - 1)) * height
         ax.barh(places, values, height, color=colour, label=a.name)
     ax.axvline(0, color=style.SECOND, linewidth=0.8)
     ax.set_yticks(range(len(parts)), [_words(part) for part in parts])
