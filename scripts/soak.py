@@ -33,9 +33,9 @@ from sysid import structures
 from sysid.base import style
 from sysid.report import identify as report
 from sysid.report.page import write
-from sysid.workflow.evaluation import Setting
-from sysid.workflow.exports import export
 from sysid.workflow.identification import identify_file
+from sysid.workflow.saved import export
+from sysid.workflow.setting import Setting
 from twin.app.entries import Data
 from twin.app.session import Session
 

@@ -55,4 +55,4 @@ from .selection.select import select as select
 from .solver.iterate import Options as Options
 from .uncertainty.information import information as information
 from .validation.compare import compare as compare, cross_validate as cross_validate
-from .workflow.reading import read as read
+from .workflow.record import read as read

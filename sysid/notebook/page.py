@@ -15,11 +15,12 @@ from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
 from sysid.notebook.words import recipe_of
 from sysid.report.identify import page
-from sysid.workflow.evaluation import Evaluation, Setting, check_parts, evaluate_fit
-from sysid.workflow.exports import Exports
-from sysid.workflow.identified import Identification, NextStep
+from sysid.workflow.evaluation import check_parts, evaluate_fit
+from sysid.workflow.plan import Plan
 from sysid.workflow.record import Record
-from sysid.workflow.records import Plan
+from sysid.workflow.results import Evaluation, Identification, NextStep
+from sysid.workflow.saved import Exports
+from sysid.workflow.setting import Setting
 
 NO_VALIDATION = (
     "no validation record was given, so what is called validation here is the record of the fit itself and says "

@@ -16,7 +16,7 @@ from sysid.uncertainty.curves import OWN, Curve, curves
 from sysid.uncertainty.information import Information, information
 from sysid.uncertainty.intervals import Band
 from sysid.uncertainty.responses import FrequencyResponse
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 
 SEES_INPUT, GIVES_OUTPUT = ("input", "driver"), ("output", "map", "sensor")
 

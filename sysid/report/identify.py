@@ -15,12 +15,12 @@ from sysid.report.page import Grid, Listing, Page, Section
 from sysid.report.words import tests_in_words
 from sysid.selection.table import Selection
 from sysid.structures import TABLE
-from sysid.workflow.evaluation import Evaluation
-from sysid.workflow.exports import Exports
-from sysid.workflow.gain_sign import WRONG
 from sysid.workflow.identification import Identification
+from sysid.workflow.plan import Plan
 from sysid.workflow.record import Record
-from sysid.workflow.records import Plan
+from sysid.workflow.remarks import WRONG
+from sysid.workflow.results import Evaluation
+from sysid.workflow.saved import Exports
 
 RANKED = 12  # rows of a structure search that are shown
 BAD = 50.0  # [%] of fit in validation, below which nobody should use a model

@@ -11,7 +11,7 @@ from sysid.base.units import number, percent, shown
 from sysid.base.versions import versions
 from sysid.plots import Run, free_runs
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.workflow.models import CLOSE, Models, comparable, criteria_of
+from sysid.workflow.model_run import CLOSE, Models, comparable, criteria_of
 from sysid.workflow.saved import one_output
 
 if TYPE_CHECKING:

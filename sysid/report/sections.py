@@ -11,7 +11,7 @@ from sysid.joint.values import JointValue
 from sysid.report.page import Grid
 from sysid.report.words import noted, one_step
 from sysid.uncertainty.intervals import Interval, Root
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 
 T = TypeVar("T")
 NOT_KNOWN = "not determined"

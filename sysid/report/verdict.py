@@ -7,8 +7,8 @@ from sysid.diagnosis.residuals import poor
 from sysid.plots._departure import departure
 from sysid.report.sections import capital, model_in_words
 from sysid.report.words import tests_in_words
-from sysid.workflow.evaluation import APART, OVERFITTED, Evaluation
-from sysid.workflow.identified import Identification
+from sysid.workflow.evaluation import APART, OVERFITTED
+from sysid.workflow.results import Evaluation, Identification
 
 CLOSE = 90.0  # [%] fit of a free run that is close to the data
 

@@ -4,7 +4,7 @@ from sysid.base.units import percent
 from sysid.diagnosis.residuals import ResidualTests
 from sysid.nlarx.result import ONE_STEP, NlarxFit
 from sysid.uncertainty.information import UNEXCITED
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 
 
 def one_step(evaluation: Evaluation) -> bool:

@@ -1,21 +1,22 @@
 """One model fitted to one record, with all numbers that a report or a table shows."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
 from sysid.block.block import StaticBlock
 from sysid.blocks import Channels
 from sysid.data.record import IOData
 from sysid.diagnosis.higher_order import HigherOrderTests, higher_order_tests
-from sysid.diagnosis.residuals import ResidualTests
+from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.result import Fit
-from sysid.joint.growth import Growth, grow_joint
-from sysid.joint.values import JointValue, as_read, in_unit, joint_values
-from sysid.joint.verdict import Verdict, verdict
+from sysid.joint.growth import grow_joint
+from sysid.joint.values import JointValue, in_unit, joint_values
+from sysid.joint.verdict import verdict
 from sysid.linear import linearize
 from sysid.nlarx.dispatch import fit as fit_model
 from sysid.nlarx.fit import ITERATIONS as NETWORK_ITERATIONS
@@ -25,141 +26,15 @@ from sysid.solver.iterate import Options
 from sysid.uncertainty import intervals
 from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import Root
-from sysid.workflow.extrapolation import extrapolated_joint, extrapolated_signals
-from sysid.workflow.gain_sign import gain_remarks
-from sysid.workflow.outputs import OneOutput, is_several, residuals_and_inputs, tests_of, worst
-from sysid.workflow.outputs import fits as fits_of
+from sysid.workflow.remarks import extrapolated_joint, extrapolated_signals, gain_remarks
+from sysid.workflow.results import Curve, Evaluation, OneOutput, OneStep
 from sysid.workflow.setting import Setting
 
-RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
 APART = 3.0  # the same of a joint, whose two parts are the same physics
 AMPLE = 100  # samples for each parameter
+_DIVERGED = -1000.0  # [%] of fit, below which a number says no more than that the run has left the data
 Progress = Callable[[str], None] | None
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A line to draw: x (n,) and y (n,)."""
-
-    x: np.ndarray
-    y: np.ndarray
-
-
-@dataclass(frozen=True)
-class OneStep:
-    """One-step-ahead prediction of a nonlinear ARX model from the measured outputs.
-
-    Outputs (N,) on the scale of their data, fits in %. The fit is near 100 % for any smooth, finely sampled signal: do
-    not compare it with the fit of a free run.
-    """
-
-    estimation_output: np.ndarray
-    validation_output: np.ndarray
-    estimation_fit: float
-    validation_fit: float
-
-    def as_dict(self) -> dict[str, float]:
-        """The two fits [%]."""
-        return {"estimation": self.estimation_fit, "validation": self.validation_fit}
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """A fit with its free-run simulations of both parts of the record and the tests of its validation residuals.
-
-    `estimation_output` and `validation_output` (N,) are on the scale of their data; `step` is the step response of the
-    tangent linear model (None if there is no such model). `maps` holds the static curves in the order of the signal.
-    `tests` and `higher` are None if the validation part is too short; `notes` gives the reason. `roots` are the poles
-    with their intervals, None if the record gives none. A nonlinear ARX model has `one_step` and neither poles nor
-    maps. An actuated joint has `values`, `growth` and `joint`, and no poles; where `joint` says that the record is not
-    that of a joint, there are no values. Of several inputs or outputs the runs are (N, ny), the fits means over the
-    outputs, `outputs` has those of each, `inputs` names and units; `tests` are the worst.
-    """
-
-    setting: Setting
-    fit: Fit | NlarxFit
-    estimation: IOData
-    validation: IOData
-    estimation_output: np.ndarray
-    validation_output: np.ndarray
-    estimation_fit: float
-    validation_fit: float
-    tests: ResidualTests | None
-    higher: HigherOrderTests | None
-    step: Curve | None
-    maps: dict[str, Curve]
-    roots: tuple[Root, ...] | None = None
-    one_step: OneStep | None = None
-    values: tuple[JointValue, ...] = ()
-    growth: Growth | None = None
-    joint: Verdict | None = None
-    notes: tuple[str, ...] = ()
-    inputs: tuple[tuple[str, str], ...] = ()
-    outputs: tuple[OneOutput, ...] = ()
-
-    @property
-    def linear(self) -> bool:
-        """Whether the model has a linear block, and therefore poles."""
-        return isinstance(self.fit, Fit) and bool(self.fit.model.dynamics)
-
-    @property
-    def poles(self) -> np.ndarray:
-        """Poles in z of the linear block; empty if there is no such block."""
-        return self.fit.poles if isinstance(self.fit, Fit) else np.empty(0, dtype=complex)
-
-    @property
-    def zeros(self) -> np.ndarray:
-        """Zeros in z of the linear block; empty if there is no such block."""
-        return self.fit.zeros if isinstance(self.fit, Fit) else np.empty(0, dtype=complex)
-
-    @property
-    def stable(self) -> bool:
-        """Whether all poles of the linear block are inside the unit circle.
-
-        Without such a block: whether both free runs stay within RUNAWAY widths of the range of the output.
-        """
-        if self.linear:
-            return bool(np.all(np.abs(self.poles) < 1.0))
-        y = np.concatenate([self.estimation.y, self.validation.y])
-        run = np.concatenate([self.estimation_output, self.validation_output]).reshape(y.shape)
-        away = np.abs(run - 0.5 * (y.max(axis=0) + y.min(axis=0)))
-        return bool(np.all(away.max(axis=0) <= RUNAWAY * np.ptp(y, axis=0)))
-
-    def as_dict(self) -> dict[str, Any]:
-        """The summary, ready for JSON."""
-        summary = {
-            **({"verdict": self.joint.sentence()} if self.joint is not None and not self.joint.joint else {}),
-            "fit_percent": {"estimation": self.estimation_fit, "validation": self.validation_fit},
-            **self.fit.summary(),
-            "stable": self.stable,
-            "residuals": self.tests.as_dict() if self.tests else None,
-            "higher_order": self.higher.as_dict() if self.higher else None,
-            "setting": self.setting.as_dict(),
-            "notes": list(self.notes),
-        }
-        if self.outputs:
-            summary["outputs"] = [output.as_dict() for output in self.outputs]
-            summary["fit_percent"]["outputs"] = {
-                output.name: {"estimation": output.estimation_fit, "validation": output.validation_fit}
-                for output in self.outputs
-            }
-        if self.roots is not None:
-            for row, root in zip(summary["poles"], self.roots, strict=True):
-                row["intervals"] = {
-                    name: [getattr(root, name).lower, getattr(root, name).upper]
-                    for name in ("real", "imag", "modulus", "time_constant")
-                }
-                row["note"] = root.note
-        if self.one_step is not None:
-            summary["one_step_fit_percent"] = self.one_step.as_dict()
-        if self.values:
-            summary["values"] = [vars(as_read(value)) for value in self.values]
-        if self.growth is not None:
-            summary["growth"] = self.growth.as_dict()
-        if self.joint is not None:
-            summary["joint"] = self.joint.as_dict()
-        return summary
 
 
 def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress: Progress = None) -> Evaluation:
@@ -171,15 +46,15 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     model, start = setting.held.apply(recipe.model_of(estimation), estimation, recipe.grown)
     if recipe.grown and start is None:
         growth = grow_joint(estimation, model, search=setting.search, seconds=setting.seconds, **options)
-        gone = setting.held.missing_in(growth.fit.model)
-        said = verdict(growth, estimation)
-        found = evaluate_fit(setting, growth.fit, estimation, validation, physical=said.joint)
-        return replace(found, growth=growth, joint=said, notes=(*found.notes, *growth.warnings, *gone))
+        missing = setting.held.missing_in(growth.fit.model)
+        joint = verdict(growth, estimation)
+        result = evaluate_fit(setting, growth.fit, estimation, validation, physical=joint.joint)
+        return replace(result, growth=growth, joint=joint, notes=(*result.notes, *growth.warnings, *missing))
     if start is not None:
         options["start"] = start
     if setting.seconds < np.inf:
-        usual = NETWORK_ITERATIONS if isinstance(model, Nlarx) else Options.max_iterations
-        options["options"] = Options(max_iterations=usual, max_seconds=setting.seconds)
+        iterations = NETWORK_ITERATIONS if isinstance(model, Nlarx) else Options.max_iterations
+        options["options"] = Options(max_iterations=iterations, max_seconds=setting.seconds)
     try:
         fit = fit_model(model, estimation, search=setting.search, **options)
     except InputError as error:
@@ -189,14 +64,14 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
             "with what --fix and --bound hold, no start is a valid model, for example because its poles would be "
             "outside the unit circle; hold other values, hold all coefficients of a filter, or start with --from"
         ) from None
-    found = evaluate_fit(setting, fit, estimation, validation)
+    result = evaluate_fit(setting, fit, estimation, validation)
     if fit.seconds < setting.seconds:
-        return found
-    early = (
+        return result
+    note = (
         f"the fit was stopped after {setting.seconds:g} s with the best so far; for all of the search run it again "
         f"with --seconds {2.0 * setting.seconds:g}, or without --seconds"
     )
-    return replace(found, notes=(early, *found.notes))
+    return replace(result, notes=(note, *result.notes))
 
 
 def evaluate_fit(
@@ -208,49 +83,30 @@ def evaluate_fit(
     """
     chain = fit if isinstance(fit, Fit) else None
     network = fit if isinstance(fit, NlarxFit) else None
+    several = has_several_channels(estimation)
+    physics = setting.recipe.physics() if physical else None
     notes = list(fit.warnings)
-    tests = higher = None
-    each: tuple[ResidualTests, ...] = ()
-    several = is_several(estimation)
-    try:
-        if chain is not None and several:
-            each = tests_of(chain, validation)
-            tests = worst(each)
-        else:
-            tests = fit.residual_tests(validation)
-            higher = _higher_order(fit, validation)
-    except InputError as error:
-        notes.append(f"no residual tests: {error}")
-    step, physics = None, setting.recipe.physics() if physical else None
+    tests, higher, output_tests, remarks = _residual_tests(fit, validation, several)
+    notes += remarks
+    step = None
     if chain is not None and chain.model.dynamics and not several:
         step = _step_response(chain, float(np.mean(estimation.u)))
         if step is None:
             notes.append("no step response: the tangent model has no finite step response")
     # Where it was fitted, a chain's initial state is part of the fit; where it was not, the first samples must do.
-    fitted = fit.simulate(estimation, estimation.N if chain else None)
-    run = fit.simulate(validation)
-    seen = fits_of(estimation, fitted, 0 if chain else fit.n_init)
-    fits = float(np.mean(seen)), fit.fit_percent(validation)
+    estimation_run = fit.simulate(estimation, estimation.N if chain else None)
+    validation_run = fit.simulate(validation)
+    output_fits = fits_of_outputs(estimation, estimation_run, 0 if chain else fit.n_init)
+    fits = float(np.mean(output_fits)), fit.fit_percent(validation)
     if not np.isfinite(fits[1]):
         notes.append(f"in the validation data {fit.divergence(validation)}")
-    elif network and (left := network.excursion(validation)):
-        notes.append(f"in the validation data {left}")
-    if np.isfinite(fits).all() and fits[0] - fits[1] > (OVERFITTED if physics is None else APART):
-        known, unseen = (f"{f:.0f} %" if f > -1000 else "below -1000 %" for f in fits)
-        if physics is not None:
-            cause = (
-                "the joint meets something there that the estimation data do not show, for example a moment at a stop; "
-                "qpal design FILE proposes a record of which each half shows all"
-            )
-        else:
-            size = "" if ample(fit) else "the model is too large for this record, or "
-            cause = f"{size}the two parts differ; lower the orders, choose smaller maps or inspect the data"
-        notes.append(f"the fit is {known} on the estimation data and {unseen} on the validation data: {cause}")
-    notes += gain_remarks(estimation, validation, run, None if step is None else step.y)
+    elif network and (excursion := network.excursion(validation)):
+        notes.append(f"in the validation data {excursion}")
+    notes += _difference_of_parts(fit, fits, joint=physics is not None)
+    notes += gain_remarks(estimation, validation, validation_run, None if step is None else step.y)
     if chain is not None:
         notes += [f"in the validation data {text}" for text in chain.model.remarks(chain.theta, validation.u)]
-    physical = chain is not None and physics is not None
-    if chain and physical:
+    if chain and physics is not None:
         notes += extrapolated_joint(chain, estimation, validation)
     else:
         notes += extrapolated_signals(estimation, validation)
@@ -259,8 +115,8 @@ def evaluate_fit(
         fit=fit,
         estimation=estimation,
         validation=validation,
-        estimation_output=fitted,
-        validation_output=run,
+        estimation_output=estimation_run,
+        validation_output=validation_run,
         estimation_fit=fits[0],
         validation_fit=fits[1],
         tests=tests,
@@ -272,25 +128,61 @@ def evaluate_fit(
         values=_values(chain, estimation, physics) if chain and physics is not None else (),
         notes=tuple(notes),
         inputs=tuple((f"u{i}", estimation.u_unit) for i in range(1, estimation.u.shape[1] + 1)) if several else (),
-        outputs=_outputs(chain, estimation, validation, seen, each) if chain and several else (),
+        outputs=_outputs(chain, estimation, validation, output_fits, output_tests) if chain and several else (),
     )
 
 
+def _residual_tests(
+    fit: Fit | NlarxFit, validation: IOData, several: bool
+) -> tuple[ResidualTests | None, HigherOrderTests | None, tuple[ResidualTests, ...], list[str]]:
+    """Tests of the residuals, higher-order tests, the tests of each of `several` outputs, and why there are none."""
+    tests = None
+    try:
+        if isinstance(fit, Fit) and several:
+            output_tests = tests_of_outputs(fit, validation)
+            return worst_tests(output_tests), None, output_tests, []
+        tests = fit.residual_tests(validation)
+        e, u = residuals_and_inputs(fit, validation)
+        return tests, higher_order_tests(e[:, 0], u[:, 0]), (), []
+    except InputError as error:
+        return tests, None, (), [f"no residual tests: {error}"]
+
+
+def _difference_of_parts(fit: Fit | NlarxFit, fits: tuple[float, float], joint: bool) -> list[str]:
+    """A sentence where the fit [%] of the validation data is far below that of the estimation data, and why."""
+    if not np.isfinite(fits).all() or fits[0] - fits[1] <= (APART if joint else OVERFITTED):
+        return []
+    words = [f"{percent:.0f} %" if percent > _DIVERGED else f"below {_DIVERGED:.0f} %" for percent in fits]
+    if joint:
+        cause = (
+            "the joint meets something there that the estimation data do not show, for example a moment at a stop; "
+            "qpal design FILE proposes a record of which each half shows all"
+        )
+    else:
+        size = "" if has_ample_samples(fit) else "the model is too large for this record, or "
+        cause = f"{size}the two parts differ; lower the orders, choose smaller maps or inspect the data"
+    return [f"the fit is {words[0]} on the estimation data and {words[1]} on the validation data: {cause}"]
+
+
 def _outputs(
-    fit: Fit, estimation: IOData, validation: IOData, seen: np.ndarray, tests: tuple[ResidualTests, ...]
+    fit: Fit, estimation: IOData, validation: IOData, fits: np.ndarray, tests: tuple[ResidualTests, ...]
 ) -> tuple[OneOutput, ...]:
     """Every output with its fits and tests; a record names them y1, y2 until its file does."""
-    rows = zip(seen.tolist(), fit.fit_percents(validation).tolist(), tests or [None] * len(seen), strict=True)
+    rows = zip(fits.tolist(), fit.fit_percents(validation).tolist(), tests or [None] * len(fits), strict=True)
     return tuple(OneOutput(f"y{j}", estimation.y_unit, *row) for j, row in enumerate(rows, 1))
 
 
 def check_parts(estimation: IOData, validation: IOData) -> None:
     """Raises InputError if a signal is constant in one of the two parts, because no fit or score is possible there."""
-    _check_can_be_scored(estimation, "estimation")
-    _check_can_be_scored(validation, "validation")
+    for part, data in (("estimation", estimation), ("validation", validation)):
+        for role, values in (*(("input", x) for x in data.u.T), *(("output", x) for x in data.y.T)):
+            if np.ptp(values) == 0:
+                raise InputError(
+                    f"the {role} does not move in the {part} part ({data.N} samples); choose another split or record"
+                )
 
 
-def ample(fit: Fit | NlarxFit) -> bool:
+def has_ample_samples(fit: Fit | NlarxFit) -> bool:
     """Whether the record has so many samples for each parameter that their number cannot overfit it."""
     return isinstance(fit, Fit) and AMPLE * fit.criteria.d < fit.criteria.N
 
@@ -304,11 +196,6 @@ def _one_step(fit: NlarxFit, estimation: IOData, validation: IOData) -> OneStep:
     )
 
 
-def _higher_order(fit: Fit | NlarxFit, data: IOData) -> HigherOrderTests:
-    e, u = residuals_and_inputs(fit, data)
-    return higher_order_tests(e[:, 0], u[:, 0])
-
-
 def _roots(fit: Fit, data: IOData, coloured: bool) -> tuple[Root, ...] | None:
     """Poles with intervals that allow for coloured residuals; None if they cannot be computed."""
     if not fit.model.dynamics:
@@ -319,22 +206,13 @@ def _roots(fit: Fit, data: IOData, coloured: bool) -> tuple[Root, ...] | None:
         return None
 
 
-def _check_can_be_scored(data: IOData, part: str) -> None:
-    signals = [*(("input", x) for x in data.u.T), *(("output", x) for x in data.y.T)]
-    for role, values in signals:
-        if np.ptp(values) == 0:
-            raise InputError(
-                f"the {role} does not move in the {part} part ({data.N} samples); choose another split or record"
-            )
-
-
 def _values(fit: Fit, data: IOData, options: dict[str, Any]) -> tuple[JointValue, ...]:
     """Physical values with the output's unit in place of y."""
     return in_unit(joint_values(fit, data=data, **options), data.y_unit)
 
 
 def _step_response(fit: Fit, u0: float) -> Curve | None:
-    """Unit step response [y per u] of the model tangent at u0, until its slowest pole has settled."""
+    """Unit step response [y per u] of the model tangent at u0, until its slowest pole has settled to 1 %."""
     from sysid.base.looks import load
 
     load()  # matplotlib, which control imports, whatever its settings are
@@ -371,3 +249,36 @@ def _maps(fit: Fit, data: IOData) -> dict[str, Curve]:
                 if isinstance(each, StaticBlock) and each.n_parameters:
                     maps[f"{block.role} {k}"] = Curve(grid, each.output(theta[part], grid))
     return maps
+
+
+def has_several_channels(data: IOData) -> bool:
+    """Whether a record has more than one input or output."""
+    return data.u.shape[1] > 1 or data.y.shape[1] > 1
+
+
+def fits_of_outputs(data: IOData, run: np.ndarray, first: int = 0) -> np.ndarray:
+    """Fit [%] of each output (ny,) of a run (N,) or (N, ny) over its measured samples from `first` on."""
+    scored = data.observed & (np.arange(data.N) >= first)[:, None]
+    runs = run.reshape(data.N, -1)
+    return np.array([fit_percent(y[k], x[k]) for y, x, k in zip(data.y.T, runs.T, scored.T, strict=True)])
+
+
+def residuals_and_inputs(fit: Fit | NlarxFit, data: IOData) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (M, ny) and inputs (M, nu) of all experiments, without their first samples."""
+    es = [np.reshape(e, (len(e), -1)) for e in (fit.residuals(part) for part in data.experiments)]
+    us = [part.u[part.N - len(e) :] for part, e in zip(data.experiments, es, strict=True)]
+    return np.concatenate(es), np.concatenate(us)
+
+
+def tests_of_outputs(fit: Fit, data: IOData) -> tuple[ResidualTests, ...]:
+    """The tests of each output's residuals, with the input of which they are least independent."""
+    e, u = residuals_and_inputs(fit, data)
+    return tuple(worst_tests([residual_tests(residuals, x) for x in u.T]) for residuals in e.T)
+
+
+def worst_tests(tests: Sequence[ResidualTests]) -> ResidualTests:
+    """The whiteness test that is farthest outside its bound, beside the test that speaks most against independence."""
+    whiteness = max(tests, key=lambda t: float(np.max(np.abs(t.autocorrelation[1:])) / t.whiteness_bound))
+    independence = min(tests, key=lambda t: t.independence_p)
+    names = ("lags", "autocorrelation", "whiteness_bound")
+    return replace(independence, **{name: getattr(whiteness, name) for name in names})

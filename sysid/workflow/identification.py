@@ -17,15 +17,12 @@ from sysid.selection.space import Space
 from sysid.selection.table import SECONDS, Selection
 from sysid.solver.searches import TABLE as SEARCHES
 from sysid.structures import TABLE as STRUCTURES
-from sysid.workflow.advised import after
-from sysid.workflow.angles import in_unit_of, without_wraps
-from sysid.workflow.evaluation import Evaluation, check_parts, evaluate, evaluate_fit
-from sysid.workflow.identified import Identification
-from sysid.workflow.next_step import next_step
-from sysid.workflow.record import Record, read_record
-from sysid.workflow.records import Plan, check_same_channels, merged, prepared
+from sysid.workflow.evaluation import check_parts, evaluate, evaluate_fit
+from sysid.workflow.next_step import advice_after_fit, next_step
+from sysid.workflow.plan import Plan, check_same_channels, merge_records, prepare_record
+from sysid.workflow.record import Record, in_unit_of, read_record, without_wraps
+from sysid.workflow.results import Evaluation, Identification, named_channels
 from sysid.workflow.setting import Setting
-from sysid.workflow.views import named
 
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
@@ -116,11 +113,11 @@ def identify_file(
     if detrend == "linear" or (preparation.filter or (None,))[0]:
         # No offset undoes a line or a high-pass filter: a raw record has to be prepared alike.
         evaluation = replace(evaluation, fit=replace(evaluation.fit, u_offset=None, y_offset=None))
-    evaluation = named(evaluation, record.signals)
+    evaluation = named_channels(evaluation, record.signals)
     plan = replace(plan, detrend="none" if evaluation.setting.recipe.zero else detrend)
     first, *more = map(str, record.files or (record.path,))
     of = evaluation.setting.recipe.name, evaluation.validation_fit
-    advice = tuple(after(a, *of).of_file(first, (*more, *record.options)) for a in found)
+    advice = tuple(advice_after_fit(a, *of).of_file(first, (*more, *record.options)) for a in found)
     result = Identification(record, plan, evaluation, advice, selection)
     return replace(result, next=next_step(result))
 
@@ -139,7 +136,7 @@ def _merged(records: Sequence[Record], absolute: bool, preparation: Preparation)
     """The records as they are fitted, as the experiments of one."""
     if absolute:  # a structure of absolute angles
         records = [without_wraps(record) for record in records]
-    return merged([prepared(record, preparation) for record in records])
+    return merge_records([prepare_record(record, preparation) for record in records])
 
 
 def check_channels(setting: Setting | Auto, record: Record) -> None:

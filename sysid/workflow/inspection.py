@@ -22,8 +22,8 @@ from sysid.diagnosis.advice import Advice, advise
 from sysid.diagnosis.jumps import MAP
 from sysid.formats import TABLE, read_table
 from sysid.workflow.evaluation import check_parts
+from sysid.workflow.plan import Plan
 from sysid.workflow.record import check_moving
-from sysid.workflow.records import Plan
 
 LONGEST = 20_000  # samples that the advice looks at
 

@@ -9,20 +9,30 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
+from sysid.diagnosis.finding import Advice
 from sysid.diagnosis.jumps import NO_VALUE, TOPIC
 from sysid.diagnosis.residuals import POOR, poor
 from sysid.model.recipes import Recipe
 from sysid.selection.table import SECONDS
-from sysid.structures import ActuatedJoint, HammersteinWiener, NonlinearArx, NonlinearStateSpace, OutputError
-from sysid.workflow.evaluation import OVERFITTED, Evaluation, ample
-from sysid.workflow.extrapolation import extrapolated_signals
-from sysid.workflow.gain_sign import gain_remarks
-from sysid.workflow.identified import Identification, NextStep
-from sysid.workflow.records import Plan
+from sysid.structures import (
+    ActuatedJoint,
+    Hammerstein,
+    HammersteinWiener,
+    NonlinearArx,
+    NonlinearStateSpace,
+    OutputError,
+    Wiener,
+)
+from sysid.workflow.evaluation import OVERFITTED, has_ample_samples
+from sysid.workflow.plan import Plan
+from sysid.workflow.remarks import extrapolated_signals, gain_remarks
+from sysid.workflow.results import Evaluation, Identification, NextStep
 
 STARTS, MOST_STARTS = 5, 10  # with fewer, another start may find more; from the second on it rarely does
 MUCH = 0.2  # of the validation part
 SPLITS = (0.6, 0.7, 0.8)
+_CLASSES = {OutputError.name: 0, Hammerstein.name: 1, Wiener.name: 1, HammersteinWiener.name: 2}
+_RICHER = 3  # every other structure
 
 
 def next_step(result: Identification) -> NextStep | None:
@@ -213,7 +223,11 @@ def _search_structures(result: Identification) -> NextStep | None:
         return None
     why = "this structure does not explain the record"
     if e.estimation_fit - e.validation_fit > OVERFITTED:
-        why = "the two parts of the record differ" if ample(e.fit) else "the model is too large for this record"
+        why = (
+            "the two parts of the record differ"
+            if has_ample_samples(e.fit)
+            else "the model is too large for this record"
+        )
     elif e.validation_fit >= POOR:
         why = "the residuals are coloured, so the model is incomplete"
     return NextStep(why, command(result, structure="auto", starts=2))
@@ -286,3 +300,18 @@ def _options(recipe: Recipe) -> list[str]:
         if option.kind != "order" and value != getattr(plain, name):
             words += [f"--{name.replace('_', '-')}", f"{value:g}" if option.kind == "number" else value]
     return words
+
+
+def advice_after_fit(advice: Advice, fitted: str, percent: float) -> Advice:
+    """The finding without its action, if that names the fitted structure, or a weaker one than a structure that fits.
+
+    `percent` is the fit in validation. A delay keeps its action, which names other orders of the same structure.
+    """
+    words = advice.command
+    named = words[words.index("--structure") + 1] if "--structure" in words else ""
+    if not named or advice.topic == "delay":
+        return advice
+    weaker = _CLASSES.get(named, _RICHER) < _CLASSES.get(fitted, _RICHER)
+    if named != fitted and not (weaker and percent >= POOR):
+        return advice
+    return replace(advice, action="", call="", command=())

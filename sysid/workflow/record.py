@@ -1,22 +1,29 @@
-"""From a file and its named columns to a record ready for identification."""
+"""From a file and its named columns to a record ready for identification; `sysid.read`."""
 
 import os
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.channels.guess import Given
 from sysid.channels.mapping import Range
 from sysid.channels.reading import Mapping, from_table, read_map_of
 from sysid.channels.sampling import sample
 from sysid.channels.signals import Signals
+from sysid.channels.units import convert
 from sysid.data.record import IOData
+from sysid.data.wraps import DEGREES, turn_of, unwrapped
 from sysid.formats import read_table
+from sysid.model.recipes import Recipe
 
 OWN = {"input": "voltage_V", "output": "angle_rad", "time": "time_s"}  # the columns that a log of ours has
+_ARGUMENTS = {"ts": "Ts", "time-unit": "time_unit"}  # of the command line, whose arguments have other names here
 
 
 @dataclass(frozen=True)
@@ -185,3 +192,88 @@ def _check_moves(signals: Signals, role: str, name: str, values: np.ndarray) -> 
             f"{signals.path}: the {role} {name!r} is {values[0]:g} in all {len(values)} samples; "
             f"choose a column that moves"
         )
+
+
+@checked
+def read(
+    path: str | os.PathLike[str],
+    input: str | None = None,
+    output: str | None = None,
+    Ts: float | None = None,
+    time: str | None = None,
+    map: Mapping | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+    time_unit: str | None = None,
+    missing: str = "mark",
+) -> IOData:
+    """The record in a file: CSV, Parquet, MAT, NumPy, JSON, a serial capture, and with their extra MCAP and ROS bags.
+
+    `input` and `output` name columns; what is not named is found by name, unit and numbers where that is beyond doubt.
+    Ts [s] comes from `Ts` or from the column `time`, in `time_unit`. `map`, a `ChannelMap` or the path of one, says
+    instead how the file is read, with several channels, scales and repairs. `start` and `stop` [s] after the first
+    stamp cut the record. `missing` says what becomes of outputs without a value, such as empty cells: "mark" (missing
+    samples), "fill" or "refuse". Names stay, units become SI (degrees become rad). What was assumed and repaired:
+    `sysid.workflow.record.read_record(path).notes`. Raises InputError that names the file and the place.
+    """
+    cut = Range(start=start, stop=stop)
+    try:
+        return read_record(path, input, output, Ts, time, map, cut, time_unit, missing).data
+    except InputError as error:
+        raise InputError(words_for_python(str(error))) from None
+
+
+def words_for_python(sentence: str) -> str:
+    """The sentence with arguments of `read` in place of options of the command line."""
+    sentence = re.sub(r"--range(?= \d| or|$)", "start= and stop=", sentence)
+    sentence = sentence.replace("--ts SECONDS", "Ts=SECONDS")
+    return re.sub(r"--(input|output|ts|time-unit|time|map)\b( is)?", _argument, sentence)
+
+
+def _argument(found: re.Match) -> str:
+    """Ts= for --ts, and Ts where the sentence says what it is."""
+    name = _ARGUMENTS.get(found[1], found[1])
+    return f"{name} is" if found[2] else f"{name}="
+
+
+def without_wraps(record: Record) -> Record:
+    """The record with its output's wraps at a turn undone, and those of a goal in the same unit; one note says so.
+
+    The turn is that of the output's unit; an output without a unit may show any of `sysid.data.wraps.TURNS`. A goal
+    goes the shorter way at each of its jumps and begins within half a turn of the angle.
+    """
+    data = record.data
+    found = unwrapped(data, turn_of(data) if data.y_unit in ("rad", *DEGREES) else None)
+    if not found.count:
+        return record
+    out, note = found.data, f"column {record.output!r}: {found.sentence}"
+    if data.u_unit == data.y_unit and data.u_unit in ("rad", *DEGREES):
+        out = replace(out, u=_follow_goal(data, found.turn))
+    return replace(record, data=out, remarks=(*record.remarks, note))
+
+
+def _follow_goal(data: IOData, turn: float) -> np.ndarray:
+    """The goal (N, nu) beside an angle that counts on over turns."""
+    goal = data.u if np.ptp(data.u) > turn else np.unwrap(data.u, period=turn, axis=0)
+    return goal + turn * np.round((data.y[0, 0] - goal[0]) / turn)
+
+
+def in_unit_of(record: Record, recipe: Recipe) -> tuple[Recipe, Record]:
+    """The recipe with its settings in the record's unit, and the record with a note on which they are.
+
+    A person gives them in the unit that the file's column names, for example degrees, which are read as radians.
+    """
+    unit = record.signals.mapping.output[0].unit
+    factor = convert(unit).factor
+    scaled = recipe.scaled(factor) if factor != 1.0 else recipe
+    changed = [name for name, value in _numbers(recipe).items() if _numbers(scaled)[name] != value]
+    if not changed:
+        return recipe, record
+    names = " and ".join(f"--{name.replace('_', '-')}" for name in changed)
+    verb = "counts" if len(changed) == 1 else "count"
+    note = f"{names} {verb} in the unit of column {record.output!r}, {unit}"
+    return scaled, replace(record, remarks=(*record.remarks, note))
+
+
+def _numbers(recipe: Recipe) -> dict[str, Any]:
+    return {name: getattr(recipe, name) for name in recipe.of_kind("number")}

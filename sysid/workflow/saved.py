@@ -1,7 +1,8 @@
-"""A saved model and a record to run it on: same channels, same units, same sampling time."""
+"""A model as files, and a saved model with a record to run it on: same channels, same units, same sampling time."""
 
 import shlex
 from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +12,72 @@ from sysid.base.units import percent
 from sysid.channels.mapping import Range
 from sysid.data.preprocess import DETREND, detrend, resample
 from sysid.data.record import IOData
+from sysid.diagnosis.residuals import poor
 from sysid.estimation.result import Fit
+from sysid.export import c as export_c
+from sysid.export import python as export_python
 from sysid.formats import TABLE
-from sysid.nlarx.dispatch import load
+from sysid.nlarx.dispatch import load, save
 from sysid.nlarx.result import NlarxFit
 from sysid.structures import TABLE as STRUCTURES
-from sysid.workflow.angles import without_wraps
-from sysid.workflow.record import Record, read_record
+from sysid.workflow.record import Record, read_record, without_wraps
+from sysid.workflow.remarks import WRONG
+from sysid.workflow.results import Evaluation
 
+MODEL_FILE = ("model.json", "the fit for sysid.load, qpal run and qpal export; it runs on raw records")
 AnyFit = Fit | NlarxFit
 _OUTSIDE = 0.05  # of the estimation data's range, by which an input may leave it before a sentence says so
+
+
+@dataclass(frozen=True)
+class Exports:
+    """Names and contents of the files, and why others are missing."""
+
+    files: tuple[tuple[str, str], ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def export(evaluation: Evaluation, folder: Path) -> Exports:
+    """model.json, model.c and model.py in `folder`; the last two use the levels of the record, means included."""
+    fit = _with_warnings(evaluation)
+    try:
+        save(fit, folder / "model.json")
+        export_c.write(fit, folder / "model.c")
+        export_python.write(fit, folder / "model.py")
+    except InputError as error:
+        return Exports(notes=(f"no model files: {error}",))
+    return Exports(
+        (
+            MODEL_FILE,
+            ("model.c", "C99 with a state and a step function, on the scales of the recorded input and output"),
+            ("model.py", "the same in Python; imports only math"),
+        ),
+        ()
+        if fit.u_offset is not None
+        else ("model.c and model.py take signals that are prepared as those of the fit: no offset undoes that",),
+    )
+
+
+UNFIT = "do NOT use this model: "  # a warning of a saved fit that begins so is repeated wherever it is used
+
+
+def _with_warnings(evaluation: Evaluation) -> Fit | NlarxFit:
+    """The fit with what was said of it: the percentage, so that `qpal run` repeats it to the last digit, and a warning.
+
+    The record does not travel with the file; whoever takes the model from there would not know.
+    """
+    fit, told = evaluation.fit, evaluation.estimation_fit
+    why = (
+        [f"the free run fits the validation data to {percent(evaluation.validation_fit)}"]
+        if poor(evaluation.validation_fit, evaluation.tests)
+        else []
+    )
+    why += [note for note in evaluation.notes if WRONG in note and note not in fit.warnings]
+    if why:
+        fit = replace(fit, warnings=(f"{UNFIT}{'; '.join(why)}", *fit.warnings))
+    if fit.origin is None or not isfinite(told):
+        return fit
+    return replace(fit, origin=replace(fit.origin, fit=told))
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,240 @@
-"""Setting: the model to fit, and how."""
+"""Setting: the model to fit, how, and what is known of it before (parameters held or bounded, a fit to start from)."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sysid.base.errors import InputError, unknown
+from sysid.block.block import StaticBlock
+from sysid.blocks import STATIC, Channels, StateSpace
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+from sysid.estimation.start import within
+from sysid.model.chain import Chain
+from sysid.model.recipes import Recipe
+from sysid.nlarx.dispatch import load
 from sysid.solver.searches import TABLE as SEARCHES
-from sysid.structures import HammersteinWiener, Recipe
-from sysid.workflow.held import Held
+from sysid.structures import HammersteinWiener
+
+MOST = 12  # names of one block in a sentence
+
+
+@dataclass(frozen=True)
+class Held:
+    """Parameters by name ('linear.f1'): `fixed` at a value, or at the start's if it is None; `bounds` (low, high).
+
+    `fixed` may name a whole block too, which then keeps its start. `start` is a saved fit, read from `path`: of the
+    same structure, or of the linear filter of a model with static maps, which then start as straight lines.
+    """
+
+    fixed: tuple[tuple[str, float | None], ...] = ()
+    bounds: tuple[tuple[str, tuple[float, float]], ...] = ()
+    start: Fit | None = field(default=None, compare=False)
+    path: Path | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self.fixed or self.bounds or self.start is not None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What is held, for a summary; empty if nothing is."""
+        if not self:
+            return {}
+        bounds = {name: list(pair) for name, pair in self.bounds}
+        return {"fixed": dict(self.fixed), "bounds": bounds, "from": None if self.path is None else str(self.path)}
+
+    def options(self) -> tuple[str, ...]:
+        """The same as options of the command line."""
+        words: list[str] = [] if self.path is None else ["--from", str(self.path)]
+        for name, value in self.fixed:
+            words += ["--fix", name if value is None else f"{name}={value:.12g}"]
+        for name, (low, high) in self.bounds:
+            ends = ("" if np.isinf(end) else f"{end:.12g}" for end in (low, high))
+            words += ["--bound", f"{name}={':'.join(ends)}"]
+        return tuple(words)
+
+    def without_start(self) -> "Held":
+        """The same without the saved fit, and without what was held at its values."""
+        return Held(tuple(pair for pair in self.fixed if pair[1] is not None), self.bounds)
+
+    def missing_in(self, chain: Chain) -> tuple[str, ...]:
+        """A sentence if a grown model has parameters of these no more."""
+        names = [*(name for name, _ in self.fixed), *(name for name, _ in self.bounds)]
+        gone = [name for name in names if name not in chain.names and chain.block(name) is None]
+        return (f"the joint has grown without {', '.join(gone)}, so nothing is held there",) if gone else ()
+
+    def apply(self, chain: Any, data: IOData, grown: bool = False) -> tuple[Any, np.ndarray | None]:
+        """The model with all this, and its starting point theta (P,) if there is a saved fit.
+
+        Of a `grown` structure a saved fit keeps the parts that it has.
+
+        Raises InputError for a name that the chain lacks, for values that a parameter cannot have, and for a saved fit
+        of another model.
+        """
+        if not self:
+            return chain, None
+        if not isinstance(chain, Chain):
+            raise InputError(
+                "a nonlinear ARX model has no parameter to hold and no saved fit to start from; leave --fix, --bound "
+                "and --from out, or name another --structure"
+            )
+        theta = None
+        if self.start is not None:
+            self._check_rate(data)
+            as_saved = grown and chain.structure == self.start.model.structure
+            chain, theta = (self.start.model, self.start.theta) if as_saved else started(chain, self.start, data)
+        fixed, bounds = dict(chain.fixed), dict(chain.bounds)
+        fixed |= self._values(chain, theta)
+        slots = dict(zip(chain.names, chain.slots, strict=True))
+        for name, (low, high) in self.bounds:
+            _check_name(chain, name, "--bound")
+            own = slots[name]
+            bounds[name] = max(low, own.lower), min(high, own.upper)
+            if not bounds[name][0] < bounds[name][1]:
+                raise InputError(
+                    f"--bound {name} is {low:g} to {high:g}; {name} lies between {own.lower:g} and {own.upper:g}: give "
+                    "bounds in there, the smaller first"
+                )
+        for name, value in fixed.items():
+            low, high = bounds.get(name, (slots[name].lower, slots[name].upper))
+            if not low <= value <= high:
+                raise InputError(f"{name} is held at {value:g}, and it lies between {low:g} and {high:g}")
+        chain = replace(chain, fixed=fixed, bounds=bounds)
+        if not chain.free.any():
+            raise InputError("every parameter is held, so nothing is left to fit; leave one --fix out")
+        return chain, None if theta is None else within(chain, theta)
+
+    def _values(self, chain: Chain, theta: np.ndarray | None) -> dict[str, float]:
+        """The held parameters by name."""
+        found: dict[str, float] = {}
+        for name, value in self.fixed:
+            block = chain.block(name)
+            if block is None:
+                _check_name(chain, name, "--fix")
+            elif value is not None:
+                raise InputError(f"--fix {name}={value:g} names a whole block; name a parameter: {_named(chain)}")
+            if value is not None:
+                found[name] = value
+                continue
+            if theta is None:
+                raise InputError(
+                    f"--fix {name} has no value; give {_example(chain, name)}=VALUE, or a start with --from"
+                )
+            own = [name] if block is None else [f"{name}.{s.name}" for s in block.slots() if not s.initial]
+            found |= {each: float(theta[chain.names.index(each)]) for each in own}
+        return found
+
+    def _check_rate(self, data: IOData) -> None:
+        assert self.start is not None
+        if abs(self.start.Ts - data.Ts) > 1e-6 * data.Ts:
+            raise InputError(
+                f"--from {self.path} is a model sampled every {self.start.Ts:g} s and the record every {data.Ts:g} s; "
+                f"give --resample {self.start.Ts:g}"
+            )
+
+
+def read_start(path: str) -> Fit:
+    """The saved fit at `path`; raises InputError for a nonlinear ARX model, which cannot start a fit."""
+    found = load(path)
+    if not isinstance(found, Fit):
+        raise InputError(f"{path}: a nonlinear ARX model cannot start a fit; give a model of blocks")
+    return found
+
+
+def started(chain: Chain, start: Fit, data: IOData) -> tuple[Chain, np.ndarray]:
+    """The chain on the scale of a saved fit, and its parameters (P,) that give the saved model.
+
+    Raises InputError if the saved model has neither the same parameters nor the linear filter of this one.
+    """
+    saved = start.model
+    if saved.structure == chain.structure and (saved.blocks == chain.blocks or _same_space(saved, chain)):
+        return replace(saved, fixed=chain.fixed, bounds=chain.bounds), start.theta
+    linear = [block for block in chain.blocks if not isinstance(block, (StaticBlock, Channels))]
+    if saved.structure == "output_error" and len(linear) == 1 and saved.blocks[0] == linear[0]:
+        return chain, _straight(chain, start, data)
+    raise InputError(
+        f"--from names a model of structure {saved.structure} with {_orders(saved)}, and the model to fit is of "
+        f"{chain.structure} with {_orders(chain)}; give the orders and maps of the saved one, or none: a saved "
+        "output_error starts structures that have its filter between static maps"
+    )
+
+
+def _same_space(saved: Chain, chain: Chain) -> bool:
+    """Whether both are state spaces of one size, which differ in the scale of their records."""
+    return isinstance(saved.blocks[0], StateSpace) and saved.names == chain.names
+
+
+def _straight(chain: Chain, start: Fit, data: IOData) -> np.ndarray:
+    """The saved linear block with its maps as straight lines over their signals."""
+    theta = np.zeros(len(chain.names))
+    x = data.u
+    for k, block in enumerate(chain.blocks):
+        if isinstance(block, (StaticBlock, Channels)):
+            theta[chain.index(block)] = _lines(block, x)
+        else:
+            theta[chain.index(block)] = start.model.part(start.theta, start.model.blocks[0])
+        x = Chain(chain.blocks[: k + 1]).outputs(theta[: chain.index(block).stop], data.u)
+    return theta
+
+
+def _lines(block: StaticBlock | Channels, x: np.ndarray) -> np.ndarray:
+    """The parameters of maps that leave x (N, n) as it is, as far as they can."""
+    if isinstance(block, Channels):
+        return np.concatenate([each.start(column) for each, column in zip(block.maps, x.T, strict=True)])
+    return block.start(x[:, 0])
+
+
+def settings_of(fit: Fit, kind: type[Recipe]) -> dict[str, Any]:
+    """The settings of a recipe that a saved fit shows: of its own structure, else the orders of its filter."""
+    chain, known = fit.model, dict[str, Any]()
+    orders = kind.of_kind("order")
+    if orders == ("nb", "nf", "nk") and chain.dynamics:
+        first = chain.dynamics[0][1]
+        known = {"nb": first.nb, "nf": first.nf, "nk": first.nk}
+    if kind.name != chain.structure:
+        return known
+    space = chain.blocks[0]
+    if isinstance(space, StateSpace) and "nx" in orders:
+        known = {"nx": space.nx, "units": space.units, "degree": space.degree, "spread": space.spread}
+        known["readout"] = "network" if space.readout else "linear"
+    if "offset" in kind.options():
+        known["offset"] = "free" if chain.block("output") is not None else "none"
+    for field_name, role in (("input_map", "input"), ("output_map", "output")):
+        if field_name in kind.options() and (name := _map_name(chain, role)):
+            known[field_name] = name
+    return known
+
+
+def _map_name(chain: Chain, role: str) -> str | None:
+    block = chain.block(role)
+    first = block.maps[0] if isinstance(block, Channels) else block
+    return next((name for name, kind in STATIC.items() if type(first) is kind), None)
+
+
+def _check_name(chain: Chain, name: str, option: str) -> None:
+    if name not in chain.names:
+        raise InputError(f"{option} names {name!r}, which the model does not have; it has {_named(chain)}")
+
+
+def _named(chain: Chain) -> str:
+    """The names of the parameters, block by block."""
+    found = []
+    for block in chain.blocks:
+        names = [f"{block.role}.{slot.name}" for slot in block.slots()]
+        found.append(", ".join(names[:MOST]) + (f", ... ({len(names)} of {block.role})" if len(names) > MOST else ""))
+    return "; ".join(text for text in found if text)
+
+
+def _example(chain: Chain, name: str) -> str:
+    block = chain.block(name)
+    return name if block is None or not block.slots() else f"{name}.{block.slots()[0].name}"
+
+
+def _orders(chain: Chain) -> str:
+    filters = [f"{b.nb},{b.nf},{b.nk}" for _, b in chain.dynamics]
+    return f"{len(chain.names)} parameters" + (f" and filters of nb,nf,nk {' and '.join(filters)}" if filters else "")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import sysid
 import twin
 from sysid.export import c as export_c
 from sysid.structures import ActuatedJoint
-from sysid.workflow.evaluation import Setting
+from sysid.workflow.setting import Setting
 from twin import IMPERFECTIONS
 from twin.cli import main
 from twin.report import actuated_joint as report

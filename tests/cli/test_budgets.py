@@ -15,7 +15,8 @@ from sysid.joint.growth import grow_joint
 from sysid.solver import iterate
 from sysid.solver.iterate import Options
 from sysid.structures import ActuatedJoint, NonlinearArx, OutputError
-from sysid.workflow.evaluation import Setting, evaluate
+from sysid.workflow.evaluation import evaluate
+from sysid.workflow.setting import Setting
 from twin.calibrate import search
 from twin.calibrate.calibration import calibrate
 from twin.calibrate.problem import Free, Record, Simulations

@@ -14,7 +14,7 @@ import sysid
 from sysid.blocks import TransferFunction
 from sysid.data.preprocess import detrend
 from sysid.linear.written import source, tangent_at
-from sysid.workflow.exports import export
+from sysid.workflow.saved import export
 from twin.cli import main
 from twin.report import export as report
 from twin.studies.write_back import read_model, write_back

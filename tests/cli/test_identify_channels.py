@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 
 from sysid.structures import Hammerstein, NonlinearStateSpace, OutputError
 from sysid.workflow.identification import identify_file
+from sysid.workflow.results import single_channels
 from sysid.workflow.setting import Setting
-from sysid.workflow.views import views
 from twin.cli import main
 
 GAINS = np.array([[0.5, 0.2], [-0.3, 0.4]])
@@ -66,11 +66,11 @@ def test_a_plant_of_two_inputs_and_outputs_is_recovered(square, capsys):
 def test_each_output_has_its_runs_tests_and_figures(square):
     e = identify_file("two.csv", Setting(OutputError(1, 1, 1), starts=1), "a,b", "c,d").evaluation
     assert e.validation_output.shape == (150, 2)
-    assert [(mark, one.estimation.u_name, one.estimation.y_name) for mark, _, one in views(e, "Data")] == [
+    assert [(mark, one.estimation.u_name, one.estimation.y_name) for mark, _, one in single_channels(e, "Data")] == [
         ("-1", "a", "c"),
         ("-2", "b", "d"),
     ]
-    for j, (_, _, one) in enumerate(views(e, "Model output")):
+    for j, (_, _, one) in enumerate(single_channels(e, "Model output")):
         assert np.array_equal(one.validation.y[:, 0], e.validation.y[:, j])
         assert np.array_equal(one.validation_output, e.validation_output[:, j])
         assert one.validation_fit == e.outputs[j].validation_fit
@@ -81,7 +81,7 @@ def test_each_output_has_its_runs_tests_and_figures(square):
         assert one.validation_fit == pytest.approx(want)
     p = [output.tests.independence_p for output in e.outputs]
     assert e.tests.independence_p == min(p)
-    assert views(e, "Model") == [("", "", e)]
+    assert single_channels(e, "Model") == [("", "", e)]
 
 
 def test_two_inputs_drive_one_output_and_maps_stand_side_by_side(square):

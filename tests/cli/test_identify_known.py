@@ -11,11 +11,10 @@ from scipy.signal import lfilter
 import sysid
 from sysid.data.trends import steady_level
 from sysid.structures import HammersteinWiener, OutputError, Wiener
-from sysid.workflow.held import Held, read_start, settings_of
 from sysid.workflow.identification import identify_file
 from sysid.workflow.next_step import command
 from sysid.workflow.record import read_record
-from sysid.workflow.setting import Setting
+from sysid.workflow.setting import Held, Setting, read_start, settings_of
 from twin.cli import main
 
 TRUE = {"linear.b0": 0.5, "linear.b1": 0.2, "linear.f1": -1.5, "linear.f2": 0.54}

@@ -10,8 +10,8 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.structures import ActuatedJoint
 from sysid.workflow import identification
-from sysid.workflow.evaluation import Setting
 from sysid.workflow.identification import identify_file
+from sysid.workflow.setting import Setting
 from twin.cli import console, main
 from twin.cli.console import Rounds, Searches, Steps
 

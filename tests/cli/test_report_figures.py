@@ -11,9 +11,9 @@ from sysid.base import style
 from sysid.report import figures, identify, page
 from sysid.report.figures import bode
 from sysid.structures import ActuatedJoint, HammersteinWiener, NonlinearArx, OutputError
-from sysid.workflow.evaluation import Setting
-from sysid.workflow.exports import Exports
 from sysid.workflow.identification import identify_file
+from sysid.workflow.saved import Exports
+from sysid.workflow.setting import Setting
 
 SETTINGS = {
     "hammerstein_wiener": Setting(HammersteinWiener(2, 2, 1), starts=1),

@@ -16,10 +16,10 @@ from sysid.joint.values import JointValue
 from sysid.report import figures, glossary, identify, page, verdict, zoom
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.structures import HammersteinWiener, NonlinearArx
-from sysid.workflow.evaluation import Setting
-from sysid.workflow.exports import Exports
 from sysid.workflow.identification import identify_file
-from sysid.workflow.identified import NextStep
+from sysid.workflow.results import NextStep
+from sysid.workflow.saved import Exports
+from sysid.workflow.setting import Setting
 
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 NOTHING = b"\x89PNG"

@@ -22,7 +22,7 @@ from sysid.report.figures import values
 from sysid.report.page import Grid, to_json
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
-from sysid.workflow.extrapolation import ends_met, extrapolated_joint, extrapolated_signals
+from sysid.workflow.remarks import ends_met, extrapolated_joint, extrapolated_signals
 from twin.cli.console import Rounds, Steps
 
 

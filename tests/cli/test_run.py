@@ -210,6 +210,6 @@ def test_a_model_that_does_not_follow_names_the_next_command(place, capsys, monk
 
 def _setting(structure):
     from sysid.structures import TABLE
-    from sysid.workflow.evaluation import Setting
+    from sysid.workflow.setting import Setting
 
     return Setting(TABLE[structure](), starts=1)

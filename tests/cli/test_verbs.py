@@ -22,8 +22,9 @@ from sysid.base import criteria
 from sysid.data.preprocess import quick_start
 from sysid.report.page import Page
 from sysid.structures import HammersteinWiener
-from sysid.workflow.evaluation import Setting, evaluate
+from sysid.workflow.evaluation import evaluate
 from sysid.workflow.record import read_record
+from sysid.workflow.setting import Setting
 from twin.cli import main
 
 TS = 0.05

@@ -9,8 +9,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import advise
 from sysid.workflow import design as design_of
-from sysid.workflow.extrapolation import extrapolated_signals
-from sysid.workflow.gain_sign import gain_remarks
+from sysid.workflow.remarks import extrapolated_signals, gain_remarks
 from twin.cli import recipes
 from twin.compare.comparison import MODEL, TWIN
 from twin.report import compare

@@ -7,7 +7,7 @@ import pytest
 
 import sysid
 from sysid.data.preprocess import detrend
-from sysid.workflow.reading import in_python
+from sysid.workflow.record import words_for_python
 
 pandas = pytest.importorskip("pandas", reason="pandas is in the notebook extra")
 xarray = pytest.importorskip("xarray", reason="xarray is in the notebook extra")
@@ -176,7 +176,7 @@ def test_read_keeps_names_and_units_and_cuts_in_seconds(data, tmp_path):
 
 def test_what_read_says_names_its_arguments_and_no_option_of_the_command_line():
     said = "give it with --ts SECONDS or name a time column with --time; --time-unit is 'h'; keep one with --range 1:2"
-    assert in_python(said) == (
+    assert words_for_python(said) == (
         "give it with Ts=SECONDS or name a time column with time=; time_unit is 'h'; keep one with start= and stop= 1:2"
     )
 

@@ -26,7 +26,7 @@ from sysid.uncertainty import responses
 from sysid.uncertainty.curves import curves
 from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import poles
-from sysid.workflow.evaluation import OneStep
+from sysid.workflow.results import OneStep
 
 DEG = 180.0 / np.pi
 

@@ -15,7 +15,7 @@ import sysid
 from sysid import IOData
 from sysid.diagnosis.advice import Advice, advise
 from sysid.excitations import Prbs
-from sysid.workflow.advised import after
+from sysid.workflow.next_step import advice_after_fit
 from twin.cli import main
 from twin.cli.app import build
 
@@ -206,7 +206,7 @@ def test_no_advice_speaks_of_an_input_map_that_the_model_does_not_have(tmp_path,
 )
 def test_after_a_fit_no_advice_names_it_or_less(named, fitted, percent, kept):
     said = Advice("nonlinearity", "found", 0.0, "do it", "note", call="f()", command=("identify", "--structure", named))
-    found = after(said, fitted, percent)
+    found = advice_after_fit(said, fitted, percent)
     assert found.sentence == "found"
     assert (found == said) == kept
     assert kept or not (found.action or found.call or found.command)

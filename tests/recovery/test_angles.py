@@ -8,11 +8,10 @@ import pytest
 from sysid.blocks import Motor, ServoMotor
 from sysid.report import identify as report
 from sysid.structures import ActuatedJoint, MotorProfile, OutputError, ServoJoint, actuated_joint, servo_joint
-from sysid.workflow.angles import in_unit_of, without_wraps
-from sysid.workflow.evaluation import Setting
-from sysid.workflow.exports import export
 from sysid.workflow.identification import identify_file
-from sysid.workflow.record import read_record
+from sysid.workflow.record import in_unit_of, read_record, without_wraps
+from sysid.workflow.saved import export
+from sysid.workflow.setting import Setting
 
 N, TS = 700, 0.05
 TURN = {"rad": 2.0 * np.pi, "deg": 360.0}

@@ -15,8 +15,9 @@ from sysid.report import words
 from sysid.report.words import tests_in_words as in_words
 from sysid.structures import OutputError
 from sysid.systems import system
-from sysid.workflow.evaluation import Setting, evaluate, evaluate_fit
-from sysid.workflow.gain_sign import WRONG, gain_remarks
+from sysid.workflow.evaluation import evaluate, evaluate_fit
+from sysid.workflow.remarks import WRONG, gain_remarks
+from sysid.workflow.setting import Setting
 
 
 def held(seed: int, n: int = 1200, hold: int = 10) -> np.ndarray:

@@ -17,9 +17,9 @@ from sysid.joint.growth import Growth, grow_joint
 from sysid.joint.verdict import verdict
 from sysid.report import identify as report
 from sysid.structures import ActuatedJoint, actuated_joint
-from sysid.workflow.evaluation import Setting
-from sysid.workflow.exports import export
 from sysid.workflow.identification import identify_file
+from sysid.workflow.saved import export
+from sysid.workflow.setting import Setting
 
 N, TS = 700, 0.05
 

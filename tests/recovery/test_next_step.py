@@ -16,9 +16,9 @@ import twin
 from sysid.diagnosis.residuals import poor
 from sysid.selection.table import Selection
 from sysid.structures import HammersteinWiener
-from sysid.workflow.evaluation import Setting
 from sysid.workflow.identification import identify_file
 from sysid.workflow.next_step import next_step
+from sysid.workflow.setting import Setting
 from twin.cli import main
 
 TS = 0.1

@@ -284,7 +284,7 @@ def script(model: Model, data: Data, log: Path) -> str:
     selection = {"input": data.input, "output": data.output, "Ts": data.Ts, "time": data.time}
     columns = "".join(f", {name}={value!r}" for name, value in selection.items() if value is not None)
     settings = ", ".join(f"{name}={value!r}" for name, value in model.setting.settings.items())
-    wraps = ["from sysid.workflow.angles import without_wraps"] if recipe.zero else []
+    wraps = ["from sysid.workflow.record import without_wraps"] if recipe.zero else []
     search = recipe.auto
     options = f"search={search!r}, starts={model.setting.starts}, seed={model.setting.seed}"
     call = f"sysid.fit(recipe.model_of(estimation), estimation, {options})"

@@ -14,7 +14,7 @@ from sysid.base.units import percent, shown
 from sysid.data.record import IOData
 from sysid.report import zoom
 from sysid.report.figures import TABLE
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 from twin.app.entries import Runs
 
 Figure = dict[str, Any]

@@ -38,7 +38,7 @@ def open_record(log: Path, entry: Data) -> Record:
 
 def fit_parts(record: Record, entry: Data, setting: Setting) -> tuple[IOData, IOData, tuple[str, ...]]:
     """Estimation and validation data for a fit, and what was done to the record in sentences."""
-    from sysid.workflow.angles import without_wraps
+    from sysid.workflow.record import without_wraps
 
     kind = setting.recipe()
     if kind.zero:  # absolute angles count on over a turn
@@ -90,9 +90,9 @@ def advise(request: dict[str, Any], tell: Tell) -> None:
 
 def fit(request: dict[str, Any], tell: Tell) -> None:
     """Fits a model; its files are ready before the report is drawn."""
-    from sysid.workflow.evaluation import Setting as Settings
     from sysid.workflow.evaluation import check_parts, evaluate
-    from sysid.workflow.exports import export
+    from sysid.workflow.saved import export
+    from sysid.workflow.setting import Setting as Settings
     from twin.app import figures
 
     began = time.perf_counter()
@@ -242,9 +242,9 @@ def _mjcf(model_fit: Any, folder: Path) -> list[str]:
 
 def _report(record: Record, entry: Data, setting: Setting, evaluation: Any, exports: Any, path: Path) -> None:
     from sysid.report import identify as report
-    from sysid.workflow.identified import Identification
     from sysid.workflow.next_step import next_step
-    from sysid.workflow.records import Plan
+    from sysid.workflow.plan import Plan
+    from sysid.workflow.results import Identification
 
     steps = entry.prepare.preparation()
     plan = Plan(split=setting.split, detrend=setting.recipe().detrend(steps.detrend), preparation=steps)

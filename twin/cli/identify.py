@@ -15,9 +15,8 @@ from twin.cli import console, options, recipes
 from twin.cli.output import run_folder
 
 if TYPE_CHECKING:
-    from sysid.workflow.held import Held
     from sysid.workflow.identification import Auto
-    from sysid.workflow.setting import Setting
+    from sysid.workflow.setting import Held, Setting
 
 AUTO = "auto"
 STARTS = 5
@@ -97,9 +96,9 @@ def identify(
     from sysid.data.preparation import Preparation
     from sysid.report import identify as report
     from sysid.report.page import write
-    from sysid.workflow.exports import export
     from sysid.workflow.identification import identify_file
-    from sysid.workflow.records import listed
+    from sysid.workflow.plan import paths_from
+    from sysid.workflow.saved import export
 
     preparation = Preparation(missing=missing, resample=resample, filter=options.band(filter))
     with (
@@ -130,7 +129,7 @@ def identify(
             range=options.time_range(range),
             time_unit=time_unit,
             progress=console.Searches(step),
-            validation=listed(validation or ()),
+            validation=paths_from(validation or ()),
             preparation=preparation,
         )
         step("drawing")
@@ -149,7 +148,7 @@ def _detrend(detrend: str | None, zero: str | None) -> str | None:
 
 
 def _held(fix: Sequence[str], bound: Sequence[str], start: str | None) -> "Held":
-    from sysid.workflow.held import Held, read_start
+    from sysid.workflow.setting import Held, read_start
 
     saved = None if start is None else read_start(start)
     return Held(options.fixed(fix), options.bounds(bound), saved, None if start is None else Path(start))

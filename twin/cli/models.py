@@ -41,7 +41,7 @@ def models(
         raise InputError(f"only {file} is given; give one or more models and then the record")
     from sysid.report import models as report
     from sysid.report.page import write
-    from sysid.workflow.models import run_models
+    from sysid.workflow.model_run import run_models
     from sysid.workflow.saved import Reading, check_order
 
     check_order("models", paths, file)

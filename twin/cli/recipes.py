@@ -56,7 +56,7 @@ def recipe(structure: str, given: Mapping[str, Any], start: "Fit | None" = None)
         least = {name: kind.options()[name].least for name in kind.of_kind("order")}
         settings |= options.orders(text, least, _example(kind))
     if start is not None:
-        from sysid.workflow.held import settings_of
+        from sysid.workflow.setting import settings_of
 
         settings = settings_of(start, kind) | settings
     return kind(**settings)

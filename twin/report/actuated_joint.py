@@ -13,7 +13,7 @@ from sysid.base.units import number, percent, shown
 from sysid.joint.values import JointValue
 from sysid.report import sections
 from sysid.report.page import Grid, Picture, Section
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 from twin.studies import ablation
 from twin.studies.ablation import DIVERGES, Ablation, Row
 from twin.studies.beyond import NEAR, RECORDS, Recovered, Trial

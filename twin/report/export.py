@@ -10,7 +10,7 @@ from sysid.base.units import number, poles, shown
 from sysid.base.versions import versions
 from sysid.estimation.result import Fit
 from sysid.report.page import Grid, Listing, Page, Picture, Section
-from sysid.workflow.exports import UNFIT
+from sysid.workflow.saved import UNFIT
 from twin.fragment import Check
 from twin.studies.write_back import CLOSE, Written
 

@@ -13,7 +13,7 @@ from sysid.report import sections
 from sysid.report.figures import TABLE, VALIDATION_TIME
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.report.words import tests_in_words
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 from twin.report import actuated_joint
 from twin.studies.beyond import RECORDS
 from twin.studies.protocol import TS, JointResult, ProtocolResult

@@ -17,7 +17,7 @@ from sysid.data.record import IOData
 from sysid.estimation.joint_parts import sub
 from sysid.estimation.result import Fit
 from sysid.model.chain import Chain
-from sysid.workflow.evaluation import Setting
+from sysid.workflow.setting import Setting
 from twin.experiment import Experiment, run_all
 from twin.imperfections import IMPERFECTIONS
 from twin.log import Log

@@ -14,7 +14,9 @@ from sysid.base.criteria import fit_percent
 from sysid.data.preprocess import quick_start
 from sysid.joint.values import JointValue
 from sysid.structures import ActuatedJoint
-from sysid.workflow.evaluation import Evaluation, Setting, evaluate
+from sysid.workflow.evaluation import evaluate
+from sysid.workflow.results import Evaluation
+from sysid.workflow.setting import Setting
 from twin.experiment import Experiment
 from twin.hardware.drive import drive
 from twin.hardware.potentiometer import potentiometer

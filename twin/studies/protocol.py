@@ -17,7 +17,9 @@ from sysid.base.errors import InputError
 from sysid.base.versions import versions
 from sysid.data.preprocess import quick_start
 from sysid.structures import HammersteinWiener, NonlinearArx
-from sysid.workflow.evaluation import Evaluation, Setting, evaluate
+from sysid.workflow.evaluation import evaluate
+from sysid.workflow.results import Evaluation
+from sysid.workflow.setting import Setting
 from twin.log import Log
 from twin.studies import ablation, beyond
 from twin.studies.ablation import Ablation

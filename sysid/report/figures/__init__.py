@@ -18,8 +18,7 @@ from sysid.report.figures import (
 )
 from sysid.report.figures._figure import VALIDATION_TIME, ReportFigure, SectionTitle, signals
 from sysid.report.page import Picture
-from sysid.workflow.evaluation import Evaluation
-from sysid.workflow.views import views
+from sysid.workflow.results import Evaluation, single_channels
 
 TABLE: dict[str, ReportFigure] = {
     "data": data.FIGURE,
@@ -38,7 +37,7 @@ TABLE: dict[str, ReportFigure] = {
 def pictures(section: SectionTitle, evaluation: Evaluation) -> list[Picture]:
     """The figures of one section for this evaluation."""
     chosen = [(name, figure) for name, figure in TABLE.items() if figure.section == section]
-    each = views(evaluation, section)  # one for each of several outputs
+    each = single_channels(evaluation, section)  # one for each of several outputs
     found = (figure.picture(name + mark, one, lead) for name, figure in chosen for mark, lead, one in each)
     return [picture for picture in found if picture is not None]
 

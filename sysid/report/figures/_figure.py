@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from sysid.base import style
 from sysid.base.units import Quantity, shown
 from sysid.report.page import Picture
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from sysid.plots import close_ups
 from sysid.report.figures._figure import VALIDATION_TIME, ReportFigure
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from sysid.plots import parts
 from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

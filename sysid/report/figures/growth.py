@@ -10,7 +10,7 @@ from sysid.plots.earned import earned
 from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
 from sysid.report.joint_words import bars, hatched
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

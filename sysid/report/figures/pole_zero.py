@@ -11,7 +11,7 @@ from sysid.base.units import poles
 from sysid.plots import pole_zero_map
 from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,7 +9,7 @@ from sysid.plots import residual_tests
 from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
 from sysid.report.words import one_step, tests_in_words
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

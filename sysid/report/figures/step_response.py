@@ -9,7 +9,7 @@ from sysid.plots import step
 from sysid.report import zoom
 from sysid.report.bands import bands
 from sysid.report.figures._figure import ReportFigure, signals
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

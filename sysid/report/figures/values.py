@@ -15,7 +15,7 @@ from sysid.report import zoom
 from sysid.report.figures._figure import ReportFigure
 from sysid.report.joint_words import groups, short
 from sysid.report.sections import told_once
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

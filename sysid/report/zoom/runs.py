@@ -17,7 +17,7 @@ from sysid.plots._departure import departure, frame
 from sysid.report.zoom import _parts as parts
 from sysid.report.zoom._parts import COLOURS, Figure, Row, Trace
 from sysid.report.zoom.records import TIME
-from sysid.workflow.evaluation import Evaluation
+from sysid.workflow.results import Evaluation
 
 MEASURED = "measured"
 

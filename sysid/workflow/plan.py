@@ -1,4 +1,4 @@
-"""Several files as the experiments of one record, and the two parts of a record: for the fit and for its validation."""
+"""Before a fit: the steps of a preparation, several files as one record, and its two parts for fit and validation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -50,13 +50,13 @@ class Plan:
         return trend.remove(data), (trend if self.detrend in CONSTANT else Trend.of(other, self.detrend)).remove(other)
 
 
-def prepared(record: Record, preparation: Preparation) -> Record:
+def prepare_record(record: Record, preparation: Preparation) -> Record:
     """The record after every step but the detrending, with a remark for each that changed it."""
     data, said = replace(preparation, detrend=None).steps(record.data)
     return record if not said else replace(record, data=data, remarks=(*record.remarks, *said))
 
 
-def merged(records: Sequence[Record]) -> Record:
+def merge_records(records: Sequence[Record]) -> Record:
     """One record whose experiments are these; raises InputError where channels, units or sampling times differ."""
     first, *others = records
     if not others:
@@ -94,7 +94,7 @@ def check_same_channels(first: Record, other: Record) -> None:
     _check_alike(first, other)
 
 
-def listed(texts: Sequence[str]) -> tuple[Path, ...]:
+def paths_from(texts: Sequence[str]) -> tuple[Path, ...]:
     """Paths from texts, each of which is a file or several with commas between them."""
     found: list[Path] = []
     for text in texts:

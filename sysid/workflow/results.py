@@ -1,0 +1,297 @@
+"""What identifying a file gives: the evaluated model, the record behind it, and the next step."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sysid.base.versions import versions
+from sysid.channels.signals import Signals
+from sysid.data.record import IOData
+from sysid.diagnosis.advice import Advice
+from sysid.diagnosis.higher_order import HigherOrderTests
+from sysid.diagnosis.residuals import ResidualTests
+from sysid.estimation.result import Fit
+from sysid.joint.growth import Growth
+from sysid.joint.values import JointValue, as_read
+from sysid.joint.verdict import Verdict
+from sysid.nlarx.result import NlarxFit
+from sysid.selection.table import Selection
+from sysid.uncertainty.intervals import Root
+from sysid.workflow.plan import Plan
+from sysid.workflow.record import Record
+from sysid.workflow.setting import Setting
+
+RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A line to draw: x (n,) and y (n,)."""
+
+    x: np.ndarray
+    y: np.ndarray
+
+
+@dataclass(frozen=True)
+class OneStep:
+    """One-step-ahead prediction of a nonlinear ARX model from the measured outputs.
+
+    Outputs (N,) on the scale of their data, fits in %. The fit is near 100 % for any smooth, finely sampled signal: do
+    not compare it with the fit of a free run.
+    """
+
+    estimation_output: np.ndarray
+    validation_output: np.ndarray
+    estimation_fit: float
+    validation_fit: float
+
+    def as_dict(self) -> dict[str, float]:
+        """The two fits [%]."""
+        return {"estimation": self.estimation_fit, "validation": self.validation_fit}
+
+
+@dataclass(frozen=True)
+class OneOutput:
+    """One of several outputs: its free-run fits [%] of both parts, and the tests of its residuals with all inputs.
+
+    Of the tests with the inputs, `tests` has that which speaks most against independence.
+    """
+
+    name: str
+    unit: str
+    estimation_fit: float
+    validation_fit: float
+    tests: ResidualTests | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The numbers, ready for JSON."""
+        found: dict[str, Any] = {"name": self.name, "unit": self.unit}
+        found["fit_percent"] = {"estimation": self.estimation_fit, "validation": self.validation_fit}
+        return {**found, "residuals": self.tests.as_dict() if self.tests else None}
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A fit with its free-run simulations of both parts of the record and the tests of its validation residuals.
+
+    `estimation_output` and `validation_output` (N,) are on the scale of their data; `step` is the step response of the
+    tangent linear model (None if there is no such model). `maps` holds the static curves in the order of the signal.
+    `tests` and `higher` are None if the validation part is too short; `notes` gives the reason. `roots` are the poles
+    with their intervals, None if the record gives none. A nonlinear ARX model has `one_step` and neither poles nor
+    maps. An actuated joint has `values`, `growth` and `joint`, and no poles; where `joint` says that the record is not
+    that of a joint, there are no values. Of several inputs or outputs the runs are (N, ny), the fits means over the
+    outputs, `outputs` has those of each, `inputs` names and units; `tests` are the worst.
+    """
+
+    setting: Setting
+    fit: Fit | NlarxFit
+    estimation: IOData
+    validation: IOData
+    estimation_output: np.ndarray
+    validation_output: np.ndarray
+    estimation_fit: float
+    validation_fit: float
+    tests: ResidualTests | None
+    higher: HigherOrderTests | None
+    step: Curve | None
+    maps: dict[str, Curve]
+    roots: tuple[Root, ...] | None = None
+    one_step: OneStep | None = None
+    values: tuple[JointValue, ...] = ()
+    growth: Growth | None = None
+    joint: Verdict | None = None
+    notes: tuple[str, ...] = ()
+    inputs: tuple[tuple[str, str], ...] = ()
+    outputs: tuple[OneOutput, ...] = ()
+
+    @property
+    def linear(self) -> bool:
+        """Whether the model has a linear block, and therefore poles."""
+        return isinstance(self.fit, Fit) and bool(self.fit.model.dynamics)
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Poles in z of the linear block; empty if there is no such block."""
+        return self.fit.poles if isinstance(self.fit, Fit) else np.empty(0, dtype=complex)
+
+    @property
+    def zeros(self) -> np.ndarray:
+        """Zeros in z of the linear block; empty if there is no such block."""
+        return self.fit.zeros if isinstance(self.fit, Fit) else np.empty(0, dtype=complex)
+
+    @property
+    def stable(self) -> bool:
+        """Whether all poles of the linear block are inside the unit circle.
+
+        Without such a block: whether both free runs stay within RUNAWAY widths of the range of the output.
+        """
+        if self.linear:
+            return bool(np.all(np.abs(self.poles) < 1.0))
+        y = np.concatenate([self.estimation.y, self.validation.y])
+        run = np.concatenate([self.estimation_output, self.validation_output]).reshape(y.shape)
+        away = np.abs(run - 0.5 * (y.max(axis=0) + y.min(axis=0)))
+        return bool(np.all(away.max(axis=0) <= RUNAWAY * np.ptp(y, axis=0)))
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary, ready for JSON."""
+        summary = {
+            **({"verdict": self.joint.sentence()} if self.joint is not None and not self.joint.joint else {}),
+            "fit_percent": {"estimation": self.estimation_fit, "validation": self.validation_fit},
+            **self.fit.summary(),
+            "stable": self.stable,
+            "residuals": self.tests.as_dict() if self.tests else None,
+            "higher_order": self.higher.as_dict() if self.higher else None,
+            "setting": self.setting.as_dict(),
+            "notes": list(self.notes),
+        }
+        if self.outputs:
+            summary["outputs"] = [output.as_dict() for output in self.outputs]
+            summary["fit_percent"]["outputs"] = {
+                output.name: {"estimation": output.estimation_fit, "validation": output.validation_fit}
+                for output in self.outputs
+            }
+        if self.roots is not None:
+            for row, root in zip(summary["poles"], self.roots, strict=True):
+                row["intervals"] = {
+                    name: [getattr(root, name).lower, getattr(root, name).upper]
+                    for name in ("real", "imag", "modulus", "time_constant")
+                }
+                row["note"] = root.note
+        if self.one_step is not None:
+            summary["one_step_fit_percent"] = self.one_step.as_dict()
+        if self.values:
+            summary["values"] = [vars(as_read(value)) for value in self.values]
+        if self.growth is not None:
+            summary["growth"] = self.growth.as_dict()
+        if self.joint is not None:
+            summary["joint"] = self.joint.as_dict()
+        return summary
+
+
+@dataclass(frozen=True)
+class NextStep:
+    """The reason for another step, and its command."""
+
+    why: str
+    command: str
+
+    def sentence(self) -> str:
+        """Both as text for the report and the console."""
+        return f"Next: {self.why}; try: {self.command}"
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The record with its diagnosis, the plan by which it was prepared and split, and the model with its tests.
+
+    `selection` is the structure search that gave the model, None if the structure was given. `next` is the next step,
+    None if the fit is good.
+    """
+
+    record: Record
+    plan: Plan
+    evaluation: Evaluation
+    advice: tuple[Advice, ...] = ()
+    selection: Selection | None = None
+    next: NextStep | None = None
+
+    @property
+    def split(self) -> float:
+        """The share of the record that is estimation data."""
+        return self.plan.split
+
+    @property
+    def detrend(self) -> str:
+        """What was removed."""
+        return self.plan.detrend
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary of `qpal identify`, ready for JSON."""
+        return {
+            "read": {**self.record.as_dict(), **self._prepared()},
+            **self.evaluation.as_dict(),
+            "selection": self.selection.as_dict() if self.selection else None,
+            "advice": [vars(a) for a in self.advice],
+            "next": vars(self.next) if self.next else None,
+            "versions": versions(),
+        }
+
+    def _prepared(self) -> dict[str, Any]:
+        """How the record was prepared and split; what was not asked for is left out."""
+        plan, other = self.plan, self.plan.validation
+        found: dict[str, Any] = {"split": plan.split if other is None else None, "detrend": plan.detrend}
+        if plan.preparation.options():
+            found["prepared"] = list(plan.preparation.options())
+        if other is not None:
+            found["validation"] = other.as_dict()
+        return found
+
+
+def named_channels(e: Evaluation, signals: Signals) -> Evaluation:
+    """The evaluation of several channels with the names and units of the file."""
+    if not e.outputs:
+        return e
+    names = [
+        _distinct_names([s.name for s in found], [s.column for s in found]) for found in (signals.input, signals.output)
+    ]
+    outputs = zip(e.outputs, names[1], signals.output, strict=True)
+    return replace(
+        e,
+        inputs=tuple((name, s.unit) for name, s in zip(names[0], signals.input, strict=True)),
+        outputs=tuple(replace(output, name=name, unit=s.unit) for output, name, s in outputs),
+    )
+
+
+def _distinct_names(names: list[str], columns: list[str]) -> list[str]:
+    """The names, or the columns where two names are one."""
+    return names if len(set(names)) == len(names) else columns
+
+
+def single_channels(e: Evaluation, section: str) -> list[tuple[str, str, Evaluation]]:
+    """What the figures of a section show of several channels: a mark for the name, words, and one input and output.
+
+    "Data" has every channel, "Model output" and "Residual tests" every output, "Model" the evaluation as it is.
+    """
+    if not e.outputs or section == "Model":
+        return [("", "", e)]
+    ny = len(e.outputs)
+    count = max(e.estimation.u.shape[1], ny) if section == "Data" else ny
+    return [_single_channel(e, k, section) for k in range(count)]
+
+
+def _single_channel(e: Evaluation, k: int, section: str) -> tuple[str, str, Evaluation]:
+    i, j = min(k, e.estimation.u.shape[1] - 1), min(k, len(e.outputs) - 1)
+    own = e.outputs[j]
+    estimation, validation = (
+        one_channel(data, i, j, e.inputs[i], (own.name, own.unit)) for data in (e.estimation, e.validation)
+    )
+    shown = replace(
+        e,
+        estimation=estimation,
+        validation=validation,
+        estimation_output=e.estimation_output.reshape(e.estimation.N, -1)[:, j],
+        validation_output=e.validation_output.reshape(e.validation.N, -1)[:, j],
+        estimation_fit=own.estimation_fit,
+        validation_fit=own.validation_fit,
+        tests=own.tests,
+        outputs=(),
+    )
+    words = f"{e.inputs[i][0]} and {own.name}: " if section == "Data" else f"{own.name}: "
+    return f"-{k + 1}", words, shown
+
+
+def one_channel(data: IOData, i: int, j: int, u: tuple[str, str], y: tuple[str, str]) -> IOData:
+    """One input and one output of a record, with their names and units."""
+    return replace(
+        data,
+        u=data.u[:, i],
+        y=data.y[:, j],
+        u_name=u[0],
+        y_name=y[0],
+        u_unit=u[1],
+        y_unit=y[1],
+        u_offset=data.u_offset[i],
+        y_offset=data.y_offset[j],
+        missing=None if data.missing is None else data.missing[:, j],
+    )
