@@ -46,9 +46,9 @@ from .estimation.result import Fit as Fit
 from .joint.growth import grow_joint as grow_joint
 from .joint.values import joint_values as joint_values
 from .model.chain import Chain as Chain
-from .nlarx.dispatch import fit as fit
-from .nlarx.dispatch import load as load
-from .nlarx.dispatch import save as save
+from .fitting import fit as fit
+from .fitting import load as load
+from .fitting import save as save
 from .nlarx.fit import fit_nlarx as fit_nlarx
 from .nlarx.result import NlarxFit as NlarxFit
 from .selection.select import select as select

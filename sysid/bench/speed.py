@@ -15,9 +15,9 @@ import numpy as np
 from sysid.base.threads import one_blas_thread
 from sysid.bench.scenarios.textbook import NOISE, N
 from sysid.estimation.problem import ChainProblem
+from sysid.fitting import fit
 from sysid.model.chain import Chain
 from sysid.model.system import System
-from sysid.nlarx.dispatch import fit
 from sysid.solver.iterate import Linearisation
 from sysid.structures import hammerstein_wiener
 from sysid.systems import system

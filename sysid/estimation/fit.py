@@ -13,24 +13,23 @@ from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
 from sysid.data.magnitudes import check_magnitudes
 from sysid.data.record import IOData
-from sysid.estimation.free_run import departing
-from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.noise import autoregression
-from sysid.estimation.normal import Normal
-from sysid.estimation.objective import Objective
-from sysid.estimation.origin import Origin, share_explained
-from sysid.estimation.portfolio.points import applies
-from sysid.estimation.problem import ChainProblem
-from sysid.estimation.race import ENOUGH, SAME, Raced, Run, noise_of, portfolio, race, with_curvature_weight
-from sysid.estimation.result import Fit, check_channels
-from sysid.estimation.safeguard import (
+from sysid.estimation.free_run import autoregression, departing
+from sysid.estimation.guard import (
     guarded,
     less_smoothed,
     linear_start,
     not_above_linear,
     worse_than_constant,
 )
+from sysid.estimation.initial_state import with_initial_states
+from sysid.estimation.normal import Normal
+from sysid.estimation.objective import Objective
+from sysid.estimation.origin import Origin, share_explained
+from sysid.estimation.problem import ChainProblem
+from sysid.estimation.result import Fit, check_channels
+from sysid.estimation.search import ENOUGH, SAME, Raced, Run, noise_of, portfolio, race, with_curvature_weight
 from sysid.estimation.starts import starts as make_starts
+from sysid.estimation.starts.portfolio.candidates import applies
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Options, Outcome, until

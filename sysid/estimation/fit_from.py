@@ -8,13 +8,13 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import StaticBlock
-from sysid.data.record import IOData
+from sysid.data.record import IOData, siso
+from sysid.diagnosis.bla import Parametric
 from sysid.estimation.fit import fit_chain
+from sysid.estimation.guard import squares
 from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.map_start import start_maps
 from sysid.estimation.result import Fit
-from sysid.estimation.safeguard import squares
-from sysid.estimation.start import within
+from sysid.estimation.starts._shared import start_maps, within
 from sysid.model.chain import Chain
 
 _ABOVE = 1.01  # times the errors of the fit that it starts from
@@ -80,3 +80,26 @@ def _started(fit: Fit, known: np.ndarray, chain: Chain, data: IOData, straight: 
         x = np.concatenate([block.output(part, piece) for part, piece in zip(parts, pieces, strict=True)])
         behind = behind or not isinstance(block, StaticBlock)
     return within(chain, theta)
+
+
+def bla_start(chain: Chain, model: Parametric, data: IOData) -> np.ndarray:
+    """theta (P,) for `sysid.fit(chain, data, start=...)`: its filter equals `model`, its maps are near identity.
+
+    Raises InputError if the orders of the chain and the model differ.
+    """
+    linear = chain.linear
+    if (linear.nb, linear.nf, linear.nk) != (len(model.b), len(model.f), model.nk):
+        raise InputError(
+            f"the chain has orders {linear.nb}, {linear.nf}, {linear.nk} and the approximation "
+            f"{len(model.b)}, {len(model.f)}, {model.nk}; fit the approximation with the chain's orders"
+        )
+    x, _ = siso(data)
+    theta = []
+    for block in chain.blocks:
+        if block is linear:
+            own = np.concatenate([model.b, model.f, np.zeros(linear.n_parameters - linear.nb - linear.nf)])
+        else:
+            own = block.start(x)
+        x = block.output(own, x)
+        theta.append(own)
+    return np.concatenate(theta)

@@ -5,11 +5,10 @@ import numpy as np
 from sysid.block.block import StaticBlock
 from sysid.blocks import Motor, ProfiledMotor, TravelMap
 from sysid.data.record import IOData
-from sysid.estimation.initial_posterior import likely_initial
-from sysid.estimation.initial_prior import filters_only
-from sysid.estimation.initial_visited import state_space_of
 from sysid.estimation.joint_parts import is_joint, motor_of
+from sysid.estimation.likely_state import likely_initial
 from sysid.estimation.problem import ChainProblem
+from sysid.estimation.state_priors import filters_only, state_space_of
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt

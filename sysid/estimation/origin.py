@@ -1,11 +1,19 @@
-"""What a fit was made from, as far as a saved model must know it."""
+"""What every fit knows of its record, and does with rooms above its own: figures, a page, linear views."""
 
 from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.base.handlers import Shown, handler
 from sysid.data.record import IOData
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -64,3 +72,83 @@ def share_explained(data: IOData, mse: float) -> float:
     y = [column[mask] for column, mask in zip(data.y.T, seen.T, strict=True)]
     size = sum(float(np.sum((part - part.mean()) ** 2)) for part in y)
     return 100.0 * (1.0 - float(np.sqrt(mse * seen.sum() / size))) if size > 0 else float("-inf")
+
+
+class Remembered:
+    """A result that may know the record that it comes from."""
+
+    @property
+    def record(self) -> IOData | None:
+        """The record of the fit; None for one that was read from a file."""
+        return self.__dict__.get("_record")
+
+    def remember(self, data: IOData) -> Self:
+        """The same result, which knows its record from now on; raises InputError for anything but a record."""
+        if not isinstance(data, IOData):
+            raise InputError(f"data is a {type(data).__name__}; give the record of the fit, an IOData")
+        self.__dict__["_record"] = data
+        return self
+
+    def record_or(self, data: IOData | None) -> IOData:
+        """`data`, or the record of the fit where that is None; raises InputError if there is none."""
+        found = self.record if data is None else data
+        if found is None:
+            raise InputError(
+                "this fit was read from a file and has no record; give one as data=, for example fit.plot(data) or "
+                "fit.report(path, data=data)"
+            )
+        return found
+
+
+class FitMethods(Shown, Remembered):
+    """Methods that a chain's fit and a nonlinear ARX fit have in common.
+
+    `data` may be left out where the fit knows its record (`record`): then it is the record of the fit. A fit that was
+    read from a file has none, and each method raises InputError without `data`.
+    """
+
+    @checked
+    def plot(self, data: IOData | None = None, what: str = "output", at: float | None = None) -> "Figure":
+        """A figure: "output" (free run and error), "residuals", "poles", "bode", "step" or "maps".
+
+        Bands are 95 % intervals from the information of `data`, which must be the record of the fit for them; they
+        allow for coloured residuals. `at` is the constant input [unit of u, counted as in `data`] of the tangent that
+        "bode" and "step" show, by default 0, or the middle of the input's range where that does not hold 0. The output
+        is drawn at the record's own level: what detrending removed is added again. The figure is pyplot's where
+        matplotlib.pyplot is loaded. Raises InputError for another name, for a figure that this kind of model has not,
+        and for `at` in a figure that has no operating point.
+        """
+        figure: Figure = handler(self).plot(self, data, what, at)
+        return figure
+
+    @checked
+    def report(self, path: str | PathLike, data: IOData | None = None, validation: IOData | None = None) -> Path:
+        """Write the page of `qpal identify` for this fit to `path`, one HTML file, and return that path.
+
+        `data` is the record of the fit, `validation` one that the fit has not seen; without it the page scores the
+        record of the fit itself and says so. Raises InputError for several inputs or outputs and for a folder that is
+        not there.
+        """
+        found: Path = handler(self).report(self, path, data, validation)
+        return found
+
+    @checked
+    def refine(self, data: IOData | None = None, **options: Any) -> Self:
+        """The same model, searched further from this fit; `options` are those of `sysid.fit`, for example search="lm".
+
+        On its own record the mean square error (`criteria.mse`) does not rise: where the search ends higher, the result
+        is this fit with a warning. With an `objective` of your own its cost counts, penalties included, and the error
+        may rise. Raises InputError for a nonlinear ARX model, which takes no start.
+        """
+        found: Self = handler(self).refine(self, data, **options)
+        return found
+
+    @checked
+    def noise_model(self, data: IOData | None = None) -> Any:
+        """The colour of the residuals as an autoregression, see `sysid.linear.noise.Noise`."""
+        return handler(self).noise_model(self, data)
+
+    @checked
+    def modes(self, data: IOData | None = None) -> Any:
+        """Poles with natural frequency, damping and time constant, and standard deviations (`sysid.linear.modes`)."""
+        return handler(self).modes(self, data)

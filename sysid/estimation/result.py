@@ -17,10 +17,8 @@ from sysid.blocks import StateSpace
 from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
-from sysid.estimation.free_run import FreeRun, divergence, free_run, from_rest
-from sysid.estimation.methods import FitMethods
-from sysid.estimation.noise import autoregression, forecast
-from sysid.estimation.origin import Origin, check_same_kind
+from sysid.estimation.free_run import FreeRun, autoregression, divergence, forecast, free_run, from_rest
+from sysid.estimation.origin import FitMethods, Origin, check_same_kind
 from sysid.model.chain import Chain
 from sysid.model.tangents import Rational, tangent
 from sysid.solver.covariance import Covariance, pole_std
@@ -91,8 +89,8 @@ class Fit(FitMethods):
         """Each output from the measured ones up to `horizon` samples before it: (N,) for one output, else (N, ny).
 
         The free run plus the forecast of its residuals by their autoregression in the estimation data (`noise`; in a
-        file of an earlier version, in this record), see `sysid.estimation.noise`. With white residuals it is the free
-        run. Raises InputError for a horizon below 1.
+        file of an earlier version, in this record), see `sysid.estimation.free_run`. With white residuals it is the
+        free run. Raises InputError for a horizon below 1.
         """
         check_horizon(horizon)
         own, found = self.own_level(data), []
@@ -227,7 +225,7 @@ class Fit(FitMethods):
     @checked
     def save(self, path: str | PathLike) -> Path:
         """Write the fit as readable JSON; `sysid.load` reads it again."""
-        from sysid.estimation.saving import save
+        from sysid.estimation.codec import save
 
         return save(self, path)
 

@@ -1,7 +1,7 @@
 """Read a saved fit: every entry is checked, and the model is bit for bit the same.
 
 Fields that are missing in an older file take their defaults. Derived criteria are computed again, so a file may have
-fewer or more of them. Renames are in `sysid.estimation.migrations`.
+fewer or more of them. Renames are in `STEPS` of the codec.
 """
 
 import json
@@ -19,10 +19,8 @@ from sysid.base.errors import InputError
 from sysid.base.files import ordinary
 from sysid.base.limits import MOST, SAMPLES, SECONDS
 from sysid.data.table import LARGEST
-from sysid.estimation.codec import build
-from sysid.estimation.migrations import VERSION, migrate
+from sysid.estimation.codec import FORMAT, VERSION, build, migrate
 from sysid.estimation.result import Fit
-from sysid.estimation.saving import FORMAT
 from sysid.formats import TABLE
 from sysid.solver.covariance import Covariance
 

@@ -10,8 +10,8 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.joint_parts import shaken, traded
 from sysid.estimation.objective import Objective
-from sysid.estimation.race import Run, with_curvature_weight
 from sysid.estimation.result import Fit
+from sysid.estimation.search import Run, with_curvature_weight
 from sysid.joint.parts import again
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options

@@ -10,8 +10,8 @@ from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor, Play, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lifted, motor_of, sub
-from sysid.estimation.play_start import play_starts
 from sysid.estimation.result import Fit
+from sysid.estimation.starts.staged_joint import play_starts
 from sysid.model.chain import Chain
 
 _TRIED = 3  # of the plays that promise most, how many are tried

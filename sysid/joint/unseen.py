@@ -10,7 +10,7 @@ from sysid.data.record import IOData
 from sysid.estimation.free_run import rested
 from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.objective import Objective
-from sysid.estimation.race import Run, with_curvature_weight
+from sysid.estimation.search import Run, with_curvature_weight
 from sysid.model.chain import Chain
 from sysid.selection.folds import Fold, folds
 from sysid.solver.iterate import Options

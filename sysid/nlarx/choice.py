@@ -9,8 +9,7 @@ from sysid.data.record import IOData
 from sysid.nlarx.model import Nlarx
 from sysid.nlarx.problem import Piece, PredictionProblem, SimulationProblem, rows
 from sysid.nlarx.result import Choice
-from sysid.nlarx.runs import Linear, linear_start, runs_of
-from sysid.nlarx.start import empty_network, network_start
+from sysid.nlarx.starts import Linear, empty_network, linear_start, network_start, runs_of
 from sysid.solver.iterate import Options
 
 RIDGES = (1e-2, 1e-4, 0.1)  # the first is tried with every size, the others with those around the best

@@ -1,30 +1,76 @@
-"""fit_nlarx(model, data): starts from the data, the common search loop, the best result."""
+"""fit_nlarx(model, data): normal units, starts from the data, the common search loop, the best result."""
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.criteria import criteria
+from sysid.base.direction import direction
 from sysid.base.errors import InputError
 from sysid.base.threads import one_blas_thread
 from sysid.data.magnitudes import check_magnitudes
 from sysid.data.record import IOData
+from sysid.estimation.normal import largest_unit, observed, unit_of
 from sysid.estimation.origin import Origin
-from sysid.nlarx.choice import RIDGES, Choice, choices, preferred
-from sysid.nlarx.model import Nlarx
+from sysid.nlarx.choice import RIDGES, choices, preferred
+from sysid.nlarx.model import Network, Nlarx
 from sysid.nlarx.problem import Piece, SimulationProblem, limit
-from sysid.nlarx.result import FREE_RUN, ONE_STEP, NlarxFit
-from sysid.nlarx.runs import Run, linear_start, runs_of
-from sysid.nlarx.units import Units
-from sysid.solver.covariance import covariance
+from sysid.nlarx.result import FREE_RUN, ONE_STEP, Choice, NlarxFit
+from sysid.nlarx.starts import Run, linear_start, runs_of
+from sysid.solver.covariance import Covariance, covariance
 from sysid.solver.iterate import Linearisation, Options
 from sysid.solver.searches import search as make_search
 
 ITERATIONS = 100  # of each search, at most
 _FREE = 2.0  # times the least mean square of a free run, above which a start is out
+
+
+@dataclass(frozen=True)
+class Units:
+    """u = a u and y = b y in normal units; powers of two or their negatives, so that nothing is rounded."""
+
+    a: float
+    b: float
+
+    @classmethod
+    def of(cls, data: IOData) -> "Units":
+        """The units that bring the spread of a record of one input and one output near 1, and its signs to one side."""
+        u, (y,) = data.u[:, 0], observed(data)
+        return cls(direction(u) * unit_of(u), direction(y) * largest_unit(data))
+
+    def normal(self, data: IOData) -> IOData:
+        """The record in normal units."""
+        return replace(data, u=data.u / self.a + 0.0, y=data.y / self.b + 0.0)
+
+    def factors(self, network: Network) -> np.ndarray:
+        """theta (P,) of the network by theta in normal units: its units see coordinates, which have none."""
+        found = np.ones(network.size)
+        found[0] = self.b
+        found[1 : 1 + network.n] = self.b / self._regressors(network)
+        found[network.dilations - 1] = self.b
+        return found
+
+    def network(self, network: Network) -> Network:
+        """A network of normal units for regressors in those of the record."""
+        r = self._regressors(network)
+        return replace(network, mu=network.mu * r, T=np.ascontiguousarray(network.T / r))
+
+    def covariance(self, found: Covariance, network: Network) -> Covariance:
+        """The covariance of theta in the units of the record."""
+        f = self.factors(network)
+        return Covariance(found.cov * np.outer(f, f), found.unidentifiable, found.noise_variance * self.b**2)
+
+    def choices(self, tried: tuple[Choice, ...]) -> tuple[Choice, ...]:
+        """The errors of each size in the unit of the output."""
+        size = abs(self.b)
+        return tuple(replace(c, error=c.error * size, free=c.free * size) for c in tried)
+
+    def _regressors(self, network: Network) -> np.ndarray:
+        model = network.model
+        return np.repeat([self.b, self.a], [model.na, model.nb])
 
 
 @checked

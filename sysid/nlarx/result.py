@@ -15,14 +15,14 @@ from sysid.base.json_values import plain
 from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
-from sysid.estimation.methods import FitMethods
-from sysid.estimation.origin import Origin, check_same_kind
+from sysid.estimation.origin import FitMethods, Origin, check_same_kind
 from sysid.estimation.result import Parameter, check_horizon
 from sysid.nlarx.model import Network, Nlarx
 from sysid.nlarx.problem import FAR, Piece
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
 
+FORMAT, VERSION = "sysid nlarx fit", 2  # version 1 stored no offsets and no origin: they stay unknown (None)
 ONE_STEP, FREE_RUN = "one step ahead", "free run"
 AWAY = 0.5  # spans of the estimation data's output beyond its range, which no model of the plant reaches
 
@@ -203,9 +203,9 @@ class NlarxFit(FitMethods):
     @checked
     def save(self, path: str | PathLike) -> Path:
         """Write the fit as readable JSON; `sysid.load` reads it again."""
-        from sysid.nlarx.saving import save
+        from sysid.estimation.codec import write
 
-        return save(self, path)
+        return write(self, self.network.names, {"format": FORMAT, "version": VERSION}, path)
 
     def summary(self) -> dict[str, Any]:
         """A summary ready for JSON: values that are not finite become None."""

@@ -7,8 +7,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.estimation.storage import check_numbers, check_offsets, check_sizes, check_span, made, version_of
-from sysid.nlarx.result import FREE_RUN, ONE_STEP, NlarxFit
-from sysid.nlarx.saving import VERSION
+from sysid.nlarx.result import FREE_RUN, ONE_STEP, VERSION, NlarxFit
 
 
 def built(document: dict[str, Any]) -> NlarxFit:

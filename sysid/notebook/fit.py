@@ -16,11 +16,11 @@ from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.estimation.origin import check_units
 from sysid.estimation.result import Fit
+from sysid.fitting import fit as fit_model
 from sysid.linear.modes import Modes
 from sysid.linear.modes import modes as modes_of
 from sysid.linear.noise import Noise
 from sysid.linear.noise import noise_model as noise_model_of
-from sysid.nlarx.dispatch import fit as fit_model
 from sysid.notebook.doubts import doubts
 from sysid.notebook.figures import figure
 from sysid.notebook.page import write_page

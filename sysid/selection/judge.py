@@ -11,9 +11,9 @@ from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.result import Fit
 from sysid.estimation.starts import starts as make_starts
+from sysid.fitting import fit as fit_model
 from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
-from sysid.nlarx.dispatch import fit as fit_model
 from sysid.nlarx.result import NlarxFit
 from sysid.selection.folds import Fold
 from sysid.selection.table import BLOCKS, Row

@@ -150,7 +150,7 @@ def cross_validate(
     first n_init samples of the block give the initial state and are not scored. `options` go to `sysid.fit`. Remove
     means from the whole record beforehand, or not at all.
     """
-    from sysid.nlarx.dispatch import fit
+    from sysid.fitting import fit
 
     if len(data.lengths) > 1:
         raise InputError(f"the record has {len(data.lengths)} experiments; cross-validate one of data.experiments")

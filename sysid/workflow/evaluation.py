@@ -14,11 +14,11 @@ from sysid.data.record import IOData
 from sysid.diagnosis.higher_order import HigherOrderTests, higher_order_tests
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.result import Fit
+from sysid.fitting import fit as fit_model
 from sysid.joint.growth import grow_joint
 from sysid.joint.values import JointValue, in_unit, joint_values
 from sysid.joint.verdict import verdict
 from sysid.linear import linearize
-from sysid.nlarx.dispatch import fit as fit_model
 from sysid.nlarx.fit import ITERATIONS as NETWORK_ITERATIONS
 from sysid.nlarx.model import Nlarx
 from sysid.nlarx.result import NlarxFit

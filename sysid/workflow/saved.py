@@ -16,8 +16,8 @@ from sysid.diagnosis.residuals import poor
 from sysid.estimation.result import Fit
 from sysid.export import c as export_c
 from sysid.export import python as export_python
+from sysid.fitting import load, save
 from sysid.formats import TABLE
-from sysid.nlarx.dispatch import load, save
 from sysid.nlarx.result import NlarxFit
 from sysid.structures import TABLE as STRUCTURES
 from sysid.workflow.record import Record, read_record, without_wraps

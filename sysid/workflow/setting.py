@@ -12,10 +12,10 @@ from sysid.block.block import StaticBlock
 from sysid.blocks import STATIC, Channels, StateSpace
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
-from sysid.estimation.start import within
+from sysid.estimation.starts._shared import within
+from sysid.fitting import load
 from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
-from sysid.nlarx.dispatch import load
 from sysid.solver.searches import TABLE as SEARCHES
 from sysid.structures import HammersteinWiener
 

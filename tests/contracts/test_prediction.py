@@ -8,7 +8,7 @@ import pytest
 import sysid
 from sysid import InputError, IOData
 from sysid.data.preprocess import quick_start
-from sysid.estimation.noise import autoregression, forecast
+from sysid.estimation.free_run import autoregression, forecast
 
 
 def coloured(N=600, seed=0):

@@ -14,9 +14,8 @@ from sysid import InputError, IOData
 from sysid.base.criteria import TABLE as TABLE_OF_CRITERIA
 from sysid.base.criteria import Criterion, criteria
 from sysid.blocks import TABLE, TransferFunction
-from sysid.estimation.migrations import VERSION, Step
+from sysid.estimation.codec import VERSION, Step, save
 from sysid.estimation.result import Fit
-from sysid.estimation.saving import save
 from sysid.estimation.storage import load
 from sysid.joint.values import joint_values
 from sysid.model.chain import Chain
@@ -335,7 +334,7 @@ def test_a_renamed_kind_option_and_parameter_take_a_line_each(searched, tmp_path
             "polynomial": {f"k{i}": f"c{i}" for i in range(1, 9)},
         },
     )
-    monkeypatch.setattr("sysid.estimation.migrations.STEPS", (step,))
+    monkeypatch.setattr("sysid.estimation.codec.STEPS", (step,))
     same(load(path), fit)
 
 

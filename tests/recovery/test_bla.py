@@ -8,7 +8,7 @@ import sysid
 from sysid import InputError, IOData
 from sysid.base.poles import match
 from sysid.diagnosis import bla
-from sysid.estimation.bla_start import bla_start
+from sysid.estimation.fit_from import bla_start
 
 B, F = [0.0, 0.5, 0.2], [1.0, -1.2, 0.5]
 N, LINES = 512, np.arange(1, 161)

@@ -13,7 +13,7 @@ from sysid.nlarx.linearize import findop, findops, tangent
 from sysid.nlarx.model import Network
 from sysid.nlarx.problem import Piece, PredictionProblem, SimulationProblem, rows
 from sysid.nlarx.result import FREE_RUN, ONE_STEP, Choice
-from sysid.nlarx.start import empty_network, network_start
+from sysid.nlarx.starts import empty_network, network_start
 from sysid.solver.iterate import Options
 from sysid.structures import nlarx
 

@@ -8,7 +8,7 @@ import pytest
 
 import sysid
 from sysid.blocks import Delay, PiecewiseLinear, Polynomial, TransferFunction
-from sysid.estimation import pieces, problem
+from sysid.estimation import problem
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Linearisation, linearised
@@ -39,7 +39,7 @@ CHAINS = {
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
     monkeypatch.setattr(problem, "LONG", 100)
-    monkeypatch.setattr(pieces, "ROWS", ROWS)
+    monkeypatch.setattr(problem, "ROWS", ROWS)
 
 
 def drawn(name, rng):

@@ -5,8 +5,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from sysid.estimation.portfolio import hats
-from sysid.estimation.portfolio.kernels import exchanged, polygon
+from sysid.estimation.starts.portfolio import curves
+from sysid.estimation.starts.portfolio.kernels import exchanged, polygon
 
 
 def loss(M, y, places, chosen):
@@ -53,4 +53,4 @@ def test_fewer_places_are_the_best_of_all_choices(case):
         return np.sum(mass * (values - np.interp(places, places[chosen], values[chosen])) ** 2)
 
     best = min(([0, *inner, k - 1] for inner in combinations(range(1, k - 1), 3)), key=away)
-    np.testing.assert_array_equal(hats.fewer(places, values, mass, 5), places[best])
+    np.testing.assert_array_equal(curves.fewer(places, values, mass, 5), places[best])

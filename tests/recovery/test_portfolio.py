@@ -12,12 +12,11 @@ from sysid.bench.drawing.plants import chain, scaled
 from sysid.bench.drawing.signals import excitation
 from sysid.block.block import StaticBlock
 from sysid.blocks import PiecewiseLinear, Polynomial, Saturation, SigmoidNetwork
-from sysid.estimation.portfolio import hats
-from sysid.estimation.portfolio.kernels import exchanged, polygon
-from sysid.estimation.portfolio.mapped import as_block
-from sysid.estimation.portfolio.members import MEMBERS
-from sysid.estimation.portfolio.screen import Screen
-from sysid.estimation.portfolio.two_filters import picked
+from sysid.estimation.starts.portfolio import curves
+from sysid.estimation.starts.portfolio.curves import as_block
+from sysid.estimation.starts.portfolio.kernels import exchanged, polygon
+from sysid.estimation.starts.portfolio.screen import MEMBERS, Screen
+from sysid.estimation.starts.portfolio.two_filters import picked
 
 
 def test_a_curve_of_hats_is_the_least_squares_solution():
@@ -26,10 +25,10 @@ def test_a_curve_of_hats_is_the_least_squares_solution():
     y = np.sin(2 * x) + 0.1 * rng.standard_normal(900)
     basis = np.column_stack([np.interp(x, at, row) for row in np.eye(6)])
     wanted = np.linalg.lstsq(basis, y, rcond=None)[0]
-    values, loss = hats.fitted(x, y, at)
+    values, loss = curves.fitted(x, y, at)
     np.testing.assert_allclose(values, wanted, atol=2e-4)  # the weight of the bends is 1e-6
     assert loss == pytest.approx(np.mean((y - basis @ wanted) ** 2), rel=1e-4)
-    np.testing.assert_allclose(hats.columns(x, at), basis, atol=1e-12)
+    np.testing.assert_allclose(curves.columns(x, at), basis, atol=1e-12)
 
 
 def test_fewer_places_are_the_best_of_all_choices():
@@ -40,7 +39,7 @@ def test_fewer_places_are_the_best_of_all_choices():
         return np.sum(mass * (values - np.interp(at, at[list(chosen)], values[list(chosen)])) ** 2)
 
     best = min(((0, *inner, 10) for inner in itertools.combinations(range(1, 10), 3)), key=cost)
-    np.testing.assert_array_equal(hats.fewer(at, values, mass, 5), at[list(best)])
+    np.testing.assert_array_equal(curves.fewer(at, values, mass, 5), at[list(best)])
 
 
 @pytest.mark.parametrize("seed", often(5, 2))
@@ -167,7 +166,7 @@ def test_a_fit_comes_to_the_loss_of_a_fit_from_the_truth(structure, seeds):
         for true, block in zip(plant.chain.blocks, model.blocks, strict=True):
             part = plant.theta[plant.chain.index(true)]
             if isinstance(block, StaticBlock):
-                at = hats.places(x, block.knots)
+                at = curves.places(x, block.knots)
                 theta.append(np.concatenate([at, true.output(part, at)]))
             else:
                 theta.append(part)

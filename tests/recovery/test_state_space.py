@@ -9,7 +9,7 @@ from scipy.signal import dlsim, lfilter
 import sysid
 from sysid import IOData
 from sysid.blocks import StateSpace
-from sysid.estimation.subspace import linear_state_space
+from sysid.estimation.starts.state_space import linear_state_space
 from sysid.export import closed_form
 from sysid.model.chain import Chain
 from sysid.model.tangents import steady_curve, tangent

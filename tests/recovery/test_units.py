@@ -9,7 +9,7 @@ import sysid
 from sysid.base.criteria import fit_percent
 from sysid.base.direction import direction
 from sysid.blocks import STATIC, CubicSpline, Custom, PiecewiseLinear, WaveletNetwork
-from sysid.estimation import race, safeguard
+from sysid.estimation import guard, search
 from sysid.estimation.normal import Normal
 from sysid.estimation.starts import starts
 from sysid.model.units import rescaled
@@ -272,17 +272,17 @@ def test_the_fit_of_a_tiny_output_is_that_of_the_same_output_in_other_units(fact
 def test_a_portfolio_that_ends_above_the_linear_start_goes_on_from_there(chain):
     u, y = record()
     data = sysid.IOData(u, y)
-    run = race.Run(chain, data, sysid.Objective(), "lm", sysid.Options(), None)
+    run = search.Run(chain, data, sysid.Objective(), "lm", sysid.Options(), None)
     poor = np.zeros(len(chain.names))
     problem = run.problem(poor[None])
-    found = race.Raced(
+    found = search.Raced(
         problem, run.iterate(problem, problem.start, sysid.Options(max_iterations=0)), (1.0,), ("drawn",)
     )
-    first = safeguard.linear_start(run, found, 0)
-    better = safeguard.guarded(run, found, first)
+    first = guard.linear_start(run, found, 0)
+    better = guard.guarded(run, found, first)
     assert better.outcome.cost < 0.01 * found.outcome.cost
     assert better.members == ("drawn", "linear")
-    assert safeguard.guarded(run, better, first) is better, "a result that is good enough stays what it is"
+    assert guard.guarded(run, better, first) is better, "a result that is good enough stays what it is"
 
 
 def test_smoothing_puts_no_fit_above_its_linear_start(monkeypatch):
@@ -291,7 +291,7 @@ def test_smoothing_puts_no_fit_above_its_linear_start(monkeypatch):
     weights = []
 
     def seen(run, problem, outcome, first):
-        found = safeguard.less_smoothed(run, problem, outcome, first)
+        found = guard.less_smoothed(run, problem, outcome, first)
         weights.append((problem.curvature_weight, found[0].curvature_weight))
         return found
 

@@ -15,10 +15,10 @@ from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.excitations.aprbs import Aprbs
 from sysid.export import c, matlab, mjcf, python
+from sysid.fitting import load
 from sysid.joint.growth import grow_joint
 from sysid.linear import written
 from sysid.linear.written import Tangent
-from sysid.nlarx.dispatch import load
 from sysid.nlarx.result import NlarxFit
 from sysid.workflow.record import read_record
 from twin.fragment import Check, check, put_into

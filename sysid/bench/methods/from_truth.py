@@ -5,7 +5,7 @@ from sysid.bench.contract import Data
 from sysid.bench.method import Inside
 from sysid.bench.methods.ours import Ours, record
 from sysid.bench.task import Task
-from sysid.nlarx.dispatch import fit
+from sysid.fitting import fit
 
 
 def from_truth(data: Data, task: Task) -> Ours:

@@ -12,8 +12,8 @@ from sysid.bench.method import Inside
 from sysid.blocks import Polynomial
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
+from sysid.fitting import fit
 from sysid.model.chain import Chain
-from sysid.nlarx.dispatch import fit
 from sysid.nlarx.model import Nlarx
 from sysid.nlarx.result import NlarxFit
 from sysid.selection.select import select

@@ -6,9 +6,7 @@ from sysid.base.errors import InputError
 from sysid.block.block import Block, StaticBlock
 from sysid.blocks import Channels, TransferMatrix
 from sysid.data.record import IOData
-from sysid.estimation.linear_start import output_error_start
-from sysid.estimation.map_start import start_maps
-from sysid.estimation.start import Start, generators, longest
+from sysid.estimation.starts._shared import Start, generators, longest, output_error_start, start_maps
 from sysid.model.chain import Chain
 
 

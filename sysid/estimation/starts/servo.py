@@ -8,7 +8,7 @@ from sysid.block.block import Block
 from sysid.blocks import Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import apart, free_run_cost, motor_of
-from sysid.estimation.start import Start, longest
+from sysid.estimation.starts._shared import Start, longest
 from sysid.model.chain import Chain
 
 _TRIED = 80  # candidates a start that is asked for

@@ -3,10 +3,17 @@
 import numpy as np
 
 from sysid.data.record import IOData
-from sysid.estimation.linear_start import denominators, polished, same_poles, solve_linear
-from sysid.estimation.map_start import start_maps
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.start import Start, generators, longest
+from sysid.estimation.starts._shared import (
+    Start,
+    denominators,
+    generators,
+    longest,
+    polished,
+    same_poles,
+    solve_linear,
+    start_maps,
+)
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt

@@ -4,14 +4,17 @@ The cost over friction curves and backlash has many local minima. The right one 
 already fits.
 """
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 
+from sysid.blocks import CoastingPlay, Play
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.joint_parts import FRICTIONS, friction_starts, is_joint, lifted, motor_of, plainer, without_play
-from sysid.estimation.play_start import play_starts
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.start import Start
+from sysid.estimation.starts._shared import Start
 from sysid.estimation.starts.joint import Joint
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
@@ -19,6 +22,11 @@ from sysid.solver.searches import LevenbergMarquardt
 
 _STEPS = Options(max_iterations=60, tolerance=0.01)
 _TRIED = 4  # starts of the plainest joint
+_WIDTH = 0.005  # of the range of y: the play that is tried
+_DRAGS = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # widths a sample^2
+_PULL = 8.0  # widths a sample^2 at half the range from where the link hangs
+_HANGS = np.linspace(0.1, 0.9, 9)  # of the range of y
+_HOLDS = (0.0, 0.1, 0.25, 0.45, 0.8)  # of half the range about there, within which the drag holds the link
 
 
 class StagedJoint(Start):
@@ -48,3 +56,60 @@ def _best(chain: Chain, points: list[np.ndarray], data: IOData) -> np.ndarray:
         if outcome.cost < least:
             best, least = problem.thetas(outcome.p)[0], outcome.cost
     return best
+
+
+def play_starts(chain: Chain, middle: Chain, theta: np.ndarray, data: IOData) -> list[dict[str, float]]:
+    """Parameters of the backlash by name, ordered by the expected reduction of the cost of `middle` at theta.
+
+    `middle` is the chain without the backlash. The output change of the backlash is compared with the residuals after
+    projection on the model's sensitivities; the share of the change that fits best gives the width.
+    """
+    play = next(b for b in chain.blocks if isinstance(b, Play | CoastingPlay))
+    k = chain.blocks.index(play)
+    problem = ChainProblem(middle, with_initial_states(middle, theta, data), tuple(data.experiments), middle.free)
+    problem = replace(problem, theta0=problem.thetas(iterate(problem, problem.start, LevenbergMarquardt(), _STEPS).p))
+    e, J = problem.linearise(problem.start)
+    Q = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0]
+    left = e - Q @ (Q.T @ e)
+    runs = list(zip(problem.theta0, problem.records, strict=True))
+    shown = [middle.through(row, r.u[:, 0], 0, k) for row, r in runs]
+    plain = [middle.through(row, x, k, None) for (row, _), x in zip(runs, shown, strict=True)]
+    low, high = min(x.min() for x in shown), max(x.max() for x in shown)
+    ranked = []
+    for part in _links(low, high) if isinstance(play, CoastingPlay) else _widths(high - low):
+        moved = []
+        for (row, r), x, y in zip(runs, shown, plain, strict=True):
+            z = play.output(np.array(part), x)
+            change = middle.through(row, z, k, None) - y
+            moved.append(change if r.missing is None else change[r.observed[:, 0]])
+        cost, share = _judged(np.concatenate(moved), left, Q)
+        ranked.append((cost, (share * part[0], *part[1:])))
+    ranked.sort(key=lambda row: row[0])
+    names = [f"{play.role}.{slot.name}" for slot in play.slots()]
+    return [dict(zip(names, part, strict=True)) for _, part in ranked]
+
+
+def _judged(change: np.ndarray, left: np.ndarray, Q: np.ndarray) -> tuple[float, float]:
+    """Cost of the residuals after subtraction of the best share of `change`, and that share."""
+    change = change - Q @ (Q.T @ change)
+    size = float(change @ change)
+    share = float(np.clip(change @ left / size, 0.2, 5.0)) if size > 0.0 else 1.0
+    return float(np.sum((left - share * change) ** 2)), share
+
+
+def _widths(reach: float) -> Iterator[tuple[float, ...]]:
+    """width, rest of plays."""
+    for share in (0.4, 1.0, 3.0):
+        yield share * _WIDTH * reach, 0.0
+
+
+def _links(low: float, high: float) -> Iterator[tuple[float, ...]]:
+    """width, rest, drag, pull0, pull1 of candidates: links without weight, and links that hang or stand."""
+    width, half = _WIDTH * (high - low), 0.5 * (high - low)
+    for drag in _DRAGS:
+        yield width, 0.0, drag * width, 0.0, 0.0
+    for share in _HANGS:
+        at = low + share * (high - low)
+        for slope in (_PULL * width / half, -_PULL * width / half):
+            for hold in _HOLDS:
+                yield width, 0.0, hold * half * abs(slope), -slope * at, slope

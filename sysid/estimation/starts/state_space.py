@@ -5,18 +5,19 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.block.block import StaticBlock
-from sysid.blocks import StateSpace
+from sysid.blocks import StateSpace, TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.map_start import start_maps
+from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.start import Start, generators
-from sysid.estimation.subspace import linear_state_space
+from sysid.estimation.starts._shared import Start, denominators, generators, solve_linear, start_maps
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt
 
 _DRAWN, _SHORT, _TRIAL = 4, 4000, Options(max_iterations=15)
 _HELD = (1.0, 0.4, 0.15)  # shares of the correction by the measured output, on the way from prediction to free run
+_POLISH = Options(max_iterations=40, tolerance=0.05)
+_WIDEST = 20  # block rows of a Hankel matrix
 
 
 class StateSpaces(Start):
@@ -113,3 +114,117 @@ def _steps(chain: Chain, theta: np.ndarray, data: IOData, moving: np.ndarray, pr
     problem = ChainProblem(chain, theta[None, :], (data,), moving, curvature_weight=weight)
     out = iterate(problem, problem.start, LevenbergMarquardt(), _TRIAL)
     return out.cost, problem.thetas(out.p)[0]
+
+
+def linear_state_space(nx: int, data: IOData) -> tuple[StateSpace, np.ndarray]:
+    """The best linear state space of order nx of a record on the block's scale, and its theta (P,).
+
+    Candidates: subspace estimates over several horizons, and for one input and output the models of refined
+    instrumental variables at several rates; each is polished by output error, and the best free run is returned with
+    states of covariance 1 over the record.
+    """
+    block = StateSpace(nx, 0, nu=data.u.shape[1], ny=data.y.shape[1], role="linear")
+    chain, best, least = Chain((block,)), block.start(data.u[:, 0]), np.inf
+    for A, C in _candidates(nx, data):
+        theta = _completed(block, A, C, data)
+        if not block.admissible(theta):
+            continue
+        problem = ChainProblem(chain, with_initial_states(chain, theta, data), data.experiments, chain.free)
+        out = iterate(problem, problem.start, LevenbergMarquardt(), _POLISH)
+        if out.cost < least:
+            best, least = problem.thetas(out.p)[0], out.cost
+    return block, normalised(block, best, data)
+
+
+def normalised(block: StateSpace, theta: np.ndarray, data: IOData) -> np.ndarray:
+    """theta (P,) of a linear block in coordinates in which the states have covariance 1 over the record."""
+    m = block.split(theta)
+    states = StateSpace(block.nx, 0, nu=block.nu, ny=block.nx, role="states")
+    bare = states.split(np.zeros(states.n_parameters))
+    X = Chain((states,)).outputs(states.joined(bare._replace(A=m.A, B=m.B, C=np.eye(block.nx), x0=m.x0)), data.u)
+    if not np.all(np.isfinite(X)):
+        return theta
+    _, s, Vt = np.linalg.svd(X / np.sqrt(len(X)), full_matrices=False)
+    s = np.maximum(s, 1e-6 * max(s[0], 1e-300))
+    T, back = Vt / s[:, None], Vt.T * s
+    return block.joined(m._replace(A=T @ m.A @ back, B=T @ m.B, C=m.C @ back, x0=T @ m.x0))
+
+
+def subspace(nx: int, data: IOData, rows: int, canonical: bool) -> tuple[np.ndarray, np.ndarray] | None:
+    """A (nx, nx) and C (ny, nx) from the past outputs and inputs as instruments; None where the record is too short.
+
+    PO-MOESP (Verhaegen 1994, Automatica 30, section 4); with `canonical` the weighting of canonical variates (Larimore;
+    Van Overschee and De Moor 1996, Subspace Identification, section 4.3).
+    """
+    blocks = [_hankel(np.column_stack([e.u, e.y]), 2 * rows) for e in data.experiments if 2 * rows < e.N]
+    if not blocks or sum(len(h) for h in blocks) < 3 * rows * 2 * (data.u.shape[1] + data.y.shape[1]):
+        return None
+    H, nu, ny = np.concatenate(blocks), data.u.shape[1], data.y.shape[1]
+    signals = H.reshape(len(H), 2 * rows, nu + ny)
+    past, future = signals[:, :rows], signals[:, rows:]
+    parts = [future[:, :, :nu], past, future[:, :, nu:]]
+    sizes = np.cumsum([rows * nu, rows * (nu + ny)])
+    R = np.asarray(np.linalg.qr(np.column_stack([p.reshape(len(H), -1) for p in parts]), mode="r")).T
+    middle, low = R[sizes[1] :, sizes[0] : sizes[1]], R[sizes[1] :, sizes[0] :]
+    weight = np.eye(len(low))
+    if canonical:
+        left, s, _ = np.linalg.svd(low, full_matrices=False)
+        keep = s > 1e-9 * s[0]
+        weight = (left[:, keep] / s[keep]) @ left[:, keep].T
+    U, s, _ = np.linalg.svd(weight @ middle, full_matrices=False)
+    if len(s) < nx or not s[nx - 1] > 0.0:
+        return None
+    seen = (np.linalg.pinv(weight) if canonical else weight) @ (U[:, :nx] * np.sqrt(s[:nx]))
+    return np.linalg.lstsq(seen[:-ny], seen[ny:], rcond=None)[0], seen[:ny]
+
+
+def _candidates(nx: int, data: IOData) -> list[tuple[np.ndarray, np.ndarray]]:
+    found = []
+    horizons = sorted({min(nx + 2, _WIDEST), min(2 * nx + 6, _WIDEST), _WIDEST})
+    for rows in horizons:
+        for canonical in (False, True):
+            pair = subspace(nx, data, rows, canonical)
+            if pair is not None:
+                found.append((_stable(pair[0]), pair[1]))
+    if data.u.shape[1] == data.y.shape[1] == 1:
+        e = max(data.experiments, key=lambda e: e.N)
+        u, y = e.u[:, 0] - e.u.mean(), e.y[:, 0] - e.y.mean()
+        linear = TransferFunction(nx + 1, nx, 0, role="linear")
+        for f in denominators(linear, u, y):
+            theta = np.concatenate([np.zeros(nx + 1), f, np.zeros(linear.n_state)])
+            solve_linear(linear, theta, u, y)
+            b = theta[: nx + 1]
+            if np.all(np.isfinite(theta)):
+                A = np.eye(nx, k=-1)
+                A[0] = -f
+                found.append((_stable(A), (b[1:] - b[0] * f)[None, :]))
+    return found
+
+
+def _completed(block: StateSpace, A: np.ndarray, C: np.ndarray, data: IOData) -> np.ndarray:
+    """theta (P,) with B, D, d and the initial state by least squares over the longest experiment, for given A and C."""
+    e = max(data.experiments, key=lambda e: e.N)
+    theta = block.joined(block.split(np.zeros(block.n_parameters))._replace(A=A, C=C))
+    y, J = Chain((block,)).sensitivities(theta, e.u)
+    enters = np.concatenate([np.r_[block.places[k]] for k in ("B", "D", "d", "x0")])
+    keep = e.observed.T.ravel()
+    target = (e.y - y).T.ravel()
+    if np.all(np.isfinite(J[:, enters])):
+        theta[enters] = np.linalg.lstsq(J[keep][:, enters], target[keep], rcond=1e-10)[0]
+    return theta
+
+
+def _stable(A: np.ndarray) -> np.ndarray:
+    """A with eigenvalues outside the unit circle mirrored into it."""
+    values, vectors = np.linalg.eig(A)
+    size = np.abs(values)
+    if size.max() <= 1.0:
+        return A
+    inside = np.where(size > 1.0, values / np.maximum(size, 1e-300) ** 2, values)
+    return np.real(vectors @ np.diag(inside) @ np.linalg.pinv(vectors))
+
+
+def _hankel(X: np.ndarray, rows: int) -> np.ndarray:
+    """Windows of X (N, n) of `rows` samples, one a row (N - rows + 1, rows * n)."""
+    windows = np.lib.stride_tricks.sliding_window_view(X, rows, axis=0)
+    return np.swapaxes(windows, 1, 2).reshape(len(windows), -1)

@@ -7,9 +7,7 @@ import numpy as np
 from sysid.base.poles import monic
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.linear_start import output_error_start, solve_linear
-from sysid.estimation.map_start import start_maps
-from sysid.estimation.start import Start, generators, longest
+from sysid.estimation.starts._shared import Start, generators, longest, output_error_start, solve_linear, start_maps
 from sysid.model.chain import Chain
 
 

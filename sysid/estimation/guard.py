@@ -7,13 +7,11 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.linear_start import output_error_start
-from sysid.estimation.map_start import start_maps
-from sysid.estimation.portfolio.points import applies
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.race import SAME, Raced, Run
-from sysid.estimation.start import longest
+from sysid.estimation.search import SAME, Raced, Run
 from sysid.estimation.starts import starts as make_starts
+from sysid.estimation.starts._shared import longest, output_error_start, start_maps
+from sysid.estimation.starts.portfolio.candidates import applies
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Outcome, iterate, until
 from sysid.solver.searches import LevenbergMarquardt

@@ -1,18 +1,22 @@
-"""Break points that stand in the wrong places: chosen again, all at once, from what the record says of the curve.
+"""Moves of a fit that a search cannot make: break points laid again all at once, and other poles for one filter.
 
 A search that moves break points ends in one of many local optima. Around a fit, the loss is a quadratic form in the
-values of the map at many places; in it the best few of these places are found by exchange, without another run.
+values of the map at many places; in it the best few of these places are found by exchange, without another run. Coarse
+curves leave errors that hide a weak pole; with good curves the filter can be identified again from its own signals.
 """
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.signal import lfilter
 
 from sysid.block.block import Block
-from sysid.blocks import PiecewiseLinear
+from sysid.blocks import PiecewiseLinear, TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.portfolio import hats
-from sysid.estimation.portfolio.surrogate import is_map, line
 from sysid.estimation.problem import ChainProblem
+from sysid.estimation.starts._shared import denominators, same_poles
+from sysid.estimation.starts.portfolio import curves
+from sysid.estimation.starts.portfolio.curves import is_map, line
+from sysid.estimation.starts.portfolio.screen import random_poles
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Linearisation
 
@@ -21,6 +25,8 @@ _SWEEPS = 4
 _DRAWN = 6  # random choices that the exchange begins with, beside four that are thought out
 _SHARES = (0.05, 0.2)  # of the gap to the next break point, for small moves
 _DAMPING = 1e-3  # of the filters, in columns of unit norm
+_POLES_DRAWN, _POLES_VARIED = 20, 10  # pole sets drawn, and varied from the present ones
+_FLAT = 0.1  # of the mean slope: flatter parts of a map say little of what is before them
 
 
 def movable(chain: Chain) -> list[PiecewiseLinear]:
@@ -87,7 +93,7 @@ def _refined(chain: Chain, theta: np.ndarray, record: IOData, near: bool) -> tup
         if block in movable(chain):
             own = part[: block.knots]
             low, high = float(x.min()), float(x.max())
-            at = np.concatenate([_close(own) if near else hats.places(x, _FINE), own, [low, high]])
+            at = np.concatenate([_close(own) if near else curves.places(x, _FINE), own, [low, high]])
             at = at[(at >= low) & (at <= high)]
             order = np.argsort(at, kind="stable")
             at = at[order]
@@ -113,7 +119,7 @@ def _laid(
 
     None if less than `least` is won.
     """
-    from sysid.estimation.portfolio.kernels import exchanged, polygon
+    from sysid.estimation.starts.portfolio.kernels import exchanged, polygon
 
     G, h = J.T @ J, J.T @ z
     k, ridge = len(places), 1e-10 * float(np.diag(G).mean())
@@ -125,7 +131,7 @@ def _laid(
     curve = np.linalg.lstsq(G, h, rcond=1e-10)[0]
     if start + float(h @ curve) < least:  # not even a curve without corners wins that much
         return None
-    ways = [present, _nearest(places, hats.fewer(places, curve, np.diag(G), len(now)))]
+    ways = [present, _nearest(places, curves.fewer(places, curve, np.diag(G), len(now)))]
     ways += [
         _nearest(places, np.linspace(places[0], places[-1], len(now))),
         np.linspace(0, k - 1, len(now)).astype(int),
@@ -155,3 +161,79 @@ def _nearest(places: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     while len(chosen) < m:
         chosen.add(spare.pop(len(spare) // 2))
     return np.array(sorted(chosen), dtype=np.int64)
+
+
+def alternatives(
+    chain: Chain, theta: np.ndarray, record: IOData, rng: np.random.Generator, count: int
+) -> list[np.ndarray]:
+    """Up to `count` points theta (P,), each with other poles of one filter, the likeliest first."""
+    signals = chain.signals(theta, record.u[:, 0])
+    e = record.y[:, 0] - signals[-1]
+    if not np.all(np.isfinite(e)):
+        return []
+    found: list[tuple[float, np.ndarray]] = []
+    for k, block in enumerate(chain.blocks):
+        if not isinstance(block, TransferFunction) or not block.nf:
+            continue
+        if any(isinstance(b, TransferFunction) for b in chain.blocks[k + 1 :]):
+            continue  # what its output should be is hidden behind another filter
+        target = signals[k + 1] + _through(chain, theta, k, signals[k + 1], e)
+        found += _of(chain, theta, block, signals[k], target, rng)
+    found.sort(key=lambda pair: pair[0])
+    kept: list[np.ndarray] = []
+    for _, point in found:
+        others = [theta, *kept]
+        if all(not _same(chain, point, other) for other in others):
+            kept.append(point)
+            if len(kept) == count:
+                break
+    return kept
+
+
+def _through(chain: Chain, theta: np.ndarray, k: int, w: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """What would have to be added to w (N,), the output of block k, to take away the errors e (N,)."""
+    if k + 1 == len(chain.blocks):
+        return e
+    step = 1e-4 * float(np.ptp(w) or 1.0)
+    slope = (chain.through(theta, w + step, k + 1) - chain.through(theta, w - step, k + 1)) / (2.0 * step)
+    least = _FLAT * float(np.mean(np.abs(slope))) or 1.0
+    return e * slope / (slope**2 + least**2)
+
+
+def _of(
+    chain: Chain,
+    theta: np.ndarray,
+    block: TransferFunction,
+    x: np.ndarray,
+    target: np.ndarray,
+    rng: np.random.Generator,
+) -> list[tuple[float, np.ndarray]]:
+    """Losses and points with other poles of one filter from x to target (N,), its B and initial state solved for."""
+    part = chain.part(theta, block)
+    tried = denominators(block, x - x.mean(), target - target.mean())
+    tried += [np.real(np.poly(block.stretched(part, rng)))[1:] for _ in range(_POLES_VARIED)]
+    tried += [random_poles(block.nf, len(x), rng) for _ in range(_POLES_DRAWN)]
+    found = []
+    for f in tried:
+        F = np.concatenate([[1.0], f])
+        with np.errstate(over="ignore", invalid="ignore"):
+            g, h = lfilter([1.0], F, x), lfilter([1.0], F, np.eye(1, len(x))[0])
+        columns = [_delayed(g, block.nk + i) for i in range(block.nb)]
+        columns += [_delayed(h, i) for i in range(block.n_state if block.initial_state else 0)]
+        A = np.column_stack(columns)
+        if not np.all(np.isfinite(A)):
+            continue
+        own = np.linalg.lstsq(A, target, rcond=1e-10)[0]
+        fresh = theta.copy()
+        fresh[chain.index(block)] = np.concatenate([own[: block.nb], f, own[block.nb :]])
+        if block.admissible(chain.part(fresh, block)):
+            found.append((float(np.mean((target - A @ own) ** 2)), fresh))
+    return found
+
+
+def _same(chain: Chain, a: np.ndarray, b: np.ndarray) -> bool:
+    return all(same_poles(block, a[part], b[part]) for part, block in chain.dynamics if block.nf)
+
+
+def _delayed(x: np.ndarray, k: int) -> np.ndarray:
+    return np.concatenate([np.zeros(k), x[: len(x) - k]])

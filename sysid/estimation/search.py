@@ -12,11 +12,10 @@ from sysid.base.threads import available
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.objective import Objective, spread
-from sysid.estimation.portfolio.inside import alternatives
-from sysid.estimation.portfolio.points import Point, points
-from sysid.estimation.portfolio.relay import movable, relaid
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.start import longest
+from sysid.estimation.starts._shared import longest
+from sysid.estimation.starts.portfolio.candidates import Point, points
+from sysid.estimation.starts.portfolio.moves import alternatives, movable, relaid
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, Outcome, iterate, until
 from sysid.solver.searches import search as make_search

@@ -6,10 +6,11 @@ import numpy as np
 
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.portfolio import one_filter, two_filters
-from sysid.estimation.portfolio.relay import movable
-from sysid.estimation.portfolio.surrogate import Surrogate, is_map
 from sysid.estimation.starts import starts
+from sysid.estimation.starts.portfolio import curves, two_filters
+from sysid.estimation.starts.portfolio.curves import Surrogate, is_map, line
+from sysid.estimation.starts.portfolio.moves import movable
+from sysid.estimation.starts.portfolio.screen import MEMBERS, Candidate, Screen
 from sysid.model.chain import Chain
 
 _LADDER = ((6, 6, 8), (3, 12, 8), (2, 20, 6))  # candidates that go on, places of their curves, steps
@@ -17,6 +18,8 @@ _ALIKE = 0.9995  # correlation of two candidates' signals above which they are o
 _SAME = 1.02  # losses within this ratio are one optimum
 _PLAIN = 3  # starts from the identity
 LONGEST = 6000  # samples that rank candidates
+_QUICK = ("approximation", "curved_input")  # members that need no draw and little time
+_BEST, _TRIES = 3, 4  # candidates that are varied, and how often
 
 
 @dataclass(frozen=True)
@@ -60,8 +63,8 @@ def points(
         ranked = _distinct(two_filters.splits(chain, part, rng, turn, count > 1, known), min(count, _LADDER[0][0]))
         field = [two_filters.begun(chain, c, part) for c in ranked]
     else:
-        ranked = _distinct(one_filter.candidates(chain, part, rng, turn, count > 1), min(count, _LADDER[0][0]))
-        field = [one_filter.begun(chain, c, part) for c in ranked]
+        ranked = _distinct(candidates(chain, part, rng, turn, count > 1), min(count, _LADDER[0][0]))
+        field = [surrogate_of(chain, c, part) for c in ranked]
     for width, knots, steps in _LADDER if count > 1 else _LADDER[1:2]:
         knots = max(4, min(knots, part.N // 25))
         field = [s.relaid(part, knots).searched(part, steps, curvature) for s in field[: min(width, count)]]
@@ -95,3 +98,52 @@ def _told_apart(field: list[Surrogate]) -> list[tuple[Surrogate, int]]:
         else:
             kept.append((s, 1))
     return kept
+
+
+def candidates(chain: Chain, record: IOData, rng: np.random.Generator, turn: int, draw: bool) -> list[Candidate]:
+    """Candidates of one round, unsorted; later rounds only draw."""
+    linear = chain.linear
+    screen = screen_of(chain, record)
+    found: list[Candidate] = []
+    for name, member in MEMBERS.items():
+        if (name in _QUICK or draw) and (turn == 0 or name == "drawn"):
+            for f in member(screen, linear, rng):
+                found += screen.candidates(name, f)
+    return found
+
+
+def screen_of(chain: Chain, record: IOData) -> Screen:
+    """What all candidates of a record share."""
+    k = chain.blocks.index(chain.linear)
+    before, behind = any(map(is_map, chain.blocks[:k])), any(map(is_map, chain.blocks[k + 1 :]))
+    return Screen(record.u[:, 0], record.y[:, 0], chain.linear.nb, chain.linear.nk, before, behind)
+
+
+def surrogate_of(chain: Chain, c: Candidate, record: IOData) -> Surrogate:
+    """The chain of straight lines that a candidate describes."""
+    screen = screen_of(chain, record)
+    linear, x = chain.linear, screen.u
+    k = chain.blocks.index(linear)
+    blocks, parts = list(chain.blocks), []
+    b, w = c.b, c.signal
+    for i in range(k):
+        if is_map(blocks[i]):
+            assert c.curve is not None
+            at = curves.places(x, len(c.curve[0]))
+            blocks[i] = line(at, blocks[i].role)
+            parts.append(np.interp(at, *c.curve))
+    if not screen.behind:
+        gain = float(np.cov(w, screen.y)[0, 1] / (w.var() or 1.0))
+        b, w = gain * b, gain * w
+        if screen.before:
+            F1, B1 = 1.0 + c.f.sum(), b.sum()
+            parts[0] = parts[0] + (float(np.mean(screen.y - w)) * F1 / B1 if abs(B1) > 1e-9 * np.abs(b).max() else 0.0)
+    part = np.zeros(linear.n_parameters)
+    part[: linear.nb], part[linear.nb : linear.nb + linear.nf] = b, c.f
+    parts.append(part)
+    for i in range(k + 1, len(blocks)):
+        if is_map(blocks[i]):
+            at = curves.places(w, 8)
+            blocks[i] = line(at, blocks[i].role)
+            parts.append(curves.fitted(w, screen.y, at)[0])
+    return Surrogate(Chain(tuple(blocks), structure=chain.structure), np.concatenate(parts), member=c.member)

@@ -12,8 +12,7 @@ import numpy as np
 from sysid.block.block import Block
 from sysid.blocks import StateSpace, TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.initial_prior import Gaussian, priors
-from sysid.estimation.initial_visited import state_space_of, state_space_priors
+from sysid.estimation.state_priors import Gaussian, priors, state_space_of, state_space_priors
 from sysid.model.chain import Chain
 
 _INFLATED = ((1.0, 0.6), (4.0, 0.2), (25.0, 0.1), (400.0, 0.1))  # noise variance by that of the fit, prior share

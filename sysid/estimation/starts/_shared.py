@@ -1,13 +1,71 @@
-"""Linear models to start from: refined instrumental variables at several rates, polished by output error."""
+"""What starts have in common: the interface of one, maps near the identity, and linear models of a record."""
+
+from abc import ABC, abstractmethod
 
 import numpy as np
 
+from sysid.base.errors import InputError
 from sysid.base.poles import mirrored, monic
+from sysid.block.block import StaticBlock
 from sysid.blocks import TransferFunction
+from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt
+
+
+class Start(ABC):
+    """One way to start a search, see `sysid.estimation.starts.TABLE`."""
+
+    @abstractmethod
+    def applies(self, chain: Chain) -> bool:
+        """Whether this start applies to the chain."""
+
+    @abstractmethod
+    def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
+        """Up to `count` starting points theta (P,), the best guess first; fixed values and bounds are applied later."""
+
+
+def longest(data: IOData) -> IOData:
+    """The longest experiment of a record."""
+    return max(data.experiments, key=lambda e: e.N)
+
+
+def generators(count: int, seed: int) -> list[np.random.Generator]:
+    """One generator for each start after the first, so that start k does not depend on the number of starts."""
+    return [np.random.default_rng([seed, k]) for k in range(1, count)]
+
+
+def within(chain: Chain, theta: np.ndarray) -> np.ndarray:
+    """theta within the chain's bounds, with fixed parameters at their values."""
+    inside = np.clip(theta, *chain.limits)
+    return np.array([chain.fixed.get(name, value) for name, value in zip(chain.names, inside, strict=True)])
+
+
+def start_maps(
+    chain: Chain, theta: np.ndarray, blocks: tuple, x: np.ndarray, target: np.ndarray, straight: bool = False
+) -> np.ndarray:
+    """Start static maps from x to target, write them into theta and return their output.
+
+    `straight`: on a straight line, see `StaticBlock.straight`.
+    """
+    for b in blocks:
+        if not isinstance(b, StaticBlock):
+            raise InputError(f"block {b.role!r} has no automatic start in this place; give fit() a start")
+        part = _shifted(b, b.straight(x) if straight else b.start(x), x, target)
+        theta[chain.index(b)] = part
+        x = b.output(part, x)
+    return x
+
+
+def _shifted(block: StaticBlock, theta: np.ndarray, x: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """theta changed along the block's output shift, if it has one, so that the mean output equals the target's mean."""
+    for s in block.symmetries(theta):
+        if s.out_shift == 1.0 and s.in_shift == 0.0:
+            y = block.output(theta, x)
+            return theta + s.d_theta * float(np.mean(target - y))
+    return theta
 
 
 def output_error_start(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -24,9 +24,9 @@ from sysid.solver.iterate import Options
 def load(path: str | PathLike) -> Fit | NlarxFit:
     """Read a fit that its `save` wrote, a chain's or a nonlinear ARX model's; raises InputError for anything else."""
     from sysid.estimation.storage import FORMAT, built, read
-    from sysid.nlarx import saving, storage
+    from sysid.nlarx import result, storage
 
-    formats: dict[str, Callable[[dict[str, Any]], Fit | NlarxFit]] = {FORMAT: built, saving.FORMAT: storage.built}
+    formats: dict[str, Callable[[dict[str, Any]], Fit | NlarxFit]] = {FORMAT: built, result.FORMAT: storage.built}
     return read(path, formats)
 
 

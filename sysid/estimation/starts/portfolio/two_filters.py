@@ -14,11 +14,10 @@ from scipy.signal import lfilter
 from sysid.base.poles import monic
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.linear_start import denominators, polished
-from sysid.estimation.portfolio import hats
-from sysid.estimation.portfolio.members import curved_input, even_part, random_poles
-from sysid.estimation.portfolio.screen import Candidate, Screen
-from sysid.estimation.portfolio.surrogate import Surrogate, is_map, line
+from sysid.estimation.starts._shared import denominators, polished
+from sysid.estimation.starts.portfolio import curves
+from sysid.estimation.starts.portfolio.curves import Surrogate, is_map, line
+from sysid.estimation.starts.portfolio.screen import Candidate, Screen, curved_input, even_part, random_poles
 from sysid.model.chain import Chain
 
 _SPLITS = 60  # at most, of one linear model
@@ -84,7 +83,7 @@ def begun(chain: Chain, split: Split, record: IOData) -> Surrogate:
     y = record.y[:, 0]
     (_, first), (_, second) = chain.dynamics
     middle = next(b for b in chain.blocks if is_map(b))
-    at, curve = hats.places(split.w, _PLACES), split.rest.curve
+    at, curve = curves.places(split.w, _PLACES), split.rest.curve
     assert curve is not None
     values = np.interp(at, *curve)
     one, two = np.zeros(first.n_parameters), np.zeros(second.n_parameters)
