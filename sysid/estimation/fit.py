@@ -1,4 +1,17 @@
-"""fit_chain(model, data) -> Fit: starts, searches, the best of them, its covariance and warnings."""
+"""The fit of a chain to a record: a sequence of stages from a model and data to a `Fit`.
+
+1. Check: the record suits the model, before anything expensive begins (`_check`).
+2. Normal units: the fit takes place where signals have a spread near 1, so that it does not depend on the units of the
+   record (`Normal`).
+3. Starts: a portfolio of candidates for chains of filters and maps, else those that the chain's table entry draws, each
+   with an initial state for every experiment (`sysid.estimation.starts`).
+4. Race: every start is searched a little, the best to the end (`search_starts`).
+5. Guard: the search goes on from a linear model where that is better; a portfolio and the longest experiment may miss
+   it (`continue_from_reference`, `continue_from_linear_model`).
+6. Refine: the search goes on while the thresholds that are set in noise deviations follow the noise, and with less
+   smoothing where smoothing costs more than a linear start has (`follow_noise`, `ease_curvature`).
+7. Result: in the units of the record, with covariance, criteria and warnings (`_result`).
+"""
 
 import time
 from collections.abc import Callable
@@ -15,19 +28,28 @@ from sysid.data.magnitudes import check_magnitudes
 from sysid.data.record import IOData
 from sysid.estimation.free_run import autoregression, departing
 from sysid.estimation.guard import (
-    guarded,
-    less_smoothed,
-    linear_start,
-    not_above_linear,
+    continue_from_linear_model,
+    continue_from_reference,
+    ease_curvature,
+    follow_noise,
+    linear_reference,
     worse_than_constant,
 )
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.normal import Normal
-from sysid.estimation.objective import Objective
-from sysid.estimation.origin import Origin, share_explained
+from sysid.estimation.objective import LEAST_SQUARES, Objective
+from sysid.estimation.origin import Origin, check_channels, share_explained
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.result import Fit, check_channels
-from sysid.estimation.search import ENOUGH, SAME, Raced, Run, noise_of, portfolio, race, with_curvature_weight
+from sysid.estimation.result import Fit
+from sysid.estimation.search import (
+    ENOUGH,
+    SAME,
+    SearchContext,
+    SearchResult,
+    race,
+    search_portfolio,
+    set_curvature_weight,
+)
 from sysid.estimation.starts import starts as make_starts
 from sysid.estimation.starts.portfolio.candidates import applies
 from sysid.model.chain import Chain
@@ -37,7 +59,6 @@ from sysid.solver.searches import search as make_search
 
 AUTO = "auto"
 _USUAL = 5  # starts of a chain for which there is no portfolio
-_PASSES = 4  # the standard deviation of the residuals converges within this many
 
 
 @checked(own=("start", "starts"))
@@ -55,43 +76,99 @@ def fit_chain(
     """Fit a chain to a record; see `sysid.fit` for the arguments and errors."""
     began = time.perf_counter()
     model = model if start is not None else model.scaled(data.u, data.y)
-    run = Run(model, data, objective or Objective(), make_search(search).name, (options or Options()).begun(), progress)
-    _check(model, data, run.objective)
-    normal = Normal.of(model, data, run.objective) if start is None else Normal.kept(model, data)
+    search, options = make_search(search).name, (options or Options()).begun()
+    objective = objective or LEAST_SQUARES
+    _check(model, data, objective)
+    normal = Normal.of(model, data, objective) if start is None else Normal.kept(model, data)
     if starts != AUTO and (isinstance(starts, str) or starts < 1):
         raise InputError(f"starts is {starts!r}; give {AUTO!r} or a number of at least 1")
+    context = SearchContext(normal.chain, normal.data, objective, search, options, progress, unit=normal.size)
     with one_blas_thread():
-        there = replace(run, model=normal.chain, data=normal.data, size=normal.size)
-        raced = _raced(there, starts, seed, start)
-        first = linear_start(there, raced, seed) if start is None else _given(there, raced)
-        raced = guarded(there, raced, first)
-        raced = not_above_linear(there, raced) if start is None else raced
-        ended = less_smoothed(there, *_follow_noise(there, raced.problem, raced.outcome), first)
-        cov, d = ended[0].uncertainty(ended[1].p)
-        problem, outcome = normal.back(model, data, *ended)
+        if start is None:
+            result = search_starts(context, starts, seed)
+            reference = linear_reference(context, result, seed)
+            result = continue_from_reference(context, result, reference)
+            result = continue_from_linear_model(context, result)
+        else:
+            result = search_from_points(context, _given_points(model, start))
+            reference = _given_reference(context, result)
+        result = follow_noise(context, result)
+        result = ease_curvature(context, result, reference)
+    fit = _result(model, data, normal, result)
+    fit = replace(fit, search=search, seconds=time.perf_counter() - began)
+    departs = departing(model, data, fit.criteria.mse, lambda: fit.runs(data), fit.n_init)
+    return replace(fit, warnings=fit.warnings + departs)
+
+
+def search_starts(context: SearchContext, starts: int | str, seed: int) -> SearchResult:
+    """The best of the portfolio where there is one for this chain, or of the chain's own starts."""
+    if applies(context.model):
+        result = search_portfolio(context, seed, None if isinstance(starts, str) else starts)
+        if result is not None:
+            return result
+    count = _USUAL if isinstance(starts, str) else starts
+    with until(context.options.deadline):
+        points = make_starts(context.model, context.data, count, seed)
+    result = search_from_points(context, points)
+    return replace(result, agreed=sum(c <= SAME * result.outcome.cost for c in result.costs))
+
+
+def search_from_points(context: SearchContext, points: list[np.ndarray]) -> SearchResult:
+    """The best of a race from these points theta (P,); raises InputError where none gives a valid model."""
+    problems = [context.problem(with_initial_states(context.model, theta, context.data)) for theta in points]
+    problems = set_curvature_weight(context, problems)
+    outcomes = race(context, problems)
+    costs = [o.cost for o in outcomes]
+    best = int(np.argmin(costs))
+    if not np.isfinite(costs[best]):
+        raise InputError(
+            f"none of {len(points)} start(s) gives a valid model: {outcomes[best].stop.reason}; "
+            "detrend the data or lower the orders"
+        )
+    return SearchResult(problems[best], outcomes[best], tuple(costs))
+
+
+def _given_reference(context: SearchContext, result: SearchResult) -> ChainProblem | None:
+    """The problem around the start that was given, without smoothing: the fit is not worse than it by its plain errors.
+
+    None where an objective was chosen: its penalties may cost plain errors.
+    """
+    if context.objective != LEAST_SQUARES:
+        return None
+    return replace(result.problem, curvature_weight=0.0, scratch={})
+
+
+def _result(model: Chain, data: IOData, normal: Normal, result: SearchResult) -> Fit:
+    """The fit in the units of the record; the search's name and the seconds are left open."""
+    with one_blas_thread():
+        covariance, d = result.problem.uncertainty(result.outcome.p)
+        problem, outcome = normal.back(model, data, result.problem, result.outcome)
         thetas = problem.thetas(outcome.p)
         theta, noise = thetas[0], _noise(model, thetas, data)
+        covariance = normal.covariance(covariance)
     N = int(data.observed.sum())
     e, plain = problem.bare.residual(outcome.p), problem.plain.residual(outcome.p)
     assert e is not None
     assert plain is not None
     mse = float(plain @ plain) / N
-    fit = Fit(
+    return Fit(
         model=model,
         theta=theta,
         Ts=data.Ts,
         criteria=criteria(float(e @ e) / N, N, d, mse=mse),
-        covariance=normal.covariance(cov),
+        covariance=covariance,
         stop=outcome.stop,
         history=outcome.history,
-        warnings=_warnings(model, theta, normal.covariance(cov), outcome)
-        + _alone(raced)
-        + worse_than_constant(data, mse),
-        losses=tuple(c * normal.size**2 / N for c in raced.costs),
-        members=raced.members,
-        agreed=raced.agreed,
-        seconds=time.perf_counter() - began,
-        search=run.search,
+        warnings=(
+            *_warnings(model, theta, covariance, outcome),
+            *_warn_without_agreement(result),
+            *worse_than_constant(data, mse),
+        ),
+        losses=tuple(c * normal.size**2 / N for c in result.costs),
+        members=result.members,
+        agreed=result.agreed,
+        seconds=0.0,
+        search="",
         n_init=_n_init(model, data),
         u_span=(float(data.u.min()), float(data.u.max())),
         u_offset=data.u_offset.copy(),
@@ -99,7 +176,6 @@ def fit_chain(
         origin=Origin.of(data, share_explained(data, mse)),
         noise=noise,
     )
-    return replace(fit, warnings=fit.warnings + departing(model, data, mse, lambda: fit.runs(data), fit.n_init))
 
 
 def _noise(model: Chain, thetas: np.ndarray, data: IOData) -> tuple[tuple[float, ...], ...]:
@@ -110,71 +186,26 @@ def _noise(model: Chain, thetas: np.ndarray, data: IOData) -> tuple[tuple[float,
     return tuple(autoregression(v, data.lengths, float(s)) for v, s in zip(errors.T, sizes, strict=True))
 
 
-def _raced(run: Run, starts: int | str, seed: int, start: "np.ndarray | Fit | None") -> Raced:
-    """The best of the given starts, of the portfolio where there is one for this chain, or of its own starts."""
-    if start is None and applies(run.model):
-        found = portfolio(run, seed, None if isinstance(starts, str) else starts)
-        if found is not None:
-            return found
-    count = _USUAL if isinstance(starts, str) else starts
-    with until(run.options.deadline):
-        points = _own_starts(run.model, start) if start is not None else make_starts(run.model, run.data, count, seed)
-    problems = [run.problem(with_initial_states(run.model, theta, run.data)) for theta in points]
-    problems = with_curvature_weight(run, problems)
-    outcomes = race(run, problems)
-    costs = [o.cost for o in outcomes]
-    best = int(np.argmin(costs))
-    if not np.isfinite(costs[best]):
-        raise InputError(
-            f"none of {len(points)} start(s) gives a valid model: {outcomes[best].stop.reason}; "
-            "detrend the data or lower the orders"
-        )
-    agreed = sum(c <= SAME * costs[best] for c in costs) if start is None else 0
-    return Raced(problems[best], outcomes[best], tuple(costs), agreed=agreed)
-
-
-def _given(run: Run, raced: Raced) -> ChainProblem | None:
-    """The problem around the start that was given, without smoothing: the fit is not worse than it by its plain errors.
-
-    None where an objective was chosen: its penalties may cost plain errors.
-    """
-    return replace(raced.problem, curvature_weight=0.0, scratch={}) if run.objective == Objective() else None
-
-
-def _alone(raced: Raced) -> tuple[str, ...]:
+def _warn_without_agreement(result: SearchResult) -> tuple[str, ...]:
     """A warning where the portfolio ended without agreement."""
-    if not raced.members or len(raced.members) < ENOUGH or raced.agreed >= ENOUGH:
+    if not result.members or len(result.members) < ENOUGH or result.agreed >= ENOUGH:
         return ()
     return (
-        f"only one of {len(raced.members)} starts came to this loss: a better optimum may exist; give more starts, for "
-        f"example starts={4 * len(raced.members)}",
+        f"only one of {len(result.members)} starts came to this loss: a better optimum may exist; give more starts, "
+        f"for example starts={4 * len(result.members)}",
     )
-
-
-def _follow_noise(run: Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
-    """Continue the search while Huber's threshold and the curvature weight follow the spread of the residuals."""
-    threshold, curvature = run.objective.huber_threshold, run.objective.curvature_weight
-    for _ in range(_PASSES):
-        noise = noise_of(problem, outcome.p, threshold is not None)
-        # A rough curvature weight is sufficient; the threshold needs a little more accuracy.
-        steady = threshold is None or abs(problem.huber_threshold / threshold - noise) < 0.05 * noise
-        known = problem.curvature_weight
-        if steady and (known == 0.0 or curvature * noise < known * 1.25 < 2.0 * curvature * noise):
-            break
-        huber = np.inf if threshold is None else threshold * noise
-        problem = replace(problem, huber_threshold=huber, curvature_weight=curvature * noise if known else 0.0)
-        outcome = outcome.then(run.iterate(problem, outcome.p, run.options))
-    return problem, outcome
 
 
 def _n_init(model: Chain, data: IOData) -> int:
     """Samples that give the initial state of a free run: a twentieth of a record, because slow states need many."""
     N = min(data.lengths)
+    # Chosen by hand: at least 50 samples and four for each state, at most 1000 and a quarter of the record.
     least = max(50, 4 * max((b.n_state for _, b in model.dynamics), default=0))
     return min(max(least, min(N // 20, 1000)), N // 4)
 
 
-def _own_starts(model: Chain, start: Any) -> list[np.ndarray]:
+def _given_points(model: Chain, start: Any) -> list[np.ndarray]:
+    """The points theta (P,) of a start that was given: one row, several, or a fit of the same parameters."""
     if isinstance(start, Fit):
         if start.model.names != model.names:
             raise InputError(
@@ -198,6 +229,7 @@ def _own_starts(model: Chain, start: Any) -> list[np.ndarray]:
 
 
 def _check(model: Chain, data: IOData, objective: Objective) -> None:
+    """Raises InputError for a record that does not suit the model or is too short, and for weights of other outputs."""
     check_channels(model, data)
     check_magnitudes(data)
     if objective.weights and len(objective.weights) != data.y.shape[1]:
@@ -208,8 +240,8 @@ def _check(model: Chain, data: IOData, objective: Objective) -> None:
                 raise InputError(
                     f"the {kind} is constant ({column[0]:g}) over all {len(column)} samples; record one that varies"
                 )
-    own = int((model.free & model.initial).sum())
-    needed = int(model.free.sum()) + (len(data.lengths) - 1) * own + 1
+    n_states = int((model.free & model.initial).sum())  # which each experiment has separately
+    needed = int(model.free.sum()) + (len(data.lengths) - 1) * n_states + 1
     if data.observed.sum() < needed:
         raise InputError(
             f"{int(data.observed.sum())} samples are too few for {needed - 1} free parameters ({model.structure}); "
@@ -218,24 +250,29 @@ def _check(model: Chain, data: IOData, objective: Objective) -> None:
 
 
 def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome) -> tuple[str, ...]:
-    found = []
+    """Warnings on the search, on bounds, on what the data do not determine, and on poles of the unit circle."""
+    warnings = []
     if not outcome.stop.converged:
-        found.append(f"the search did not converge: {outcome.stop.reason}")
-    if beside := _beside(model, theta):
-        found.append(f"{', '.join(beside)} ended outside the bounds, since the block has limits of its own; widen them")
-    lost = [(b, int(cov.unidentifiable[model.index(b)].sum())) for b in model.blocks]
-    shown = [f"{n} of {b.n_parameters} parameters of {b.role}" for b, n in lost if n]
-    if shown:
-        found.append(f"the data do not determine {', '.join(shown)}; excite more levels or choose a smaller map")
+        warnings.append(f"the search did not converge: {outcome.stop.reason}")
+    if outside := _outside_bounds(model, theta):
+        warnings.append(
+            f"{', '.join(outside)} ended outside the bounds, since the block has limits of its own; widen them"
+        )
+    counts = [(b, int(cov.unidentifiable[model.index(b)].sum())) for b in model.blocks]
+    undetermined = [f"{n} of {b.n_parameters} parameters of {b.role}" for b, n in counts if n]
+    if undetermined:
+        warnings.append(
+            f"the data do not determine {', '.join(undetermined)}; excite more levels or choose a smaller map"
+        )
     poles = np.concatenate([np.empty(0), *(b.poles(theta[part]) for part, b in model.dynamics)])
     if len(poles) and np.max(np.abs(poles)) >= 1.0 - 1e-9:
-        found.append("a pole lies on the unit circle: the model integrates, or the data drift")
-    return tuple(found)
+        warnings.append("a pole lies on the unit circle: the model integrates, or the data drift")
+    return tuple(warnings)
 
 
-def _beside(model: Chain, theta: np.ndarray) -> list[str]:
+def _outside_bounds(model: Chain, theta: np.ndarray) -> list[str]:
     """Parameters that are outside the bounds that the model gives them, but for rounding."""
     low, high = model.limits
-    room = 1e-6 * np.maximum(np.abs(theta), 1e-6 * np.abs(theta).max(initial=0.0))
-    outside = (theta < low - room) | (theta > high + room)
-    return [name for name, out in zip(model.names, outside, strict=True) if out and name in model.bounds]
+    tolerance = 1e-6 * np.maximum(np.abs(theta), 1e-6 * np.abs(theta).max(initial=0.0))
+    outside = (theta < low - tolerance) | (theta > high + tolerance)
+    return [name for name, beyond in zip(model.names, outside, strict=True) if beyond and name in model.bounds]

@@ -11,7 +11,7 @@ from sysid.block.block import StaticBlock
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.bla import Parametric
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.guard import squares
+from sysid.estimation.guard import squared_errors
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.result import Fit
 from sysid.estimation.starts._shared import start_maps, within
@@ -35,7 +35,9 @@ def fit_from(fit: Fit, model: Chain, data: IOData, **options: Any) -> Fit:
             raise InputError(f"fit_from starts from the fit that it is given; leave {name} out, or use sysid.fit")
     chain, thetas = started(fit, model, data)
     found = fit_chain(chain, data, start=thetas, **options)
-    before = squares(fit.model, with_initial_states(fit.model, fit.theta, data), data) / max(data.observed.sum(), 1)
+    before = squared_errors(fit.model, with_initial_states(fit.model, fit.theta, data), data) / max(
+        data.observed.sum(), 1
+    )
     if found.criteria.mse > _ABOVE * before:
         above = (
             f"the mean square error is {found.criteria.mse / before:.3g} times that of the fit that this one starts "

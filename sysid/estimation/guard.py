@@ -1,4 +1,4 @@
-"""A fit is never worse than its own linear start: where a portfolio ends above it, the search goes on from there."""
+"""Stages after the race: the search follows the noise that it finds, and no fit is worse than a linear one."""
 
 from dataclasses import replace
 
@@ -8,12 +8,12 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.search import SAME, Raced, Run
+from sysid.estimation.search import SAME, SearchContext, SearchResult, residual_noise
 from sysid.estimation.starts import starts as make_starts
 from sysid.estimation.starts._shared import longest, output_error_start, start_maps
 from sysid.estimation.starts.portfolio.candidates import applies
 from sysid.model.chain import Chain
-from sysid.solver.iterate import Outcome, iterate, until
+from sysid.solver.iterate import iterate, until
 from sysid.solver.searches import LevenbergMarquardt
 
 _SHOWN = 20_000  # samples that give the linear start
@@ -21,80 +21,86 @@ _QUICK = 5000  # samples whose linear start takes less than a second: also where
 _EASED, _EASE = 3, 0.1  # times that the weight of the kinks is made smaller, and the share that is left of it
 _BELOW = 0.999  # times a loss: what is a better linear model
 _CLEAR = 1.0 + 1e-6  # times the mean square of the output, above which a fit explains less than a constant
+_PASSES = 4  # the standard deviation of the residuals converges within this many
 
 
-def linear_start(run: Run, raced: Raced, seed: int) -> ChainProblem | None:
-    """The problem around the chain's linear start, without smoothing.
+def linear_reference(context: SearchContext, result: SearchResult, seed: int) -> ChainProblem | None:
+    """The problem around the chain's linear start, without smoothing: no fit shall be worse.
 
     None where a race of starts contained it and nothing is smoothed, where there is none, or no time for it.
     """
-    part = longest(run.data)
-    if not (raced.members or raced.problem.curvature_weight) or (run.late and part.N > _QUICK):
+    record = longest(context.data)
+    smoothed = result.members or result.problem.curvature_weight
+    if not smoothed or (context.out_of_time and record.N > _QUICK):
         return None
     try:
-        with until(run.options.deadline):
-            first = make_starts(run.model, part.select(0, min(part.N, _SHOWN)), 1, seed)[0]
+        with until(context.options.deadline):
+            theta = make_starts(context.model, record.select(0, min(record.N, _SHOWN)), 1, seed)[0]
     except (InputError, np.linalg.LinAlgError):
         return None
-    problem = run.problem(with_initial_states(run.model, first, run.data))
+    problem = context.problem(with_initial_states(context.model, theta, context.data))
     return problem if np.isfinite(_cost(problem, problem.start)) else None
 
 
-def guarded(run: Run, raced: Raced, first: ChainProblem | None) -> Raced:
-    """The result, or that of a search from the linear start `first` where it ends lower.
+def continue_from_reference(
+    context: SearchContext, result: SearchResult, reference: ChainProblem | None
+) -> SearchResult:
+    """The result, or that of a search from the linear start where it ends lower.
 
     A portfolio need not contain that start: its candidates come from curves, and a map may not come near to them. A
     race of starts contains it.
     """
-    if first is None or not raced.members:
-        return raced
-    problem = replace(first, curvature_weight=raced.problem.curvature_weight)
-    if not _cost(problem, problem.start) < raced.outcome.cost:
-        return raced
-    outcome = run.iterate(problem, problem.start, run.options)
-    members, costs = (*raced.members, "linear"), (*raced.costs, outcome.cost)
-    same = raced.outcome.cost <= SAME * outcome.cost  # one optimum, to which one start more has come
-    agreed = raced.agreed + 1 if same else 1
-    return replace(raced, problem=problem, outcome=outcome, members=members, costs=costs, agreed=agreed)
+    if reference is None or not result.members:
+        return result
+    problem = replace(reference, curvature_weight=result.problem.curvature_weight)
+    if not _cost(problem, problem.start) < result.outcome.cost:
+        return result
+    outcome = context.iterate(problem, problem.start, context.options)
+    members, costs = (*result.members, "linear"), (*result.costs, outcome.cost)
+    one_optimum = result.outcome.cost <= SAME * outcome.cost  # to which one start more has come
+    agreed = result.agreed + 1 if one_optimum else 1
+    return replace(result, problem=problem, outcome=outcome, members=members, costs=costs, agreed=agreed)
 
 
-def not_above_linear(run: Run, raced: Raced) -> Raced:
+def continue_from_linear_model(context: SearchContext, result: SearchResult) -> SearchResult:
     """The result, or that of a search from the best linear model of all experiments where that model is better.
 
     Starts come from the longest experiment; a map that suits its range may be flat over the others.
     """
-    chain, objective = run.model, run.objective
+    chain, objective = context.model, context.objective
     plain = objective.huber_threshold is None and not objective.ridge and not objective.weights
-    if len(run.data.lengths) == 1 or not plain or not applies(chain) or len(chain.dynamics) != 1 or run.late:
-        return raced
-    linear, rows = _linear_model(run, chain.part(raced.problem.thetas(raced.outcome.p)[0], chain.linear))
-    if not squares(linear, rows, run.data) < _BELOW * _cost(raced.problem.plain, raced.outcome.p):
-        return raced
-    best = raced
+    several = len(context.data.lengths) > 1
+    if not several or not plain or not applies(chain) or len(chain.dynamics) != 1 or context.out_of_time:
+        return result
+    theta = result.problem.thetas(result.outcome.p)[0]
+    linear, rows = _best_linear_model(context, chain.part(theta, chain.linear))
+    if not squared_errors(linear, rows, context.data) < _BELOW * _cost(result.problem.plain, result.outcome.p):
+        return result
+    best = result
     for straight in (False, True):
-        thetas = _around_linear(chain, rows, run.data, straight)
-        problem = replace(run.problem(thetas), curvature_weight=raced.problem.curvature_weight)
-        outcome = run.iterate(problem, problem.start, run.options)
+        thetas = _around_linear(chain, rows, context.data, straight)
+        problem = replace(context.problem(thetas), curvature_weight=result.problem.curvature_weight)
+        outcome = context.iterate(problem, problem.start, context.options)
         if _cost(problem.plain, outcome.p) < _cost(best.problem.plain, best.outcome.p):
-            best = replace(raced, problem=problem, outcome=outcome, agreed=1)
-    members = (*raced.members, "linear") if raced.members else ()
-    return replace(best, members=members, costs=(*raced.costs, best.outcome.cost))
+            best = replace(result, problem=problem, outcome=outcome, agreed=1)
+    members = (*result.members, "linear") if result.members else ()
+    return replace(best, members=members, costs=(*result.costs, best.outcome.cost))
 
 
-def _linear_model(run: Run, known: np.ndarray) -> tuple[Chain, np.ndarray]:
-    """The best linear model of all experiments, as a chain, and its theta (K, p); `known` (p,) is one start of two."""
-    chain, part = Chain((run.model.linear,)), longest(run.data)
-    found = output_error_start(run.model.linear, part.u[:, 0], part.y[:, 0])
-    there = replace(run, model=chain)
+def _best_linear_model(context: SearchContext, theta: np.ndarray) -> tuple[Chain, np.ndarray]:
+    """The best linear model of all experiments, as a chain, and its theta (K, p); `theta` (p,) is one start of two."""
+    linear, record = context.model.linear, longest(context.data)
+    chain = Chain((linear,))
+    linear_context = replace(context, model=chain)
     ends = []
-    for start in (found, known):
-        problem = there.problem(with_initial_states(chain, start, run.data))
-        outcome = iterate(problem, problem.start, LevenbergMarquardt(), run.options)
+    for start in (output_error_start(linear, record.u[:, 0], record.y[:, 0]), theta):
+        problem = linear_context.problem(with_initial_states(chain, start, context.data))
+        outcome = iterate(problem, problem.start, LevenbergMarquardt(), context.options)
         ends.append((outcome.cost, problem.thetas(outcome.p)))
     return chain, min(ends, key=lambda end: end[0])[1]
 
 
-def squares(chain: Chain, thetas: np.ndarray, data: IOData) -> float:
+def squared_errors(chain: Chain, thetas: np.ndarray, data: IOData) -> float:
     """The sum of the squared errors of free runs from theta (K, P), one row for each experiment."""
     runs = [chain.outputs(theta, e.u) for theta, e in zip(thetas, data.experiments, strict=True)]
     return float(np.sum((data.y - np.concatenate(runs))[data.observed] ** 2))
@@ -114,24 +120,43 @@ def _around_linear(chain: Chain, rows: np.ndarray, data: IOData, straight: bool)
     return thetas
 
 
-def less_smoothed(
-    run: Run, problem: ChainProblem, outcome: Outcome, first: ChainProblem | None
-) -> tuple[ChainProblem, Outcome]:
-    """The fit with a smaller weight of the kinks where that weight keeps its errors above those of `first`.
+def follow_noise(context: SearchContext, result: SearchResult) -> SearchResult:
+    """The search continued while Huber's threshold and the curvature weight follow the spread of the residuals.
+
+    Both are set in standard deviations of the noise, which is not known before the fit.
+    """
+    threshold, curvature = context.objective.huber_threshold, context.objective.curvature_weight
+    problem, outcome = result.problem, result.outcome
+    for _ in range(_PASSES):
+        noise = residual_noise(problem, outcome.p, threshold is not None)
+        # A rough curvature weight is sufficient; the threshold needs a little more accuracy.
+        steady = threshold is None or abs(problem.huber_threshold / threshold - noise) < 0.05 * noise
+        weight = problem.curvature_weight
+        if steady and (weight == 0.0 or curvature * noise < weight * 1.25 < 2.0 * curvature * noise):
+            break
+        huber = np.inf if threshold is None else threshold * noise
+        problem = replace(problem, huber_threshold=huber, curvature_weight=curvature * noise if weight else 0.0)
+        outcome = outcome.then(context.iterate(problem, outcome.p, context.options))
+    return replace(result, problem=problem, outcome=outcome)
+
+
+def ease_curvature(context: SearchContext, result: SearchResult, reference: ChainProblem | None) -> SearchResult:
+    """The fit with a smaller weight of the kinks where that weight keeps its errors above those of the reference.
 
     The linear start has curves of its own, which are not smoothed. On a short or noisy record the weight may be large.
     """
-    if first is None or not problem.curvature_weight:
-        return problem, outcome
-    limit = _cost(first.plain, first.start)
+    problem, outcome = result.problem, result.outcome
+    if reference is None or not problem.curvature_weight:
+        return result
+    limit = _cost(reference.plain, reference.start)
     for _ in range(_EASED):
         if _cost(problem.plain, outcome.p) <= limit:
-            return problem, outcome
+            break
         problem = replace(problem, curvature_weight=_EASE * problem.curvature_weight)
-        outcome = outcome.then(run.iterate(problem, outcome.p, run.options))
-    if _cost(problem.plain, outcome.p) <= limit:
-        return problem, outcome
-    return first, outcome.then(run.iterate(first, first.start, run.options))
+        outcome = outcome.then(context.iterate(problem, outcome.p, context.options))
+    if not _cost(problem.plain, outcome.p) <= limit:
+        problem, outcome = reference, outcome.then(context.iterate(reference, reference.start, context.options))
+    return replace(result, problem=problem, outcome=outcome)
 
 
 def _cost(problem: ChainProblem, p: np.ndarray) -> float:
@@ -141,8 +166,8 @@ def _cost(problem: ChainProblem, p: np.ndarray) -> float:
 
 def worse_than_constant(data: IOData, mse: float) -> tuple[str, ...]:
     """A warning where the free run with this mean square error is further from the output than its own mean."""
-    parts = [column[seen] for column, seen in zip(data.y.T, data.observed.T, strict=True)]
-    squares = sum(float(np.sum((part - part.mean()) ** 2)) for part in parts)
+    columns = [y[seen] for y, seen in zip(data.y.T, data.observed.T, strict=True)]
+    squares = sum(float(np.sum((y - y.mean()) ** 2)) for y in columns)
     if not mse * data.observed.sum() > _CLEAR * squares:
         return ()
     return (

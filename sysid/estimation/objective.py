@@ -47,6 +47,9 @@ class Objective:
             raise InputError(f"weights are {self.weights}; give one positive number for each output")
 
 
+LEAST_SQUARES = Objective()
+
+
 def huber(e: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
     """Errors r (N,) whose squares sum to Huber's loss of e (N,), and dr/de (N,).
 

@@ -11,6 +11,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.handlers import Shown, handler
 from sysid.data.record import IOData
+from sysid.model.chain import Chain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,6 +65,16 @@ def check_same_kind(data: IOData, Ts: float, origin: Origin | None) -> None:
     if abs(data.Ts - Ts) > 1e-6 * Ts:
         raise InputError(f"the record is sampled every {data.Ts} s and the model every {Ts} s; resample it first")
     check_units(data, origin)
+
+
+def check_channels(model: Chain, data: IOData) -> None:
+    """Raises InputError if a record differs from the model in the number of inputs or outputs."""
+    found, wanted = (data.u.shape[1], data.y.shape[1]), model.channels
+    if found != wanted:
+        raise InputError(
+            f"the record has {found[0]} input(s) and {found[1]} output(s), the model {wanted[0]} and {wanted[1]}; "
+            "choose one column of each or build the model with nu and ny"
+        )
 
 
 def share_explained(data: IOData, mse: float) -> float:

@@ -18,7 +18,7 @@ from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.free_run import FreeRun, autoregression, divergence, forecast, free_run, from_rest
-from sysid.estimation.origin import FitMethods, Origin, check_same_kind
+from sysid.estimation.origin import FitMethods, Origin, check_channels, check_same_kind
 from sysid.model.chain import Chain
 from sysid.model.tangents import Rational, tangent
 from sysid.solver.covariance import Covariance, pole_std
@@ -287,13 +287,3 @@ def check_horizon(horizon: int) -> None:
     """Raises InputError unless the horizon is a whole number of samples of at least 1."""
     if not isinstance(horizon, (int, np.integer)) or horizon < 1:
         raise InputError(f"the horizon is {horizon!r}; give a whole number of samples of at least 1")
-
-
-def check_channels(model: Chain, data: IOData) -> None:
-    """Raises InputError if a record differs from the model in the number of inputs or outputs."""
-    found, wanted = (data.u.shape[1], data.y.shape[1]), model.channels
-    if found != wanted:
-        raise InputError(
-            f"the record has {found[0]} input(s) and {found[1]} output(s), the model {wanted[0]} and {wanted[1]}; "
-            "choose one column of each or build the model with nu and ny"
-        )

@@ -1,4 +1,4 @@
-"""The searches of one fit: from several starts, or from a portfolio of starts until two of them agree."""
+"""The searches of one fit: a race of several starts, or rounds of a portfolio of starts until two of them agree."""
 
 import time
 from collections.abc import Callable
@@ -14,8 +14,9 @@ from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.objective import Objective, spread
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.starts._shared import longest
-from sysid.estimation.starts.portfolio.candidates import Point, points
-from sysid.estimation.starts.portfolio.moves import alternatives, movable, relaid
+from sysid.estimation.starts.portfolio.candidates import StartingPoint, starting_points
+from sysid.estimation.starts.portfolio.curves import movable_maps
+from sysid.estimation.starts.portfolio.moves import alternatives, relaid
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, Outcome, iterate, until
 from sysid.solver.searches import search as make_search
@@ -23,21 +24,21 @@ from sysid.solver.searches import search as make_search
 # Every start gets a few iterations, then only the best go on: a start that is far behind by then seldom wins.
 # The first iterations always use Levenberg-Marquardt, the most reliable search far from an optimum.
 _TRIAL, _TRIAL_SEARCH, _LEADERS = 15, "lm", 2
-_ROUNDS = 3  # of the portfolio
+_ROUNDS, _PER_ROUND = 3, 6  # of the portfolio, and its candidates in one round
 ENOUGH = 2  # independent starts at one optimum end the rounds
 SAME = 1.02  # losses within this ratio are one optimum
-_RELAYS, _WORTH = 6, 0.995  # times that break points are laid again, while the loss falls below this share
-_RELAID = 40  # iterations after break points were laid again
+_MOVES, _WORTH = 6, 0.995  # times that break points move, while the loss falls below this share
+_AFTER_MOVE = 40  # iterations after break points have moved
 _COLOURED = 0.5  # correlation of neighbouring residuals above which agreement must be wider
-_OTHERS = 3  # pole sets tried once the maps are known
-_SETTLING = 4  # times that the curvature weight follows the residuals
+_OTHER_POLES = 3  # pole sets tried once the maps are known
+_UPDATES = 4  # times that the curvature weight follows the residuals
 _WINDOW = 20_000  # samples that show where break points belong
 _LONG = 3  # times as many samples are a long record
 
 
 @dataclass(frozen=True)
-class Run:
-    """The data that all starts of one fit share."""
+class SearchContext:
+    """What all searches of one fit share."""
 
     model: Chain
     data: IOData
@@ -46,7 +47,7 @@ class Run:
     options: Options
     progress: Callable[[str], None] | None
     huber_threshold: float = np.inf
-    size: float = 1.0  # of the output's unit in that of the user's record, for progress
+    unit: float = 1.0  # of the output, in that of the user's record, for progress
 
     def problem(self, thetas: np.ndarray) -> ChainProblem:
         """The problem around thetas (K, P)."""
@@ -67,57 +68,23 @@ class Run:
         outcome = iterate(problem, p, make_search(search or self.search), options)
         problem.scratch.clear()  # otherwise each of several starts of a long record would keep a Jacobian
         if self.progress is not None:
-            loss = self.size**2 * outcome.cost / max(int(self.data.observed.sum()), 1)
+            loss = self.unit**2 * outcome.cost / max(int(self.data.observed.sum()), 1)
             self.progress(f"{self.model.structure}: loss {loss:.4g} after {outcome.stop.iterations} iterations")
         return outcome
 
-    @property
-    def trial(self) -> Options:
-        """The options of a first few iterations."""
-        return replace(self.options, max_iterations=min(_TRIAL, self.options.max_iterations))
+    def trial(self, problem: ChainProblem) -> Outcome:
+        """A first few iterations from the start of a problem."""
+        options = replace(self.options, max_iterations=min(_TRIAL, self.options.max_iterations))
+        return self.iterate(problem, problem.start, options, _TRIAL_SEARCH)
 
     @property
-    def late(self) -> bool:
+    def out_of_time(self) -> bool:
         """Whether the time of the fit is over."""
         return time.monotonic() > self.options.deadline
 
 
-def race(run: Run, problems: list[ChainProblem]) -> list[Outcome]:
-    """Every start for a few iterations, and the leaders to the end."""
-    if len(problems) == 1:
-        return [run.iterate(problems[0], problems[0].start, run.options)]
-    # Threads, not processes: the loops over samples release the interpreter's lock, and no data are copied.
-    with ThreadPoolExecutor(min(len(problems), available())) as pool:
-        outcomes = list(
-            pool.map(lambda problem: run.iterate(problem, problem.start, run.trial, _TRIAL_SEARCH), problems)
-        )
-        leaders = [int(k) for k in np.argsort([o.cost for o in outcomes], kind="stable")[:_LEADERS]]
-        ends = list(pool.map(lambda k: run.iterate(problems[k], outcomes[k].p, run.options), leaders))
-    for k, end in zip(leaders, ends, strict=True):
-        outcomes[k] = outcomes[k].then(end)
-    return outcomes
-
-
-def with_curvature_weight(run: Run, problems: list[ChainProblem]) -> list[ChainProblem]:
-    """The problems with one curvature weight, from the smallest residuals of any start."""
-    weight, kinks = run.objective.curvature_weight, len(run.model.kinks(problems[0].theta0[0])[0])
-    if not weight or not kinks:
-        return problems
-    noise = min(noise_of(problem, problem.start, False) for problem in problems)
-    if not np.isfinite(noise):
-        return problems
-    return [replace(problem, curvature_weight=weight * noise) for problem in problems]
-
-
-def noise_of(problem: ChainProblem, p: np.ndarray, robust: bool) -> float:
-    """Standard deviation of the residuals at p; infinite if the model is invalid, never exactly zero."""
-    e = replace(problem.bare, huber_threshold=np.inf).residual(p)
-    if e is None or not np.all(np.isfinite(e)):
-        return np.inf
-    return max(spread(e) if robust else float(np.std(e)), 1e-12 * np.sqrt(problem.size / len(e)))
-
-
 def _ridge(model: Chain, objective: Objective) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Weights (P,) of the distances to the nominal values (P,), and these; None without a ridge."""
     if not objective.ridge:
         return None, None
     for name in objective.nominal:
@@ -129,8 +96,8 @@ def _ridge(model: Chain, objective: Objective) -> tuple[np.ndarray | None, np.nd
 
 
 @dataclass(frozen=True)
-class Raced:
-    """The best problem and its search, the loss of every start, the member that each came from, and how many agree."""
+class SearchResult:
+    """The best problem and its search, the cost of every start, the member that each came from, and how many agree."""
 
     problem: ChainProblem
     outcome: Outcome
@@ -139,160 +106,194 @@ class Raced:
     agreed: int = 0
 
 
-def portfolio(run: Run, seed: int, count: int | None) -> Raced | None:
+def race(context: SearchContext, problems: list[ChainProblem]) -> list[Outcome]:
+    """Every start for a few iterations, and the leaders to the end."""
+    if len(problems) == 1:
+        return [context.iterate(problems[0], problems[0].start, context.options)]
+    # Threads, not processes: the loops over samples release the interpreter's lock, and no data are copied.
+    with ThreadPoolExecutor(min(len(problems), available())) as pool:
+        outcomes = list(pool.map(context.trial, problems))
+        leaders = [int(k) for k in np.argsort([o.cost for o in outcomes], kind="stable")[:_LEADERS]]
+        ends = list(pool.map(lambda k: context.iterate(problems[k], outcomes[k].p, context.options), leaders))
+    for k, end in zip(leaders, ends, strict=True):
+        outcomes[k] = outcomes[k].then(end)
+    return outcomes
+
+
+def set_curvature_weight(context: SearchContext, problems: list[ChainProblem]) -> list[ChainProblem]:
+    """The problems with one curvature weight, from the smallest residuals of any start."""
+    weight, kinks = context.objective.curvature_weight, len(context.model.kinks(problems[0].theta0[0])[0])
+    if not weight or not kinks:
+        return problems
+    noise = min(residual_noise(problem, problem.start, False) for problem in problems)
+    if not np.isfinite(noise):
+        return problems
+    return [replace(problem, curvature_weight=weight * noise) for problem in problems]
+
+
+def residual_noise(problem: ChainProblem, p: np.ndarray, robust: bool) -> float:
+    """Standard deviation of the residuals at p; infinite if the model is invalid, never exactly zero."""
+    e = replace(problem.bare, huber_threshold=np.inf).residual(p)
+    if e is None or not np.all(np.isfinite(e)):
+        return np.inf
+    return max(spread(e) if robust else float(np.std(e)), 1e-12 * np.sqrt(problem.size / len(e)))
+
+
+def search_portfolio(context: SearchContext, seed: int, count: int | None) -> SearchResult | None:
     """Rounds of the portfolio until `ENOUGH` starts agree; with a count, that many candidates without this rule.
 
     A long record is searched on its most varied part first. None if no candidate gives a valid model.
     """
-    part = longest(run.data)
-    if part.N > _LONG * _WINDOW:
-        found = _rounds(replace(run, data=_varied(part)), seed, count)
-        return None if found is None else _continued(run, found)
-    return _rounds(run, seed, count)
+    record = longest(context.data)
+    if record.N > _LONG * _WINDOW:
+        result = _search_rounds(replace(context, data=_most_varied_part(record)), seed, count)
+        return None if result is None else _search_whole_record(context, result)
+    return _search_rounds(context, seed, count)
 
 
-def _varied(record: IOData) -> IOData:
+def _most_varied_part(record: IOData) -> IOData:
     """The part of `_WINDOW` samples over which input and output vary most."""
-    starts = range(0, record.N - _WINDOW + 1, _WINDOW // 2)
+    begins = range(0, record.N - _WINDOW + 1, _WINDOW // 2)
     signals = [(x, np.ptp(x) or 1.0) for x in (record.u, record.y)]
-    spread = [sum(float(np.ptp(x[k : k + _WINDOW]) / whole) for x, whole in signals) for k in starts]
-    k = starts[int(np.argmax(spread))]
+    variation = [sum(float(np.ptp(x[k : k + _WINDOW]) / span) for x, span in signals) for k in begins]
+    k = begins[int(np.argmax(variation))]
     return record.select(k, k + _WINDOW)
 
 
-def _continued(run: Run, found: Raced) -> Raced:
+def _search_whole_record(context: SearchContext, result: SearchResult) -> SearchResult:
     """A search of the whole record from the optimum of a part."""
-    theta = found.problem.thetas(found.outcome.p)[0]
-    theta = np.where(run.model.initial, 0.0, theta)
-    problem = run.problem(with_initial_states(run.model, theta, run.data))
-    problem = with_curvature_weight(run, [problem])[0]
-    outcome = run.iterate(problem, problem.start, run.options)
-    whole, part = int(run.data.observed.sum()), int(found.problem.records[0].observed.sum())
-    costs = tuple(c * whole / part for c in found.costs)  # so that they are comparable as losses
-    return replace(found, problem=problem, outcome=outcome, costs=costs)
+    theta = result.problem.thetas(result.outcome.p)[0]
+    theta = np.where(context.model.initial, 0.0, theta)
+    problem = context.problem(with_initial_states(context.model, theta, context.data))
+    problem = set_curvature_weight(context, [problem])[0]
+    outcome = context.iterate(problem, problem.start, context.options)
+    N, N_part = int(context.data.observed.sum()), int(result.problem.records[0].observed.sum())
+    costs = tuple(c * N / N_part for c in result.costs)  # so that they are comparable as losses
+    return replace(result, problem=problem, outcome=outcome, costs=costs)
 
 
-def _rounds(run: Run, seed: int, count: int | None) -> Raced | None:
-    """The rounds on one record."""
-    best: Raced | None = None
+def _search_rounds(context: SearchContext, seed: int, count: int | None) -> SearchResult | None:
+    """The best of the rounds on one record, with the costs and members of all; None without a valid model."""
+    best: SearchResult | None = None
     costs: list[float] = []
     members: list[str] = []
-    per_round = 6 if count is None else min(count, 6)
-    for turn in range(_ROUNDS if count is None else -(-count // 6)):
-        known = None if best is None else best.problem.thetas(best.outcome.p)[0]
-        with until(run.options.deadline):
-            found = points(run.model, longest(run.data), seed, turn, per_round, run.objective.curvature_weight, known)
-        raced = _tried(run, found, best) if found else best
-        if raced is None:
+    per_round = _PER_ROUND if count is None else min(count, _PER_ROUND)
+    for turn in range(_ROUNDS if count is None else -(-count // _PER_ROUND)):
+        theta = None if best is None else best.problem.thetas(best.outcome.p)[0]
+        weight = context.objective.curvature_weight
+        with until(context.options.deadline):
+            points = starting_points(context.model, longest(context.data), seed, turn, per_round, weight, theta)
+        result = _search_round(context, points, best) if points else best
+        if result is None:
             continue
-        costs += raced.costs
-        members += raced.members
-        best = replace(raced, costs=(), members=())
-        wanted = ENOUGH + (turn == 0 and _unexplained(best))
-        if (count is None and best.agreed >= wanted) or run.late:
+        costs += result.costs
+        members += result.members
+        best = replace(result, costs=(), members=())
+        needed = ENOUGH + (turn == 0 and _residuals_are_autocorrelated(best))
+        if (count is None and best.agreed >= needed) or context.out_of_time:
             break
     if best is None or not np.isfinite(best.outcome.cost):
         return None
     return replace(best, costs=tuple(costs), members=tuple(members))
 
 
-def _unexplained(raced: Raced) -> bool:
+def _residuals_are_autocorrelated(result: SearchResult) -> bool:
     """Whether the residuals go on from sample to sample: coloured noise, or a wrong optimum on which starts agree."""
-    e = raced.problem.plain.residual(raced.outcome.p)
+    e = result.problem.plain.residual(result.outcome.p)
     if e is None or not min(np.ptp(e[1:]), np.ptp(e[:-1])) > 0.0:  # an exact model, but for one end perhaps
         return False
     return float(np.corrcoef(e[1:], e[:-1])[0, 1]) > _COLOURED
 
 
-def _tried(run: Run, found: list[Point], before: Raced | None) -> Raced:
-    """A few iterations from every point; the best goes on if it is better than what was there before."""
-    problems = [run.problem(with_initial_states(run.model, p.theta, run.data)) for p in found]
-    if before is not None:
-        problems = [replace(p, curvature_weight=before.problem.curvature_weight) for p in problems]
+def _search_round(context: SearchContext, points: list[StartingPoint], previous: SearchResult | None) -> SearchResult:
+    """A few iterations from every point; the best goes on if it is better than the best of previous rounds."""
+    problems = [context.problem(with_initial_states(context.model, p.theta, context.data)) for p in points]
+    if previous is not None:
+        problems = [replace(p, curvature_weight=previous.problem.curvature_weight) for p in problems]
     else:
-        problems = with_curvature_weight(run, problems)
-    outcomes = [run.iterate(p, p.start, run.trial, _TRIAL_SEARCH) for p in problems]
+        problems = set_curvature_weight(context, problems)
+    outcomes = [context.trial(problem) for problem in problems]
     costs = tuple(o.cost for o in outcomes)
-    members = tuple(p.member for p in found)
+    members = tuple(p.member for p in points)
     k = int(np.argmin(costs))
-    if before is not None and not costs[k] < before.outcome.cost * SAME:
-        return replace(before, costs=costs, members=members)
+    if previous is not None and not costs[k] < previous.outcome.cost * SAME:
+        return replace(previous, costs=costs, members=members)
     problem, outcome = problems[k], outcomes[k]
     if np.isfinite(outcome.cost):
-        problem, outcome = _polished(run, problem, outcome)
-        if len(found) + (before is not None) > 1 or found[k].agreed > 1:
-            problem, outcome = _with_other_poles(run, problem, outcome)
-    agreed = sum(p.agreed for p, c in zip(found, costs, strict=True) if c <= SAME * outcome.cost or p is found[k])
-    if before is not None:
-        if outcome.cost > before.outcome.cost / SAME:
-            agreed += before.agreed
-        if before.outcome.cost <= outcome.cost:
-            problem, outcome = before.problem, before.outcome
-    return Raced(problem, outcome, costs, members, agreed)
+        problem, outcome = _refine(context, problem, outcome)
+        if len(points) + (previous is not None) > 1 or points[k].agreed > 1:
+            problem, outcome = _try_other_poles(context, problem, outcome)
+    agreed = sum(p.agreed for p, c in zip(points, costs, strict=True) if c <= SAME * outcome.cost or p is points[k])
+    if previous is not None:
+        if outcome.cost > previous.outcome.cost / SAME:
+            agreed += previous.agreed
+        if previous.outcome.cost <= outcome.cost:
+            problem, outcome = previous.problem, previous.outcome
+    return SearchResult(problem, outcome, costs, members, agreed)
 
 
-def _polished(run: Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
-    """The search to its end, with break points laid again as long as that lowers the loss."""
-    if not _movable(run):
-        return problem, outcome.then(run.iterate(problem, outcome.p, run.options))
-    limit = replace(run.options, max_iterations=min(_RELAID, run.options.max_iterations))
-    problem, outcome = _settled(run, problem, outcome, limit)
+def _refine(context: SearchContext, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
+    """The search to its end, with break points moved as long as that lowers the loss."""
+    if not movable_maps(context.model) or context.model.channels != (1, 1):
+        return problem, outcome.then(context.iterate(problem, outcome.p, context.options))
+    limit = replace(context.options, max_iterations=min(_AFTER_MOVE, context.options.max_iterations))
+    problem, outcome = _update_curvature_weight(context, problem, outcome, limit)
     near = False
-    for _ in range(_RELAYS):
-        other = None if run.late else _relaid(run, problem, outcome, near)
-        if other is not None:
-            other, after = _settled(run, other, run.iterate(other, other.start, limit), limit)
+    for _ in range(_MOVES):
+        moved = None if context.out_of_time else _move_breakpoints(context, problem, outcome, near)
+        if moved is not None:
+            after = context.iterate(moved, moved.start, limit)
+            moved, after = _update_curvature_weight(context, moved, after, limit)
             if after.cost < outcome.cost:
                 worth = after.cost < _WORTH * outcome.cost
-                problem, outcome = other, outcome.then(after)
+                problem, outcome = moved, outcome.then(after)
                 if worth:
                     continue
-        if near or run.late:
+        if near or context.out_of_time:
             break
         near = True
     if not outcome.stop.converged:
-        outcome = outcome.then(run.iterate(problem, outcome.p, run.options))
+        outcome = outcome.then(context.iterate(problem, outcome.p, context.options))
     return problem, outcome
 
 
-def _with_other_poles(run: Run, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
+def _try_other_poles(context: SearchContext, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
     """The search from other poles of the fit's own filters, if that leads lower."""
-    rows = problem.thetas(outcome.p)
-    rng = np.random.default_rng(0)
+    theta, rng = problem.thetas(outcome.p)[0], np.random.default_rng(0)
     best, end = problem, outcome
-    for point in alternatives(run.model, rows[0], run.data.experiments[0], rng, _OTHERS):
-        moved = rows.copy()
-        moved[:, ~run.model.initial] = point[~run.model.initial]
-        moved[0] = point
-        other = replace(problem, theta0=moved, scratch={})
-        after = run.iterate(other, other.start, run.trial, _TRIAL_SEARCH)
+    for point in alternatives(context.model, theta, context.data.experiments[0], rng, _OTHER_POLES):
+        moved = _moved_to(context.model, problem, outcome, point)
+        after = context.trial(moved)
         if after.cost < _WORTH * end.cost:
-            best, end = other, outcome.then(after)
-    return (problem, outcome) if best is problem else _polished(run, best, end)
+            best, end = moved, outcome.then(after)
+    return (problem, outcome) if best is problem else _refine(context, best, end)
 
 
-def _settled(run: Run, problem: ChainProblem, outcome: Outcome, limit: Options) -> tuple[ChainProblem, Outcome]:
+def _update_curvature_weight(
+    context: SearchContext, problem: ChainProblem, outcome: Outcome, limit: Options
+) -> tuple[ChainProblem, Outcome]:
     """The search continued with a curvature weight that suits the residuals: the first weight is that of a start."""
-    for _ in range(_SETTLING):
-        weight = run.objective.curvature_weight * noise_of(problem, outcome.p, False)
+    for _ in range(_UPDATES):
+        weight = context.objective.curvature_weight * residual_noise(problem, outcome.p, False)
         if not problem.curvature_weight or weight > 0.5 * problem.curvature_weight or not np.isfinite(weight):
             break
         problem = replace(problem, curvature_weight=weight)
-        outcome = outcome.then(run.iterate(problem, outcome.p, limit))
+        outcome = outcome.then(context.iterate(problem, outcome.p, limit))
     return problem, outcome
 
 
-def _relaid(run: Run, problem: ChainProblem, outcome: Outcome, near: bool) -> ChainProblem | None:
-    """The problem from break points laid again, None if there is nothing to win."""
-    rows, first = problem.thetas(outcome.p), run.data.experiments[0]
-    fresh = relaid(run.model, rows[0], first if first.N <= _WINDOW else first.select(0, _WINDOW), near)
-    if fresh is None:
-        return None
-    moved = rows.copy()
-    moved[:, ~run.model.initial] = fresh[~run.model.initial]
-    moved[0] = fresh
-    return replace(problem, theta0=moved, scratch={})
+def _move_breakpoints(
+    context: SearchContext, problem: ChainProblem, outcome: Outcome, near: bool
+) -> ChainProblem | None:
+    """The problem with break points in other places, None if there is nothing to win."""
+    theta, record = problem.thetas(outcome.p)[0], context.data.experiments[0]
+    moved = relaid(context.model, theta, record if record.N <= _WINDOW else record.select(0, _WINDOW), near)
+    return None if moved is None else _moved_to(context.model, problem, outcome, moved)
 
 
-def _movable(run: Run) -> bool:
-    return bool(movable(run.model)) and run.model.channels == (1, 1)
+def _moved_to(model: Chain, problem: ChainProblem, outcome: Outcome, theta: np.ndarray) -> ChainProblem:
+    """The problem around theta (P,), with the initial states that the further experiments have in the outcome."""
+    thetas = problem.thetas(outcome.p)
+    thetas[:, ~model.initial] = theta[~model.initial]
+    thetas[0] = theta
+    return replace(problem, theta0=thetas, scratch={})

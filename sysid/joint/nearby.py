@@ -11,7 +11,7 @@ from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.joint_parts import shaken, traded
 from sysid.estimation.objective import Objective
 from sysid.estimation.result import Fit
-from sysid.estimation.search import Run, with_curvature_weight
+from sysid.estimation.search import SearchContext, set_curvature_weight
 from sysid.joint.parts import again
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options
@@ -37,9 +37,9 @@ def searched(
 
 def glanced(chain: Chain, points: np.ndarray, data: IOData, iterations: int, finalists: int) -> np.ndarray:
     """The best of these points (K, P) after a few iterations at each, the best first."""
-    run = Run(chain, data, Objective(), "lm", Options(max_iterations=iterations).begun(), None)
-    problems = with_curvature_weight(run, [run.problem(with_initial_states(chain, p, data)) for p in points])
-    outcomes = [run.iterate(problem, problem.start, run.options) for problem in problems]
+    context = SearchContext(chain, data, Objective(), "lm", Options(max_iterations=iterations).begun(), None)
+    problems = set_curvature_weight(context, [context.problem(with_initial_states(chain, p, data)) for p in points])
+    outcomes = [context.iterate(problem, problem.start, context.options) for problem in problems]
     order = np.argsort([o.cost for o in outcomes], kind="stable")[:finalists]
     return np.array([problems[k].thetas(outcomes[k].p)[0] for k in order if np.isfinite(outcomes[k].cost)])
 

@@ -10,7 +10,7 @@ from sysid.data.record import IOData
 from sysid.estimation.free_run import rested
 from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.objective import Objective
-from sysid.estimation.search import Run, with_curvature_weight
+from sysid.estimation.search import SearchContext, set_curvature_weight
 from sysid.model.chain import Chain
 from sysid.selection.folds import Fold, folds
 from sysid.solver.iterate import Options
@@ -70,10 +70,10 @@ def free_runs(chain: Chain, theta: np.ndarray, pair: tuple[Fold, ...]) -> Unseen
 
 def refitted(chain: Chain, theta: np.ndarray, data: IOData, iterations: int) -> np.ndarray:
     """theta (P,) after a few iterations on another record; theta itself where no search is possible there."""
-    run = Run(chain, data, Objective(), "lm", Options(max_iterations=iterations).begun(), None)
+    context = SearchContext(chain, data, Objective(), "lm", Options(max_iterations=iterations).begun(), None)
     rows = [estimate_initial(chain, rested(chain, theta), e.select(0, min(e.N, FIRST))) for e in data.experiments]
-    problem = with_curvature_weight(run, [run.problem(np.array(rows))])[0]
-    outcome = run.iterate(problem, problem.start, run.options)
+    problem = set_curvature_weight(context, [context.problem(np.array(rows))])[0]
+    outcome = context.iterate(problem, problem.start, context.options)
     return problem.thetas(outcome.p)[0] if np.isfinite(outcome.cost) else theta
 
 

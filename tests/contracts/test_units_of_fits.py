@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid import InputError, IOData
-from sysid.estimation.fit import _beside
+from sysid.estimation.fit import _outside_bounds
 from sysid.solver.iterate import Options
 
 
@@ -71,7 +71,7 @@ def test_only_what_is_beyond_rounding_is_beside_its_bounds(b0, told):
     model = sysid.structures.output_error(1, 1, 1, bounds={"linear.b0": (0.0, 1.0)})
     theta = np.zeros(len(model.names))
     theta[model.names.index("linear.f1")], theta[model.names.index("linear.b0")] = -0.5, b0
-    assert _beside(model, theta) == told
+    assert _outside_bounds(model, theta) == told
 
 
 def test_a_bound_that_holds_is_not_told(tmp_path):

@@ -272,17 +272,17 @@ def test_the_fit_of_a_tiny_output_is_that_of_the_same_output_in_other_units(fact
 def test_a_portfolio_that_ends_above_the_linear_start_goes_on_from_there(chain):
     u, y = record()
     data = sysid.IOData(u, y)
-    run = search.Run(chain, data, sysid.Objective(), "lm", sysid.Options(), None)
+    run = search.SearchContext(chain, data, sysid.Objective(), "lm", sysid.Options(), None)
     poor = np.zeros(len(chain.names))
     problem = run.problem(poor[None])
-    found = search.Raced(
+    found = search.SearchResult(
         problem, run.iterate(problem, problem.start, sysid.Options(max_iterations=0)), (1.0,), ("drawn",)
     )
-    first = guard.linear_start(run, found, 0)
-    better = guard.guarded(run, found, first)
+    first = guard.linear_reference(run, found, 0)
+    better = guard.continue_from_reference(run, found, first)
     assert better.outcome.cost < 0.01 * found.outcome.cost
     assert better.members == ("drawn", "linear")
-    assert guard.guarded(run, better, first) is better, "a result that is good enough stays what it is"
+    assert guard.continue_from_reference(run, better, first) is better, "a result that is good enough stays what it is"
 
 
 def test_smoothing_puts_no_fit_above_its_linear_start(monkeypatch):
@@ -290,12 +290,12 @@ def test_smoothing_puts_no_fit_above_its_linear_start(monkeypatch):
     chain = S.hammerstein_wiener(1, 2, 0, input="unit_gain", output="piecewise_linear")
     weights = []
 
-    def seen(run, problem, outcome, first):
-        found = guard.less_smoothed(run, problem, outcome, first)
-        weights.append((problem.curvature_weight, found[0].curvature_weight))
-        return found
+    def seen(context, result, reference):
+        eased = guard.ease_curvature(context, result, reference)
+        weights.append((result.problem.curvature_weight, eased.problem.curvature_weight))
+        return eased
 
-    monkeypatch.setattr("sysid.estimation.fit.less_smoothed", seen)
+    monkeypatch.setattr("sysid.estimation.fit.ease_curvature", seen)
     for seed in range(20):
         rng = np.random.default_rng([seed, 9])
         u, y = rng.normal(size=100), np.zeros(100)

@@ -8,8 +8,7 @@ from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.starts import starts
 from sysid.estimation.starts.portfolio import curves, two_filters
-from sysid.estimation.starts.portfolio.curves import Surrogate, is_map, line
-from sysid.estimation.starts.portfolio.moves import movable
+from sysid.estimation.starts.portfolio.curves import Surrogate, is_map, line, movable_maps
 from sysid.estimation.starts.portfolio.screen import MEMBERS, Candidate, Screen
 from sysid.model.chain import Chain
 
@@ -23,7 +22,7 @@ _BEST, _TRIES = 3, 4  # candidates that are varied, and how often
 
 
 @dataclass(frozen=True)
-class Point:
+class StartingPoint:
     """A starting point theta (P,), the member that found it, and how many others came to the same loss."""
 
     theta: np.ndarray
@@ -42,7 +41,7 @@ def applies(chain: Chain) -> bool:
     return kinds in ("L", "NL", "LN", "NLN", "LNL")
 
 
-def points(
+def starting_points(
     chain: Chain,
     record: IOData,
     seed: int,
@@ -50,7 +49,7 @@ def points(
     count: int,
     curvature: float,
     known: np.ndarray | None = None,
-) -> list[Point]:
+) -> list[StartingPoint]:
     """The best points of a round, the best first.
 
     `count` limits how many candidates are searched; `known` (P,) is the best of earlier rounds.
@@ -69,11 +68,11 @@ def points(
         knots = max(4, min(knots, part.N // 25))
         field = [s.relaid(part, knots).searched(part, steps, curvature) for s in field[: min(width, count)]]
         field.sort(key=lambda s: s.loss)
-    told = _told_apart(field) if len(movable(chain)) == sum(map(is_map, chain.blocks)) else [(s, 1) for s in field]
-    found = [Point(s.turned(chain, part), s.member, n) for s, n in told if np.isfinite(s.loss)]
-    if turn == 0 and count > 1 and len(told) and len(movable(chain)) < sum(map(is_map, chain.blocks)):
+    told = _told_apart(field) if len(movable_maps(chain)) == sum(map(is_map, chain.blocks)) else [(s, 1) for s in field]
+    found = [StartingPoint(s.turned(chain, part), s.member, n) for s, n in told if np.isfinite(s.loss)]
+    if turn == 0 and count > 1 and len(told) and len(movable_maps(chain)) < sum(map(is_map, chain.blocks)):
         # A map with a shape of its own may not come near to a free curve; then the search begins at the identity.
-        found += [Point(theta, "identity", 1) for theta in starts(chain, record, _PLAIN, seed)]
+        found += [StartingPoint(theta, "identity", 1) for theta in starts(chain, record, _PLAIN, seed)]
     return found
 
 

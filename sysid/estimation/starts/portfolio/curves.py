@@ -274,3 +274,8 @@ def _gained(block, part: np.ndarray, gain: float) -> np.ndarray:
     part = part.copy()
     part[: block.nb] *= gain
     return part
+
+
+def movable_maps(chain: Chain) -> list[PiecewiseLinear]:
+    """The maps whose break points may move."""
+    return [b for b in chain.blocks if isinstance(b, PiecewiseLinear) and b.free_knots and not b.at]

@@ -10,12 +10,12 @@ from scipy.linalg import solve_triangular
 from scipy.signal import lfilter
 
 from sysid.block.block import Block
-from sysid.blocks import PiecewiseLinear, TransferFunction
+from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.starts._shared import denominators, same_poles
 from sysid.estimation.starts.portfolio import curves
-from sysid.estimation.starts.portfolio.curves import is_map, line
+from sysid.estimation.starts.portfolio.curves import is_map, line, movable_maps
 from sysid.estimation.starts.portfolio.screen import random_poles
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Linearisation
@@ -29,11 +29,6 @@ _POLES_DRAWN, _POLES_VARIED = 20, 10  # pole sets drawn, and varied from the pre
 _FLAT = 0.1  # of the mean slope: flatter parts of a map say little of what is before them
 
 
-def movable(chain: Chain) -> list[PiecewiseLinear]:
-    """The maps whose break points may move."""
-    return [b for b in chain.blocks if isinstance(b, PiecewiseLinear) and b.free_knots and not b.at]
-
-
 def relaid(
     chain: Chain, theta: np.ndarray, record: IOData, near: bool = False, gain: float = 0.003
 ) -> np.ndarray | None:
@@ -42,7 +37,7 @@ def relaid(
     near: among places close to the present break points, else among places over the whole range. The filters move with
     the curve by a damped step.
     """
-    if not movable(chain) or chain.channels != (1, 1):
+    if not movable_maps(chain) or chain.channels != (1, 1):
         return None
     fine, values = _refined(chain, theta, record, near)
     e, J = ChainProblem(fine, values[None, :], (record,), fine.free).linearise(np.zeros(len(values)))
@@ -50,7 +45,7 @@ def relaid(
     others = np.concatenate([np.arange(*fine.index(b).indices(len(values))) for b in fine.blocks if not is_map(b)])
     if not np.all(np.isfinite(J)):
         return None
-    for block in movable(chain):
+    for block in movable_maps(chain):
         own = fine.index(fine.blocks[chain.blocks.index(block)])
         places = np.array(fine.blocks[chain.blocks.index(block)].at)  # type: ignore[attr-defined]
         lin = _damped(e, J, others, own)
@@ -90,7 +85,7 @@ def _refined(chain: Chain, theta: np.ndarray, record: IOData, near: bool) -> tup
     blocks, parts = list[Block](), list[np.ndarray]()
     for block, x in zip(chain.blocks, signals, strict=False):
         part = chain.part(theta, block)
-        if block in movable(chain):
+        if block in movable_maps(chain):
             own = part[: block.knots]
             low, high = float(x.min()), float(x.max())
             at = np.concatenate([_close(own) if near else curves.places(x, _FINE), own, [low, high]])
