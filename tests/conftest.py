@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from often import FULL
 from shares import in_shares
 
 settings.register_profile("qpal", deadline=None, max_examples=20, derandomize=True)
@@ -30,7 +31,7 @@ def records() -> Path:
 @pytest.fixture(scope="session")
 def seeds() -> range:
     """Seeds of a statistical test: 100 with QPAL_FULL=1, a dozen otherwise."""
-    return range(100 if os.environ.get("QPAL_FULL") == "1" else 12)
+    return range(100 if FULL else 12)
 
 
 @pytest.fixture(autouse=True)
@@ -43,7 +44,10 @@ def _figures_are_closed() -> Iterator[None]:
 
 @pytest.hookimpl(trylast=True)  # after pytest has grouped tests by their fixtures
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Every worker of xdist begins with long tests, so that none is left for the end, when the other workers idle."""
+    """The nightly list is skipped by default; every worker of xdist begins with long tests, so that none idles at last."""
+    for item in items:
+        if not FULL and item.get_closest_marker("nightly"):
+            item.add_marker(pytest.mark.skip(reason="of the nightly list: QPAL_FULL=1 runs it"))
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     if workers > 1:
         items[:] = in_shares(items, workers, lambda item: item.get_closest_marker("long"), lambda item: item.path)
