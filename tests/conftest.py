@@ -44,7 +44,7 @@ def _figures_are_closed() -> Iterator[None]:
 
 @pytest.hookimpl(trylast=True)  # after pytest has grouped tests by their fixtures
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The nightly list is skipped by default; every worker of xdist begins with long tests, so that none idles at last."""
+    """The nightly list is skipped by default; every worker of xdist begins with long tests, so that none idles."""
     for item in items:
         if not FULL and item.get_closest_marker("nightly"):
             item.add_marker(pytest.mark.skip(reason="of the nightly list: QPAL_FULL=1 runs it"))
