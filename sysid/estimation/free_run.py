@@ -13,9 +13,8 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from sysid.data.record import IOData
-from sysid.estimation.initial_state import estimate_initial
+from sysid.estimation.initial_state import estimate_initial, filters_only
 from sysid.estimation.joint_parts import is_joint
-from sysid.estimation.state_priors import filters_only
 from sysid.model.chain import Chain
 
 FAR = 1e6  # a run that covers this many times what the output covers, and what other runs cover, has diverged

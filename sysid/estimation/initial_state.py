@@ -8,7 +8,7 @@ from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.likely_state import likely_initial
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.state_priors import filters_only, state_space_of
+from sysid.estimation.state_priors import state_space_of
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt
@@ -46,6 +46,14 @@ def estimate_initial(
     if cost > _POOR * float(np.sum((data.y - data.y.mean(axis=0)) ** 2)) and _maps_behind(chain):
         best, _ = _searched(chain, [_behind_maps(chain, best, data.u[:, 0], data.y[:, 0])], data, best, cost)
     return best
+
+
+def filters_only(chain: Chain) -> bool:
+    """Whether all initial states of the chain are those of transfer functions."""
+    own = np.zeros(len(chain.names), dtype=bool)
+    for part, _ in chain.dynamics:
+        own[part] = True
+    return bool(np.all(own[chain.initial]))
 
 
 def _searched(

@@ -42,14 +42,6 @@ class Gaussian:
     weight: float
 
 
-def filters_only(chain: Chain) -> bool:
-    """Whether all initial states of the chain are those of transfer functions."""
-    own = np.zeros(len(chain.names), dtype=bool)
-    for part, _ in chain.dynamics:
-        own[part] = True
-    return bool(np.all(own[chain.initial]))
-
-
 def priors(chain: Chain, rest: np.ndarray, u: np.ndarray, seen: np.ndarray) -> list[Gaussian]:
     """The mixture for `rest` (P,), the parameters with initial states of zero, and the input u (N, nu) of the record.
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import sysid
+from sysid.estimation.initial_state import filters_only
 from sysid.estimation.joint_parts import motor_of
-from sysid.estimation.state_priors import filters_only
 
 SAVED = Path(__file__).resolve().parents[1] / "saved"
 FILES = sorted(p for p in SAVED.glob("v*/*.json") if not p.name.endswith(".run.json"))

@@ -25,8 +25,8 @@ TABLE: dict[str, Start] = {
     "joint": Joint(),
     "profile": Profile(),
     "state_space": StateSpaces(),
-    "two_filters": TwoFilters(),
     "single_linear": SingleLinear(),
+    "two_filters": TwoFilters(),
     "matrix": Matrix(),
 }
 

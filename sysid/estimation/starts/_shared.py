@@ -1,12 +1,13 @@
 """What starts have in common: the interface of one, maps near the identity, and linear models of a record."""
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.poles import mirrored, monic
-from sysid.block.block import StaticBlock
+from sysid.block.block import Block, StaticBlock
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem
@@ -16,11 +17,17 @@ from sysid.solver.searches import LevenbergMarquardt
 
 
 class Start(ABC):
-    """One way to start a search, see `sysid.estimation.starts.TABLE`."""
+    """One way to start a search, see `sysid.estimation.starts.TABLE`: for chains with a block of one of these kinds."""
 
-    @abstractmethod
+    blocks: ClassVar[tuple[type[Block], ...]]
+
     def applies(self, chain: Chain) -> bool:
         """Whether this start applies to the chain."""
+        return any(isinstance(b, self.blocks) for b in chain.blocks) and self.suits(chain)
+
+    def suits(self, chain: Chain) -> bool:
+        """Whether this start applies to a chain that has a block of its kinds."""
+        return True
 
     @abstractmethod
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:

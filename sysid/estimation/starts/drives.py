@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sysid.blocks import TransferFunction
+from sysid.blocks import BowedGain, FrictionLag, TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.starts._shared import Start, generators
 from sysid.model.chain import Chain
@@ -27,7 +27,9 @@ BELT_GAIN = 0.05  # of all zeros of the belt together
 class Drives(Start):
     """The chain that `sysid.structures.coupled_drives` makes."""
 
-    def applies(self, chain: Chain) -> bool:
+    blocks = (BowedGain, FrictionLag)
+
+    def suits(self, chain: Chain) -> bool:
         return chain.structure == "coupled_drives"
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:

@@ -8,7 +8,7 @@ from scipy.optimize import lsq_linear
 from sysid.block.block import Block
 from sysid.blocks import Compliance, Motor, Play, TravelMap
 from sysid.data.record import IOData
-from sysid.estimation.joint_parts import apart, free_run_cost, is_joint, motor_of
+from sysid.estimation.joint_parts import apart, free_run_cost, motor_of
 from sysid.estimation.starts._shared import Start, longest, within
 from sysid.model.chain import Chain
 
@@ -41,8 +41,7 @@ class Joint(Start):
     takes a fraction of a millisecond, and the cost of a motor has too many local minima for one good guess.
     """
 
-    def applies(self, chain: Chain) -> bool:
-        return is_joint(chain)
+    blocks = (Motor,)
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
         record = longest(data)

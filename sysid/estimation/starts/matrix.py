@@ -13,8 +13,10 @@ from sysid.model.chain import Chain
 class Matrix(Start):
     """Several channels: finite impulse responses from all inputs at once, then one linear start for each entry."""
 
-    def applies(self, chain: Chain) -> bool:
-        return any(isinstance(b, TransferMatrix) for b in chain.blocks) and len(chain.blocks) <= 3
+    blocks = (TransferMatrix,)
+
+    def suits(self, chain: Chain) -> bool:
+        return len(chain.blocks) <= 3
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
         record, draws = longest(data), generators(count, seed)

@@ -11,8 +11,10 @@ from sysid.model.chain import Chain
 class OwnBlocks(Start):
     """A chain of one input and one output with a step of the user's own; no other start knows what it does."""
 
-    def applies(self, chain: Chain) -> bool:
-        return chain.channels == (1, 1) and any(isinstance(b, Dynamic) for b in chain.blocks)
+    blocks = (Dynamic,)
+
+    def suits(self, chain: Chain) -> bool:
+        return chain.channels == (1, 1)
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
         x = longest(data).u[:, 0]

@@ -19,8 +19,10 @@ _CALM = 0.1  # a profile's bend by its own level weighs as much as this share of
 class Profile(Start):
     """One motor with a friction profile and no other block."""
 
-    def applies(self, chain: Chain) -> bool:
-        return len(chain.blocks) == 1 and isinstance(chain.blocks[0], ProfiledMotor)
+    blocks = (ProfiledMotor,)
+
+    def suits(self, chain: Chain) -> bool:
+        return len(chain.blocks) == 1
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
         first, block = _from_balance(chain, data), chain.blocks[0]

@@ -24,8 +24,7 @@ class Servo(Start):
     speed that the record shows, friction, lag and load drawn around it.
     """
 
-    def applies(self, chain: Chain) -> bool:
-        return any(isinstance(b, ServoMotor) for b in chain.blocks)
+    blocks = (ServoMotor,)
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
         record = longest(data)

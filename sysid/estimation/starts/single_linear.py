@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from sysid.blocks import TransferFunction, TransferMatrix
 from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.starts._shared import (
@@ -27,7 +28,9 @@ class SingleLinear(Start):
     Maps of many knots start with few knots; the best of these is a better starting point.
     """
 
-    def applies(self, chain: Chain) -> bool:
+    blocks = (TransferFunction, TransferMatrix)
+
+    def suits(self, chain: Chain) -> bool:
         return chain.channels == (1, 1) and len(chain.dynamics) == 1
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:

@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.blocks import CoastingPlay, Play
+from sysid.blocks import CoastingPlay, Motor, Play
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.joint_parts import FRICTIONS, friction_starts, is_joint, lifted, motor_of, plainer, without_play
+from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lifted, motor_of, plainer, without_play
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.starts._shared import Start
 from sysid.estimation.starts.joint import Joint
@@ -32,8 +32,10 @@ _HOLDS = (0.0, 0.1, 0.25, 0.45, 0.8)  # of half the range about there, within wh
 class StagedJoint(Start):
     """A chain with a motor for which `plainer` gives a chain."""
 
-    def applies(self, chain: Chain) -> bool:
-        return is_joint(chain) and plainer(chain) is not None
+    blocks = (Motor,)
+
+    def suits(self, chain: Chain) -> bool:
+        return plainer(chain) is not None
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
         plain, middle = plainer(chain), without_play(chain)

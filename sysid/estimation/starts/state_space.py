@@ -28,7 +28,9 @@ class StateSpaces(Start):
     after a few steps are the starts. Every second one takes its steps as a predictor first, see `_predicted`.
     """
 
-    def applies(self, chain: Chain) -> bool:
+    blocks = (StateSpace,)
+
+    def suits(self, chain: Chain) -> bool:
         first, *others = chain.blocks
         return isinstance(first, StateSpace) and all(isinstance(b, StaticBlock) for b in others)
 

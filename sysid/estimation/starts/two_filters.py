@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 
 from sysid.base.poles import monic
-from sysid.blocks import TransferFunction
+from sysid.blocks import TransferFunction, TransferMatrix
 from sysid.data.record import IOData
 from sysid.estimation.starts._shared import Start, generators, longest, output_error_start, solve_linear, start_maps
 from sysid.model.chain import Chain
@@ -19,7 +19,9 @@ class TwoFilters(Start):
     varied.
     """
 
-    def applies(self, chain: Chain) -> bool:
+    blocks = (TransferFunction, TransferMatrix)
+
+    def suits(self, chain: Chain) -> bool:
         return chain.channels == (1, 1) and len(chain.dynamics) == 2
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
