@@ -3,6 +3,7 @@
     python scripts/house.py walks            # files entered by five walks and two fits, on warm caches
     python scripts/house.py lines            # lines and files by room
     python scripts/house.py circles          # modules that import each other, facades and lazy imports counted
+    python scripts/house.py rooms            # writes the tables of docs/house.md from the docstrings of the rooms
     python scripts/house.py names [FOLDER]   # names that are an adverb, a participle, a preposition or a pronoun
 
 A walk enters a file when it calls a Python function of it; imports, comprehensions and compiled loops do not count.
@@ -193,6 +194,40 @@ def show_circles() -> None:
             print("   ", ", ".join(group))
 
 
+# ---- the tables of rooms in docs/house.md
+
+
+def floors() -> dict[str, tuple[tuple[str, ...], ...]]:
+    """The rooms of each package from the ground up, as the test of the architecture declares them."""
+    tree = ast.parse((ROOT / "tests" / "test_architecture.py").read_text(encoding="utf-8"))
+    names = [node for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "FLOORS"]
+    return ast.literal_eval(names[0].value)
+
+
+def room_table(package: str) -> str:
+    """The rooms of a package with the first paragraph of their docstrings, as Markdown."""
+    rows = [f"| room of `{package}` | what is in it |", "| :-- | :-- |"]
+    for name in (room for floor in floors()[package] for room in floor):
+        place = ROOT / package / name
+        source = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+        text = ast.get_docstring(ast.parse(source.read_text(encoding="utf-8"))) or ""
+        rows.append(f"| `{name}` | {' '.join(text.split(chr(10) * 2)[0].split()).rstrip('.')} |")
+    return "\n".join(rows)
+
+
+def page_with_rooms(page: str) -> str:
+    """docs/house.md with its tables of rooms made anew."""
+    for package in PACKAGES:
+        pattern = rf"^\| room of `{package}` \|.*?(?=\n\n)"
+        page = re.sub(pattern, lambda _, name=package: room_table(name), page, flags=re.DOTALL | re.MULTILINE)
+    return page
+
+
+def write_rooms() -> None:
+    path = ROOT / "docs" / "house.md"
+    path.write_text(page_with_rooms(path.read_text(encoding="utf-8")), encoding="utf-8")
+
+
 # ---- names
 
 
@@ -268,7 +303,7 @@ def show_names(folder: str, listed: bool) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("walks", "lines", "circles", "names"))
+    parser.add_argument("what", choices=("walks", "lines", "circles", "rooms", "names"))
     parser.add_argument("folder", nargs="?", default="", help="names: of this folder alone, for example sysid/base")
     parser.add_argument("--list", action="store_true", help="walks: every file; names: every name")
     asked = parser.parse_args()
@@ -277,7 +312,7 @@ def main() -> None:
     elif asked.what == "names":
         show_names(asked.folder, asked.list)
     else:
-        {"lines": show_lines, "circles": show_circles}[asked.what]()
+        {"lines": show_lines, "circles": show_circles, "rooms": write_rooms}[asked.what]()
 
 
 if __name__ == "__main__":

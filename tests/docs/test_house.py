@@ -7,22 +7,18 @@ import runpy
 from pathlib import Path
 
 import numpy as np
-import pytest
-from test_architecture import FLOORS
 
 from twin.cli import bench
 from twin.cli.app import VERBS
 
-PAGE = (Path(__file__).parents[2] / "docs" / "house.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "house.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("package", FLOORS)
-def test_every_room_is_listed_from_the_ground_up(package):
-    _, _, rest = PAGE.partition(f"| room of `{package}` |")
-    listed = re.findall(r"^\| `(\w+)` \|", rest.partition("\n\n")[0], flags=re.MULTILINE)
-    floors = {name: level for level, names in enumerate(FLOORS[package]) for name in names}
-    assert sorted(listed) == sorted(floors)
-    assert [floors[name] for name in listed] == sorted(floors.values())
+def test_the_tables_of_rooms_are_made_from_the_rooms():
+    house = runpy.run_path(str(ROOT / "scripts" / "house.py"))
+    assert house["page_with_rooms"](PAGE) == PAGE, "run python scripts/house.py rooms"
+    assert PAGE.count("\n| `") > sum(len(floor) for floors in house["floors"]().values() for floor in floors)
 
 
 def test_every_place_for_something_new_exists():
