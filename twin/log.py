@@ -10,13 +10,13 @@ import numpy as np
 
 from sysid.base.checks import checked, shown
 from sysid.base.errors import InputError, unknown
-from sysid.channels.contradictions import other_than_stated, stated
+from sysid.channels.clock import contradiction_of_header, stated_sampling_time
+from sysid.channels.column import parse_header
 from sysid.channels.guess import guess
 from sysid.channels.mapping import Channel, ChannelMap, Clock
-from sysid.channels.names import REFERENCE, header
 from sysid.channels.reading import Mapping as MapOrFile
-from sysid.channels.reading import read_map_of
-from sysid.channels.sampling import sample
+from sysid.channels.reading import read_map_of, sample
+from sysid.channels.roles import REFERENCE
 from sysid.channels.signals import Signal, Signals
 from sysid.data.record import IOData
 from sysid.data.table import Table
@@ -118,7 +118,7 @@ class Log:
         meta = dict(table.meta) if table.meta.get("joint") in (*JOINTS, LEG, "") else {}
         own = _own_map(table, meta) if mapping is None else None
         if own is not None:
-            if other := other_than_stated(table, own.clock, table.numbers(TIME)):
+            if other := contradiction_of_header(table, own.clock, table.numbers(TIME)):
                 raise InputError(f"{table.path}: {other}; correct the one that is wrong, or read it with a mapping")
             signals = sample(table, own)
         elif mapping is not None:
@@ -180,7 +180,7 @@ def _log(signals: Signals, meta: dict[str, Any], table: Table) -> Log:
         said |= {"filled": lost.tolist()}
     if mode != "voltage":
         said |= {"mode": mode} | ({"u_unit": u_unit} if u_unit != "V" else {})
-    Ts = stated(table)
+    Ts = stated_sampling_time(table)
     Ts = Ts if meta and Ts is not None and abs(Ts - signals.Ts) <= 1e-3 * signals.Ts else signals.Ts
     return Log(
         _joined([signal.values for signal in signals.input]),
@@ -211,7 +211,7 @@ def _check_channels(signals: Signals) -> tuple[str, str]:
             raise _wrong_unit(
                 signals, signal, "input", "a voltage, or the reference angle of a servo", 'scale and unit = "V"'
             )
-    return "V", "servo" if all(header(s.column).has(REFERENCE - _COMMANDS) for s in signals.input) else "voltage"
+    return "V", "servo" if all(parse_header(s.column).has(REFERENCE - _COMMANDS) for s in signals.input) else "voltage"
 
 
 _COMMANDS = {"cmd", "command", "commanded"}  # a commanded voltage is a voltage

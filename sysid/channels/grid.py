@@ -1,8 +1,17 @@
-"""From increasing time stamps to a uniform grid: which sample number a stamp has, or that it needs interpolation."""
+"""From increasing time stamps to a uniform grid: the sample number of each stamp, the gaps, and the values on the grid.
+
+Stamps that are not uniform have no sample numbering; then values are interpolated.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.channels.mapping import Channel, ChannelMap
+from sysid.channels.stamps import Stamps, note_on_change_of_clocks, values_at
+from sysid.data.missing import fill, runs
+from sysid.data.table import Table
 
 COARSE = 0.4  # of a step: a last digit above it cannot tell a lost sample from rounding
 LONG = 1.5  # times the usual step: samples are lost
@@ -10,6 +19,7 @@ ROUNDED = 1.3  # last digits over which rounded stamps of a uniform clock spread
 SPARSE = 100.0  # middle steps: a longer one is a gap however often there is one
 MOST = 2.0**40  # steps in a gap: a longer one is refused alike, and sums of these are whole numbers
 RELIABLE = 0.45  # of a step by which stamps may be off a grid before their sample numbers are uncertain
+MOST_PIECES = 4  # that a message lists
 
 
 @dataclass(frozen=True)
@@ -42,33 +52,33 @@ def find_grid(t: np.ndarray, resolution: float, jitter: float, Ts: float | None 
     """
     steps = np.diff(t)
     median = float(np.median(steps))
-    near = Ts if Ts is not None and abs(Ts - median) <= max(0.01 * median, resolution) else None
-    alike = _distance(steps, median) <= max(1.01 * resolution, 0.01 * median)
-    single = steps if alike.all() else steps[alike]
-    step = near or (float(single.mean()) if len(single) else median)
+    given_step = Ts if Ts is not None and abs(Ts - median) <= max(0.01 * median, resolution) else None
+    usual_steps = _distance(steps, median) <= max(1.01 * resolution, 0.01 * median)
+    single = steps if usual_steps.all() else steps[usual_steps]
+    step = given_step or (float(single.mean()) if len(single) else median)
     rounding = 0.0 if resolution >= COARSE * step else resolution
-    if near is None and resolution >= COARSE * step and _is_rounded(t, steps, median, jitter):
+    if given_step is None and resolution >= COARSE * step and _is_rounded(t, steps, median, jitter):
         return None
-    numbers = _numbers(t, steps, step, near is not None)
-    if numbers is not None:
-        index, step = numbers
+    numbering = _sample_numbers(t, steps, step, given_step is not None)
+    if numbering is not None:
+        index, step = numbering
         m = np.diff(index)
-        off = _off(t, index, step)
-        by_steps = np.all(_distance(steps, m * step) <= jitter * step)
-        allowed = max(2.0 * jitter * step, ROUNDED * rounding, ROUNDED * resolution if near else 0.0)
-        if by_steps or 2.0 * off <= allowed:
-            exact = near or _exact(t, index, step, max(rounding, 2.0 * off))
+        off = _distance_from_grid(t, index, step)
+        steps_fit = np.all(_distance(steps, m * step) <= jitter * step)
+        tolerance = max(2.0 * jitter * step, ROUNDED * rounding, ROUNDED * resolution if given_step else 0.0)
+        if steps_fit or 2.0 * off <= tolerance:
+            exact = given_step or _exact(t, index, step, max(rounding, 2.0 * off))
             gaps = np.flatnonzero(m > 1)
             return Grid(exact, int(index[-1]) + 1, index, np.column_stack([gaps, m[gaps] - 1]), median, off)
         if off < RELIABLE * step:
             median = step
-    fine = near or (Ts / max(1, round(Ts / median)) if Ts is not None else three_digits(median))
-    usual = max(min(float(np.percentile(steps, 95)), SPARSE * median), fine)
+    chosen_step = given_step or (Ts / max(1, round(Ts / median)) if Ts is not None else three_digits(median))
+    usual = max(min(float(np.percentile(steps, 95)), SPARSE * median), chosen_step)
     gaps = np.flatnonzero(steps > LONG * usual)
     lost = np.maximum(np.minimum(np.rint(steps[gaps] / usual), MOST).astype(int) - 1, 1)
-    N = int((t[-1] - t[0]) / fine * (1.0 + 1e-12) + 1e-6) + 1
-    off = _off(t, np.rint((t - t[0]) / fine), fine)
-    return Grid(fine, N, None, np.column_stack([gaps, lost]), float(np.median(steps)), off)
+    N = int((t[-1] - t[0]) / chosen_step * (1.0 + 1e-12) + 1e-6) + 1
+    off = _distance_from_grid(t, np.rint((t - t[0]) / chosen_step), chosen_step)
+    return Grid(chosen_step, N, None, np.column_stack([gaps, lost]), float(np.median(steps)), off)
 
 
 def three_digits(value: float) -> float:
@@ -78,14 +88,14 @@ def three_digits(value: float) -> float:
 
 def _is_rounded(t: np.ndarray, steps: np.ndarray, median: float, jitter: float) -> bool:
     """Whether the steps of a coarse clock differ by rounding: not by whole steps, or evenly over the record."""
-    other = np.abs(steps - median) > jitter * median
+    unusual = np.abs(steps - median) > jitter * median
     if np.any(np.abs(steps - median * np.maximum(np.rint(steps / median), 1.0)) > jitter * median):
         return True
     k = np.arange(len(t))  # as if no sample were lost
-    return int(other.sum()) > 1 and bool(np.ptp(t - _slope(k, t) * k) <= ROUNDED * median)
+    return int(unusual.sum()) > 1 and bool(np.ptp(t - _slope(k, t) * k) <= ROUNDED * median)
 
 
-def _numbers(t: np.ndarray, steps: np.ndarray, step: float, given: bool) -> tuple[np.ndarray, float] | None:
+def _sample_numbers(t: np.ndarray, steps: np.ndarray, step: float, given: bool) -> tuple[np.ndarray, float] | None:
     """Sample number of each stamp (n,), and the step [s]; None if two stamps would have one number."""
     if not given and np.all(_distance(steps, step) < 0.25 * step):  # most logs: none is lost, and memory is saved
         index = np.arange(len(t))
@@ -112,7 +122,7 @@ def _slope(index: np.ndarray, t: np.ndarray) -> float:
     return float(centred @ t / (centred @ centred))
 
 
-def _off(t: np.ndarray, index: np.ndarray, step: float) -> float:
+def _distance_from_grid(t: np.ndarray, index: np.ndarray, step: float) -> float:
     left = step * index
     np.subtract(t, left, out=left)
     return float(0.5 * np.ptp(left))
@@ -134,3 +144,112 @@ def _exact(t: np.ndarray, index: np.ndarray, step: float, spread: float) -> floa
         if abs(short - mean) <= uncertain and abs(short - step) <= 2.0 * uncertain:
             return short
     return float(f"{mean:.9g}")
+
+
+def check_gaps(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid) -> None:
+    """Raises InputError with the row of the first gap that is not filled, and with what to do."""
+    repair, lengths = mapping.repair, grid.gaps[:, 1]
+    if len(lengths) and lengths.max() > repair.longest_gap:
+        first = int(np.argmax(lengths > repair.longest_gap))
+        raise _gap_error(table, mapping, stamps, grid, first, f"at most {repair.longest_gap} in a row are filled")
+    if grid.lost > repair.most_lost * grid.N:
+        share = f"{grid.lost} of {grid.N} samples are lost, and at most {repair.most_lost:.0%} are filled"
+        raise _gap_error(table, mapping, stamps, grid, int(np.argmax(lengths)), share)
+
+
+def _gap_error(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid, gap: int, reason: str) -> InputError:
+    """The error for a gap, with the pieces between the long gaps as times to give."""
+    clock, repair, lengths = mapping.clock, mapping.repair, grid.gaps[:, 1]
+    if clock.Ts is not None and clock.Ts < grid.median / LONG:
+        least = grid.median / (repair.longest_gap + 1)
+        return InputError(
+            f"{table.path}: Ts of [clock] is {clock.Ts:g} s and most steps of column {clock.column!r} are "
+            f"{grid.median:.4g} s, and {reason}; give Ts of at least {least:.4g} s, or leave it out"
+        )
+    k = int(grid.gaps[gap, 0])
+    step = stamps.t[k + 1] - stamps.t[k]
+    tolerance = f" (within {repair.jitter:.0%})" if grid.index is not None else ""
+    ends = grid.gaps[lengths > min(repair.longest_gap, int(lengths.max()) - 1), 0]
+    starts, stops = np.concatenate([[0], ends + 1]), np.concatenate([ends, [len(stamps.t) - 1]])
+    longest = sorted(np.argsort(stops - starts)[::-1][:MOST_PIECES])
+    pieces = [f"{stamps.t[starts[j]]:.6g}:{stamps.t[stops[j]]:.6g}" for j in longest if stops[j] > starts[j]]
+    return table.error(
+        table.names.index(clock.column),
+        int(stamps.rows[k + 1]),
+        f"found a step of {step:.4g} s where most are {grid.median:.4g} s{tolerance}"
+        f"{note_on_change_of_clocks(table, clock, step, grid.median)}; {reason}: cut it and keep one piece with "
+        f"--range {' or '.join(pieces)}, or set longest_gap and most_lost in [repair] of a mapping",
+    )
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the rows of a table were sampled: their stamps, None without a clock; their grid; the rows that are used."""
+
+    stamps: Stamps | None
+    grid: Grid
+    rows: np.ndarray
+
+
+def value_of_each_stamp(values: np.ndarray, timing: Timing, mean: bool) -> np.ndarray:
+    """One value for each stamp: of the first of its rows, or their mean."""
+    stamps = timing.stamps
+    if stamps is None or not mean or not stamps.repeated:
+        return values_at(values, timing.rows)
+    member = stamps.group >= 0
+    group, kept = stamps.group[member], values[member]
+    mask = np.isfinite(kept)
+    total = np.bincount(group[mask], kept[mask], len(stamps.t))
+    count = np.bincount(group[mask], minlength=len(stamps.t))
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def place(
+    table: Table, timing: Timing, channel: Channel, values: np.ndarray, held: bool, longest: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Values (N,) on the grid and the marks (N,) of samples that were filled, at most `longest` in a row.
+
+    Raises InputError with the row of a longer stretch of `values` (n,) without one, and of one at an end.
+    """
+    grid, mask = timing.grid, np.isfinite(values)
+    if grid.index is not None:
+        if len(values) == grid.N and mask.all():
+            return values, np.zeros(grid.N, dtype=bool)
+        placed = np.full(grid.N, np.nan)
+        placed[grid.index] = values
+        bridged = fill(placed, longest, hold=held)
+        _check_filled(table, timing, channel, bridged.open, longest)
+        return bridged.values, bridged.filled
+    stamps = timing.stamps
+    assert stamps is not None
+    open_ = np.zeros(len(mask), dtype=bool)
+    for start, stop in runs(~mask):
+        open_[start:stop] = stop - start > longest or start == 0 or stop == len(mask)
+    _check_filled(table, timing, channel, open_, longest)
+    t, x = stamps.t[mask], values[mask]
+    times = np.arange(grid.N) * grid.Ts
+    after = np.searchsorted(t, times * (1.0 + 1e-12) + 1e-9 * grid.Ts, side="right")
+    before = np.maximum(after - 1, 0)
+    placed = x[before] if held else np.interp(times, t, x)
+    usual = max(float(np.percentile(np.diff(stamps.t), 95)), grid.Ts)
+    following = np.append(t, np.inf)[after]
+    distant = times - t[before] > 0.5 * usual
+    if not held:
+        distant &= following - times > 0.5 * usual
+    return placed, distant & (after < len(t)) & (following - t[before] > LONG * usual)
+
+
+def _check_filled(table: Table, timing: Timing, channel: Channel, open_: np.ndarray, longest: int) -> None:
+    """Raises InputError with the row of the first samples `open_` (N,) or stamps (n,) that could not be filled."""
+    if not open_.any():
+        return
+    start, stop = runs(open_)[0]
+    grid = timing.grid
+    index = grid.index if grid.index is not None and len(open_) == grid.N else np.arange(len(open_))
+    k = min(int(np.searchsorted(index, start)), len(timing.rows) - 1)
+    raise table.error(
+        table.names.index(channel.column),
+        int(timing.rows[k]),
+        f"found no value in {stop - start} samples in a row, where at most {longest} are filled, and none at an end; "
+        "keep another part with --range, or set longest_gap in [repair] of a mapping",
+    )

@@ -12,8 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from sysid.base.errors import InputError
 from sysid.base.files import ordinary, write_text
-from sysid.channels.complaints import Where, complaint
-from sysid.channels.mapping import ROLES, Adc, Channel, ChannelMap
+from sysid.channels.mapping import ROLES, Adc, Channel, ChannelMap, Where, complaint
 
 LARGEST = 1_000_000  # [bytes] a mapping has about a thousand
 EXAMPLES = {"Ts": "0.01", "start": "0.0", "stop": "10.0", "adc": "{counts = [0, 1023], value = [-2.4, 2.4]}"}

@@ -1,15 +1,28 @@
-"""From a file to a uniform record: read, mapped or guessed, sampled."""
+"""From a file to a uniform record: cells become columns, columns channels, rows samples, one stage after the other.
+
+The stages of `sample`: bind the mapping to the columns of the table; keep the rows of its range; read the channels in
+SI; drop rows without values at both ends; time the rows by stamps and a grid; place every channel on the grid; tell
+what was corrected; change the sampling time. A table that holds several experiments would be split behind the range.
+"""
 
 import os
+from dataclasses import replace
 from typing import Literal
 
+import numpy as np
+
 from sysid.base.checks import checked
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, printable
+from sysid.channels.binding import channel_values, check_mapping, names_of, with_header_units
+from sysid.channels.column import numbers
+from sysid.channels.grid import Grid, Timing, check_gaps, find_grid, place, value_of_each_stamp
 from sysid.channels.guess import Given, guess
-from sysid.channels.mapping import ChannelMap, Range, Repair
+from sysid.channels.mapping import ROLES, ChannelMap, Range, Repair
 from sysid.channels.mapping_file import read_map
-from sysid.channels.sampling import sample
-from sysid.channels.signals import Signals
+from sysid.channels.repair import Correction, drop_empty_ends, keep_rows, total
+from sysid.channels.signals import Sampling, Signal, Signals, check_size, resample_signals
+from sysid.channels.stamps import read_stamps
+from sysid.data.missing import runs
 from sysid.data.table import Table
 from sysid.formats import read_table
 
@@ -43,18 +56,16 @@ def from_table(
 
     Of a clock that is given no sample may be lost: to fill some, say so in a mapping.
     """
-    found = guess(table, given)
+    result = guess(table, given)
     repair = Repair(empty=empty) if given.time is None else Repair(longest_gap=0, empty=empty)
-    mapping = found.sure(table).model_copy(update={"range": range, "repair": repair})
-    if given.Ts is not None and given.time is not None:
-        record = sample(table, mapping, found.why)
-        if abs(given.Ts - record.Ts) > mapping.repair.jitter * record.Ts:
-            raise InputError(
-                f"{table.path}: --ts is {given.Ts:g} s but column {given.time!r} steps by {record.Ts:g} s; leave one "
-                "of the two out"
-            )
-        return record
-    return sample(table, mapping, found.why)
+    mapping = result.sure(table).model_copy(update={"range": range, "repair": repair})
+    record = sample(table, mapping, result.why)
+    if given.Ts is not None and given.time is not None and abs(given.Ts - record.Ts) > repair.jitter * record.Ts:
+        raise InputError(
+            f"{table.path}: --ts is {given.Ts:g} s but column {given.time!r} steps by {record.Ts:g} s; leave one "
+            "of the two out"
+        )
+    return record
 
 
 def parse_range(text: str) -> Range:
@@ -67,3 +78,174 @@ def parse_range(text: str) -> Range:
     if not mark:
         raise InputError(f"--range is {text!r}; give START:STOP in seconds after the first sample, such as 2.5:30")
     return Range(start=start, stop=stop)
+
+
+def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Signals:
+    """The record of `table` as `mapping` says; `notes` are put before the notes of the corrections.
+
+    Raises InputError that names file, row and column for what the mapping's repairs do not cover.
+    """
+    check_mapping(table, mapping)
+    mapping, unit_notes = with_header_units(table, mapping)
+    dates = table.dates.get(mapping.clock.column)
+    notes = (*notes, *unit_notes, *([dates] if dates else []))
+    if mapping.range != Range():
+        table, note = _keep_range(table, mapping)
+        notes = (*notes, note)
+    columns, units = _read_channels(table, mapping)
+    table, columns, ends = drop_empty_ends(table, columns)
+    timing = _time_rows(table, mapping, len(columns[0]))
+    placed, empty = _place_channels(table, mapping, timing, columns)
+    names, name_notes = names_of(mapping)
+    signals: dict[str, list[Signal]] = {role: [] for role in ROLES}
+    for (role, channel, entry), unit, values in zip(mapping.channels(), units, placed, strict=True):
+        signals[role].append(Signal(names[entry], channel.column, unit, *values))
+    record = Signals(
+        table.path,
+        mapping,
+        timing.grid.Ts,
+        tuple(signals["input"]),
+        tuple(signals["output"]),
+        tuple(signals["other"]),
+        sampling=_sampling(timing),
+    )
+    share = float(record.missing.mean())
+    if share > mapping.repair.most_lost:
+        raise InputError(
+            f"{table.path}: {share:.0%} of the samples are lost or empty, and at most "
+            f"{mapping.repair.most_lost:.0%} are filled; set most_lost in [repair] of a mapping, or record again"
+        )
+    corrections = [
+        *(timing.stamps.corrections if timing.stamps is not None else ()),
+        ends,
+        _filling(timing, empty, int(record.missing.sum())),
+        _interpolation(timing),
+    ]
+    words = [correction.words for correction in corrections if correction.needed]
+    notes = (*notes, *name_notes, *table.notes, *words)
+    return resample_signals(replace(record, notes=notes, counts=total(corrections)), mapping.clock.Ts)
+
+
+def _keep_range(table: Table, mapping: ChannelMap) -> tuple[Table, str]:
+    """The table without the rows outside the mapping's range, and the note that says so."""
+    part, clock, fill = mapping.range, mapping.clock, mapping.repair.empty == "fill"
+    n = len(table.columns[table.names.index(next(iter(mapping.columns())))])
+    keep = np.ones(n, dtype=bool)
+    if part.start is not None or part.stop is not None:
+        if clock.column:
+            stamps = read_stamps(table, clock, mapping.repair, numbers(table, clock.column, "", fill))
+            t = np.where(stamps.group >= 0, stamps.t[np.maximum(stamps.group, 0)], np.nan)
+        else:
+            t = np.arange(n) * (clock.Ts or 1.0)
+        slack = 1e-6 * (float(np.nanmax(t)) or 1.0) + 1e-12
+        low = -np.inf if part.start is None else part.start - slack
+        high = np.inf if part.stop is None else part.stop + slack
+        keep = (t >= low) & (t <= high)
+        if keep.sum() < 2:
+            span = ":".join("" if bound is None else f"{bound:g}" for bound in (part.start, part.stop))
+            raise InputError(
+                f"{table.path}: the range {span} s holds {int(keep.sum())} sample(s); the record goes from 0 to "
+                f"{np.nanmax(t):.6g} s after its first stamp: give a range inside it"
+            )
+    if part.active:
+        active = numbers(table, part.active, "range.active", fill)
+        stretches = runs((active != 0) & keep)
+        if not stretches:
+            raise InputError(f"{table.path}: column {part.active!r} is 0 in all rows; leave active of [range] out")
+        keep = np.zeros(n, dtype=bool)
+        keep[slice(*stretches[0])] = True
+    table = keep_rows(table, keep)
+    return table, f"used rows {table.rows[0][0]} to {table.rows[0][-1]}, {int(keep.sum())} of {n}, as the range says"
+
+
+def _read_channels(table: Table, mapping: ChannelMap) -> tuple[list[np.ndarray], list[str]]:
+    """Values (n,) of every channel in SI, and its unit; raises InputError where they are too few or differ in n."""
+    channels = mapping.channels()
+    empty = mapping.repair.empty
+    pairs = [
+        channel_values(table, channel, entry, empty == "fill" or (empty == "outputs" and role == "output"))
+        for role, channel, entry in channels
+    ]
+    columns = [values for values, _ in pairs]
+    for (_, channel, _), values in zip(channels, columns, strict=True):
+        if len(values) != len(columns[0]):
+            raise InputError(
+                f"{table.path}: column {channels[0][1].column!r} has {len(columns[0])} samples and "
+                f"{channel.column!r} has {len(values)}; name two of one length"
+            )
+        if len(values) < 2:
+            raise InputError(
+                f"{table.path}: column {channel.column!r} has {len(values)} sample(s); at least 2 rows are needed"
+            )
+    return columns, [printable(conversion.unit) for _, conversion in pairs]
+
+
+def _time_rows(table: Table, mapping: ChannelMap, n: int) -> Timing:
+    """The timing of n rows; raises InputError for stamps that no grid fits, or with gaps that are not filled."""
+    clock, repair = mapping.clock, mapping.repair
+    if not clock.column:
+        assert clock.Ts is not None
+        index = np.arange(n)
+        return Timing(None, Grid(clock.Ts, n, index, np.zeros((0, 2), dtype=int), clock.Ts, 0.0), index)
+    raw = numbers(table, clock.column, "clock.column", repair.empty == "fill")
+    if len(raw) != n:
+        raise InputError(
+            f"{table.path}: column {clock.column!r} has {len(raw)} samples and the signals have {n}; name another"
+        )
+    stamps = read_stamps(table, clock, repair, raw)
+    grid = find_grid(stamps.t, stamps.resolution, repair.jitter, clock.Ts)
+    if grid is None:
+        raise InputError(
+            f"{table.path}: column {clock.column!r} has stamps of {stamps.resolution:g} s and steps of "
+            f"{np.diff(stamps.t).min():g} to {np.diff(stamps.t).max():g} s, too coarse to tell a lost sample from "
+            "rounding; give the sampling time with --ts instead, or in [clock] of a mapping without a column"
+        )
+    check_gaps(table, mapping, stamps, grid)
+    check_size(table.path, grid.N, n, grid.Ts)
+    return Timing(stamps, grid, stamps.rows)
+
+
+def _place_channels(
+    table: Table, mapping: ChannelMap, timing: Timing, columns: list[np.ndarray]
+) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
+    """Values and marks of filled samples (N,) of every channel, and the rows (m,) of empty cells."""
+    repair, placed, empty = mapping.repair, [], []
+    for (role, channel, _), values in zip(mapping.channels(), columns, strict=True):
+        values = value_of_each_stamp(values, timing, repair.duplicates == "mean")
+        empty.append(timing.rows[np.isnan(values)])
+        longest = timing.grid.N if repair.empty == "outputs" and role == "output" else repair.longest_gap
+        placed.append(place(table, timing, channel, values, channel.is_held(role), longest))
+    return placed, np.concatenate(empty)
+
+
+def _filling(timing: Timing, empty: np.ndarray, filled: int) -> Correction:
+    """What was filled: samples that were lost between stamps, and cells in the rows `empty` (m,)."""
+    grid, stamps = timing.grid, timing.stamps
+    lost = stamps.rows[grid.gaps[:, 0] + 1] if stamps is not None else np.zeros(0, dtype=int)
+    return Correction(
+        {"lost": grid.lost, "empty cells": len(empty), "filled samples": filled},
+        f"{grid.lost} lost sample(s) and {len(empty)} empty cell(s) filled: inputs held, outputs by a straight line "
+        f"and marked as missing ({filled} samples)",
+        np.concatenate([lost, empty]),
+    )
+
+
+def _interpolation(timing: Timing) -> Correction:
+    """What was interpolated: all samples where stamps are not uniform."""
+    stamps, grid = timing.stamps, timing.grid
+    if stamps is None or grid.index is not None:
+        return Correction({}, "")
+    steps = np.diff(stamps.t)
+    return Correction(
+        {"interpolated": grid.N},
+        f"the stamps are not uniform (steps of {steps.min():.4g} to {steps.max():.4g} s): resampled every "
+        f"{grid.Ts:g} s, inputs held, outputs by straight lines",
+    )
+
+
+def _sampling(timing: Timing) -> Sampling:
+    """The clock of the file as it was."""
+    stamps, grid = timing.stamps, timing.grid
+    if stamps is None:
+        return Sampling()
+    return Sampling(np.diff(stamps.t), grid.median, grid.off, stamps.first, grid.index is None)

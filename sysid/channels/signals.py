@@ -1,7 +1,7 @@
-"""Signals: a uniform record with names and units, and how it was made from a file."""
+"""Signals: a uniform record with names and units, how it was made from a file, and at another sampling time."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +9,12 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.base.limits import SAMPLES
 from sysid.channels.mapping import ROLES, ChannelMap
 from sysid.data.record import IOData
+from sysid.data.resampling import resample
+
+FINER = 1000  # times as many samples as stamps, at most: what is made between them tells nothing
 
 
 @dataclass(frozen=True)
@@ -115,3 +119,79 @@ class Signals:
 def together(texts: list[str]) -> str:
     """The text of several channels if it is one, else nothing."""
     return texts[0] if len(set(texts)) == 1 else ""
+
+
+def check_size(path: Path, N: float, stamps: int, Ts: float) -> None:
+    """Raises InputError, before the memory is taken, for N samples every `Ts` [s] made of far fewer `stamps`."""
+    most = min(SAMPLES, FINER * stamps)
+    if max(most, stamps) < N:
+        raise InputError(
+            f"{path}: {stamps:,} stamps would become {N:,.0f} samples, one every {Ts:g} s, and at most {most:,} are "
+            "made of them; give a longer Ts in [clock] of the mapping, or keep a part without the gap with --range"
+        )
+
+
+def resample_signals(record: Signals, Ts: float | None) -> Signals:
+    """The record at the sampling time of the mapping: through a filter if it is longer."""
+    if Ts is None or abs(Ts - record.Ts) <= 1e-9 * Ts:
+        return record if Ts is None else replace(record, Ts=Ts)
+    down = max(1, round(Ts / record.Ts))
+    fine = Ts / down
+    if abs(fine - record.Ts) > 1e-9 * fine:
+        record = _interpolate(record, fine)
+    return _decimate(record, Ts) if down > 1 else record
+
+
+def _interpolate(record: Signals, Ts: float) -> Signals:
+    """The record on another grid: inputs held, others by straight lines."""
+    check_size(record.path, record.N * record.Ts / Ts, record.N, Ts)
+    N = int((record.N - 1) * record.Ts / Ts * (1.0 + 1e-12) + 1e-6) + 1
+    t = np.arange(N) * Ts
+    before = np.minimum((t / record.Ts * (1.0 + 1e-12) + 1e-6).astype(int), record.N - 1)
+    after = np.minimum(before + 1, record.N - 1)
+
+    def interpolate(signal: Signal, held: bool) -> Signal:
+        values = signal.values[before] if held else np.interp(t, record.t, signal.values)
+        missing = signal.missing[before] if held else signal.missing[before] | signal.missing[after]
+        return replace(signal, values=values, missing=missing)
+
+    held = {channel.column: channel.is_held(role) for role, channel, _ in record.mapping.channels()}
+    u, y, other = (tuple(interpolate(s, held[s.column]) for s in getattr(record, role)) for role in ROLES)
+    note = f"resampled from {record.Ts:g} to {Ts:g} s, inputs held, outputs by straight lines"
+    return replace(record, Ts=Ts, notes=(*record.notes, note), input=u, output=y, other=other)
+
+
+def _decimate(record: Signals, Ts: float) -> Signals:
+    """The record at a longer sampling time that is a whole number of steps, without aliasing.
+
+    Inputs become the mean over each new step, other signals pass a zero-phase filter (`sysid.data.resampling`).
+    """
+    held, lines = record.input, (*record.output, *record.other)
+    resampled = resample(
+        IOData(
+            np.column_stack([s.values for s in held]) if held else np.zeros(record.N),
+            np.column_stack([s.values for s in lines]) if lines else np.zeros(record.N),
+            record.Ts,
+            missing=np.column_stack([s.missing for s in lines]) if lines else None,
+        ),
+        Ts,
+        input="held",
+    )
+    data, down = resampled.data, resampled.down
+
+    def any_missing(signal: Signal) -> np.ndarray:
+        parts = np.zeros(data.N * down, dtype=bool)
+        parts[: record.N] = signal.missing
+        return np.any(parts.reshape(data.N, down), axis=1, keepdims=False)
+
+    missing = np.zeros((data.N, len(lines)), dtype=bool) if data.missing is None else data.missing
+    u = [replace(s, values=data.u[:, k], missing=any_missing(s)) for k, s in enumerate(held)]
+    y = [replace(s, values=data.y[:, k], missing=missing[:, k]) for k, s in enumerate(lines)]
+    return replace(
+        record,
+        Ts=data.Ts,
+        input=tuple(u),
+        output=tuple(y[: len(record.output)]),
+        other=tuple(y[len(record.output) :]),
+        notes=(*record.notes, resampled.sentence),
+    )

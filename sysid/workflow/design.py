@@ -11,7 +11,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.units import Quantity, shown
 from sysid.base.versions import versions
-from sysid.channels.units import convert
+from sysid.channels.conversion import convert
 from sysid.estimation.result import Fit
 from sysid.formats import check_written, write_table
 from sysid.joint.design import Design, design

@@ -10,13 +10,12 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.versions import versions
+from sysid.channels.column import soft_numbers
 from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ROLES, ChannelMap, Range
 from sysid.channels.mapping_file import map_text
-from sysid.channels.reading import Mapping, read_map_of
-from sysid.channels.sampling import sample
+from sysid.channels.reading import Mapping, read_map_of, sample
 from sysid.channels.signals import Signals
-from sysid.channels.values import soft_numbers
 from sysid.data.table import Table
 from sysid.diagnosis.advice import Advice, advise
 from sysid.diagnosis.jumps import MAP

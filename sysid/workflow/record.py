@@ -13,8 +13,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.channels.guess import Given
 from sysid.channels.mapping import Range
-from sysid.channels.reading import Mapping, from_table, read_map_of
-from sysid.channels.sampling import sample
+from sysid.channels.reading import Mapping, from_table, read_map_of, sample
 from sysid.channels.signals import Signals
 from sysid.channels.units import convert
 from sysid.data.record import IOData

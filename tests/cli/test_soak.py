@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sysid.channels import units
+from sysid.channels import conversion
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "soak.py"
 ROW = {"rss": 100_000, "descriptors": 10, "threads": 2, "system_threads": 4, "children": 0}
@@ -33,5 +33,5 @@ def test_growth_of_memory_and_of_each_handle_is_told(judged):
 
 def test_units_that_were_never_seen_before_are_not_kept_for_ever():
     for k in range(3000):
-        units.convert(f"[nothing {k}]")
-    assert units._convert.cache_info().currsize <= 1024
+        conversion.convert(f"[nothing {k}]")
+    assert conversion._convert.cache_info().currsize <= 1024

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from sysid import Channel, ChannelMap, InputError
 from sysid.channels.mapping import Adc, Clock, Range, Repair
 from sysid.channels.mapping_file import map_text, read_map, write_map
-from sysid.channels.sampling import sample
+from sysid.channels.reading import sample
 from sysid.data.table import Table
 
 NUMBERS = st.floats(-1e6, 1e6).filter(lambda x: abs(x) > 1e-6)

@@ -5,10 +5,9 @@ import pytest
 from rig_tables import table
 
 from sysid import Channel, ChannelMap, InputError
+from sysid.channels.conversion import convert
 from sysid.channels.mapping import Adc, Clock, Range, Repair
-from sysid.channels.reading import from_table, parse_range
-from sysid.channels.sampling import sample
-from sysid.channels.units import convert
+from sysid.channels.reading import from_table, parse_range, sample
 
 RNG = np.random.default_rng
 

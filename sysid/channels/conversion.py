@@ -105,6 +105,11 @@ def seconds(text: str) -> float:
     return found.factor
 
 
+def is_time(text: str) -> bool:
+    """Whether a text is a unit of time."""
+    return convert(text).is_time
+
+
 @lru_cache(1024)  # units come from files: a long session may meet any number of them
 def _convert(text: str) -> Conversion:
     if text in SI or text == COUNTS:

@@ -1,0 +1,334 @@
+"""Which columns are the clock, the input and the output: by name, by unit, then by the numbers alone."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.channels.clock import (
+    CLOCK_WORDS,
+    clock_distance,
+    counter_bits,
+    digits_of_a_day,
+    evenest_clock,
+    is_named_clock,
+    unit_of_clock,
+)
+from sysid.channels.column import Column, misspelt_number, unit_in_brackets, words
+from sysid.channels.conversion import convert, is_time
+from sysid.channels.mapping import Clock, listed
+from sysid.data.table import Table
+
+COUNTERS = words("index idx sample samples k n i row seq sequence frame counter id")
+INPUT = words("u voltage volts volt pwm duty cmd command commanded input in control ctrl")
+REFERENCE = words("reference ref goal setpoint target desired des cmd command commanded")
+OUTPUT = words("y angle pos position adc pot potentiometer theta q encoder enc output out winkel")
+# The output of a controller is the input of what it moves: controller_output beside sensor_input.
+CONTROLLER = words("controller control ctrl pid mpc regler actuator drive driver amplifier dac")
+SENSOR = words("sensor adc daq measurement feedback")
+NEVER = words("true error err std sigma var residual enable enabled flag state status")
+AUXILIARY = words(
+    "speed velocity vel omega rate acceleration acc accel temp temperature load current torque supply vin vbat battery "
+    "vcc vdd power effort gyro"
+)
+# Of a file of two columns these say which is which; among more columns they may mean something else.
+WEAK_INPUT = words(
+    "inputs uin excitation excite stimulus drive actuator actuation torque force current load power effort cmds "
+    "commands eingang spannung stellwert sollwert"
+)
+WEAK_OUTPUT = words(
+    "outputs yout uout response measured measurement meas sensor reading speed velocity vel omega rate acceleration "
+    "acc accel gyro temp temperature displacement ausgang messwert istwert lage drehzahl angles positions"
+)
+CLOCK_OF_LOG = "time_s"  # clock, input and output of the logs that this program writes
+SIGNALS_OF_LOG = ("voltage_V", "angle_rad")
+PLAIN_VOLTS = {"voltage", "volt", "volts"}  # of which quantity, another word says: pot_voltage
+STRONG = {"input": {"u", "input"}, "output": {"y", "output"}}
+MANY = 6  # names in a sentence
+
+Columns = Mapping[str, Column]
+Roles = dict[str, Column | None]  # the column of the input and of the output
+
+
+@dataclass
+class ClockChoice:
+    """The clock, None if there is none; why; what is unclear; and remarks on entries of the mapping.
+
+    `unused` is a column of stamps that are not used, `same` are columns that show the same time, and so are no signals.
+    A clock that stands in two columns would be described here too.
+    """
+
+    clock: Clock | None = None
+    why: list[str] = field(default_factory=list)
+    unclear: list[str] = field(default_factory=list)
+    remarks: dict[str, str] = field(default_factory=dict)
+    unused: str = ""
+    same: tuple[str, ...] = ()
+
+    def describe(self, column: Column) -> None:
+        """Takes the clock of this column: its unit, why, and whether it wrapped."""
+        reading = unit_of_clock(column)
+        if reading.unit is None:
+            self.unclear.append(reading.why)
+            self.remarks["clock.unit"] = "NOT SURE"
+        else:
+            self.why.append(f"column {column.name!r} is the clock, in {reading.unit}: {reading.why}")
+        bits = counter_bits(column)
+        if bits:
+            self.why.append(f"the clock is a counter of {bits} bits: it falls by almost 2^{bits}")
+        self.clock = Clock(column=column.name, unit=reading.unit or "s", wrap=bits)
+
+
+def choose_clock(columns: Columns) -> ClockChoice:
+    """The clock among the columns of a table."""
+    choice = ClockChoice()
+    candidates = _named_clocks(columns)
+    if not candidates:
+        _choose_clock_by_numbers(columns, choice)
+        return choice
+    clock = candidates[0]
+    if len(candidates) > 1:
+        finest = _finest_clock(candidates)
+        if finest is None:
+            names = ", ".join(repr(column.name) for column in candidates)
+            choice.unclear.append(f"{names} may each be the clock and do not agree; name one with --time")
+            choice.remarks["clock.column"] = f"not sure: one of {names}"
+            choice.clock = Clock(column=clock.name)
+            return choice
+        clock = finest
+        choice.same = tuple(column.name for column in candidates)
+        choice.why += [
+            f"column {clock.name!r} is the clock; {other.name!r} shows the same time{clock_distance(clock, other)}"
+            for other in candidates
+            if other is not clock
+        ]
+    choice.describe(clock)
+    return choice
+
+
+def clock_of_column(column: Column, unit: str | None = None) -> ClockChoice:
+    """The clock of a named column, and why it is read so. Raises InputError if its unit is unclear."""
+    choice = ClockChoice()
+    if unit is not None:
+        if sentence := "" if column.dated or column.timed else digits_of_a_day(column.name):
+            raise InputError(sentence)
+        choice.clock = Clock(column=column.name, unit=unit, wrap=counter_bits(column))
+        header_unit = column.header.unit or unit_in_brackets(column.name)
+        if is_time(header_unit) and convert(header_unit).factor != convert(unit).factor:
+            choice.why.append(
+                f"column {column.name!r} is the clock, in {unit} as given; its header names {header_unit}"
+            )
+        return choice
+    choice.describe(column)
+    if choice.unclear:
+        raise InputError(choice.unclear[0])
+    return choice
+
+
+def _named_clocks(columns: Columns) -> list[Column]:
+    """Columns that are clocks by name or by unit, and rise."""
+    rising = [c for c in columns.values() if not c.constant and (c.rising or counter_bits(c))]
+    by_name = [column for column in rising if is_named_clock(column.header)]
+    by_name = [column for column in by_name if not _is_measurement(column)] or by_name
+    by_unit = [column for column in rising if column not in by_name and is_time(column.header.unit)]
+    if CLOCK_OF_LOG in columns:  # of others only those that say another time beyond doubt
+        clock = columns[CLOCK_OF_LOG]
+        steps = [(c, c.step * convert(unit_of_clock(c).unit or "").factor) for c in by_name if c.header.unit]
+        return [clock, *(column for column, step in steps if abs(step - clock.step) > 0.01 * clock.step)]
+    return by_name or by_unit
+
+
+def _is_measurement(column: Column) -> bool:
+    """Whether a column names a unit that is none of time, or is called T, as temperatures, torques and periods are.
+
+    T [degC] of a motor that warms up rises too.
+    """
+    unit = column.header.unit or unit_in_brackets(column.name)
+    if column.header.words & CLOCK_WORDS == {"t"} and "t" not in column.header.base:
+        return True
+    return bool(unit) and not is_time(unit)
+
+
+def _finest_clock(candidates: Sequence[Column]) -> Column | None:
+    """The clock with the finest steps of several that show the same time in known units."""
+    steps = []
+    for column in candidates:
+        unit = unit_of_clock(column).unit
+        if unit is None:
+            return None
+        x, factor = column.finite, convert(unit).factor
+        mean = (x[-1] - x[0]) / max(len(x) - 1, 1)  # jitter moves the middle step
+        steps.append((column.step * factor, mean * factor))
+    if all(max(each) > 1.01 * min(each) for each in zip(*steps, strict=True)):
+        return None
+    return evenest_clock(max(candidates, key=lambda column: len(np.unique(column.finite))), candidates)
+
+
+def _choose_clock_by_numbers(columns: Columns, choice: ClockChoice) -> None:
+    """Puts the one column without a telling name that ticks into `choice`."""
+    signals = INPUT | REFERENCE | OUTPUT | NEVER | AUXILIARY | COUNTERS
+    ticking = [c for c in columns.values() if c.ticking and not c.header.has(signals)]
+    ticking = [column for column in ticking if not column.header.unit or is_time(column.header.unit)]
+    if len(ticking) != 1:
+        return
+    column = ticking[0]
+    if column.step == 1.0 and column.integer:
+        choice.unclear.append(
+            f"column {column.name!r} counts by 1: samples, or a clock; give the sampling time with --ts, or name the "
+            "clock with --time and --time-unit"
+        )
+        choice.clock = Clock(column=column.name)
+        choice.remarks["clock.column"] = "NOT SURE: it may count samples"
+        return
+    choice.why.append(f"column {column.name!r} rises in equal steps, as a clock does")
+    choice.describe(column)
+
+
+def choose_signals(table: Table, columns: Columns, why: list[str], unclear: list[str]) -> Roles:
+    """Input and output among the `columns` that are not the clock; None where it is unclear."""
+    if set(SIGNALS_OF_LOG) <= set(columns):
+        u, y = (columns[name] for name in SIGNALS_OF_LOG)
+        why.append(f"read column {u.name!r} as the input and {y.name!r} as the output: a log of this program")
+        return {"input": u, "output": y}
+    count = len(why)
+    roles = {role: _candidate(role, columns, why, unclear) for role in ("input", "output")}
+    if len(table.names) == 2 and len(columns) == 2:
+        first, second = columns.values()
+        exchanged = roles["input"] is second or roles["output"] is first
+        if not unclear and roles["input"] is roles["output"] is None:
+            exchanged = _is_exchanged(first, second, unclear)
+        if not unclear and (roles["input"] is None or roles["input"] is not roles["output"]):
+            u, y = (second, first) if exchanged else (first, second)
+            why[count:] = [f"read column {u.name!r} as the input and {y.name!r} as the output"]
+            return {"input": u, "output": y}
+    if unclear:
+        return roles
+    for role, other in (("input", "output"), ("output", "input")):
+        if roles[role] is None and roles[other] is not None:
+            roles[role] = _only_other_column(role, roles[other], columns, why)
+    return roles
+
+
+def _is_exchanged(first: Column, second: Column, unclear: list[str]) -> bool:
+    """Whether two columns whose names are no usual ones stand as output, input; what is a toss-up is unclear."""
+    inputs, outputs = ([c.header.has(words) for c in (first, second)] for words in (WEAK_INPUT, WEAK_OUTPUT))
+    votes = (outputs[0] - inputs[0]) - (outputs[1] - inputs[1])
+    # A column without a name of its own is called 1, 2, or M:1, M:2 of a matrix M.
+    numbered = all(column.name.rpartition(":")[2].isdigit() for column in (first, second))
+    if votes == 0 and not numbered:
+        unclear.append(
+            f"the names {first.name!r} and {second.name!r} do not say which is the input; name one with --input and "
+            "one with --output"
+        )
+    return votes > 0
+
+
+def _candidates(columns: Columns, role: str) -> list[Column]:
+    """Columns whose names say the role; without one, columns whose units say it."""
+    moving = [column for column in columns.values() if not column.constant] or list(columns.values())
+    by_name = [column for column in moving if _role_by_name(column) == role]
+    strong = [c for c in by_name if c.header.words <= STRONG[role] and c.header.words]
+    if len(strong) == 1 and not any(column.header.has(REFERENCE) for column in by_name):
+        return strong
+    if by_name:
+        return by_name
+    units = ("V", "1") if role == "input" else ("rad",)
+    nameless = [column for column in moving if _role_by_name(column) == "" and column.header.unit]
+    return [column for column in nameless if convert(column.header.unit).unit in units]
+
+
+def _role_by_name(column: Column) -> str:
+    """What the words of the name say: input, output, both, none of them, or nothing."""
+    header = column.header
+    if header.has(NEVER) or header.base.lower() in COUNTERS:
+        return "none"
+    is_input = header.has(INPUT | REFERENCE)
+    is_output = header.has(OUTPUT) and not (header.words & OUTPUT == {"q"} and "Q" in header.base)
+    if (is_output and header.has(CONTROLLER)) or (is_input and header.has(SENSOR)):
+        return "both"
+    if header.has(REFERENCE):
+        return "input"
+    if is_input and is_output:
+        return "output" if header.words & INPUT <= PLAIN_VOLTS else "both"
+    if header.has(AUXILIARY) and not header.has(STRONG["input"] | STRONG["output"]):
+        return "none"
+    return "input" if is_input else "output" if is_output else ""
+
+
+def _candidate(role: str, columns: Columns, why: list[str], unclear: list[str]) -> Column | None:
+    """The one candidate for a role; None if there is none or several."""
+    candidates = _candidates(columns, role)
+    both = [column for column in columns.values() if _role_by_name(column) == "both"]
+    if both:
+        unclear.append(
+            f"the name {both[0].name!r} fits an input and an output; name the columns with --input and --output"
+        )
+        return None
+    if role == "input" and len(candidates) > 1:
+        supplies = [c for c in candidates if c.nearly_constant and not c.header.has(REFERENCE)]
+        if supplies and len(supplies) < len(candidates):
+            names = " and ".join(repr(column.name) for column in supplies)
+            why.append(f"{names} barely varies, so it is taken for a supply and not for the input")
+            candidates = [column for column in candidates if column not in supplies]
+    if len(candidates) > 1:
+        names = ", ".join(repr(column.name) for column in candidates[:MANY])
+        unclear.append(f"columns {names} may each be the {role}; name one with --{role}")
+        return None
+    if not candidates:
+        return None
+    column = candidates[0]
+    evidence = "name" if _role_by_name(column) == role else "unit"
+    servo = ", a reference (the record of a servo)" if role == "input" and column.header.has(REFERENCE) else ""
+    why.append(f"column {column.name!r} is the {role}{servo}: its {evidence} says so")
+    return column
+
+
+def _only_other_column(role: str, partner: Column | None, columns: Columns, why: list[str]) -> Column | None:
+    """The only column beside `partner` that moves, if its name does not speak against the role."""
+    others = [column for column in columns.values() if column is not partner and not column.constant]
+    if len(others) != 1 or _role_by_name(others[0]) not in ("", role):
+        return None
+    why.append(f"column {others[0].name!r} is the {role}: it is the only other one")
+    return others[0]
+
+
+def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Columns) -> list[str]:
+    """The sentence about the roles that are left open, none if none is: choices, or that there is nothing to choose.
+
+    `columns` are all that hold numbers; `signals` are those that do not show time. Naming one that never moves leads
+    nowhere, so the sentence asks for a column only where enough of them move.
+    """
+    missing = [role for role in ("input", "output") if roles[role] is None]
+    if not missing:
+        return []
+    for role, column in roles.items():
+        if column is not None and column.constant:
+            value = f"{column.finite[0]:g}" if len(column.finite) else "empty"
+            return [
+                f"the {role} {column.name!r} is {value} in all {len(column.values)} samples; choose a column that moves"
+            ]
+    if sentence := misspelt_number(table, columns):
+        return [sentence]
+    free = [column for column in signals.values() if not any(column is each for each in roles.values())]
+    still = [column for column in free if column.constant]
+    found = f"found {len(table.names)} column{'s' if len(table.names) > 1 else ''} ({listed(table.names)})"
+    which = f"; {' and '.join(c.name for c in still)} never {'changes' if len(still) == 1 else 'change'}"
+    which = which if still else ""
+    if len(free) - len(still) >= len(missing):
+        wanted = " and one with ".join(f"--{role}" for role in missing)
+        return [f"{found}{which}; name one with {wanted}, or in the mapping file of --map"]
+    clocks = [name for name in columns if name not in signals]
+    clock = f", of which {' and '.join(clocks)} show{'s' if len(clocks) == 1 else ''} time" if clocks else ""
+    omitted = "".join(f"; {note}" for note in table.notes if note.startswith("left out what"))
+    if still:
+        remedy = "choose columns that move, or record again while it moves"
+        if len(still) == 1 and len(missing) == 1:
+            remedy = f"record again while the {missing[0]} moves, or give a log that has it"
+        return [
+            f"{found}{clock}{which}, and no column that moves is left for the {' and the '.join(missing)}; {remedy}"
+        ]
+    return [
+        f"{found}{clock}{omitted}: no column is left for the {' and the '.join(missing)}; give a log that has an input "
+        "and an output, recorded together"
+    ]
