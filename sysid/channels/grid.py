@@ -1,6 +1,6 @@
 """From increasing time stamps to a uniform grid: the sample number of each stamp, the gaps, and the values on the grid.
 
-Stamps that are not uniform have no sample numbering; then values are interpolated.
+Stamps that are not uniform have no sample numbers; then values are interpolated.
 """
 
 from dataclasses import dataclass
