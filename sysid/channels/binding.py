@@ -36,8 +36,8 @@ def check_mapping(table: Table, mapping: ChannelMap) -> None:
         use = f"as {role}"
         if channel.column in uses:
             first = uses[channel.column]
-            both = f"twice {use}" if first == use else f"{first} and {use}"
-            raise InputError(f"{table.path}: column {brief(channel.column)!r} is given {both}; name two columns")
+            conflict = f"twice {use}" if first == use else f"{first} and {use}"
+            raise InputError(f"{table.path}: column {brief(channel.column)!r} is given {conflict}; name two columns")
         uses[channel.column] = use
     factors = [channel.times for _, channel, _ in channels]
     for entry, columns in (("times of the mapping", factors), ("active of [range]", [mapping.range.active])):
@@ -60,13 +60,14 @@ def names_of(mapping: ChannelMap) -> tuple[dict[str, str], tuple[str, ...]]:
     """The name of each channel by its entry, and a note for each name that an input or output shares with another."""
     channels = mapping.channels()
     names = {entry: channel.name or label(channel.column, role) for role, channel, entry in channels}
-    shown = [names[entry] for role, _, entry in channels if role != "other"]
-    repeated = [name for name in dict.fromkeys(shown) if shown.count(name) > 1]
+    signal_names = [names[entry] for role, _, entry in channels if role != "other"]
+    shared_names = [name for name in dict.fromkeys(signal_names) if signal_names.count(name) > 1]
     for role, channel, entry in channels:
-        if role != "other" and names[entry] in repeated:
+        if role != "other" and names[entry] in shared_names:
             names[entry] = channel.column
     notes = tuple(
-        f"{shown.count(name)} channels have the name {brief(name)!r}; they are told by column" for name in repeated
+        f"{signal_names.count(name)} channels have the name {brief(name)!r}; they are told by column"
+        for name in shared_names
     )
     return {entry: printable(name) for entry, name in names.items()}, notes
 
@@ -111,9 +112,9 @@ def _clock_with_unit(table: Table, clock: Clock) -> tuple[Clock, list[str]]:
         ]
     if reading.unit is None or seconds(reading.unit) == seconds(clock.unit):
         return clock, []
-    why = reading.why.replace("its header says so", "as its header says")
-    why = why.replace("its name says so", "as its name says")
-    note = f"the clock {name!r} is read in {reading.unit}, {why}; the mapping leaves its unit out"
+    reason = reading.why.replace("its header says so", "as its header says")
+    reason = reason.replace("its name says so", "as its name says")
+    note = f"the clock {name!r} is read in {reading.unit}, {reason}; the mapping leaves its unit out"
     return clock.model_copy(update={"unit": reading.unit}), [note]
 
 
@@ -123,12 +124,12 @@ def _channel_with_unit(table: Table, role: str, channel: Channel) -> tuple[Chann
     name, entry = brief(channel.column), f"unit of [[{role}]] in the mapping"
     conversion = convert(unit)
     if "unit" in channel.model_fields_set:
-        mapped = convert(channel.unit)
-        comparable = conversion.known and mapped.known and conversion.unit == mapped.unit != COUNTS
+        target = convert(channel.unit)
+        comparable = conversion.known and target.known and conversion.unit == target.unit != COUNTS
         if is_calibrated(channel) or not comparable:
             return channel, ""
         note = f"column {name!r} is read in {channel.unit}, as the mapping says; its header names {unit}"
-        return channel, note if abs(conversion.factor - mapped.factor) > 1e-9 * mapped.factor else ""
+        return channel, note if abs(conversion.factor - target.factor) > 1e-9 * target.factor else ""
     if is_calibrated(channel):
         return channel, f"column {name!r} is scaled by the mapping, and its values name no unit; set {entry}"
     if conflict := column_of(table, channel.column).unit_conflict:
@@ -149,28 +150,28 @@ def channel_values(table: Table, channel: Channel, entry: str, fill: bool) -> tu
     x = numbers(table, channel.column, f"{entry}.column", fill)
     bad = overflowed(x)
     if bad.any():
-        more = f" (and {int(bad.sum()) - 1} more like it)" if bad.sum() > 1 else ""
+        rest = f" (and {int(bad.sum()) - 1} more like it)" if bad.sum() > 1 else ""
         raise _error(
             table,
             channel,
             bad,
-            f"found {x[np.argmax(bad)]:.6g}{more}, far outside the others, as instruments write for an overflow or "
+            f"found {x[np.argmax(bad)]:.6g}{rest}, far outside the others, as instruments write for an overflow or "
             "for no value; empty such cells, which are missing samples then, or remove the rows",
         )
     if channel.signed:
-        x = _signed(table, channel, x)
+        x = _add_sign(table, channel, x)
     unit = convert(channel.unit)
     if not is_calibrated(channel) and channel.sign * unit.factor == 1.0:
         return x, unit
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        values = _calibrated(table, channel, entry, x, fill) * (channel.sign * unit.factor)
-    lost = np.isinf(values) | (np.isnan(values) & np.isfinite(x))
-    if channel.times and lost.any():
-        lost &= np.isfinite(numbers(table, channel.times, f"{entry}.times", fill))
-    if lost.any():
-        k = int(np.argmax(lost))
+        values = _calibrate(table, channel, entry, x, fill) * (channel.sign * unit.factor)
+    overflow = np.isinf(values) | (np.isnan(values) & np.isfinite(x))
+    if channel.times and overflow.any():
+        overflow &= np.isfinite(numbers(table, channel.times, f"{entry}.times", fill))
+    if overflow.any():
+        k = int(np.argmax(overflow))
         remedy = f"of which adc, times, scale and offset of the mapping make {values[k]:g}; correct them"
-        raise _error(table, channel, lost, f"found {x[k]:g}, {remedy}")
+        raise _error(table, channel, overflow, f"found {x[k]:g}, {remedy}")
     return values, unit
 
 
@@ -179,15 +180,15 @@ def is_calibrated(channel: Channel) -> bool:
     return channel.adc is not None or bool(channel.times) or (channel.scale, channel.offset) != (1.0, 0.0)
 
 
-def _calibrated(table: Table, channel: Channel, entry: str, x: np.ndarray, fill: bool) -> np.ndarray:
+def _calibrate(table: Table, channel: Channel, entry: str, x: np.ndarray, fill: bool) -> np.ndarray:
     """scale x + offset (n,), with x through the adc's line, times another column."""
     if channel.adc is not None:
         low, high, first, second = channel.adc.line()
         if channel.adc.bits is not None:
             bad = np.isfinite(x) & ((x < 0) | (x > high))
             if bad.any():
-                allowed = f"where the adc of the mapping has 0 to {high:g} {COUNTS}; correct bits, or the row"
-                raise _error(table, channel, bad, f"found {x[np.argmax(bad)]:g} {allowed}")
+                remedy = f"where the adc of the mapping has 0 to {high:g} {COUNTS}; correct bits, or the row"
+                raise _error(table, channel, bad, f"found {x[np.argmax(bad)]:g} {remedy}")
         x = first + (x - low) * ((second - first) / (high - low))
     if channel.times:
         x = x * numbers(table, channel.times, f"{entry}.times", fill)
@@ -196,13 +197,13 @@ def _calibrated(table: Table, channel: Channel, entry: str, x: np.ndarray, fill:
     return x + channel.offset if channel.offset else x
 
 
-def _signed(table: Table, channel: Channel, x: np.ndarray) -> np.ndarray:
+def _add_sign(table: Table, channel: Channel, x: np.ndarray) -> np.ndarray:
     """The words x (n,) of two's complement with their sign."""
     size = 2.0**channel.signed
     bad = np.isfinite(x) & ((x < -0.5 * size) | (x >= size) | (x != np.rint(x)))
     if bad.any():
-        allowed = f"in a word of {channel.signed} bits; set signed of this channel in the mapping"
-        raise _error(table, channel, bad, f"found {x[np.argmax(bad)]:g} {allowed}")
+        remedy = f"in a word of {channel.signed} bits; set signed of this channel in the mapping"
+        raise _error(table, channel, bad, f"found {x[np.argmax(bad)]:g} {remedy}")
     return np.where(x >= 0.5 * size, x - size, x)
 
 

@@ -182,19 +182,19 @@ def evenest_clock(clock: Column, clocks: Sequence[Column]) -> Column:
     return min([clock, *stamps], key=lambda c: float(np.std(np.diff(c.finite))) / c.step)
 
 
-def clock_distance(clock: Column, other: Column) -> str:
+def clock_distance(clock: Column, second_clock: Column) -> str:
     """What to say of the distance of two clocks of the same time; nothing where it is small."""
-    if len(clock.values) != len(other.values):
+    if len(clock.values) != len(second_clock.values):
         return ""
-    factor, other_factor = (convert(unit_of_clock(each).unit or "s").factor for each in (clock, other))
-    distance = clock.values * factor - other.values * other_factor
+    factor, other_factor = (convert(unit_of_clock(column).unit or "s").factor for column in (clock, second_clock))
+    distance = clock.values * factor - second_clock.values * other_factor
     distance = distance[np.isfinite(distance)]
     step = clock.step * factor
     if not len(distance) or not step > 0 or np.ptp(distance) <= SAME_TIME * step:
         return ""
     return (
         f", but is up to {np.ptp(distance):.3g} s earlier or later beside it ({np.ptp(distance) / step:.0%} of a "
-        f"step); choose it with --time {other.name!r} if it is the better one"
+        f"step); choose it with --time {second_clock.name!r} if it is the better one"
     )
 
 
@@ -254,8 +254,8 @@ def commented_sampling_times(text: str) -> tuple[float, ...]:
         spellings += [re.sub("[.,]", "", match[1])] if THOUSANDS_OF.fullmatch(match[1]) else []
         values = [value for spelling in spellings if 0.0 < (value := float(spelling)) < np.inf]
         times = [value * unit.factor if base == "s" else 1.0 / (value * unit.factor) for value in values]
-        scaled = [time * power for time in times for power in (POWERS if not match[2] else POWERS[:1])]
-        return tuple(time for time in scaled if POSSIBLE[0] <= time <= POSSIBLE[1])
+        candidates = [time * power for time in times for power in (POWERS if not match[2] else POWERS[:1])]
+        return tuple(time for time in candidates if POSSIBLE[0] <= time <= POSSIBLE[1])
     return ()
 
 

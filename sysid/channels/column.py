@@ -56,8 +56,8 @@ def parse_header(name: str, unit: str = "") -> Header:
     """The header of a column; `unit` is what its reader found in or beside the name."""
     base = name.strip()
     if unit:
-        spelled = "[/_]".join(map(re.escape, unit.split("/")))  # rad/s stands in a name as rad_s
-        forms = (r"(.+?)\s*[\[({]\s*[^\[\](){}]*\s*[\])}]", rf"(.+?)\s+in\s+{spelled}", rf"(.+?)\s*[/_, ]\s*{spelled}")
+        pattern = "[/_]".join(map(re.escape, unit.split("/")))  # rad/s stands in a name as rad_s
+        forms = (r"(.+?)\s*[\[({]\s*[^\[\](){}]*\s*[\])}]", rf"(.+?)\s+in\s+{pattern}", rf"(.+?)\s*[/_, ]\s*{pattern}")
         match = next((match for form in forms if (match := re.fullmatch(form, base))), None)
         base = match[1] if match else base
     parts = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+", IN.sub(" ", base))  # "Weg in Schritten" is no input
@@ -74,8 +74,8 @@ def unit_in_brackets(name: str) -> str:
     for form in _WRITTEN:
         match = form.fullmatch(name)
         if match and match[1].lower() not in RELATIVE and not match[1].isdigit():
-            spelled = (text for text in (match[1], match[1].lower(), match[1].rstrip(".")) if is_time(text))
-            return next(spelled, match[1])
+            spellings = (text for text in (match[1], match[1].lower(), match[1].rstrip(".")) if is_time(text))
+            return next(spellings, match[1])
     return ""
 
 
@@ -220,14 +220,14 @@ def soft_numbers(table: Table, name: str) -> np.ndarray:
         return np.array([float(text) if is_number(text) else np.nan for text in texts])
 
 
-def misspelt_number(table: Table, numeric: Container[str], only: str = "") -> str:
+def misspelt_number(table: Table, numeric: Container[str], single: str = "") -> str:
     """The first cell that was meant as a number and is not read as one, among columns that are not `numeric`.
 
-    A sentence with its row, what stands there and what to do; nothing if there is none. `only` is the one column to
+    A sentence with its row, what stands there and what to do; nothing if there is none. `single` is the one column to
     look at.
     """
     for j, (name, cells) in enumerate(zip(table.names, table.columns, strict=True)):
-        if name in numeric or (only and name != only) or not len(cells) or not isinstance(cells[0], str):
+        if name in numeric or (single and name != single) or not len(cells) or not isinstance(cells[0], str):
             continue
         for k in map(int, np.flatnonzero(np.isnan(soft_numbers(table, name)))[:FEW]):
             if is_like_a_number(cells[k]):

@@ -99,10 +99,10 @@ def convert(text: str) -> Conversion:
 
 def seconds(text: str) -> float:
     """Seconds in one unit of time. Raises InputError for another unit."""
-    found = convert(text)
-    if not (found.known and found.is_time):
+    conversion = convert(text)
+    if not (conversion.known and conversion.is_time):
         raise InputError(f"{text!r} is no unit of time; give s, ms, us, ns, min, h or day")
-    return found.factor
+    return conversion.factor
 
 
 def is_time(text: str) -> bool:
@@ -117,21 +117,21 @@ def _convert(text: str) -> Conversion:
     if text == "":
         return Conversion("", 1.0, False)
     plain = _DEGREES.sub("deg", text).translate(_SIGNS)
-    found = _by_pint(plain)
-    if found is None:
+    conversion = _by_pint(plain)
+    if conversion is None:
         word = WORDS.get(text.lower(), WORDS.get(plain.lower()))
         if word == "percent":
             return Conversion("1", 0.01)
-        found = Conversion(word, 1.0) if word in (*SI, COUNTS) else _by_pint(word) if word else None
-    return found or Conversion(text, 1.0, False)
+        conversion = Conversion(word, 1.0) if word in (*SI, COUNTS) else _by_pint(word) if word else None
+    return conversion or Conversion(text, 1.0, False)
 
 
 def _by_pint(text: str) -> Conversion | None:
     if not _UNIT.fullmatch(text):
         return None
-    spelled = re.sub(r"([A-Za-z])(-?[1-9])", r"\1^\2", text).replace(".", "*")
+    expression = re.sub(r"([A-Za-z])(-?[1-9])", r"\1^\2", text).replace(".", "*")
     try:
-        value = _registry().Quantity(1.0, spelled.replace("^", "**")).to_root_units()
+        value = _registry().Quantity(1.0, expression.replace("^", "**")).to_root_units()
     except Exception:  # pint has an error of its own for each way of being no unit: each means that it is unknown
         return None
     unit = f"{value.units:~}".replace(" ", "").replace("**", "^").replace("m*N", "N*m")

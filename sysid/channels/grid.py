@@ -63,22 +63,22 @@ def find_grid(t: np.ndarray, resolution: float, jitter: float, Ts: float | None 
     if numbering is not None:
         index, step = numbering
         m = np.diff(index)
-        off = _distance_from_grid(t, index, step)
+        deviation = _distance_from_grid(t, index, step)
         steps_fit = np.all(_distance(steps, m * step) <= jitter * step)
         tolerance = max(2.0 * jitter * step, ROUNDED * rounding, ROUNDED * resolution if given_step else 0.0)
-        if steps_fit or 2.0 * off <= tolerance:
-            exact = given_step or _exact(t, index, step, max(rounding, 2.0 * off))
+        if steps_fit or 2.0 * deviation <= tolerance:
+            exact = given_step or _exact(t, index, step, max(rounding, 2.0 * deviation))
             gaps = np.flatnonzero(m > 1)
-            return Grid(exact, int(index[-1]) + 1, index, np.column_stack([gaps, m[gaps] - 1]), median, off)
-        if off < RELIABLE * step:
+            return Grid(exact, int(index[-1]) + 1, index, np.column_stack([gaps, m[gaps] - 1]), median, deviation)
+        if deviation < RELIABLE * step:
             median = step
     chosen_step = given_step or (Ts / max(1, round(Ts / median)) if Ts is not None else three_digits(median))
     usual = max(min(float(np.percentile(steps, 95)), SPARSE * median), chosen_step)
     gaps = np.flatnonzero(steps > LONG * usual)
-    lost = np.maximum(np.minimum(np.rint(steps[gaps] / usual), MOST).astype(int) - 1, 1)
+    losses = np.maximum(np.minimum(np.rint(steps[gaps] / usual), MOST).astype(int) - 1, 1)
     N = int((t[-1] - t[0]) / chosen_step * (1.0 + 1e-12) + 1e-6) + 1
-    off = _distance_from_grid(t, np.rint((t - t[0]) / chosen_step), chosen_step)
-    return Grid(chosen_step, N, None, np.column_stack([gaps, lost]), float(np.median(steps)), off)
+    deviation = _distance_from_grid(t, np.rint((t - t[0]) / chosen_step), chosen_step)
+    return Grid(chosen_step, N, None, np.column_stack([gaps, losses]), float(np.median(steps)), deviation)
 
 
 def three_digits(value: float) -> float:
@@ -118,20 +118,20 @@ def _sample_numbers(t: np.ndarray, steps: np.ndarray, step: float, given: bool) 
 
 def _slope(index: np.ndarray, t: np.ndarray) -> float:
     """The slope of the straight line of least squares."""
-    centred = index - index.mean()
-    return float(centred @ t / (centred @ centred))
+    centred_index = index - index.mean()
+    return float(centred_index @ t / (centred_index @ centred_index))
 
 
 def _distance_from_grid(t: np.ndarray, index: np.ndarray, step: float) -> float:
-    left = step * index
-    np.subtract(t, left, out=left)
-    return float(0.5 * np.ptp(left))
+    residuals = step * index
+    np.subtract(t, residuals, out=residuals)
+    return float(0.5 * np.ptp(residuals))
 
 
-def _distance(values: np.ndarray, others: np.ndarray | float) -> np.ndarray:
+def _distance(values: np.ndarray, reference: np.ndarray | float) -> np.ndarray:
     """|values - others| in one array, since a long record has few to spare."""
-    found = np.subtract(values, others)
-    return np.abs(found, out=found)
+    distance = np.subtract(values, reference)
+    return np.abs(distance, out=distance)
 
 
 def _exact(t: np.ndarray, index: np.ndarray, step: float, spread: float) -> float:
@@ -197,9 +197,9 @@ def value_of_each_stamp(values: np.ndarray, timing: Timing, mean: bool) -> np.nd
     if stamps is None or not mean or not stamps.repeated:
         return values_at(values, timing.rows)
     member = stamps.group >= 0
-    group, kept = stamps.group[member], values[member]
-    mask = np.isfinite(kept)
-    total = np.bincount(group[mask], kept[mask], len(stamps.t))
+    group, member_values = stamps.group[member], values[member]
+    mask = np.isfinite(member_values)
+    total = np.bincount(group[mask], member_values[mask], len(stamps.t))
     count = np.bincount(group[mask], minlength=len(stamps.t))
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
@@ -215,11 +215,11 @@ def place(
     if grid.index is not None:
         if len(values) == grid.N and mask.all():
             return values, np.zeros(grid.N, dtype=bool)
-        placed = np.full(grid.N, np.nan)
-        placed[grid.index] = values
-        bridged = fill(placed, longest, hold=held)
-        _check_filled(table, timing, channel, bridged.open, longest)
-        return bridged.values, bridged.filled
+        y = np.full(grid.N, np.nan)
+        y[grid.index] = values
+        bridge = fill(y, longest, hold=held)
+        _check_filled(table, timing, channel, bridge.open, longest)
+        return bridge.values, bridge.filled
     stamps = timing.stamps
     assert stamps is not None
     open_ = np.zeros(len(mask), dtype=bool)
@@ -228,15 +228,15 @@ def place(
     _check_filled(table, timing, channel, open_, longest)
     t, x = stamps.t[mask], values[mask]
     times = np.arange(grid.N) * grid.Ts
-    after = np.searchsorted(t, times * (1.0 + 1e-12) + 1e-9 * grid.Ts, side="right")
-    before = np.maximum(after - 1, 0)
-    placed = x[before] if held else np.interp(times, t, x)
+    later = np.searchsorted(t, times * (1.0 + 1e-12) + 1e-9 * grid.Ts, side="right")
+    earlier = np.maximum(later - 1, 0)
+    y = x[earlier] if held else np.interp(times, t, x)
     usual = max(float(np.percentile(np.diff(stamps.t), 95)), grid.Ts)
-    following = np.append(t, np.inf)[after]
-    distant = times - t[before] > 0.5 * usual
+    following = np.append(t, np.inf)[later]
+    distant = times - t[earlier] > 0.5 * usual
     if not held:
         distant &= following - times > 0.5 * usual
-    return placed, distant & (after < len(t)) & (following - t[before] > LONG * usual)
+    return y, distant & (later < len(t)) & (following - t[earlier] > LONG * usual)
 
 
 def _check_filled(table: Table, timing: Timing, channel: Channel, open_: np.ndarray, longest: int) -> None:

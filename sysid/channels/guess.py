@@ -93,10 +93,15 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     columns = numeric_columns(table)
     if not columns:
         reason = misspelt_number(table, columns) or next(iter(table.undated.values()), "")
-        found = f"no column holds numbers; found {listed(table.names) or 'none'}"
-        raise InputError(f"{table.path}: {found}{f': {reason}' if reason else ''}")
-    more = given.more or {}
-    for name in (given.input, given.output, given.time, *(name for names in more.values() for name in names)):
+        message = f"no column holds numbers; found {listed(table.names) or 'none'}"
+        raise InputError(f"{table.path}: {message}{f': {reason}' if reason else ''}")
+    further = given.more or {}
+    for name in (
+        given.input,
+        given.output,
+        given.time,
+        *(name for names in further.values() for name in names),
+    ):
         if name is not None and name not in columns:
             numbers(table, name)  # which says what it lacks
     choice = _guess_clock(table, columns, given)
@@ -110,7 +115,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
         channels[role] = [] if first is not None else [Channel(column="")]
         if first is None:
             remarks[f"{role}.column"] = f"CHOOSE one of {', '.join(signals)}"
-        for column in (first, *(columns[name] for name in more.get(role, ()))):
+        for column in (first, *(columns[name] for name in further.get(role, ()))):
             if column is not None:
                 channels[role].append(_guess_channel(role, column, why, remarks))
                 if column.unit_conflict:
@@ -209,8 +214,8 @@ def _guess_channel(role: str, column: Column, why: list[str], remarks: dict[str,
     conversion = convert(unit)
     if unit == "":
         text = unit_in_brackets(name)
-        named = f"names {text!r}, which is no known unit" if text else "names no unit"
-        why.append(f"column {name!r} {named}: its numbers stay as they are; set {entry} if you know it")
+        statement = f"names {text!r}, which is no known unit" if text else "names no unit"
+        why.append(f"column {name!r} {statement}: its numbers stay as they are; set {entry} if you know it")
         remarks[f"{role}.unit"] = "not known: set it"
     elif unit == COUNTS:
         why.append(f"column {name!r} holds counts: its numbers stay as they are; set adc or scale of [[{role}]]")

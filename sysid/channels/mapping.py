@@ -13,18 +13,18 @@ from sysid.base.errors import InputError
 from sysid.base.limits import SECONDS, SIZE
 from sysid.channels.conversion import seconds
 
-Where = tuple[str | int, ...]
+Place = tuple[str | int, ...]
 MANY = 20  # names in a message
 LONG = 60  # letters of a name in a message
 
 
 class MappingError(InputError):
-    """A mapping that is not allowed; `where` is the path to the entry within it, `said` the sentence about it."""
+    """A mapping that is not allowed; `place` is the path to the entry within it, `sentence` what is wrong with it."""
 
-    def __init__(self, where: Where, said: str) -> None:
-        self.where, self.said = where, said
-        place = " ".join(f"{part + 1}" if isinstance(part, int) else part for part in where[:-1])
-        super().__init__(f"{place}: {said}" if place else said)
+    def __init__(self, place: Place, sentence: str) -> None:
+        self.place, self.sentence = place, sentence
+        table = " ".join(f"{part + 1}" if isinstance(part, int) else part for part in place[:-1])
+        super().__init__(f"{table}: {sentence}" if table else sentence)
 
 
 _ONCE = (("clock",), ("repair",), ("range",))
@@ -37,57 +37,57 @@ _KINDS = {
 }
 
 
-def complaint(error: ValidationError, kind: type[BaseModel]) -> tuple[Where, str]:
+def complaint(error: ValidationError, kind: type[BaseModel]) -> tuple[Place, str]:
     """Where the first error is, within `kind`, and the sentence about it."""
     first = error.errors()[0]
-    where, found, what, context = first["loc"], first["input"], first["type"], first.get("ctx", {})
-    last = where[-1] if where else ""
-    name = next((str(part) for part in reversed(where) if isinstance(part, str)), "")
-    if what == "extra_forbidden":
-        allowed = list(_model(kind, where[:-1]).model_fields)
-        return where, f"unknown entry {brief(str(last))!r}; {closest(str(last), allowed)}"
-    if what == "missing" and isinstance(last, int):
-        return where[:-1], f"{name} has {last} number(s); give {_KINDS['tuple']}"
-    if what == "missing":
-        return where[:-1], f"{last} is missing; add {last} = ..."
-    if what == "value_error":
+    place, value, kind_of_error, context = first["loc"], first["input"], first["type"], first.get("ctx", {})
+    last = place[-1] if place else ""
+    name = next((str(part) for part in reversed(place) if isinstance(part, str)), "")
+    if kind_of_error == "extra_forbidden":
+        allowed = list(_model(kind, place[:-1]).model_fields)
+        return place, f"unknown entry {brief(str(last))!r}; {closest(str(last), allowed)}"
+    if kind_of_error == "missing" and isinstance(last, int):
+        return place[:-1], f"{name} has {last} number(s); give {_KINDS['tuple']}"
+    if kind_of_error == "missing":
+        return place[:-1], f"{last} is missing; add {last} = ..."
+    if kind_of_error == "value_error":
         cause = context["error"]
-        return ((*where, *cause.where), cause.said) if isinstance(cause, MappingError) else (where, str(cause))
-    if what == "literal_error":
-        return where, f"{name} is {shown(found)}; give {context['expected'].replace(chr(39), chr(34))}"
-    if what in ("finite_number", "greater_than", "greater_than_equal", "less_than", "less_than_equal"):
+        return ((*place, *cause.place), cause.sentence) if isinstance(cause, MappingError) else (place, str(cause))
+    if kind_of_error == "literal_error":
+        return place, f"{name} is {shown(value)}; give {context['expected'].replace(chr(39), chr(34))}"
+    if kind_of_error in ("finite_number", "greater_than", "greater_than_equal", "less_than", "less_than_equal"):
         signs = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
         bounds = [f"{word} {context[sign]:g}" for sign, word in signs.items() if sign in context]
-        return where, f"{name} is {shown(found)}; give a finite number {' and '.join(bounds)}".rstrip()
-    if what in ("too_short", "too_long"):
-        return where, f"{name} is {shown(found)}; give {_KINDS['tuple']}"
-    if what == "tuple_type" and len(where) == 1:
-        return where, f"found one table [{name}]; write [[{name}]], since there may be several"
-    if what.startswith("model") and where in _ONCE and isinstance(found, list):
-        return where, f"found tables [[{name}]]; write [{name}], since there is one"
-    kinds = next((words for key, words in _KINDS.items() if what.startswith(key)), "another value")
-    return where, f"{name} is {shown(found)}; give {kinds}"
+        return place, f"{name} is {shown(value)}; give a finite number {' and '.join(bounds)}".rstrip()
+    if kind_of_error in ("too_short", "too_long"):
+        return place, f"{name} is {shown(value)}; give {_KINDS['tuple']}"
+    if kind_of_error == "tuple_type" and len(place) == 1:
+        return place, f"found one table [{name}]; write [[{name}]], since there may be several"
+    if kind_of_error.startswith("model") and place in _ONCE and isinstance(value, list):
+        return place, f"found tables [[{name}]]; write [{name}], since there is one"
+    kinds = next((words for key, words in _KINDS.items() if kind_of_error.startswith(key)), "another value")
+    return place, f"{name} is {shown(value)}; give {kinds}"
 
 
 def one_of(choices: Sequence[Any]) -> str:
     """The allowed values as pydantic lists them."""
-    texts = [f'"{each}"' if isinstance(each, str) else str(each) for each in choices]
+    texts = [f'"{choice}"' if isinstance(choice, str) else str(choice) for choice in choices]
     return f"{', '.join(texts[:-1])} or {texts[-1]}"
 
 
-def closest(name: str, allowed: Sequence[str]) -> str:
+def closest(name: str, choices: Sequence[str]) -> str:
     """The remedy for an unknown name: the ones most like it first, then all if they are few."""
-    near = get_close_matches(name, allowed, n=3, cutoff=0.5)
-    near += [each for each in allowed if each.lower() == name.lower() and each not in near]
-    all_of_them = f"choose one of {listed(allowed)}" if len(allowed) <= MANY else ""
-    nearest = f"the closest is {' or '.join(repr(brief(each)) for each in near)}" if near else ""
-    return "; ".join(filter(None, [nearest, all_of_them])) or f"choose one of {listed(allowed)}"
+    matches = get_close_matches(name, choices, n=3, cutoff=0.5)
+    matches += [choice for choice in choices if choice.lower() == name.lower() and choice not in matches]
+    every_choice = f"choose one of {listed(choices)}" if len(choices) <= MANY else ""
+    nearest = f"the closest is {' or '.join(repr(brief(choice)) for choice in matches)}" if matches else ""
+    return "; ".join(filter(None, [nearest, every_choice])) or f"choose one of {listed(choices)}"
 
 
 def listed(names: Sequence[str]) -> str:
     """Names for a message: the first of many, and the beginnings of long ones."""
-    more = f" and {len(names) - MANY} more" if len(names) > MANY else ""
-    return ", ".join(brief(name) for name in names[:MANY]) + more
+    rest = f" and {len(names) - MANY} more" if len(names) > MANY else ""
+    return ", ".join(brief(name) for name in names[:MANY]) + rest
 
 
 def brief(name: str) -> str:
@@ -103,9 +103,9 @@ def shown(value: Any) -> str:
     return text if len(text) <= 40 else text[:37] + "..."
 
 
-def _model(kind: type[BaseModel], where: Where) -> type[BaseModel]:
-    """The model of the table at `where`."""
-    for part in where:
+def _model(kind: type[BaseModel], place: Place) -> type[BaseModel]:
+    """The model of the table at `place`."""
+    for part in place:
         if isinstance(part, str):
             inner = kind.model_fields[part].annotation
             kind = next(each for each in _models(inner))
@@ -115,7 +115,7 @@ def _model(kind: type[BaseModel], where: Where) -> type[BaseModel]:
 def _models(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    return [found for each in getattr(annotation, "__args__", ()) for found in _models(each)]
+    return [model for argument in getattr(annotation, "__args__", ()) for model in _models(argument)]
 
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-SIZE, le=SIZE)]

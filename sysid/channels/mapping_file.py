@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from sysid.base.errors import InputError
 from sysid.base.files import ordinary, write_text
-from sysid.channels.mapping import ROLES, Adc, Channel, ChannelMap, Where, complaint
+from sysid.channels.mapping import ROLES, Adc, Channel, ChannelMap, Place, complaint
 
 LARGEST = 1_000_000  # [bytes] a mapping has about a thousand
 EXAMPLES = {"Ts": "0.01", "start": "0.0", "stop": "10.0", "adc": "{counts = [0, 1023], value = [-2.4, 2.4]}"}
@@ -33,18 +33,18 @@ def read_map(path: str | os.PathLike[str]) -> ChannelMap:
     except ValueError as error:
         message, _, place = str(error).partition(" (at ")
         line = re.match(r"line (\d+)", place)
-        where = f", line {line[1]}" if line else ""
+        line_text = f", line {line[1]}" if line else ""
         raise InputError(
-            f"{source}{where}: this is not TOML ({message.partition(';')[0]}); correct it, or write the mapping again "
-            "with qpal info FILE --write-map"
+            f"{source}{line_text}: this is not TOML ({message.partition(';')[0]}); correct it, or write the mapping "
+            "again with qpal info FILE --write-map"
         ) from None
     except RecursionError:
         raise InputError(f"{source}: the tables are nested too deeply; write the mapping again") from None
     try:
         return ChannelMap.model_validate(document)
     except ValidationError as error:
-        entry, said = complaint(error, ChannelMap)
-        raise InputError(f"{source}{_place(text, entry)}: {said}") from None
+        entry, sentence = complaint(error, ChannelMap)
+        raise InputError(f"{source}{_place(text, entry)}: {sentence}") from None
 
 
 def write_map(mapping: ChannelMap, path: str | os.PathLike[str], title: str = "") -> Path:
@@ -65,13 +65,13 @@ def check_map_path(path: str | os.PathLike[str]) -> Path:
 def map_text(mapping: ChannelMap, title: str = "", remarks: Mapping[str, str] | None = None) -> str:
     """The file's text; `remarks` by entry ("clock.unit", "output.column") stand before an entry's own comment."""
     lines = [f"# {_plain(line)}" for line in title.splitlines()]
-    said = remarks or {}
+    notes = remarks or {}
     for name in ("clock", *ROLES, "repair", "range"):
         part = getattr(mapping, name)
         for entry in part if isinstance(part, tuple) else (part,):
             lines += ["", f"[[{name}]]" if isinstance(part, tuple) else f"[{name}]"]
             lines += [FORMULA] if isinstance(entry, Channel) else []
-            lines += _entries(name, entry, said)
+            lines += _entries(name, entry, notes)
     return "\n".join(lines).lstrip("\n") + "\n"
 
 
@@ -123,25 +123,25 @@ def _text(path: Path) -> str:
     return text
 
 
-def _place(text: str, where: Where) -> str:
+def _place(text: str, path: Place) -> str:
     """The line of an entry, or its table where the line is not found."""
-    if not where:
+    if not path:
         return ""
-    table, number = str(where[0]), 0
-    names = [part for part in where[1:] if isinstance(part, str)]
-    wanted = next((part for part in where if isinstance(part, int)), 0)
-    inside = ("", 0)
+    table, number = str(path[0]), 0
+    names = [part for part in path[1:] if isinstance(part, str)]
+    wanted_number = next((part for part in path if isinstance(part, int)), 0)
+    position = ("", 0)
     for line, content in enumerate(text.splitlines(), start=1):
         header = re.match(r"\s*(\[\[?)\s*([\w-]+)\s*\]", content)
         if header:
             number = number + 1 if header[2] == table else number
-            inside = (header[2], number - 1)
-            if inside == (table, wanted) and not names:
+            position = (header[2], number - 1)
+            if position == (table, wanted_number) and not names:
                 return f", line {line}, table [{table}]"
             continue
         entry = re.match(r"\s*[\"']?([\w-]+)[\"']?\s*=", content)
-        if entry and inside == (table, wanted) and names and entry[1] == names[0]:
+        if entry and position == (table, wanted_number) and names and entry[1] == names[0]:
             return f", line {line}, table [{table}]"
-        if entry and inside[0] == "" and entry[1] == table:
+        if entry and position[0] == "" and entry[1] == table:
             return f", line {line}"
     return f", table [{table}]"

@@ -95,10 +95,10 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     columns, units = _read_channels(table, mapping)
     table, columns, ends = drop_empty_ends(table, columns)
     timing = _time_rows(table, mapping, len(columns[0]))
-    placed, empty = _place_channels(table, mapping, timing, columns)
+    values_and_marks, empty = _place_channels(table, mapping, timing, columns)
     names, name_notes = names_of(mapping)
     signals: dict[str, list[Signal]] = {role: [] for role in ROLES}
-    for (role, channel, entry), unit, values in zip(mapping.channels(), units, placed, strict=True):
+    for (role, channel, entry), unit, values in zip(mapping.channels(), units, values_and_marks, strict=True):
         signals[role].append(Signal(names[entry], channel.column, unit, *values))
     record = Signals(
         table.path,
@@ -209,24 +209,24 @@ def _place_channels(
     table: Table, mapping: ChannelMap, timing: Timing, columns: list[np.ndarray]
 ) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
     """Values and marks of filled samples (N,) of every channel, and the rows (m,) of empty cells."""
-    repair, placed, empty = mapping.repair, [], []
+    repair, values_and_marks, empty = mapping.repair, [], []
     for (role, channel, _), values in zip(mapping.channels(), columns, strict=True):
         values = value_of_each_stamp(values, timing, repair.duplicates == "mean")
         empty.append(timing.rows[np.isnan(values)])
         longest = timing.grid.N if repair.empty == "outputs" and role == "output" else repair.longest_gap
-        placed.append(place(table, timing, channel, values, channel.is_held(role), longest))
-    return placed, np.concatenate(empty)
+        values_and_marks.append(place(table, timing, channel, values, channel.is_held(role), longest))
+    return values_and_marks, np.concatenate(empty)
 
 
 def _filling(timing: Timing, empty: np.ndarray, filled: int) -> Correction:
     """What was filled: samples that were lost between stamps, and cells in the rows `empty` (m,)."""
     grid, stamps = timing.grid, timing.stamps
-    lost = stamps.rows[grid.gaps[:, 0] + 1] if stamps is not None else np.zeros(0, dtype=int)
+    lost_rows = stamps.rows[grid.gaps[:, 0] + 1] if stamps is not None else np.zeros(0, dtype=int)
     return Correction(
         {"lost": grid.lost, "empty cells": len(empty), "filled samples": filled},
         f"{grid.lost} lost sample(s) and {len(empty)} empty cell(s) filled: inputs held, outputs by a straight line "
         f"and marked as missing ({filled} samples)",
-        np.concatenate([lost, empty]),
+        np.concatenate([lost_rows, empty]),
     )
 
 

@@ -57,8 +57,8 @@ def keep_rows(table: Table, keep: np.ndarray) -> Table:
     chosen = np.flatnonzero(keep)
     complete = [j for j, cells in enumerate(table.columns) if len(cells) == len(keep)]
     columns = tuple(_chosen_cells(table.columns[j], chosen) for j in complete)
-    same = {id(table.rows[j]): table.rows[j] for j in complete}  # most files have one for all columns
-    numbers = {key: np.asarray(rows)[chosen] for key, rows in same.items()}
+    distinct_rows = {id(table.rows[j]): table.rows[j] for j in complete}  # most files have one for all columns
+    numbers = {key: np.asarray(rows)[chosen] for key, rows in distinct_rows.items()}
     rows: tuple[Any, ...] = tuple(numbers[id(table.rows[j])] for j in complete)
     return replace(table, names=tuple(table.names[j] for j in complete), columns=columns, rows=rows)
 
@@ -72,10 +72,10 @@ def _chosen_cells(cells: Sequence[str] | np.ndarray, chosen: np.ndarray) -> Sequ
 def drop_empty_ends(table: Table, columns: list[np.ndarray]) -> tuple[Table, list[np.ndarray], Correction]:
     """Without the rows at both ends in which a channel has no value: there is nothing to fill them from."""
     complete = np.flatnonzero(np.all([np.isfinite(values) for values in columns], axis=0))
-    inside = np.ones(len(columns[0]), dtype=bool)
+    keep = np.ones(len(columns[0]), dtype=bool)
     if len(complete):
-        inside[: complete[0]] = inside[complete[-1] + 1 :] = False
-    ends = without_rows("ends", np.flatnonzero(~inside), "without values at the ends left out")
+        keep[: complete[0]] = keep[complete[-1] + 1 :] = False
+    ends = without_rows("ends", np.flatnonzero(~keep), "without values at the ends left out")
     if not ends.needed:
         return table, columns, ends
-    return keep_rows(table, inside), [values[inside] for values in columns], ends
+    return keep_rows(table, keep), [values[keep] for values in columns], ends

@@ -204,9 +204,9 @@ def choose_signals(table: Table, columns: Columns, why: list[str], unclear: list
             return {"input": u, "output": y}
     if unclear:
         return roles
-    for role, other in (("input", "output"), ("output", "input")):
-        if roles[role] is None and roles[other] is not None:
-            roles[role] = _only_other_column(role, roles[other], columns, why)
+    for role, partner in (("input", "output"), ("output", "input")):
+        if roles[role] is None and roles[partner] is not None:
+            roles[role] = _only_other_column(role, roles[partner], columns, why)
     return roles
 
 
@@ -259,10 +259,10 @@ def _role_by_name(column: Column) -> str:
 def _candidate(role: str, columns: Columns, why: list[str], unclear: list[str]) -> Column | None:
     """The one candidate for a role; None if there is none or several."""
     candidates = _candidates(columns, role)
-    both = [column for column in columns.values() if _role_by_name(column) == "both"]
-    if both:
+    ambiguous = [column for column in columns.values() if _role_by_name(column) == "both"]
+    if ambiguous:
         unclear.append(
-            f"the name {both[0].name!r} fits an input and an output; name the columns with --input and --output"
+            f"the name {ambiguous[0].name!r} fits an input and an output; name the columns with --input and --output"
         )
         return None
     if role == "input" and len(candidates) > 1:
@@ -286,11 +286,11 @@ def _candidate(role: str, columns: Columns, why: list[str], unclear: list[str]) 
 
 def _only_other_column(role: str, partner: Column | None, columns: Columns, why: list[str]) -> Column | None:
     """The only column beside `partner` that moves, if its name does not speak against the role."""
-    others = [column for column in columns.values() if column is not partner and not column.constant]
-    if len(others) != 1 or _role_by_name(others[0]) not in ("", role):
+    moving_columns = [column for column in columns.values() if column is not partner and not column.constant]
+    if len(moving_columns) != 1 or _role_by_name(moving_columns[0]) not in ("", role):
         return None
-    why.append(f"column {others[0].name!r} is the {role}: it is the only other one")
-    return others[0]
+    why.append(f"column {moving_columns[0].name!r} is the {role}: it is the only other one")
+    return moving_columns[0]
 
 
 def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Columns) -> list[str]:
@@ -311,24 +311,23 @@ def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Colum
     if sentence := misspelt_number(table, columns):
         return [sentence]
     free = [column for column in signals.values() if not any(column is each for each in roles.values())]
-    still = [column for column in free if column.constant]
-    found = f"found {len(table.names)} column{'s' if len(table.names) > 1 else ''} ({listed(table.names)})"
-    which = f"; {' and '.join(c.name for c in still)} never {'changes' if len(still) == 1 else 'change'}"
-    which = which if still else ""
-    if len(free) - len(still) >= len(missing):
-        wanted = " and one with ".join(f"--{role}" for role in missing)
-        return [f"{found}{which}; name one with {wanted}, or in the mapping file of --map"]
+    frozen = [column for column in free if column.constant]
+    inventory = f"found {len(table.names)} column{'s' if len(table.names) > 1 else ''} ({listed(table.names)})"
+    frozen_note = f"; {' and '.join(c.name for c in frozen)} never {'changes' if len(frozen) == 1 else 'change'}"
+    frozen_note = frozen_note if frozen else ""
+    if len(free) - len(frozen) >= len(missing):
+        options = " and one with ".join(f"--{role}" for role in missing)
+        return [f"{inventory}{frozen_note}; name one with {options}, or in the mapping file of --map"]
     clocks = [name for name in columns if name not in signals]
     clock = f", of which {' and '.join(clocks)} show{'s' if len(clocks) == 1 else ''} time" if clocks else ""
-    omitted = "".join(f"; {note}" for note in table.notes if note.startswith("left out what"))
-    if still:
+    left_open = " and the ".join(missing)
+    omissions = "".join(f"; {note}" for note in table.notes if note.startswith("left out what"))
+    if frozen:
         remedy = "choose columns that move, or record again while it moves"
-        if len(still) == 1 and len(missing) == 1:
+        if len(frozen) == 1 and len(missing) == 1:
             remedy = f"record again while the {missing[0]} moves, or give a log that has it"
-        return [
-            f"{found}{clock}{which}, and no column that moves is left for the {' and the '.join(missing)}; {remedy}"
-        ]
+        return [f"{inventory}{clock}{frozen_note}, and no column that moves is left for the {left_open}; {remedy}"]
     return [
-        f"{found}{clock}{omitted}: no column is left for the {' and the '.join(missing)}; give a log that has an input "
-        "and an output, recorded together"
+        f"{inventory}{clock}{omissions}: no column is left for the {left_open}; give a log that has an input and an "
+        "output, recorded together"
     ]

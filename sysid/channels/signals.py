@@ -123,10 +123,10 @@ def together(texts: list[str]) -> str:
 
 def check_size(path: Path, N: float, stamps: int, Ts: float) -> None:
     """Raises InputError, before the memory is taken, for N samples every `Ts` [s] made of far fewer `stamps`."""
-    most = min(SAMPLES, FINER * stamps)
-    if max(most, stamps) < N:
+    limit = min(SAMPLES, FINER * stamps)
+    if max(limit, stamps) < N:
         raise InputError(
-            f"{path}: {stamps:,} stamps would become {N:,.0f} samples, one every {Ts:g} s, and at most {most:,} are "
+            f"{path}: {stamps:,} stamps would become {N:,.0f} samples, one every {Ts:g} s, and at most {limit:,} are "
             "made of them; give a longer Ts in [clock] of the mapping, or keep a part without the gap with --range"
         )
 
@@ -135,11 +135,11 @@ def resample_signals(record: Signals, Ts: float | None) -> Signals:
     """The record at the sampling time of the mapping: through a filter if it is longer."""
     if Ts is None or abs(Ts - record.Ts) <= 1e-9 * Ts:
         return record if Ts is None else replace(record, Ts=Ts)
-    down = max(1, round(Ts / record.Ts))
-    fine = Ts / down
+    factor = max(1, round(Ts / record.Ts))
+    fine = Ts / factor
     if abs(fine - record.Ts) > 1e-9 * fine:
         record = _interpolate(record, fine)
-    return _decimate(record, Ts) if down > 1 else record
+    return _decimate(record, Ts) if factor > 1 else record
 
 
 def _interpolate(record: Signals, Ts: float) -> Signals:
@@ -147,12 +147,12 @@ def _interpolate(record: Signals, Ts: float) -> Signals:
     check_size(record.path, record.N * record.Ts / Ts, record.N, Ts)
     N = int((record.N - 1) * record.Ts / Ts * (1.0 + 1e-12) + 1e-6) + 1
     t = np.arange(N) * Ts
-    before = np.minimum((t / record.Ts * (1.0 + 1e-12) + 1e-6).astype(int), record.N - 1)
-    after = np.minimum(before + 1, record.N - 1)
+    left = np.minimum((t / record.Ts * (1.0 + 1e-12) + 1e-6).astype(int), record.N - 1)
+    right = np.minimum(left + 1, record.N - 1)
 
     def interpolate(signal: Signal, held: bool) -> Signal:
-        values = signal.values[before] if held else np.interp(t, record.t, signal.values)
-        missing = signal.missing[before] if held else signal.missing[before] | signal.missing[after]
+        values = signal.values[left] if held else np.interp(t, record.t, signal.values)
+        missing = signal.missing[left] if held else signal.missing[left] | signal.missing[right]
         return replace(signal, values=values, missing=missing)
 
     held = {channel.column: channel.is_held(role) for role, channel, _ in record.mapping.channels()}
@@ -167,7 +167,7 @@ def _decimate(record: Signals, Ts: float) -> Signals:
     Inputs become the mean over each new step, other signals pass a zero-phase filter (`sysid.data.resampling`).
     """
     held, lines = record.input, (*record.output, *record.other)
-    resampled = resample(
+    resampling = resample(
         IOData(
             np.column_stack([s.values for s in held]) if held else np.zeros(record.N),
             np.column_stack([s.values for s in lines]) if lines else np.zeros(record.N),
@@ -177,12 +177,12 @@ def _decimate(record: Signals, Ts: float) -> Signals:
         Ts,
         input="held",
     )
-    data, down = resampled.data, resampled.down
+    data, factor = resampling.data, resampling.down
 
     def any_missing(signal: Signal) -> np.ndarray:
-        parts = np.zeros(data.N * down, dtype=bool)
+        parts = np.zeros(data.N * factor, dtype=bool)
         parts[: record.N] = signal.missing
-        return np.any(parts.reshape(data.N, down), axis=1, keepdims=False)
+        return np.any(parts.reshape(data.N, factor), axis=1, keepdims=False)
 
     missing = np.zeros((data.N, len(lines)), dtype=bool) if data.missing is None else data.missing
     u = [replace(s, values=data.u[:, k], missing=any_missing(s)) for k, s in enumerate(held)]
@@ -193,5 +193,5 @@ def _decimate(record: Signals, Ts: float) -> Signals:
         input=tuple(u),
         output=tuple(y[: len(record.output)]),
         other=tuple(y[len(record.output) :]),
-        notes=(*record.notes, resampled.sentence),
+        notes=(*record.notes, resampling.sentence),
     )

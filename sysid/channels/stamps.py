@@ -116,8 +116,8 @@ def unwrap_counter(table: Table, clock: Clock, values: np.ndarray, rows: np.ndar
     falls = np.diff(values) < -0.5 * period
     values = values + period * np.concatenate([[0.0], np.cumsum(falls)])
     count = int(falls.sum())
-    often = "once" if count == 1 else f"{count} times"
-    words = f"the clock of {clock.wrap} bits started again {often}; undone"
+    times = "once" if count == 1 else f"{count} times"
+    words = f"the clock of {clock.wrap} bits started again {times}; undone"
     return values, Correction({"wraps": count}, words, rows[1:][falls])
 
 
@@ -127,14 +127,14 @@ def last_digit(values: np.ndarray) -> float:
 
     def has_decimals(sample: np.ndarray, digits: int) -> bool:
         for start in range(0, len(sample), CHUNK):
-            scaled = sample[start : start + CHUNK] * 10.0**digits
-            if not np.all(np.abs(scaled - np.rint(scaled)) <= 1e-6 + size * 10.0**digits):
+            multiples = sample[start : start + CHUNK] * 10.0**digits
+            if not np.all(np.abs(multiples - np.rint(multiples)) <= 1e-6 + size * 10.0**digits):
                 return False
         return True
 
-    few = values[:: max(1, len(values) // 1000)]
+    sample_of_values = values[:: max(1, len(values) // 1000)]
     for digits in range(DIGITS + 1):
-        if has_decimals(few, digits) and has_decimals(values, digits):
+        if has_decimals(sample_of_values, digits) and has_decimals(values, digits):
             return float(10.0**-digits)
     single = np.float32
     if all(np.array_equal(part, part.astype(single)) for part in np.array_split(values, len(values) // CHUNK + 1)):
@@ -146,10 +146,10 @@ def longest_rising(values: np.ndarray) -> np.ndarray:
     """Marks (n,) of a longest subsequence that never falls: fewest rows are left out (patience sorting)."""
     tops: list[float] = []
     places: list[int] = []
-    before = np.full(len(values), -1)
+    predecessors = np.full(len(values), -1)
     for k, value in enumerate(values.tolist()):
         pile = bisect_right(tops, value)
-        before[k] = places[pile - 1] if pile else -1
+        predecessors[k] = places[pile - 1] if pile else -1
         if pile == len(tops):
             tops.append(value)
             places.append(k)
@@ -159,7 +159,7 @@ def longest_rising(values: np.ndarray) -> np.ndarray:
     k = places[-1]
     while k >= 0:
         keep[k] = True
-        k = int(before[k])
+        k = int(predecessors[k])
     return keep
 
 
@@ -179,13 +179,13 @@ def _check_increasing(table: Table, clock: Clock, values: np.ndarray, rows: np.n
         return
     k = int(falls[0]) + 1
     origin = 0.0 if values[0] == 0 or abs(values[0]) * factor < 1e6 else values[0]
-    now, before = (values[k] - origin) * factor, (values[k - 1] - origin) * factor
-    why = note_on_change_of_clocks(table, clock, now - before, usual_step(values) * factor)
+    stamp, previous = (values[k] - origin) * factor, (values[k - 1] - origin) * factor
+    note = note_on_change_of_clocks(table, clock, stamp - previous, usual_step(values) * factor)
     raise table.error(
         j,
         int(rows[k]),
-        f"found {now:.9g} s after {before:.9g} s ({len(falls)} such step(s)){why}; time must increase: remove the row, "
-        'or set backward = "drop" in [repair] of a mapping, or wrap in [clock] if a counter starts again',
+        f"found {stamp:.9g} s after {previous:.9g} s ({len(falls)} such step(s)){note}; time must increase: remove the "
+        'row, or set backward = "drop" in [repair] of a mapping, or wrap in [clock] if a counter starts again',
     )
 
 
@@ -194,14 +194,14 @@ def _check_repeated(
 ) -> None:
     """Raises InputError for the first stamp that repeats, where none may, or where too many do."""
     k, count = int(np.argmin(fresh)), int((~fresh).sum())
-    j, found = table.names.index(clock.column), f"found {values[k] * seconds(clock.unit):.9g} s again"
+    j, message = table.names.index(clock.column), f"found {values[k] * seconds(clock.unit):.9g} s again"
     if repair.duplicates == "refuse":
-        raise table.error(j, int(rows[k]), f"{found}; time must increase: remove the row")
+        raise table.error(j, int(rows[k]), f"{message}; time must increase: remove the row")
     if count > MOST_REPEATED * len(fresh) or _is_rounded(values, fresh):
         raise table.error(
             j,
             int(rows[k]),
-            f"{found}, as {count} of {len(fresh)} stamps are; the clock is too coarse for its samples: give the "
+            f"{message}, as {count} of {len(fresh)} stamps are; the clock is too coarse for its samples: give the "
             "sampling time with --ts instead, or in [clock] of a mapping without a column",
         )
 
