@@ -26,7 +26,7 @@ from sysid.channels.column import (
     unit_in_brackets,
 )
 from sysid.channels.conversion import COUNTS, convert, seconds
-from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, listed
+from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, list_names
 from sysid.channels.roles import (
     STRONG,
     ClockChoice,
@@ -93,7 +93,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     columns = numeric_columns(table)
     if not columns:
         reason = misspelt_number(table, columns) or next(iter(table.undated.values()), "")
-        message = f"no column holds numbers; found {listed(table.names) or 'none'}"
+        message = f"no column holds numbers; found {list_names(table.names) or 'none'}"
         raise InputError(f"{table.path}: {message}{f': {reason}' if reason else ''}")
     further = given.more or {}
     for name in (
@@ -199,7 +199,7 @@ def _guess_signals(
             if name not in columns and words and words <= STRONG[role] and not strong:
                 places = np.flatnonzero(np.isnan(soft_numbers(table, name)))
                 first = str(cells[int(places[0])]) if len(places) else ""
-                reason = misspelt_number(table, columns, only=name) or f"the first is {first[:40]!r}; correct them"
+                reason = misspelt_number(table, columns, single=name) or f"the first is {first[:40]!r}; correct them"
                 unclear.insert(
                     0,
                     f"column {name!r} is the {role} by its name, but most of its cells are no numbers: {reason}, or "

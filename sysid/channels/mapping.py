@@ -54,22 +54,22 @@ def complaint(error: ValidationError, kind: type[BaseModel]) -> tuple[Place, str
         cause = context["error"]
         return ((*place, *cause.place), cause.sentence) if isinstance(cause, MappingError) else (place, str(cause))
     if kind_of_error == "literal_error":
-        return place, f"{name} is {shown(value)}; give {context['expected'].replace(chr(39), chr(34))}"
+        return place, f"{name} is {brief_value(value)}; give {context['expected'].replace(chr(39), chr(34))}"
     if kind_of_error in ("finite_number", "greater_than", "greater_than_equal", "less_than", "less_than_equal"):
         signs = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
         bounds = [f"{word} {context[sign]:g}" for sign, word in signs.items() if sign in context]
-        return place, f"{name} is {shown(value)}; give a finite number {' and '.join(bounds)}".rstrip()
+        return place, f"{name} is {brief_value(value)}; give a finite number {' and '.join(bounds)}".rstrip()
     if kind_of_error in ("too_short", "too_long"):
-        return place, f"{name} is {shown(value)}; give {_KINDS['tuple']}"
+        return place, f"{name} is {brief_value(value)}; give {_KINDS['tuple']}"
     if kind_of_error == "tuple_type" and len(place) == 1:
         return place, f"found one table [{name}]; write [[{name}]], since there may be several"
     if kind_of_error.startswith("model") and place in _ONCE and isinstance(value, list):
         return place, f"found tables [[{name}]]; write [{name}], since there is one"
     kinds = next((words for key, words in _KINDS.items() if kind_of_error.startswith(key)), "another value")
-    return place, f"{name} is {shown(value)}; give {kinds}"
+    return place, f"{name} is {brief_value(value)}; give {kinds}"
 
 
-def one_of(choices: Sequence[Any]) -> str:
+def choices_text(choices: Sequence[Any]) -> str:
     """The allowed values as pydantic lists them."""
     texts = [f'"{choice}"' if isinstance(choice, str) else str(choice) for choice in choices]
     return f"{', '.join(texts[:-1])} or {texts[-1]}"
@@ -79,12 +79,12 @@ def closest(name: str, choices: Sequence[str]) -> str:
     """The remedy for an unknown name: the ones most like it first, then all if they are few."""
     matches = get_close_matches(name, choices, n=3, cutoff=0.5)
     matches += [choice for choice in choices if choice.lower() == name.lower() and choice not in matches]
-    every_choice = f"choose one of {listed(choices)}" if len(choices) <= MANY else ""
+    every_choice = f"choose one of {list_names(choices)}" if len(choices) <= MANY else ""
     nearest = f"the closest is {' or '.join(repr(brief(choice)) for choice in matches)}" if matches else ""
-    return "; ".join(filter(None, [nearest, every_choice])) or f"choose one of {listed(choices)}"
+    return "; ".join(filter(None, [nearest, every_choice])) or f"choose one of {list_names(choices)}"
 
 
-def listed(names: Sequence[str]) -> str:
+def list_names(names: Sequence[str]) -> str:
     """Names for a message: the first of many, and the beginnings of long ones."""
     rest = f" and {len(names) - MANY} more" if len(names) > MANY else ""
     return ", ".join(brief(name) for name in names[:MANY]) + rest
@@ -95,7 +95,7 @@ def brief(name: str) -> str:
     return name if len(name) <= LONG else name[: LONG - 3] + "..."
 
 
-def shown(value: Any) -> str:
+def brief_value(value: Any) -> str:
     """A value as a message shows it: short."""
     if isinstance(value, BaseModel | dict):
         return "a table"
@@ -145,7 +145,9 @@ class _Part(BaseModel):
         for name, value in values.items() if isinstance(values, dict) else ():
             field = cls.model_fields.get(name)
             if isinstance(value, bool) and field is not None and get_origin(field.annotation) is Literal:
-                raise MappingError((name,), f"{name} is {shown(value)}; give {one_of(get_args(field.annotation))}")
+                raise MappingError(
+                    (name,), f"{name} is {brief_value(value)}; give {choices_text(get_args(field.annotation))}"
+                )
         return values
 
 
@@ -228,7 +230,8 @@ class Channel(_Part):
             raise InputError("scale is 0, which makes a constant of the channel; give the value of one unit")
         if self.times and self.times == self.column:
             raise MappingError(
-                ("times",), f"times is {shown(self.times)}, the column itself; name another one, or leave times out"
+                ("times",),
+                f"times is {brief_value(self.times)}, the column itself; name another one, or leave times out",
             )
         return self
 

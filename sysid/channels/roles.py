@@ -17,7 +17,7 @@ from sysid.channels.clock import (
 )
 from sysid.channels.column import Column, misspelt_number, unit_in_brackets, words
 from sysid.channels.conversion import convert, is_time
-from sysid.channels.mapping import Clock, listed
+from sysid.channels.mapping import Clock, list_names
 from sysid.data.table import Table
 
 COUNTERS = words("index idx sample samples k n i row seq sequence frame counter id")
@@ -312,7 +312,7 @@ def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Colum
         return [sentence]
     free = [column for column in signals.values() if not any(column is each for each in roles.values())]
     frozen = [column for column in free if column.constant]
-    inventory = f"found {len(table.names)} column{'s' if len(table.names) > 1 else ''} ({listed(table.names)})"
+    inventory = f"found {len(table.names)} column{'s' if len(table.names) > 1 else ''} ({list_names(table.names)})"
     frozen_note = f"; {' and '.join(c.name for c in frozen)} never {'changes' if len(frozen) == 1 else 'change'}"
     frozen_note = frozen_note if frozen else ""
     if len(free) - len(frozen) >= len(missing):

@@ -98,8 +98,8 @@ class Signals:
             np.column_stack([signal.values for signal in u]),
             np.column_stack([signal.values for signal in y]),
             self.Ts,
-            *(together([s.name for s in u]) or "u", together([s.name for s in y]) or "y"),
-            *(together([s.unit for s in u]), together([s.unit for s in y])),
+            *(common_text([s.name for s in u]) or "u", common_text([s.name for s in y]) or "y"),
+            *(common_text([s.unit for s in u]), common_text([s.unit for s in y])),
             missing=missing if missing.any() else None,
         )
 
@@ -116,7 +116,7 @@ class Signals:
         }
 
 
-def together(texts: list[str]) -> str:
+def common_text(texts: list[str]) -> str:
     """The text of several channels if it is one, else nothing."""
     return texts[0] if len(set(texts)) == 1 else ""
 

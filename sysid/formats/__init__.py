@@ -17,7 +17,7 @@ from sysid.base.errors import InputError
 from sysid.base.files import ordinary, whole_file
 from sysid.data.table import Table
 from sysid.formats import _sandbox
-from sysid.formats._dates import dated, with_days
+from sysid.formats._dates import read_dates, with_days
 from sysid.formats._unit_names import unit_in
 from sysid.formats.delimited import Delimited
 from sysid.formats.json_records import JsonRecords
@@ -67,20 +67,20 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     Raises InputError with the file name if it is missing, empty, damaged or of an unknown format.
     """
     path = ordinary(path)
-    allowed = ", ".join(TABLE)
+    suffixes = ", ".join(TABLE)
     bag = path.is_dir() and (path / "metadata.yaml").is_file()  # a folder of rosbag2
     if path.is_dir() and not bag:
-        raise InputError(f"{path} is a folder; give one file ({allowed})")
+        raise InputError(f"{path} is a folder; give one file ({suffixes})")
     if not path.exists():
         raise InputError(f"{path} does not exist; check the name and the current folder")
     if not bag and path.suffix.lower() not in TABLE:
-        raise InputError(f"{path}: unknown file suffix {path.suffix!r}; give a file of {allowed}")
+        raise InputError(f"{path}: unknown file suffix {path.suffix!r}; give a file of {suffixes}")
     try:
         if path.is_file() and path.stat().st_size == 0:
             raise InputError(f"{path} is empty; give a file with at least one column of input and one of output")
         table, header = _read(path, RobotLog if bag else TABLE[path.suffix.lower()])
         table = replace(table, meta={**_meta(header), **table.meta})
-        return with_days(table, dated(table))
+        return with_days(table, read_dates(table))
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror or error}); check that it is a readable file"
@@ -106,10 +106,10 @@ def _foreign(kind: type[Format]) -> TypeGuard[type[_sandbox.Foreign]]:
 def _meta(header: str) -> dict[str, Any]:
     """What a header says as a JSON object; nothing if it is none, as in a file of another program."""
     try:
-        found = json.loads(header)
+        value = json.loads(header)
     except (ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return value if isinstance(value, dict) else {}
 
 
 @checked

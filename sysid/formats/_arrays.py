@@ -43,19 +43,19 @@ class Arrays:
                 self.add(f"{name}.{part}", values[part])
         elif values.size == 1 and values.dtype.kind in NUMERIC + "U":
             self.meta[name] = values.ravel()[0].item()
-        elif values.dtype.kind not in NUMERIC + TIMES or values.size == 0 or squeezed(values).ndim > 2:
-            self.leave_out(name, described(values))
-        elif squeezed(values).ndim == 2:
-            values = squeezed(values)
+        elif values.dtype.kind not in NUMERIC + TIMES or values.size == 0 or squeeze(values).ndim > 2:
+            self.leave_out(name, describe_array(values))
+        elif squeeze(values).ndim == 2:
+            values = squeeze(values)
             samples = values if values.shape[0] >= values.shape[1] else values.T
             for j in range(samples.shape[1]):
                 self.column(f"{name}:{j + 1}", samples[:, j])
         else:
             self.column(name, values.ravel())
 
-    def leave_out(self, name: str, what: str) -> None:
+    def leave_out(self, name: str, description: str) -> None:
         """Notes that `name` is no signal."""
-        self._left.append(f"{name} ({what})")
+        self._left.append(f"{name} ({description})")
 
     def column(self, name: str, values: np.ndarray, local: bool | None = None) -> None:
         """Takes one signal (n,): numbers, booleans, dates or spans of time.
@@ -79,13 +79,13 @@ class Arrays:
                 self.notes.append(f"rounded {name!r} to 16 digits, as it holds whole numbers above 2^53")
             self.columns[name] = values.astype(float, copy=False)
 
-    def table(self, place: str, nothing: str) -> Table:
-        """The table; raises InputError with the sentence `nothing` if no array was a signal."""
+    def table(self, place: str, message: str) -> Table:
+        """The table; raises InputError with the sentence `message` if no array was a signal."""
         self._add_dates()
         if self._left and self.columns:
             self.notes.append(f"left out what is no signal: {', '.join(self._left)}")
         if not self.columns:
-            raise InputError(f"{self.path} {nothing}")
+            raise InputError(f"{self.path} {message}")
         rows = tuple(range(1, len(values) + 1) for values in self.columns.values())
         return Table(
             self.path,
@@ -102,15 +102,15 @@ class Arrays:
 
     def _units(self) -> dict[str, str]:
         """Units in the names, those of a matrix M for all M:j, and of times."""
-        bare = {name: re.sub(r":\d+$", "", name) for name in self.columns}
-        named = units_of(dict.fromkeys(bare.values()))
-        return {name: named[bare[name]] for name in bare if bare[name] in named} | self.units
+        matrices = {name: re.sub(r":\d+$", "", name) for name in self.columns}
+        units = units_of(dict.fromkeys(matrices.values()))
+        return {name: units[matrices[name]] for name in matrices if matrices[name] in units} | self.units
 
     def _add_dates(self) -> None:
         if not self._dates:
             return
-        known = [self.columns[name][~np.isnat(self.columns[name])] for name in self._dates]
-        first = min((values.min() for values in known if len(values)), default=np.datetime64(0, "ns"))
+        times = [self.columns[name][~np.isnat(self.columns[name])] for name in self._dates]
+        first = min((values.min() for values in times if len(values)), default=np.datetime64(0, "ns"))
         for name in self._dates:
             self.columns[name] = seconds(self.columns[name] - first)
             self.units[name] = "s"
@@ -120,7 +120,7 @@ class Arrays:
         self.meta.setdefault("start", str(first))
 
 
-def squeezed(values: np.ndarray) -> np.ndarray:
+def squeeze(values: np.ndarray) -> np.ndarray:
     """The array without its sides of length 1."""
     return values.reshape([n for n in values.shape if n != 1])
 
@@ -131,7 +131,7 @@ def seconds(spans: np.ndarray) -> np.ndarray:
     return np.where(np.isnat(fine), np.nan, fine.astype(np.int64) / 1e9)
 
 
-def described(values: np.ndarray) -> str:
+def describe_array(values: np.ndarray) -> str:
     """Kind and shape of an array, for messages."""
     kind = {"c": "complex", "O": "objects", "V": "struct", "U": "text", "S": "text", "M": "dates", "m": "times"}
     return f"{kind.get(values.dtype.kind, 'numeric')} {'x'.join(map(str, values.shape)) or '1'}"
@@ -141,6 +141,6 @@ def _largest(values: np.ndarray) -> int:
     return max(abs(int(values.min())), abs(int(values.max())))
 
 
-def listed(found: Mapping[str, str]) -> str:
+def list_descriptions(descriptions: Mapping[str, str]) -> str:
     """Names with what they are, for messages."""
-    return ", ".join(f"{name} ({what})" for name, what in found.items()) or "nothing"
+    return ", ".join(f"{name} ({description})" for name, description in descriptions.items()) or "nothing"

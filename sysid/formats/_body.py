@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Texts
-from sysid.formats._cells import Layout, Part, blocks, cut, numbers, part
+from sysid.formats._cells import Layout, Part, blocks, drop_cut_line, numbers, part
 
 if TYPE_CHECKING:
     import polars
@@ -49,25 +49,25 @@ class Marks:
         for j, column in enumerate(block.columns):
             if self.clear[j] or not column.str.contains(self.decimal, literal=True).any():
                 continue
-            parted = column.str.contains(THOUSANDS[self.decimal])
-            self.clear[j] = bool((column.str.contains(NUMBER[self.decimal]) & ~parted).any())
-            self.zeroed[j] = self.zeroed[j] or bool((column.str.contains(ZEROED) & parted).any())
-            if self.parted[j] is None and parted.any():
-                k = int(parted.arg_true()[0])
+            thousands = column.str.contains(THOUSANDS[self.decimal])
+            self.clear[j] = bool((column.str.contains(NUMBER[self.decimal]) & ~thousands).any())
+            self.zeroed[j] = self.zeroed[j] or bool((column.str.contains(ZEROED) & thousands).any())
+            if self.parted[j] is None and thousands.any():
+                k = int(thousands.arg_true()[0])
                 self.parted[j] = int(block.rows[k]), column[k]
 
     def check(self, path: Path, names: Sequence[str], separator: str | None, blocks: Iterable[Part]) -> None:
         """Raises InputError for a column whose marks may part thousands; `blocks` are looked at where that is open."""
         sure = any(self.clear)
-        found = [j for j, cell in enumerate(self.parted) if cell is not None and not self.clear[j]]
-        if not found or (sure and self.decimal == "."):
+        candidates = [j for j, cell in enumerate(self.parted) if cell is not None and not self.clear[j]]
+        if not candidates or (sure and self.decimal == "."):
             return
         # A semicolon parts the cells because the comma is the decimal mark, unless numbers of one column differ in it.
         lone = self.decimal == "," and separator != ";" and not sure
         for block in blocks:
-            for j in found:
+            for j in candidates:
                 self._look_for_whole(j, block)
-        for j in found:
+        for j in candidates:
             mixed = self.short[j] is not None and not self.clear[j]
             doubtful = self.hundreds[j] or self.zeroed[j] or (not sure and self.decimal == ",")
             if lone or (mixed and doubtful):
@@ -82,15 +82,15 @@ class Marks:
         self.clear[j] = self.clear[j] or bool(column.str.contains(LONG).any())
 
     def _error(self, path: Path, name: str, j: int) -> InputError:
-        parted, short = self.parted[j], self.short[j]
-        assert parted is not None
-        row, text = parted[0], parted[1].strip()
-        one, other = (text.replace(self.decimal, mark) for mark in (".", ""))
-        beside = f", as row {short[0]} has {short[1].strip()!r}" if short else ""
+        marked, short = self.parted[j], self.short[j]
+        assert marked is not None
+        row, text = marked[0], marked[1].strip()
+        decimal, plain = (text.replace(self.decimal, mark) for mark in (".", ""))
+        comparison = f", as row {short[0]} has {short[1].strip()!r}" if short else ""
         return InputError(
             f"{path}, row {row}, column {name!r}: found {text!r}, whose {'comma' if self.decimal == ',' else 'point'} "
-            f"may be a decimal mark ({one}) or part thousands ({other}){beside}; write the numbers with a decimal "
-            "point and without thousands marks"
+            f"may be a decimal mark ({decimal}) or part thousands ({plain}){comparison}; write the numbers with a "
+            "decimal point and without thousands marks"
         )
 
 
@@ -121,7 +121,7 @@ class Body:
 
     def _pass(self) -> tuple[int, str] | None:
         """Reads all columns; instead row and text of the first number with a comma, if that is not the mark yet."""
-        kept: list[list[np.ndarray] | None] = [[] for _ in range(self.layout.width)]
+        parts_of: list[list[np.ndarray] | None] = [[] for _ in range(self.layout.width)]
         rows: list[Sequence[int]] = []
         marks = Marks(self.decimal, self.layout.width)
         for block in self._parts():
@@ -131,48 +131,48 @@ class Body:
                 values = numbers(column, self.decimal)
                 if values is None and self.decimal == "." and (k := first_match(column, WITH_COMMA)) is not None:
                     return int(block.rows[k]), column[k]
-                parts = kept[j]
+                parts = parts_of[j]
                 if values is None or parts is None:
-                    kept[j] = None
+                    parts_of[j] = None
                 else:
                     parts.append(values)
         marks.check(self.path, self.names, self.layout.separator, self._parts())
-        texts = self._texts([j for j, parts in enumerate(kept) if parts is None])
+        texts = self._texts([j for j, parts in enumerate(parts_of) if parts is None])
         self.columns = []
         for j in range(self.layout.width):
-            parts, kept[j] = kept[j], None  # one column after the other, so that no number is held twice for long
+            parts, parts_of[j] = parts_of[j], None  # one column after the other: no number is held twice for long
             self.columns.append(texts[j] if parts is None else np.concatenate(parts) if parts else np.empty(0))
-        self.rows = _joined(rows)
+        self.rows = _join_rows(rows)
         return None
 
-    def _texts(self, wanted: list[int]) -> dict[int, Texts]:
+    def _texts(self, columns: list[int]) -> dict[int, Texts]:
         import polars
 
-        found: dict[int, list[polars.Series]] = {j: [] for j in wanted}
-        if wanted:
+        texts: dict[int, list[polars.Series]] = {j: [] for j in columns}
+        if columns:
             for block in self._parts():
-                for j in wanted:
-                    found[j].append(block.columns[j].str.strip_chars())
-        return {j: Texts(polars.concat(parts)) for j, parts in found.items()}
+                for j in columns:
+                    texts[j].append(block.columns[j].str.strip_chars())
+        return {j: Texts(polars.concat(parts)) for j, parts in texts.items()}
 
     def _parts(self) -> Iterator[Part]:
         """The blocks; a last line that was cut is left out and noted."""
         self.notes = []
         source = blocks(self.path)
-        after = next(source, None)
-        while after is not None:
-            (row, block), after = after, next(source, None)
+        following = next(source, None)
+        while following is not None:
+            (row, block), following = following, next(source, None)
             if row < self.start:
                 block = block.split(b"\n", self.start - row)[-1]
                 row = self.start
-            if after is None and not block.endswith(b"\n"):
+            if following is None and not block.endswith(b"\n"):
                 block = self._without_cut_line(row, block)
             if block:
                 yield part(self.path, row, block, self.layout)
 
     def _without_cut_line(self, row: int, block: bytes) -> bytes:
         last = row + block.count(b"\n")
-        block, was_cut = cut(block, self.layout, self.decimal)
+        block, was_cut = drop_cut_line(block, self.layout, self.decimal)
         if was_cut:
             self.notes.append(f"left out row {last}, the last, which is cut off")
         elif was_cut is None:
@@ -204,15 +204,15 @@ def _one_mark(point: str, comma: str) -> str:
     )
 
 
-def _joined(rows: list[Sequence[int]]) -> Sequence[int]:
+def _join_rows(rows: list[Sequence[int]]) -> Sequence[int]:
     """The row numbers of all blocks; one range where no line was skipped."""
-    rows = [each for each in rows if len(each)]
+    rows = [rows_of_part for rows_of_part in rows if len(rows_of_part)]
     if not rows:
         return ()
-    whole = range(rows[0][0], rows[-1][-1] + 1)
-    if len(whole) == sum(map(len, rows)):
-        return whole
-    found = array("q")
-    for each in rows:
-        found.extend(each)
-    return found
+    span = range(rows[0][0], rows[-1][-1] + 1)
+    if len(span) == sum(map(len, rows)):
+        return span
+    numbers = array("q")
+    for rows_of_part in rows:
+        numbers.extend(rows_of_part)
+    return numbers

@@ -38,7 +38,7 @@ def blocks(path: Path, size: int = BLOCK) -> Iterator[tuple[int, bytes]]:
     """
     row = 1
     with path.open("rb") as file:
-        for raw in _whole_lines(_decoded(file, path), size):
+        for raw in _whole_lines(_decode(file, path), size):
             block = _plain(raw)
             strange = block.translate(None, TEXT)
             if strange:
@@ -51,7 +51,7 @@ def blocks(path: Path, size: int = BLOCK) -> Iterator[tuple[int, bytes]]:
             row += block.count(b"\n")
 
 
-def _decoded(file: BinaryIO, path: Path) -> BinaryIO:
+def _decode(file: BinaryIO, path: Path) -> BinaryIO:
     """The file without a byte order mark; UTF-16, which spreadsheets call Unicode text, as UTF-8."""
     head = file.read(3)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -69,17 +69,17 @@ def _decoded(file: BinaryIO, path: Path) -> BinaryIO:
 
 def _whole_lines(file: BinaryIO, size: int) -> Iterator[bytes]:
     """Pieces of about `size` bytes; what follows the last line end belongs to the last piece."""
-    whole = rest = b""
+    lines = rest = b""
     while piece := file.read(size):
         piece = rest + piece
         end = piece.rfind(b"\n") + 1
         rest = piece[end:]
         if end:
-            if whole:
-                yield whole
-            whole = piece[:end]
-    if whole or rest:
-        yield whole + rest
+            if lines:
+                yield lines
+            lines = piece[:end]
+    if lines or rest:
+        yield lines + rest
 
 
 def _plain(block: bytes) -> bytes:
@@ -116,14 +116,14 @@ def data_lines(row: int, block: bytes) -> Iterator[tuple[int, bytes]]:
 
 def comments(path: Path) -> list[str]:
     """Texts of the comment lines above the first line of data, without their marks and the blanks around them."""
-    found: list[str] = []
+    texts: list[str] = []
     for _, block in blocks(path, 1 << 16):
         for line in block.split(b"\n"):
             text = line.strip()
             if text and not is_comment(text):
-                return found
-            found += [text[1:].decode().strip()] if text else []
-    return found
+                return texts
+            texts += [text[1:].decode().strip()] if text else []
+    return texts
 
 
 ODD = (*COMMENT, b"\n\n", b"\n ", b"\n\t", b"\f", b"\v")  # a line may be a comment, blank, or start with a blank
@@ -233,19 +233,19 @@ def _single_blanks(block: bytes) -> bytes:
 def _line_by_line(path: Path, rows: Sequence[int], block: bytes, layout: Layout) -> "list[polars.Series]":
     import polars
 
-    found = []
+    cells_of_rows = []
     for number, line in zip(rows, block.decode().split("\n"), strict=False):
-        row = trimmed(split(path, number, line, layout.separator), layout.width)
+        row = trim(split(path, number, line, layout.separator), layout.width)
         if len(row) != layout.width:
             raise InputError(
                 f"{path}, row {number}: found {len(row)} cells where row {layout.first} has {layout.width}; "
                 "give every row the same number of columns"
             )
-        found.append(row)
-    return [polars.Series(str(j), [row[j] for row in found], polars.String) for j in range(layout.width)]
+        cells_of_rows.append(row)
+    return [polars.Series(str(j), [row[j] for row in cells_of_rows], polars.String) for j in range(layout.width)]
 
 
-def trimmed(row: list[str], width: int) -> list[str]:
+def trim(row: list[str], width: int) -> list[str]:
     """A row without the empty cells behind its first `width` ones."""
     while len(row) > width and not row[-1]:
         row = row[:-1]
@@ -264,31 +264,33 @@ def numbers(column: "polars.Series", decimal: str) -> np.ndarray | None:
     return None if values.null_count() else values.to_numpy()
 
 
-def cut(block: bytes, layout: Layout, decimal: str) -> tuple[bytes, bool | None]:
+def drop_cut_line(block: bytes, layout: Layout, decimal: str) -> tuple[bytes, bool | None]:
     """The last block of a file without its last line if that was cut, and whether it was: None if it cannot be told.
 
     A last line without a line end was cut if it has fewer cells than the others, or if its last cell has other digits
     behind the point where all the others agree.
     """
-    before, _, last = block.rpartition(b"\n")
+    head, _, last = block.rpartition(b"\n")
     if not last.strip() or is_comment(last.lstrip()):
         return block, False
-    near = before if len(before) <= NEAR else before[-NEAR:].partition(b"\n")[2]
-    shapes = {_shape(line, layout, decimal) for _, line in list(data_lines(1, near))[-LIKE:]}
-    own = _shape(last, layout, decimal)
-    if own[0] != layout.width or (shapes and own[1] is None and None not in {shape for _, shape in shapes}):
-        return before + b"\n", True
+    tail = head if len(head) <= NEAR else head[-NEAR:].partition(b"\n")[2]
+    shapes = {_shape(line, layout, decimal) for _, line in list(data_lines(1, tail))[-LIKE:]}
+    last_shape = _shape(last, layout, decimal)
+    if last_shape[0] != layout.width or (
+        shapes and last_shape[1] is None and None not in {shape for _, shape in shapes}
+    ):
+        return head + b"\n", True
     if len(shapes) == 1:
         (shape,) = shapes
-        whole = shape == own and own[1] not in (None, "")
-        return (block, False) if whole else (block, None) if shape == own else (before + b"\n", True)
+        whole = shape == last_shape and last_shape[1] not in (None, "")
+        return (block, False) if whole else (block, None) if shape == last_shape else (head + b"\n", True)
     return block, None
 
 
 def _shape(line: bytes, layout: Layout, decimal: str) -> tuple[int, str | None]:
     """Number of cells, and the last cell from its point on with 0 for every digit; None if it is not a number."""
     try:
-        row = trimmed(cells(line.decode(errors="replace"), layout.separator), layout.width)
+        row = trim(cells(line.decode(errors="replace"), layout.separator), layout.width)
     except csv.Error:
         return 0, None
     text = row[-1].replace(decimal, ".") if row else ""

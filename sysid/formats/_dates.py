@@ -73,16 +73,16 @@ def parse_cells(texts: "polars.Series", form: str) -> Cells:
     digits = polars.coalesce(polars.col("part"), polars.col("milli"), polars.lit("0")).str.slice(0, 9)
     nanos = fields.select(nanos=digits.str.pad_end(9, "0").cast(polars.Int64))["nanos"].to_numpy()
     of_day = hour * 3600 + minute * 60 + second
-    zoned = np.zeros(len(texts), dtype=bool)
+    has_zone = np.zeros(len(texts), dtype=bool)
     if form == "time":
-        return Cells({"": of_day}, nanos, zoned, {"": wrong}, int(hour.max(initial=0)))
-    zoned = fields["zone"].is_not_null().to_numpy()
+        return Cells({"": of_day}, nanos, has_zone, {"": wrong}, int(hour.max(initial=0)))
+    has_zone = fields["zone"].is_not_null().to_numpy()
     of_day -= 60 * _minutes_ahead(fields["zone"])
-    seconds, none = {}, {}
+    seconds, wrong_in_order = {}, {}
     for order, month in ORDERS[form].items():
         days, real = _calendar_days(whole("year"), whole(month), whole("two" if month == "one" else "one"))
-        seconds[order], none[order] = of_day + DAY * days, wrong | ~real
-    return Cells(seconds, nanos, zoned, none, int(hour.max(initial=0)))
+        seconds[order], wrong_in_order[order] = of_day + DAY * days, wrong | ~real
+    return Cells(seconds, nanos, has_zone, wrong_in_order, int(hour.max(initial=0)))
 
 
 def _minutes_ahead(zone: "polars.Series") -> np.ndarray:
@@ -113,7 +113,7 @@ class _NotReadError(ValueError):
     """Why a column that looks like dates is not read."""
 
 
-def dated(table: Table) -> Table:
+def read_dates(table: Table) -> Table:
     """The table with seconds since the first cell in place of dates and times of day.
 
     `dates` says how a column was read; `undated` why one that looks like dates was not: it stays as it is.
@@ -147,19 +147,19 @@ def _read_column(table: Table, j: int, first: str) -> tuple[np.ndarray, str, flo
     form = next((form for form, pattern in FORMS.items() if re.match(pattern, first)), None)
     if form is None:
         raise _NotReadError(f"in a form that is not read; {WRITE}")
-    known, parts = all_parts(table, j, form)
-    zoned = np.concatenate([each.zoned for each in parts])
-    if zoned.any() and not zoned.all():
-        row = table.rows[j][int(known[int(np.argmin(zoned == zoned[0]))])]
+    places, parts = all_parts(table, j, form)
+    has_zone = np.concatenate([part.zoned for part in parts])
+    if has_zone.any() and not has_zone.all():
+        row = table.rows[j][int(places[int(np.argmin(has_zone == has_zone[0]))])]
         raise _NotReadError(f"and row {row} differs from it in that only one of them has an offset from UTC; {WRITE}")
-    nanos = np.concatenate([each.nanos for each in parts])
-    orders = [order for order in ORDERS[form] if not any(each.wrong[order].any() for each in parts)]
-    said, values = f"column {table.names[j]!r} was read as seconds since {first[:40]}", np.full(len(nanos), np.nan)
+    nanos = np.concatenate([part.nanos for part in parts])
+    orders = [order for order in ORDERS[form] if not any(part.wrong[order].any() for part in parts)]
+    sentence, values = f"column {table.names[j]!r} was read as seconds since {first[:40]}", np.full(len(nanos), np.nan)
     for order in orders:
-        seconds = np.concatenate([each.seconds[order] for each in parts])
-        if form == "time" and max(each.longest for each in parts) < 24:
+        seconds = np.concatenate([part.seconds[order] for part in parts])
+        if form == "time" and max(part.longest for part in parts) < 24:
             seconds, midnights = _over_midnight(seconds, nanos)
-            said += f"; midnight passed {'once' if midnights == 1 else f'{midnights} times'}" if midnights else ""
+            sentence += f"; midnight passed {'once' if midnights == 1 else f'{midnights} times'}" if midnights else ""
         t = (seconds - seconds[0]).astype(float) + (nanos - nanos[0]) / 1e9
         if order != orders[0] and not np.array_equal(t, values):
             raise _NotReadError(
@@ -167,12 +167,12 @@ def _read_column(table: Table, j: int, first: str) -> tuple[np.ndarray, str, flo
                 "(2026-03-29), or give the sampling time with --ts"
             )
         values = t
-    whole = np.full(len(table.columns[j]), np.nan)
-    whole[known] = values
-    if zoned.any() or (form == "time" and max(each.longest for each in parts) >= 24):
-        return whole, said, None
+    column = np.full(len(table.columns[j]), np.nan)
+    column[places] = values
+    if has_zone.any() or (form == "time" and max(part.longest for part in parts) >= 24):
+        return column, sentence, None
     sure = form != "time" and len(orders) == 1
-    return whole, said, float(parts[0].seconds[orders[0]][0] + nanos[0] / 1e9) if sure else np.nan
+    return column, sentence, float(parts[0].seconds[orders[0]][0] + nanos[0] / 1e9) if sure else np.nan
 
 
 def all_parts(table: Table, j: int, form: str) -> tuple[np.ndarray, list[Cells]]:
@@ -194,17 +194,17 @@ def all_parts(table: Table, j: int, form: str) -> tuple[np.ndarray, list[Cells]]
                 "or give the sampling time with --ts"
             )
         parts.append(part)
-    known = np.concatenate(places)
+    filled_places = np.concatenate(places)
     if not any(all(not part.wrong[order].any() for part in parts) for order in ORDERS[form]):
         raise _NotReadError(f"and no order of day and month makes dates of all cells; {WRITE}")
-    return known, parts
+    return filled_places, parts
 
 
 def _over_midnight(seconds: np.ndarray, nanos: np.ndarray) -> tuple[np.ndarray, int]:
     """Times of day (n,) that go on after midnight, and how often it passed: a fall by more than half a day is one."""
     steps = np.diff(seconds) + np.diff(nanos) / 1e9
-    turned = np.concatenate([[0], np.cumsum(steps < -0.5 * DAY)])
-    return seconds + DAY * turned, int(turned[-1])
+    days = np.concatenate([[0], np.cumsum(steps < -0.5 * DAY)])
+    return seconds + DAY * days, int(days[-1])
 
 
 _DATE = re.compile(
@@ -221,60 +221,62 @@ def with_days(text: Table, table: Table) -> Table:
     A date that stays, or changes where the time passes midnight, changes nothing. Where it says more, both are one
     clock; where it cannot be read so, the times are `undated` and say why.
     """
-    times = [
-        name for name in table.dates if _first_text(text, name) and re.match(FORMS["time"], _first_text(text, name))
-    ]
+    times = [name for name in table.dates if re.match(FORMS["time"], _first_text(text, name))]
     if len(times) != 1:
         return table
     days = [name for name in text.names if name not in times and _is_date(name, _first_text(text, name))]
     if len(days) != 1:
         return table
-    name, (i, j) = times[0], (text.names.index(each) for each in (days[0], times[0]))
-    of = _dates_by_row(_cells_of_text(text, days[0]))
-    changes = np.flatnonzero([a != b for a, b in pairwise(of)]) + 1
+    name, i, j = times[0], text.names.index(days[0]), text.names.index(times[0])
+    dates_of_rows = _dates_by_row(_cells_of_text(text, days[0]))
+    changes = np.flatnonzero([a != b for a, b in pairwise(dates_of_rows)]) + 1
     cells = _cells_of_text(text, name)
-    if not len(changes) or len(of) != len(cells):
+    if not len(changes) or len(dates_of_rows) != len(cells):
         return table
-    own = np.asarray(table.columns[j], dtype=float)
-    joined = [f"{day} {cell.strip()}" if cell.strip() else "" for day, cell in zip(of, cells, strict=True)]
-    found = _readings(replace(text, columns=(*text.columns[:j], joined, *text.columns[j + 1 :])), j)
-    if any(np.allclose(t, own, rtol=0.0, atol=1e-6, equal_nan=True) for t, _ in found):
+    time = np.asarray(table.columns[j], dtype=float)
+    joined_cells = [
+        f"{day} {cell.strip()}" if cell.strip() else "" for day, cell in zip(dates_of_rows, cells, strict=True)
+    ]
+    readings = _readings(replace(text, columns=(*text.columns[:j], joined_cells, *text.columns[j + 1 :])), j)
+    if any(np.allclose(t, time, rtol=0.0, atol=1e-6, equal_nan=True) for t, _ in readings):
         return table
-    if not found and np.array_equal(
-        changes, np.flatnonzero(np.diff(np.floor(_since_midnight(own, cells) / DAY)) > 0) + 1
-    ):
-        return table
-    if len(found) == 1:
-        t, begins = found[0]
-        columns = tuple(t if k == j else of if k == i else each for k, each in enumerate(table.columns))
-        said = f"columns {days[0]!r} and {name!r} were read together as seconds since {next(filter(None, joined))}"
+    if not readings:
+        midnights = np.flatnonzero(np.diff(np.floor(_since_midnight(time, cells) / DAY)) > 0) + 1
+        if np.array_equal(changes, midnights):
+            return table
+    if len(readings) == 1:
+        t, begins = readings[0]
+        columns = tuple(t if k == j else dates_of_rows if k == i else column for k, column in enumerate(table.columns))
+        sentence = (
+            f"columns {days[0]!r} and {name!r} were read together as seconds since {next(filter(None, joined_cells))}"
+        )
         local = {**table.local, name: begins}
-        dates = {key: each for key, each in table.dates.items() if key != days[0]}
-        return replace(table, columns=columns, dates={**dates, name: said}, local=local)
-    why = (
+        dates = {key: note for key, note in table.dates.items() if key != days[0]}
+        return replace(table, columns=columns, dates={**dates, name: sentence}, local=local)
+    reason = (
         f"column {name!r} holds times of day, and {days[0]!r} beside it changes in row {text.rows[j][int(changes[0])]} "
         f"in another way than they pass midnight; put both into one column: {WRITE}"
     )
-    return replace(_with_text_again(table, text, name), undated={name: why, **table.undated})
+    return replace(_with_text_again(table, text, name), undated={name: reason, **table.undated})
 
 
 def _with_text_again(table: Table, text: Table, name: str) -> Table:
     """The table in which a column is text again."""
     j = table.names.index(name)
     columns = (*table.columns[:j], text.columns[j], *table.columns[j + 1 :])
-    left = {key: said for key, said in table.dates.items() if key != name}
+    remaining = {key: sentence for key, sentence in table.dates.items() if key != name}
     units = {key: unit for key, unit in table.units.items() if key != name or key not in table.dates}
-    return replace(table, columns=columns, dates=left, units=units)
+    return replace(table, columns=columns, dates=remaining, units=units)
 
 
 def _cells_of_text(table: Table, name: str) -> Sequence[str]:
     cells = table.columns[table.names.index(name)]
     if not isinstance(cells, np.ndarray):
         return cells
-    whole = (
+    is_date_number = (
         cells.dtype.kind in "fiu" and len(cells) and bool(np.all((cells > 19e6) & (cells < 21e6) & (cells % 1 == 0)))
     )
-    return [str(int(cell)) for cell in cells] if whole else []  # 20260310 was read as a number
+    return [str(int(cell)) for cell in cells] if is_date_number else []  # 20260310 was read as a number
 
 
 def _first_text(table: Table, name: str) -> str:
@@ -290,22 +292,22 @@ def _is_date(name: str, first: str) -> bool:
 
 def _dates_by_row(cells: Sequence[str]) -> list[str]:
     """The date of each row, without a midnight behind it; an empty cell has the date above it."""
-    said, last = [], ""
-    known: dict[str, str] = {}
+    dates_of_rows, last = [], ""
+    date_of_cell: dict[str, str] = {}
     for cell in cells:
-        if cell not in known:
+        if cell not in date_of_cell:
             text = cell.strip()
             date, digits = _DATE.fullmatch(text), _DIGITS.fullmatch(text)
-            known[cell] = date[1] if date else "-".join(digits.groups()) if digits else text
-        last = known[cell] or last
-        said.append(last)
-    return said
+            date_of_cell[cell] = date[1] if date else "-".join(digits.groups()) if digits else text
+        last = date_of_cell[cell] or last
+        dates_of_rows.append(last)
+    return dates_of_rows
 
 
-def _since_midnight(since: np.ndarray, cells: Sequence[str]) -> np.ndarray:
+def _since_midnight(seconds: np.ndarray, cells: Sequence[str]) -> np.ndarray:
     """Seconds (n,) since the first midnight."""
     hour, minute, second = (float(part) for part in re.findall(r"[0-9]+", next(c for c in cells if c.strip()))[:3])
-    return since + 3600 * hour + 60 * minute + second
+    return seconds + 3600 * hour + 60 * minute + second
 
 
 def _readings(table: Table, j: int) -> list[tuple[np.ndarray, float]]:
@@ -315,17 +317,17 @@ def _readings(table: Table, j: int) -> list[tuple[np.ndarray, float]]:
     if form is None:
         return []
     try:
-        known, parts = all_parts(table, j, form)
+        places, parts = all_parts(table, j, form)
     except ValueError:
         return []
-    nanos = np.concatenate([each.nanos for each in parts])
-    found: list[tuple[np.ndarray, float]] = []
+    nanos = np.concatenate([part.nanos for part in parts])
+    readings: list[tuple[np.ndarray, float]] = []
     for order in ORDERS[form]:
-        if any(each.wrong[order].any() for each in parts):
+        if any(part.wrong[order].any() for part in parts):
             continue
-        seconds = np.concatenate([each.seconds[order] for each in parts])
+        seconds = np.concatenate([part.seconds[order] for part in parts])
         t = np.full(len(table.columns[j]), np.nan)
-        t[known] = (seconds - seconds[0]).astype(float) + (nanos - nanos[0]) / 1e9
-        if not any(np.array_equal(t, other, equal_nan=True) for other, _ in found):
-            found.append((t, float(seconds[0] + nanos[0] / 1e9)))
-    return found
+        t[places] = (seconds - seconds[0]).astype(float) + (nanos - nanos[0]) / 1e9
+        if not any(np.array_equal(t, reading, equal_nan=True) for reading, _ in readings):
+            readings.append((t, float(seconds[0] + nanos[0] / 1e9)))
+    return readings

@@ -51,23 +51,23 @@ def is_hdf(path: Path) -> bool:
 def variables_of_5(path: Path) -> dict[str, Tree]:
     """The variables of a file up to version 7."""
     check_level_5(path)
-    found = {}
+    variables = {}
     for name, value in load_5(path).items():
         if name == "None":  # objects have no name in their head; the last of them stands for all
-            found[_text(value.ravel()[0]["s0"])] = _from_5(value)
+            variables[_text(value.ravel()[0]["s0"])] = _from_5(value)
         elif not name.startswith("__"):
-            found[name] = _from_5(value)
-    return found
+            variables[name] = _from_5(value)
+    return variables
 
 
 def load_5(path: Path, names: list[str] | None = None) -> dict[str, Any]:
     """What scipy reads, all or only the variables `names`; its warnings are about damaged or doubled variables."""
     from scipy.io import loadmat
 
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as messages:
         warnings.simplefilter("always")
         content = loadmat(path, variable_names=names)
-    for warning in said:
+    for warning in messages:
         if 'name "None"' not in str(warning.message):  # which all objects have
             raise ValueError(str(warning.message))
     return content
@@ -127,9 +127,9 @@ def _from_73(file: "h5py.File", node: Any, depth: int) -> Tree:
         members = dict(_members(file, node, depth + 1))
         counts = {len(member.entries) for member in members.values() if isinstance(member, Cells)}
         # A struct array keeps one list of references a field; a field that is a cell array is a cell of class `cell`.
-        many = len(counts) == 1 and all(isinstance(each, Cells) for each in members.values()) and members
-        if many and not any(_text(node[name].attrs.get("MATLAB_class", b"")) == "cell" for name in members):
-            return [{name: each.entries[k] for name, each in members.items()} for k in range(counts.pop())]
+        structs = len(counts) == 1 and all(isinstance(entry, Cells) for entry in members.values()) and members
+        if structs and not any(_text(node[name].attrs.get("MATLAB_class", b"")) == "cell" for name in members):
+            return [{name: entry.entries[k] for name, entry in members.items()} for k in range(counts.pop())]
         return members
     if node.attrs.get("MATLAB_empty"):
         return "" if kind == "char" else np.empty((0, 0))
@@ -145,7 +145,7 @@ def _from_73(file: "h5py.File", node: Any, depth: int) -> Tree:
     return values
 
 
-def described(tree: Tree) -> str:
+def describe_tree(tree: Tree) -> str:
     """What a variable is, for messages."""
     if isinstance(tree, Opaque):
         return f"{tree.kind} object"
@@ -206,7 +206,7 @@ class _Matrix:
         kind, bits = (flags[0], flags[1]) if self.order == "<" else (flags[3], flags[2])
         if kind == OPAQUE:
             return
-        shape = self._whole(self._next({5}))
+        shape = self._integers(self._next({5}))
         if len(shape) < 2 or min(shape) < 0:
             raise ValueError("impossible dimensions")
         self._next({1, 2, 16})  # the name
@@ -239,7 +239,7 @@ class _Matrix:
             raise ValueError("an element is cut or of another type")
         return self.data[start : start + length]
 
-    def _whole(self, data: bytes) -> list[int]:
+    def _integers(self, data: bytes) -> list[int]:
         if len(data) % 4:
             raise ValueError("a whole number is cut")
         return list(struct.unpack(f"{self.order}{len(data) // 4}i", data))
@@ -248,7 +248,7 @@ class _Matrix:
         """Number of fields of a struct."""
         if kind == OBJECT:
             self._next({1, 2, 16})  # the name of its class
-        (width,) = self._whole(self._next({5})) or [0]
+        (width,) = self._integers(self._next({5})) or [0]
         names = self._next({1, 2, 16})
         if width < 1 or len(names) % width:
             raise ValueError("impossible names of fields")
@@ -262,7 +262,7 @@ class _Matrix:
         return data
 
     def _sparse(self, shape: list[int], twice: bool) -> None:
-        rows, starts = self._whole(self._next({5})), self._whole(self._next({5}))
+        rows, starts = self._integers(self._next({5})), self._integers(self._next({5}))
         rising = all(a <= b for a, b in pairwise(starts))
         if len(shape) != 2 or len(starts) != shape[1] + 1 or starts[0] != 0 or not rising or starts[-1] > len(rows):
             raise ValueError("impossible columns of a sparse matrix")

@@ -49,16 +49,16 @@ class Foreign(Protocol):
 
 def read(path: Path, reader: type[Foreign]) -> tuple[Table, str]:
     """The table and the header of the file, by a reader of other programs' files. Raises InputError or OSError."""
-    said = _asked(path, reader, head=False)
-    return said["table"], said["header"]
+    answer = _ask(path, reader, head=False)
+    return answer["table"], answer["header"]
 
 
 def header(path: Path, reader: type[Foreign]) -> str:
     """The header of the file alone."""
-    return _asked(path, reader, head=True)["header"]
+    return _ask(path, reader, head=True)["header"]
 
 
-def _asked(path: Path, reader: type[Foreign], head: bool) -> dict[str, Any]:
+def _ask(path: Path, reader: type[Foreign], head: bool) -> dict[str, Any]:
     size = path.stat().st_size if path.is_file() else sum(p.stat().st_size for p in path.rglob("*") if p.is_file())
     seconds = SECONDS + SECONDS_PER_BYTE * size
     folder = ""
@@ -76,29 +76,29 @@ def _asked(path: Path, reader: type[Foreign], head: bool) -> dict[str, Any]:
         "bytes": int(BYTES + BYTES_PER_BYTE * size + BYTES_PER_CORE * (os.cpu_count() or 1)),
     }
     with _LOCK:
-        code, said = _forked(request, path) if FORKS else _started(request, path)
-    if "errno" in said:
-        raise OSError(said["errno"], said["strerror"])
-    if "error" in said:
-        raise InputError(said["error"].replace("\n", r"\n"))
-    if "header" not in said:
-        raise InputError(f"{path} {_sentence(code, said, request)}")
-    return said
+        code, answer = _ask_server(request, path) if FORKS else _ask_new_process(request, path)
+    if "errno" in answer:
+        raise OSError(answer["errno"], answer["strerror"])
+    if "error" in answer:
+        raise InputError(answer["error"].replace("\n", r"\n"))
+    if "header" not in answer:
+        raise InputError(f"{path} {_sentence(code, answer, request)}")
+    return answer
 
 
-def _sentence(code: int, said: dict[str, Any], request: dict[str, Any]) -> str:
-    again = "write it again with the program that made it"
-    if said.get("memory"):
+def _sentence(code: int, answer: dict[str, Any], request: dict[str, Any]) -> str:
+    remedy = "write it again with the program that made it"
+    if answer.get("memory"):
         return (
             f"needs more than {request['bytes'] / 2**30:.0f} GiB of memory to read; it is damaged, or too large: "
-            f"{again}, with fewer samples"
+            f"{remedy}, with fewer samples"
         )
     if code in (-getattr(signal, "SIGXCPU", 0), -getattr(signal, "SIGALRM", 0)):
-        return f"was not read within {request['seconds']:.0f} s; it is damaged, or too large: {again}, in parts"
+        return f"was not read within {request['seconds']:.0f} s; it is damaged, or too large: {remedy}, in parts"
     if code == -getattr(signal, "SIGKILL", 9):
-        return f"could not be read: the system ended its reader, as when memory runs out; free memory, or {again}"
-    how = _signal(-code) if code < 0 else said.get("strange", f"exit status {code}")
-    return f"is damaged: its reader ended on it ({how}); {again}"
+        return f"could not be read: the system ended its reader, as when memory runs out; free memory, or {remedy}"
+    ending = _signal(-code) if code < 0 else answer.get("strange", f"exit status {code}")
+    return f"is damaged: its reader ended on it ({ending}); {remedy}"
 
 
 def _signal(number: int) -> str:
@@ -112,19 +112,19 @@ class _Server:
     """The process that forks one for each file, and the socket to it."""
 
     def __init__(self) -> None:
-        self.socket, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with other:
+        self.socket, child_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with child_end:
             # A session of its own: Ctrl-C in the terminal is for this process, which then ends that one.
-            self.process = _start("serve", "", stdin=other, start_new_session=True)
+            self.process = _start("serve", "", stdin=child_end, start_new_session=True)
 
     def ask(self, request: dict[str, Any], file: int) -> int | None:
         """Exit code of the reading process, minus the number of a signal; None if the server itself is gone."""
         try:
             socket.send_fds(self.socket, [json.dumps(request).encode()], [file])
-            said = self.socket.recv(64)
+            reply = self.socket.recv(64)
         except ConnectionError:
             return None
-        return json.loads(said) if said else None
+        return json.loads(reply) if reply else None
 
     def end(self) -> None:
         """Ends the server and what it forked."""
@@ -138,7 +138,7 @@ _LOCK = Lock()
 _server: _Server | None = None
 
 
-def _forked(request: dict[str, Any], path: Path) -> tuple[int, dict[str, Any]]:
+def _ask_server(request: dict[str, Any], path: Path) -> tuple[int, dict[str, Any]]:
     global _server
     for last in (False, True):
         _server = _server or _Server()
@@ -164,7 +164,7 @@ def _memory() -> Iterator[int]:
         os.close(file)
 
 
-def _started(request: dict[str, Any], path: Path) -> tuple[int, dict[str, Any]]:
+def _ask_new_process(request: dict[str, Any], path: Path) -> tuple[int, dict[str, Any]]:
     """The same by a process for this file alone, where there is no fork."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         answer = Path(folder) / "answer"
@@ -189,8 +189,10 @@ def _answer(file: int, path: Path) -> dict[str, Any]:
 
 
 def _start(function: str, argument: str, **options: Any) -> subprocess.Popen:
-    found = [each for each in sys.path if isinstance(each, str)]  # the same modules as here, however they were found
-    code = f"import sys; sys.path[:] = {found!r}; from sysid.formats import _sandbox_child; _sandbox_child.{function}()"
+    folders = [folder for folder in sys.path if isinstance(folder, str)]  # the same modules as here
+    code = (
+        f"import sys; sys.path[:] = {folders!r}; from sysid.formats import _sandbox_child; _sandbox_child.{function}()"
+    )
     try:
         return subprocess.Popen(
             [os.fsdecode(get_executable()), "-I", "-c", code, argument],
@@ -209,9 +211,9 @@ def _start(function: str, argument: str, **options: Any) -> subprocess.Popen:
 def end() -> None:
     """Ends the server, if there is one; the next file starts another."""
     global _server
-    gone, _server = _server, None
-    if gone:
-        gone.end()
+    server, _server = _server, None
+    if server:
+        server.end()
 
 
 def _forget() -> None:

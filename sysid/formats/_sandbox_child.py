@@ -26,26 +26,26 @@ from sysid.data.table import Table
 _TAIL = 8  # bytes of the length
 
 
-def write_answer(file: int, found: Table | None, **said: Any) -> None:
+def write_answer(file: int, table: Table | None, **content: Any) -> None:
     """Writes a table, and whatever else is said, into the open file descriptor."""
     place, columns = 0, []
-    for values in found.columns if found else ():
+    for values in table.columns if table else ():
         values = np.ascontiguousarray(values)
         columns.append((values.dtype.str, len(values), place))
         _write_all(file, memoryview(values).cast("B") if len(values) else b"")
         place += values.nbytes
-    if found:
-        said["table"] = {
-            "names": found.names,
+    if table:
+        content["table"] = {
+            "names": table.names,
             "columns": columns,
-            "place": found.place,
-            "units": dict(found.units),
-            "meta": dict(found.meta),
-            "notes": found.notes,
-            "timed": sorted(found.timed),
-            "local": dict(found.local),
+            "place": table.place,
+            "units": dict(table.units),
+            "meta": dict(table.meta),
+            "notes": table.notes,
+            "timed": sorted(table.timed),
+            "local": dict(table.local),
         }
-    text = json.dumps(said).encode()
+    text = json.dumps(content).encode()
     _write_all(file, text + len(text).to_bytes(_TAIL, "little"))
 
 
@@ -54,15 +54,15 @@ def read_answer(file: int, path: Path) -> dict[str, Any]:
     size = os.fstat(file).st_size
     if size < _TAIL:
         raise ValueError("nothing was written")
-    held = mmap.mmap(file, size, access=mmap.ACCESS_COPY)  # arrays keep it; nothing is copied
+    memory = mmap.mmap(file, size, access=mmap.ACCESS_COPY)  # arrays keep it; nothing is copied
     end = size - _TAIL
-    length = int.from_bytes(held[end:], "little")
-    said = json.loads(held[max(0, end - length) : end])
-    if "table" in said:
-        table = said["table"]
-        columns = tuple(np.frombuffer(held, kind, count, place) for kind, count, place in table["columns"])
+    length = int.from_bytes(memory[end:], "little")
+    content = json.loads(memory[max(0, end - length) : end])
+    if "table" in content:
+        table = content["table"]
+        columns = tuple(np.frombuffer(memory, kind, count, place) for kind, count, place in table["columns"])
         rows = tuple(range(1, len(values) + 1) for values in columns)
-        said["table"] = Table(
+        content["table"] = Table(
             path,
             tuple(table["names"]),
             columns,
@@ -74,13 +74,13 @@ def read_answer(file: int, path: Path) -> dict[str, Any]:
             timed=frozenset(table["timed"]),
             local=table["local"],
         )
-    return said
+    return content
 
 
 def _write_all(file: int, raw: Any) -> None:
-    left = memoryview(raw)
-    while left:
-        left = left[os.write(file, left) :]
+    rest = memoryview(raw)
+    while rest:
+        rest = rest[os.write(file, rest) :]
 
 
 IDLE = 60.0  # [s] after which a server that nobody asks ends
@@ -88,31 +88,32 @@ IDLE = 60.0  # [s] after which a server that nobody asks ends
 
 def serve() -> None:
     """Reads the files that are asked for on the socket at descriptor 0, until its other end is closed."""
-    asked = socket.socket(fileno=0)
-    while select.select([asked], [], [], IDLE)[0]:
-        raw, files, *_ = socket.recv_fds(asked, 1 << 20, 1)
+    requests = socket.socket(fileno=0)
+    while select.select([requests], [], [], IDLE)[0]:
+        raw, files, *_ = socket.recv_fds(requests, 1 << 20, 1)
         if not raw:
             return
         request = json.loads(raw)
         for library in request["libraries"]:  # once, not in each process
             with suppress(ImportError):
                 import_module(library)
-        ended, alive = os.pipe()
+        end_of_child, alive = os.pipe()
         process = os.fork()
         if process == 0:
-            asked.close()
-            once(request, files[0])
+            requests.close()
+            read_once(request, files[0])
         os.close(alive)
         os.close(files[0])
-        if asked.fileno() in select.select([asked.fileno(), ended], [], [])[0]:  # who asked is gone, or gives up
+        # Who asked is gone, or gives up.
+        if requests.fileno() in select.select([requests.fileno(), end_of_child], [], [])[0]:
             os.kill(process, signal.SIGKILL)
             os.waitpid(process, 0)
             return
-        os.close(ended)
-        asked.send(json.dumps(os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])).encode())
+        os.close(end_of_child)
+        requests.send(json.dumps(os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])).encode())
 
 
-def once(request: dict[str, Any], file: int) -> None:
+def read_once(request: dict[str, Any], file: int) -> None:
     """Reads one file, writes what was found to the descriptor and ends the process."""
     with suppress(OSError):
         os.chdir(request["folder"])
@@ -139,14 +140,18 @@ def _limit(seconds: float, wait: float, size: int) -> None:
         import resource
 
         signal.alarm(max(1, int(wait)))
-        used = 0
+        present_size = 0
         with suppress(OSError, ValueError):
-            used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        for kind, most in (("RLIMIT_CPU", max(1, int(seconds))), ("RLIMIT_AS", used + size), ("RLIMIT_CORE", 0)):
+            present_size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        for kind, limit in (
+            ("RLIMIT_CPU", max(1, int(seconds))),
+            ("RLIMIT_AS", present_size + size),
+            ("RLIMIT_CORE", 0),
+        ):
             number = getattr(resource, kind, None)
             if number is not None:
                 hard = resource.getrlimit(number)[1]
-                soft = most if hard == resource.RLIM_INFINITY else min(most, hard)
+                soft = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
                 with suppress(OSError, ValueError):
                     resource.setrlimit(number, (soft, hard))
         with suppress(OSError):  # where memory runs out all the same, this process goes first
@@ -156,4 +161,4 @@ def _limit(seconds: float, wait: float, size: int) -> None:
 def main() -> None:
     """The one request of a system without fork, as its argument: the answer goes to the file that it names."""
     request = json.loads(sys.argv[-1])
-    once(request, os.open(request["answer"], os.O_WRONLY | getattr(os, "O_BINARY", 0)))
+    read_once(request, os.open(request["answer"], os.O_WRONLY | getattr(os, "O_BINARY", 0)))

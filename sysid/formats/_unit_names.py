@@ -88,7 +88,7 @@ def is_unit(text: str) -> bool:
 def units_of(names: Iterable[str]) -> dict[str, str]:
     """The unit in each name that has one, as it is written there; `speed_rad_s` gives rad/s."""
     names = [name for name in names if len(name) <= LONGEST]
-    found = {name: unit for name in names if (unit := _unit(name))}
+    units = {name: unit for name in names if (unit := _unit(name))}
     families: dict[str, dict[str, str]] = {}
     for name in names:
         if match := FAMILY.fullmatch(name):
@@ -97,8 +97,8 @@ def units_of(names: Iterable[str]) -> dict[str, str]:
         if not set(members) <= set(LETTER):  # one is no unit, so the letters count phases or axes
             for letter, name in members.items():
                 if letter != "h" or not _names(FAMILY.fullmatch(name)[1], "s"):  # type: ignore[index]
-                    found.pop(name, None)
-    return found
+                    units.pop(name, None)
+    return units
 
 
 @checked
@@ -112,17 +112,17 @@ def _unit(name: str) -> str | None:
         if match := form.fullmatch(name.strip()):
             stem, unit = match["stem"], match["unit"]
             plural = unit == "s" and not match["mark"] and not _names(stem, "s")  # motor(s)
-            spelled = is_unit(unit) or unit.lower() in LOUD
-            return unit if spelled and not plural else None
+            is_spelled = is_unit(unit) or unit.lower() in LOUD
+            return unit if is_spelled and not plural else None
     if (match := IN.fullmatch(name.strip())) and is_unit(match["unit"]):
         return match["unit"].strip()
     if match := RATE.fullmatch(name):
         return f"{match[2]}/{match[3].replace('s2', 's^2')}"
     if match := SLASH.fullmatch(name):
         unit = match["unit"]
-        known = is_unit(unit) and not is_unit(name)  # U/min and km/h are no names
-        known = known and (unit not in ("min", "h") or _names(match["stem"], "s"))
-        return unit if known else None
+        is_known = is_unit(unit) and not is_unit(name)  # U/min and km/h are no names
+        is_known = is_known and (unit not in ("min", "h") or _names(match["stem"], "s"))
+        return unit if is_known else None
     if match := TAIL.fullmatch(name):
         stem, unit = match["stem"], match["unit"]
         if TIMES.search(stem):

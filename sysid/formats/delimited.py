@@ -14,7 +14,7 @@ from sysid.base import forked
 from sysid.base.errors import InputError
 from sysid.data.table import Table, is_number
 from sysid.formats._body import WITH_COMMA, Body
-from sysid.formats._cells import Layout, blocks, cells, comments, data_lines, split, trimmed
+from sysid.formats._cells import Layout, blocks, cells, comments, data_lines, split, trim
 from sysid.formats._unit_names import is_unit, units_of
 from sysid.formats.serial_capture import SerialCapture, looks_like_one
 
@@ -66,10 +66,10 @@ class Delimited:
     def header(self, path: Path) -> str:
         """The comment lines `# qpal: ...` at the top of the file."""
         try:
-            above = comments(path)
+            lines_above = comments(path)
         except InputError:  # binary bytes among the lines of a capture
             return ""
-        lines = [line.removeprefix(HEADER) for line in above if line.startswith(HEADER)]
+        lines = [line.removeprefix(HEADER) for line in lines_above if line.startswith(HEADER)]
         return "\n".join(line.removeprefix(" ") for line in lines)
 
 
@@ -81,8 +81,10 @@ def _read(path: Path) -> Table:
         raise InputError(f"{path} has no whole row of numbers; give a file with one row a sample")
     rows = (body.rows,) * len(head.names)
     columns, notes = tuple(body.columns), tuple(body.notes)
-    above = tuple(line for line in comments(path) if not line.startswith(HEADER))
-    return Table(path, head.names, columns, rows, decimal=body.decimal, units=head.units, notes=notes, comments=above)
+    lines_above = tuple(line for line in comments(path) if not line.startswith(HEADER))
+    return Table(
+        path, head.names, columns, rows, decimal=body.decimal, units=head.units, notes=notes, comments=lines_above
+    )
 
 
 def _read_either(path: Path) -> Table:
@@ -102,32 +104,40 @@ def _read_either(path: Path) -> Table:
 def _head(path: Path) -> Head:
     every = (entry for row, block in blocks(path) for entry in data_lines(row, block))
     sample = [(row, line.decode()) for row, line in islice(every, SAMPLE)]
-    stated = SEPARATOR.fullmatch(sample[0][1].strip(" ")) if sample else None
-    above = sample.pop(0)[0] if stated else 0
+    sep_line = SEPARATOR.fullmatch(sample[0][1].strip(" ")) if sample else None
+    sep_row = sample.pop(0)[0] if sep_line else 0
     if not sample:
         raise InputError(f"{path} has no rows; give a file with one row a sample")
-    separator = stated[1] if stated else _separator(sample[0][1], [line for _, line in sample[1:]] or [sample[0][1]])
+    separator = (
+        sep_line[1] if sep_line else _separator(sample[0][1], [line for _, line in sample[1:]] or [sample[0][1]])
+    )
     rows = [split(path, *sample[0], separator), *(_split(line, separator) for _, line in sample[1:])]
-    used = max(map(len, rows))
-    while used > 1 and all(len(row) < used or not row[used - 1] for row in rows):
-        used -= 1
-    layout = Layout(separator, min(len(rows[0]), used), sample[0][0])
-    first, below = trimmed(rows[0], layout.width), rows[1] if len(rows) > 1 else []
+    width = max(map(len, rows))
+    while width > 1 and all(len(row) < width or not row[width - 1] for row in rows):
+        width -= 1
+    layout = Layout(separator, min(len(rows[0]), width), sample[0][0])
+    first, second_row = trim(rows[0], layout.width), rows[1] if len(rows) > 1 else []
     if _is_count(first) and len(rows) > FEW and not any(_is_whole(cell) for row in rows[1:] for cell in row):
         raise InputError(
             f"{path}, row {sample[0][0]}: found {', '.join(first)[:40]}, which may be names or the first sample, as no "
             "number below is whole; write names into it, or remove it"
         )
-    if not _is_header(first, below):
+    if not _is_header(first, second_row):
         names = _names_in_comment(path, layout) or [str(j + 1) for j in range(layout.width)]
-        return Head(tuple(names), units_of(names), layout, above + 1)
+        return Head(tuple(names), units_of(names), layout, sep_row + 1)
     if len(rows) == 1:
         raise InputError(f"{path} has a header and no rows under it; give a file with one row a sample")
     names = [name or str(j + 1) for j, name in enumerate(first)]
     _check_names(path, names)
     units, start = units_of(names), sample[0][0] + 1
-    if any(is_unit(_bare(cell)) for cell in below) and all(_is_unit_or_blank(cell) for cell in below):
-        units |= {name: _bare(cell) for name, cell in zip(names, below, strict=False) if is_unit(_bare(cell))}
+    if any(is_unit(_strip_brackets(cell)) for cell in second_row) and all(
+        _is_unit_or_blank(cell) for cell in second_row
+    ):
+        units |= {
+            name: _strip_brackets(cell)
+            for name, cell in zip(names, second_row, strict=False)
+            if is_unit(_strip_brackets(cell))
+        }
         start = sample[1][0] + 1
     return Head(tuple(names), units, layout, start)
 
@@ -160,7 +170,7 @@ def _comma_numbers(line: str) -> bool:
     return len(words) > 1 and all(is_number(word.replace(",", ".")) for word in words)
 
 
-def _is_header(first: Sequence[str], below: Sequence[str]) -> bool:
+def _is_header(first: Sequence[str], second_row: Sequence[str]) -> bool:
     """Whether the first row holds names: it has text, and the row below does not have text in the same places."""
     texts = [j for j, cell in enumerate(first) if cell and not _is_cell_of_numbers(cell)]
     if not texts:
@@ -168,7 +178,7 @@ def _is_header(first: Sequence[str], below: Sequence[str]) -> bool:
     if any(_is_cell_of_numbers(cell) and not cell.isdigit() for cell in first):
         return False  # 0.5 is no name: the row is one of numbers, with a text in it
     if any(cell.isdigit() for cell in first):
-        return any(j < len(below) and _is_cell_of_numbers(below[j]) for j in texts)
+        return any(j < len(second_row) and _is_cell_of_numbers(second_row[j]) for j in texts)
     return True
 
 
@@ -185,25 +195,25 @@ def _is_cell_of_numbers(cell: str) -> bool:
     return is_number(cell) or re.match(WITH_COMMA, cell) is not None
 
 
-def _bare(cell: str) -> str:
+def _strip_brackets(cell: str) -> str:
     return cell.strip("[](){} ")
 
 
 def _is_unit_or_blank(cell: str) -> bool:
-    return (_bare(cell) in ("", "-", "1", "–") and not is_number(cell)) or is_unit(_bare(cell))
+    return (_strip_brackets(cell) in ("", "-", "1", "–") and not is_number(cell)) or is_unit(_strip_brackets(cell))
 
 
 def _names_in_comment(path: Path, layout: Layout) -> list[str] | None:
     """Names in the last comment above a table without a header, if it has a word for each column."""
-    above = [text for text in comments(path) if not text.startswith(HEADER)]
-    names = _split(above[-1], layout.separator) if above else []
+    lines_above = [text for text in comments(path) if not text.startswith(HEADER)]
+    names = _split(lines_above[-1], layout.separator) if lines_above else []
     named = len(names) == layout.width and len(set(names)) == len(names)
     return names if named and all(re.match(r"[^\W\d]", name) for name in names) else None
 
 
 def _check_names(path: Path, names: list[str]) -> None:
-    seen = set()
+    names_so_far = set()
     for name in names:
-        if name in seen:
+        if name in names_so_far:
             raise InputError(f"{path}: two columns are called {name!r}; rename one of them")
-        seen.add(name)
+        names_so_far.add(name)

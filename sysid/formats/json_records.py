@@ -30,13 +30,13 @@ class JsonRecords:
     def read(self, path: Path) -> Table:
         """The columns of `path`; raises InputError if it is no JSON or holds no samples."""
         try:
-            found = _Found(path)
+            gathered = _Gathered(path)
             value = _value(path) if path.suffix.lower() == ".json" else LINES
             if value is LINES:
-                found.take_lines(_lines(path, found.notes))
+                gathered.take_lines(_lines(path, gathered.notes))
             else:
-                found.take(value)
-            return found.table()
+                gathered.take(value)
+            return gathered.table()
         except RecursionError:
             raise InputError(
                 f"{path} is not a readable JSON file (nested too deep); save it as a list of samples"
@@ -51,7 +51,7 @@ class JsonRecords:
         return ""
 
 
-class _Found:
+class _Gathered:
     """Columns found so far: cells by name, and the numbers of their entries or rows."""
 
     def __init__(self, path: Path) -> None:
@@ -88,19 +88,19 @@ class _Found:
             samples = [dict(zip(names, row, strict=True)) for row in data]
             self._list(prefix, samples, range(1, len(samples) + 1))
             return
-        value = {key: _numbered(each) for key, each in value.items()}
-        lists = [key for key, each in value.items() if isinstance(each, list) and _is_signal(each)]
-        for key, each in value.items():
+        value = {key: _as_list(element) for key, element in value.items()}
+        lists = [key for key, element in value.items() if isinstance(element, list) and _is_signal(element)]
+        for key, element in value.items():
             if key in lists:
-                alone = len(lists) == 1 and isinstance(each[0], dict)
-                self._list(prefix if alone else _joined(prefix, key), each, range(1, len(each) + 1))
-            elif isinstance(each, dict):
-                below: dict[str, Any] = {}
-                self._object(_joined(prefix, key), each, below)
-                if below or not each:
-                    meta[key] = below
+                alone = len(lists) == 1 and isinstance(element[0], dict)
+                self._list(prefix if alone else _join(prefix, key), element, range(1, len(element) + 1))
+            elif isinstance(element, dict):
+                members: dict[str, Any] = {}
+                self._object(_join(prefix, key), element, members)
+                if members or not element:
+                    meta[key] = members
             else:
-                meta[key] = each
+                meta[key] = element
 
     def _list(self, prefix: str, entries: list[Any], rows: Sequence[int]) -> None:
         if not entries:
@@ -119,22 +119,24 @@ class _Found:
             entries, rows = self._rows_of(entries, rows), rows
             if len(entries) != len(rows):
                 rows = range(1, len(entries) + 1)
-            shown = [{f"{prefix}:{j + 1}" if prefix else str(j + 1): cell for j, cell in enumerate(e)} for e in entries]
+            samples = [
+                {f"{prefix}:{j + 1}" if prefix else str(j + 1): cell for j, cell in enumerate(e)} for e in entries
+            ]
         else:
-            shown = [dict(_flat(prefix, entry or {})) for entry in entries]
-            self._check_forms(shown, rows)
-        for name in dict.fromkeys(name for sample in shown for name in sample):
-            self._column(name, [sample.get(name) for sample in shown], rows)
+            samples = [dict(_flat(prefix, entry or {})) for entry in entries]
+            self._check_forms(samples, rows)
+        for name in dict.fromkeys(name for sample in samples for name in sample):
+            self._column(name, [sample.get(name) for sample in samples], rows)
 
     def _check_forms(self, samples: list[dict[str, Any]], rows: Sequence[int]) -> None:
         """Raises InputError for an entry that is a number in one sample and a list or an object in another."""
         names = {name for sample in samples for name in sample}
-        below = {name: parent for name in names for parent in _parents(name) if parent in names}
+        parents = {name: parent for name in names for parent in _parents(name) if parent in names}
         for row, sample in zip(rows, samples, strict=True):
-            for name in sample if below else ():
-                if below.get(name, name) not in sample:
+            for name in sample if parents else ():
+                if parents.get(name, name) not in sample:
                     raise InputError(
-                        f"{self.path}, {self.place} {row}: found a list or an object for {below[name]!r}, which is a "
+                        f"{self.path}, {self.place} {row}: found a list or an object for {parents[name]!r}, which is a "
                         "number elsewhere; give every sample the same form"
                     )
 
@@ -187,11 +189,11 @@ def _value(path: Path) -> Any:
     except json.JSONDecodeError as error:
         if error.msg == "Extra data" and error.lineno > 1:
             return LINES
-        raise _broken(path, error, error.lineno) from None
+        raise _broken_error(path, error, error.lineno) from None
     except _TwiceError as error:
         raise InputError(f"{path}: two entries of one object are called {error.name!r}; rename one of them") from None
     except ValueError as error:
-        raise _broken(path, error) from None
+        raise _broken_error(path, error) from None
 
 
 def _lines(path: Path, notes: list[str]) -> list[tuple[int, Any]]:
@@ -199,30 +201,30 @@ def _lines(path: Path, notes: list[str]) -> list[tuple[int, Any]]:
     try:
         lines = path.read_bytes().decode("utf-8-sig").split("\n")
     except UnicodeDecodeError as error:
-        raise _broken(path, error) from None
-    found = []
+        raise _broken_error(path, error) from None
+    values = []
     for row, line in enumerate(lines, start=1):
         if not line.strip():
             continue
         try:
-            found.append((row, json.loads(line, object_pairs_hook=_unique)))
+            values.append((row, json.loads(line, object_pairs_hook=_unique)))
         except _TwiceError as error:
             raise InputError(f"{path}, row {row}: two entries are called {error.name!r}; rename one of them") from None
         except ValueError as error:
-            if row < len(lines) or not found:
-                raise _broken(path, error, row) from None
+            if row < len(lines) or not values:
+                raise _broken_error(path, error, row) from None
             notes.append(f"left out row {row}, the last, which is cut off")
-    if not found:
+    if not values:
         raise InputError(f"{path} has no samples; give a file with one a row")
-    return found
+    return values
 
 
-def _broken(path: Path, error: ValueError, row: int | None = None) -> InputError:
-    what = f"{error.msg} at character {error.colno}" if isinstance(error, json.JSONDecodeError) else str(error)
-    if "int_max_str_digits" in what:  # Python's advice is for programmers
-        what = "a whole number of more than 4300 digits"
+def _broken_error(path: Path, error: ValueError, row: int | None = None) -> InputError:
+    description = f"{error.msg} at character {error.colno}" if isinstance(error, json.JSONDecodeError) else str(error)
+    if "int_max_str_digits" in description:  # Python's advice is for programmers
+        description = "a whole number of more than 4300 digits"
     place = "" if row is None else f", row {row},"
-    return InputError(f"{path}{place} is not a readable JSON file ({what}); it is cut or damaged; save it again")
+    return InputError(f"{path}{place} is not a readable JSON file ({description}); it is cut or damaged; save it again")
 
 
 class _TwiceError(Exception):
@@ -233,18 +235,18 @@ class _TwiceError(Exception):
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    members = dict(pairs)
+    if len(members) < len(pairs):
         names = [name for name, _ in pairs]
         raise _TwiceError(next(name for name in names if names.count(name) > 1))
-    return found
+    return members
 
 
 def _flat(prefix: str, entry: Any) -> Iterator[tuple[str, Any]]:
     """The cells of one sample by column."""
     if isinstance(entry, dict):
         for key, value in entry.items():
-            yield from _flat(_joined(prefix, key), value)
+            yield from _flat(_join(prefix, key), value)
     elif isinstance(entry, list):
         for k, value in enumerate(entry):
             yield from _flat(f"{prefix}[{k}]", value)
@@ -259,22 +261,24 @@ def _parents(name: str) -> Iterator[str]:
             yield name[:k]
 
 
-def _joined(prefix: str, key: str) -> str:
+def _join(prefix: str, key: str) -> str:
     return f"{prefix}.{key}" if prefix else key
 
 
-def _numbered(value: Any) -> Any:
+def _as_list(value: Any) -> Any:
     """An object with the keys 0, 1, ... as the list that it is."""
     numbered = isinstance(value, dict) and len(value) > 1 and list(value) == [str(k) for k in range(len(value))]
     return list(value.values()) if numbered else value
 
 
 def _is_signal(value: list[Any]) -> bool:
-    return bool(value) and (isinstance(value[0], dict | list) or any(isinstance(each, int | float) for each in value))
+    return bool(value) and (
+        isinstance(value[0], dict | list) or any(isinstance(element, int | float) for element in value)
+    )
 
 
 def _all(value: Any, kind: type) -> bool:
-    return isinstance(value, list) and bool(value) and all(isinstance(each, kind) for each in value)
+    return isinstance(value, list) and bool(value) and all(isinstance(element, kind) for element in value)
 
 
 def _kind(value: Any) -> str:

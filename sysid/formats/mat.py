@@ -8,8 +8,8 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
-from sysid.formats._arrays import Arrays, listed, squeezed
-from sysid.formats._mat_tree import Cells, Opaque, Tree, described, is_hdf, load_5, variables_of_5, variables_of_73
+from sysid.formats._arrays import Arrays, list_descriptions, squeeze
+from sysid.formats._mat_tree import Cells, Opaque, Tree, describe_tree, is_hdf, load_5, variables_of_5, variables_of_73
 
 HEADER = "qpal"
 
@@ -44,12 +44,12 @@ class Mat:
         if objects:
             name = next(iter(objects))
             remedy = f"in MATLAB take it apart, as in t = {name}.Time; y = {name}.Data; and save t and y"
-            found = listed({name: f"{kind} object" for name, kind in objects.items()})
-            arrays.notes.append(f"{found} cannot be read outside MATLAB; {remedy}")
+            message = list_descriptions({name: f"{kind} object" for name, kind in objects.items()})
+            arrays.notes.append(f"{message} cannot be read outside MATLAB; {remedy}")
         else:
             remedy = "save input and output as vectors"
-        found = listed({name: described(tree) for name, tree in variables.items()})
-        return arrays.table("element", f"has no numeric vector; found {found}; {remedy}")
+        message = list_descriptions({name: describe_tree(tree) for name, tree in variables.items()})
+        return arrays.table("element", f"has no numeric vector; found {message}; {remedy}")
 
     def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
         """Columns (N,) by name, and the header."""
@@ -82,8 +82,8 @@ def _variables(path: Path, hdf: bool) -> dict[str, Tree]:
 def _add(arrays: Arrays, name: str, tree: Tree) -> None:
     if isinstance(tree, dict):
         if not _add_structure_with_time(arrays, name, tree):
-            for field, below in tree.items():
-                _add(arrays, f"{name}.{field}", below)
+            for field, member in tree.items():
+                _add(arrays, f"{name}.{field}", member)
     elif isinstance(tree, list):
         _add_struct_array(arrays, name, tree)
     elif isinstance(tree, Cells):
@@ -124,7 +124,7 @@ def _add_structure_with_time(arrays: Arrays, name: str, tree: dict[str, Tree]) -
     for k, (label, signal) in enumerate(zip(labels, signals, strict=True), start=1):
         values = signal["values"]
         column = f"{name}.{label if labels.count(label) == 1 and label != 'time' else f'signals({k})'}"
-        if isinstance(values, np.ndarray) and values.ndim == 3 and squeezed(values).ndim > 1:
+        if isinstance(values, np.ndarray) and values.ndim == 3 and squeeze(values).ndim > 1:
             values = values.reshape(-1, values.shape[2], order="F").T
         if isinstance(values, np.ndarray) and values.ndim == 2 and values.shape[1] > 1 and len(values) == time.size:
             for j in range(values.shape[1]):  # by time, even where fewer samples than signals were taken

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
-from sysid.formats._arrays import Arrays, described, listed
+from sysid.formats._arrays import Arrays, describe_array, list_descriptions
 
 
 class NumpyArrays:
@@ -35,9 +35,9 @@ class NumpyArrays:
         arrays = Arrays(path)
         for name, values in content.items():
             arrays.add(name, values)
-        found = listed({name: described(np.asarray(values)) for name, values in content.items()})
+        message = list_descriptions({name: describe_array(np.asarray(values)) for name, values in content.items()})
         return arrays.table(
-            "element", f"has no numeric vector; found {found}; save input and output as vectors with np.savez"
+            "element", f"has no numeric vector; found {message}; save input and output as vectors with np.savez"
         )
 
     def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
@@ -71,8 +71,10 @@ def _load(path: Path) -> Any:
         if isinstance(error, OSError) and error.errno:
             raise
         with path.open("rb") as file:
-            known = file.read(6).startswith((b"\x80", b"\x93NUMPY", b"PK\3\4"))  # numpy takes all else for a pickle
-        if known and "allow_pickle" in str(error):
+            recognised = file.read(6).startswith(
+                (b"\x80", b"\x93NUMPY", b"PK\3\4")
+            )  # numpy takes all else for a pickle
+        if recognised and "allow_pickle" in str(error):
             raise InputError(
                 f"{path} holds pickled Python objects, which are never loaded because loading them runs code; "
                 "save plain arrays of numbers with np.savez"

@@ -68,8 +68,8 @@ def _add(arrays: Arrays, name: str, column: "polars.Series") -> None:
 
     kind = column.dtype
     if kind.is_numeric() or kind == polars.Boolean:
-        whole = kind.is_integer() and not column.null_count()
-        arrays.column(name, column.to_numpy() if whole else column.cast(polars.Float64).to_numpy())
+        exact = kind.is_integer() and not column.null_count()
+        arrays.column(name, column.to_numpy() if exact else column.cast(polars.Float64).to_numpy())
     elif kind in (polars.Date, polars.Datetime):
         local = getattr(kind, "time_zone", None) is None
         arrays.column(name, column.cast(polars.Datetime("ns")).to_numpy(), local)

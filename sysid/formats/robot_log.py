@@ -71,10 +71,10 @@ class RobotLog:
         """The modules that read this file, loaded once for many files. Raises InputError if one is not installed."""
         for name in LIBRARIES:
             try:
-                found = find_spec(name) is not None
+                installed = find_spec(name) is not None
             except (ImportError, ValueError):
-                found = False
-            if not found:
+                installed = False
+            if not installed:
                 raise _needs_extra(path)
         return LIBRARIES
 
@@ -82,8 +82,10 @@ class RobotLog:
         """The numbers in `path`; raises InputError if it is damaged, has none, or the extra is not installed."""
         topics: dict[str, Topic] = {}
         notes: list[str] = []
-        left: dict[str, str] = {}
-        messages = _mcap_messages(path, notes, left) if path.suffix.lower() == ".mcap" else _ros_messages(path, left)
+        omitted: dict[str, str] = {}
+        messages = (
+            _mcap_messages(path, notes, omitted) if path.suffix.lower() == ".mcap" else _ros_messages(path, omitted)
+        )
         try:
             for name, time, message in messages:
                 topics.setdefault(name.removeprefix("/"), Topic()).add(time, message)
@@ -96,8 +98,8 @@ class RobotLog:
                 f"{path} is not a readable robot log ({type(error).__name__}: {str(error)[:80]}); repair it with mcap "
                 "recover or ros2 bag reindex, or record it again"
             ) from None
-        if left:
-            notes.append(f"left out {', '.join(f'{topic} ({why})' for topic, why in left.items())}")
+        if omitted:
+            notes.append(f"left out {', '.join(f'{topic} ({reason})' for topic, reason in omitted.items())}")
         return _table(path, topics, notes)
 
     def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
@@ -138,7 +140,7 @@ def _table(path: Path, topics: dict[str, Topic], notes: list[str]) -> Table:
     )
 
 
-def _mcap_messages(path: Path, notes: list[str], left: dict[str, str]) -> Iterator[tuple[str, int, Any]]:
+def _mcap_messages(path: Path, notes: list[str], omitted: dict[str, str]) -> Iterator[tuple[str, int, Any]]:
     """Topic, log time [ns] and message. A file that was cut is read up to there, which is noted."""
     try:
         from mcap.reader import NonSeekingReader, make_reader
@@ -163,7 +165,7 @@ def _mcap_messages(path: Path, notes: list[str], left: dict[str, str]) -> Iterat
                 if callable(decoder):
                     yield channel.topic, message.log_time, decoder(message.data)
                 else:
-                    left[channel.topic] = decoder
+                    omitted[channel.topic] = decoder
                 count += 1
         except Exception as error:  # mcap has no one class for what a cut does
             if whole or not count:
@@ -189,7 +191,7 @@ def _decoder(schema: Any, channel: Any) -> Any:
     return lambda raw: read(raw, name)
 
 
-def _ros_messages(path: Path, left: dict[str, str]) -> Iterator[tuple[str, int, Any]]:
+def _ros_messages(path: Path, omitted: dict[str, str]) -> Iterator[tuple[str, int, Any]]:
     """Topic, log time [ns] and message of a bag of ROS 1 or ROS 2."""
     try:
         from rosbags.highlevel import AnyReader
@@ -197,9 +199,15 @@ def _ros_messages(path: Path, left: dict[str, str]) -> Iterator[tuple[str, int, 
     except ImportError:
         raise _needs_extra(path) from None
     with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
-        known = [each for each in reader.connections if each.msgtype in reader.typestore.fielddefs]
-        left |= {each.topic: f"unknown type {each.msgtype}" for each in reader.connections if each not in known}
-        for connection, time, raw in reader.messages(connections=known) if known else ():
+        readable = [
+            connection_ for connection_ in reader.connections if connection_.msgtype in reader.typestore.fielddefs
+        ]
+        omitted |= {
+            connection_.topic: f"unknown type {connection_.msgtype}"
+            for connection_ in reader.connections
+            if connection_ not in readable
+        }
+        for connection, time, raw in reader.messages(connections=readable) if readable else ():
             yield connection.topic, time, reader.deserialize(raw, connection.msgtype)
 
 
@@ -219,13 +227,15 @@ def _numbers(prefix: str, value: Any) -> Iterator[tuple[str, float | Stamp]]:
         if kind.endswith("/Time") and hasattr(value, "nanosec"):
             yield prefix, Stamp(int(getattr(value, "sec", 0)) * SECOND + int(value.nanosec))
         else:
-            members = {each.name: getattr(value, each.name) for each in fields(value) if each.name != "__msgtype__"}
+            members = {
+                element.name: getattr(value, element.name) for element in fields(value) if element.name != "__msgtype__"
+            }
             yield from _members(prefix, members)
     elif isinstance(value, dict):
         yield from _members(prefix, value)
     elif isinstance(value, list | tuple | np.ndarray) and len(value) <= LONGEST:
-        for k, each in enumerate(value):
-            yield from _numbers(f"{prefix}[{k}]", each)
+        for k, element in enumerate(value):
+            yield from _numbers(f"{prefix}[{k}]", element)
 
 
 def _members(prefix: str, members: Mapping[str, Any]) -> Iterator[tuple[str, float | Stamp]]:
@@ -234,8 +244,8 @@ def _members(prefix: str, members: Mapping[str, Any]) -> Iterator[tuple[str, flo
     for name, value in members.items():
         column = f"{prefix}.{name}" if prefix else str(name)
         if named and isinstance(value, list | tuple | np.ndarray) and len(value) == len(joints) and name != "name":
-            for joint, each in zip(joints, value, strict=True):
-                yield from _numbers(f"{column}[{joint}]", each)
+            for joint, element in zip(joints, value, strict=True):
+                yield from _numbers(f"{column}[{joint}]", element)
         else:
             yield from _numbers(column, value)
 

@@ -63,14 +63,14 @@ class SerialCapture:
         shape = shapes.most_common(1)[0][0]
         samples = [line for line in lines if line.shape == shape]
         notes: list[str] = []
-        named, names = _names(texts, samples, shape)
-        if named > samples[0].row:  # what stands above the names is no sample: a version, a calibration
-            samples = [line for line in samples if line.row > named]
-        above, below = _ends(texts, samples, named)
-        _check_form(path, texts, lines, samples, (*above, *below))
-        samples = self._without_garbled(path, texts, samples, (above, below), notes)
+        names_row, names = _names(texts, samples, shape)
+        if names_row > samples[0].row:  # what stands above the names is no sample: a version, a calibration
+            samples = [line for line in samples if line.row > names_row]
+        rows_above, rows_below = _ends(texts, samples, names_row)
+        _check_form(path, texts, lines, samples, (*rows_above, *rows_below))
+        samples = self._drop_garbled(path, texts, samples, (rows_above, rows_below), notes)
         names = names or [str(j + 1) for j in range(len(samples[0].cells))]
-        samples, values = _without_misfits(samples, names, notes)
+        samples, values = _drop_misfits(samples, names, notes)
         rows = array("q", [line.row for line in samples])
         return Table(
             path, tuple(names), tuple(values.T), (rows,) * len(names), units=units_of(names), notes=tuple(notes)
@@ -84,24 +84,26 @@ class SerialCapture:
         """None: a microcontroller keeps no header."""
         return ""
 
-    def _without_garbled(
+    def _drop_garbled(
         self, path: Path, texts: list[str], samples: list[Line], ends: tuple[list[int], list[int]], notes: list[str]
     ) -> list[Line]:
         """The samples that are whole, as far as each line alone shows it; `ends` are the rows outside them."""
         first, last = samples[0].row, samples[-1].row
-        above, below = (_garbled(rows, texts, samples[0]) for rows in ends)
+        rows_above, rows_below = (_garbled_rows(rows, texts, samples[0]) for rows in ends)
         if first > 1:
             notes.append(f"skipped what stands above the first sample, which is in row {first}")
         if texts[-1].strip() and len(samples) > 1:
             notes.append(f"left out row {len(texts)}, the last, which has no line end and may be cut off")
             samples = samples[:-1] if last == len(texts) else samples
-            below = [row for row in below if row < len(texts)]
+            rows_below = [row for row in rows_below if row < len(texts)]
         odd = _odd_decimals(samples)
-        whole = [line for line in samples if line.row not in odd]
-        kept = {line.row for line in whole}
-        between = [row for row in range(first, samples[-1].row + 1) if row not in kept and texts[row - 1].strip()]
-        garbled = [*above, *between, *below]
-        total = len(garbled) + len(whole)
+        whole_lines = [line for line in samples if line.row not in odd]
+        sample_rows = {line.row for line in whole_lines}
+        rows_between = [
+            row for row in range(first, samples[-1].row + 1) if row not in sample_rows and texts[row - 1].strip()
+        ]
+        garbled = [*rows_above, *rows_between, *rows_below]
+        total = len(garbled) + len(whole_lines)
         if len(garbled) > MOST_GARBLED * total:
             raise InputError(
                 f"{path}, row {garbled[0]}: found {texts[garbled[0] - 1].strip()[:40]!r}, and {len(garbled)} of "
@@ -109,27 +111,27 @@ class SerialCapture:
                 "or keep the lines of one form alone"
             )
         if garbled:
-            notes.append(f"left out {_counted(garbled, 'garbled line')}")
-        if said := [row for row in ends[1] if row not in below and row < len(texts)]:
-            notes.append(f"left out {_counted(said, 'line')} of text below the last sample")
-        return whole
+            notes.append(f"left out {_count_rows(garbled, 'garbled line')}")
+        if text_rows := [row for row in ends[1] if row not in rows_below and row < len(texts)]:
+            notes.append(f"left out {_count_rows(text_rows, 'line')} of text below the last sample")
+        return whole_lines
 
 
 def looks_like_one(block: bytes) -> bool:
     """Whether most of the first lines are pairs such as adc=512, or have a terminal program's time in front."""
     lines = [line for line in block.decode("latin-1").split("\n")[:200] if line.strip()]
-    hits = [line for line in lines if PAIRS.fullmatch(_bare(line)) or (STAMP.match(line) and "->" in line)]
+    hits = [line for line in lines if PAIRS.fullmatch(_without_stamp(line)) or (STAMP.match(line) and "->" in line)]
     return len(hits) * 2 > len(lines)
 
 
-def _bare(text: str) -> str:
+def _without_stamp(text: str) -> str:
     text = text.strip()
     stamp = STAMP.match(text) if ":" in text else None
     return text[stamp.end() :] if stamp else text
 
 
 def _line(row: int, text: str) -> Line | None:
-    text = _unended(_bare(text))
+    text = _without_last_mark(_without_stamp(text))
     mark = "," if "," in text else ";" if ";" in text else ""
     if PLAIN[mark].fullmatch(text):
         cells = tuple(text.replace(" ", "").split(mark) if mark else text.split())
@@ -141,22 +143,22 @@ def _line(row: int, text: str) -> Line | None:
     return None
 
 
-def _ends(texts: list[str], samples: Sequence[Line], named: int) -> tuple[list[int], list[int]]:
-    """Rows that are not blank: above the first sample and below row `named`, and below the last sample."""
-    above = [row for row in range(named + 1, samples[0].row) if texts[row - 1].strip()]
-    below = [row for row in range(samples[-1].row + 1, len(texts) + 1) if texts[row - 1].strip()]
-    return above, below
+def _ends(texts: list[str], samples: Sequence[Line], names_row: int) -> tuple[list[int], list[int]]:
+    """Rows that are not blank: above the first sample and below row `names_row`, and below the last sample."""
+    rows_above = [row for row in range(names_row + 1, samples[0].row) if texts[row - 1].strip()]
+    rows_below = [row for row in range(samples[-1].row + 1, len(texts) + 1) if texts[row - 1].strip()]
+    return rows_above, rows_below
 
 
 def _check_form(
     path: Path, texts: list[str], lines: Sequence[Line], samples: Sequence[Line], ends: Sequence[int]
 ) -> None:
     """Raises InputError for a record whose first or last lines are whole samples too, but of another form."""
-    outside = set(ends)
-    others = [line for line in lines if line.row in outside and len(line.cells) > 1]
-    for shape, count in Counter(line.shape for line in others).items():
+    end_rows = set(ends)
+    other_lines = [line for line in lines if line.row in end_rows and len(line.cells) > 1]
+    for shape, count in Counter(line.shape for line in other_lines).items():
         if count >= FEW and len(samples[0].cells) > 1:
-            row = next(line.row for line in others if line.shape == shape)
+            row = next(line.row for line in other_lines if line.shape == shape)
             raise InputError(
                 f"{path}, row {row}: found {texts[row - 1].strip()[:40]!r}, where row {samples[0].row} has "
                 f"{texts[samples[0].row - 1].strip()[:40]!r}, and {count} lines at this end of the file are like it: "
@@ -164,11 +166,11 @@ def _check_form(
             )
 
 
-def _garbled(rows: Sequence[int], texts: list[str], sample: Line) -> list[int]:
+def _garbled_rows(rows: Sequence[int], texts: list[str], sample: Line) -> list[int]:
     """Those of the rows outside the samples that are samples which lost something; all, if text is too long for words
     of a board as it starts or stops."""
-    like = [row for row in rows if _like(_bare(texts[row - 1]), sample)]
-    return list(rows) if len(rows) - len(like) > BANNER else like
+    similar = [row for row in rows if _like(_without_stamp(texts[row - 1]), sample)]
+    return list(rows) if len(rows) - len(similar) > BANNER else similar
 
 
 def _like(text: str, sample: Line) -> bool:
@@ -203,11 +205,11 @@ def _names(texts: list[str], samples: Sequence[Line], shape: tuple[str, ...]) ->
 
 
 def _words(text: str, mark: str) -> list[str]:
-    text = _unended(_bare(text)).lstrip("#% ")
+    text = _without_last_mark(_without_stamp(text)).lstrip("#% ")
     return [word.strip(" \t\"'#%") for word in text.split(mark or None)]
 
 
-def _unended(text: str) -> str:
+def _without_last_mark(text: str) -> str:
     """The line without a mark behind its last number, which some programs print."""
     return text[:-1] if text.endswith((",", ";")) else text
 
@@ -221,13 +223,13 @@ def _odd_decimals(samples: Sequence[Line]) -> set[int]:
         if UNIFORM * len(samples) <= count < len(samples):
             odd |= {
                 line.row
-                for line, each in zip(samples, decimals, strict=True)
-                if each != usual and line.cells[j].lstrip("+-").lower() not in ("nan", "inf")
+                for line, count_of_decimals in zip(samples, decimals, strict=True)
+                if count_of_decimals != usual and line.cells[j].lstrip("+-").lower() not in ("nan", "inf")
             }
     return odd
 
 
-def _without_misfits(samples: list[Line], names: list[str], notes: list[str]) -> tuple[list[Line], np.ndarray]:
+def _drop_misfits(samples: list[Line], names: list[str], notes: list[str]) -> tuple[list[Line], np.ndarray]:
     """Samples, and their numbers (N, columns), without those that the lines beside them show to be wrong."""
     values = np.array([[float(cell) for cell in line.cells] for line in samples])
     clock, wrong = misfits(values, names)
@@ -236,23 +238,25 @@ def _without_misfits(samples: list[Line], names: list[str], notes: list[str]) ->
         notes.append("left out row 1, the first, which may be cut off at its start")
     elif wrong.any():
         rows = [line.row for line, bad in zip(samples, wrong, strict=True) if bad]
-        notes.append(f"left out {_counted(rows, 'line')} whose {names[clock or 0]!r} does not fit the lines beside it")
+        notes.append(
+            f"left out {_count_rows(rows, 'line')} whose {names[clock or 0]!r} does not fit the lines beside it"
+        )
     lossy = (clock is not None and bool(wrong.any())) or any("garbled" in note for note in notes)
     samples = [line for line, bad in zip(samples, wrong, strict=True) if not bad]
     values = values[~wrong]
-    spoilt = np.zeros(len(values), dtype=bool)
+    misspelt_lines = np.zeros(len(values), dtype=bool)
     for j in range(values.shape[1]):
         if j != clock:
-            spoilt |= misspelt(values[:, j], [line.cells[j] for line in samples], lossy)
-    if spoilt.any():
-        rows = [line.row for line, bad in zip(samples, spoilt, strict=True) if bad]
-        notes.append(f"left out {_counted(rows, 'line')} with a number that lost or gained a character")
-    return [line for line, bad in zip(samples, spoilt, strict=True) if not bad], values[~spoilt]
+            misspelt_lines |= misspelt_values(values[:, j], [line.cells[j] for line in samples], lossy)
+    if misspelt_lines.any():
+        rows = [line.row for line, bad in zip(samples, misspelt_lines, strict=True) if bad]
+        notes.append(f"left out {_count_rows(rows, 'line')} with a number that lost or gained a character")
+    return [line for line, bad in zip(samples, misspelt_lines, strict=True) if not bad], values[~misspelt_lines]
 
 
-def _counted(rows: Sequence[int], what: str) -> str:
-    shown = ", ".join(map(str, rows[:SHOWN])) + (f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else "")
-    return f"{len(rows)} {what}{'' if len(rows) == 1 else 's'} (row{'' if len(rows) == 1 else 's'} {shown})"
+def _count_rows(rows: Sequence[int], noun: str) -> str:
+    numbers = ", ".join(map(str, rows[:SHOWN])) + (f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else "")
+    return f"{len(rows)} {noun}{'' if len(rows) == 1 else 's'} (row{'' if len(rows) == 1 else 's'} {numbers})"
 
 
 CLOCKS = ("t", "time", "ms", "us", "millis", "micros", "clock", "stamp", "timestamp", "tick", "ticks", "t_ms", "t_us")
@@ -273,21 +277,21 @@ def misfits(values: np.ndarray, names: Sequence[str]) -> tuple[int | None, np.nd
     steps = np.diff(t)
     longest = GAP * np.median(steps[steps > 0])
     for _ in range(3):  # two wrong lines in a row hide behind each other
-        kept = np.flatnonzero(~wrong)
-        before, own, after = t[kept[:-2]], t[kept[1:-1]], t[kept[2:]]
-        between = (after > before) & (after - before <= 2 * longest)
-        off = between & ((own < before) | (own > after))
-        if not off.any():
+        places = np.flatnonzero(~wrong)
+        earlier, middle, later = t[places[:-2]], t[places[1:-1]], t[places[2:]]
+        enclosed = (later > earlier) & (later - earlier <= 2 * longest)
+        outside = enclosed & ((middle < earlier) | (middle > later))
+        if not outside.any():
             break
-        wrong[kept[1:-1][off]] = True
-    kept = np.flatnonzero(~wrong)
-    wrong[kept[_islands(t[kept], longest)]] = True
+        wrong[places[1:-1][outside]] = True
+    places = np.flatnonzero(~wrong)
+    wrong[places[_islands(t[places], longest)]] = True
     return j, wrong
 
 
 def _clock_column(values: np.ndarray, names: Sequence[str]) -> int | None:
-    named = [j for j, name in enumerate(names) if name.lower() in CLOCKS]
-    for j in [*named, 0]:
+    by_name = [j for j, name in enumerate(names) if name.lower() in CLOCKS]
+    for j in [*by_name, 0]:
         steps = np.diff(values[:, j])
         if len(steps) > 3 and (steps > 0).mean() >= RISING and np.isfinite(steps).all():
             return j
@@ -305,9 +309,9 @@ def _islands(t: np.ndarray, longest: float) -> np.ndarray:
     wrong = np.zeros(len(t), dtype=bool)
     last = None  # the last stamp of the run before that was believed
     for start, stop in zip(starts.tolist(), stops.tolist(), strict=True):
-        after = t[stop] if stop < len(t) else None
-        lone = stop - start == 1 and (last is None or after is None) and len(starts) > 1
-        back = last is not None and after is not None and 0 <= after - last <= (ISLAND + 1) * longest
+        next_stamp = t[stop] if stop < len(t) else None
+        lone = stop - start == 1 and (last is None or next_stamp is None) and len(starts) > 1
+        back = last is not None and next_stamp is not None and 0 <= next_stamp - last <= (ISLAND + 1) * longest
         if lone or (stop - start <= ISLAND and back):
             wrong[start:stop] = True
         else:
@@ -315,7 +319,7 @@ def _islands(t: np.ndarray, longest: float) -> np.ndarray:
     return wrong
 
 
-def misspelt(values: np.ndarray, texts: Sequence[str], signs: bool) -> np.ndarray:
+def misspelt_values(values: np.ndarray, texts: Sequence[str], signs: bool) -> np.ndarray:
     """Which values (N,) are lone spikes that one character explains: 51 or 5123 between 512 and 514.
 
     With `signs` also 87 between -88 and -86, which a signal may do as well; so only where other lines lost characters.
@@ -323,25 +327,25 @@ def misspelt(values: np.ndarray, texts: Sequence[str], signs: bool) -> np.ndarra
     wrong = np.zeros(len(values), dtype=bool)
     if len(values) < 10 or not np.isfinite(values).all():
         return wrong
-    before, own, after = values[:-2], values[1:-1], values[2:]
+    earlier, middle, later = values[:-2], values[1:-1], values[2:]
     usual = max(3.0 * float(np.median(np.abs(np.diff(values)))), 1.0)
-    alone = np.minimum(np.abs(own - before), np.abs(own - after)) > SPIKE * usual
-    alone &= (np.sign(own - before) == np.sign(own - after)) & (np.abs(after - before) <= 2 * usual)
+    alone = np.minimum(np.abs(middle - earlier), np.abs(middle - later)) > SPIKE * usual
+    alone &= (np.sign(middle - earlier) == np.sign(middle - later)) & (np.abs(later - earlier) <= 2 * usual)
     longest = np.quantile([len(text.lstrip("+-")) for text in texts], 1 - RARE)
     for k in (np.flatnonzero(alone) + 1).tolist():
         low, high = sorted((values[k - 1], values[k + 1]))
-        meant = any(low - usual <= each <= high + usual for each in _spelt(texts[k], signs))
+        meant = any(low - usual <= number <= high + usual for number in _spellings(texts[k], signs))
         wrong[k] = meant or len(texts[k].lstrip("+-")) > longest + 1  # two numbers run together
     return wrong if wrong.mean() <= RARE else np.zeros(len(values), dtype=bool)
 
 
-def _spelt(text: str, signs: bool) -> Iterator[float]:
+def _spellings(text: str, signs: bool) -> Iterator[float]:
     """The whole numbers that one more digit, one digit less, or a sign makes of `text`."""
     digits = text.lstrip("+-")
     sign = text[: len(text) - len(digits)]
     if digits.isdigit():
         for i in range(len(digits) + 1):
-            yield from (float(sign + digits[:i] + each + digits[i:]) for each in "0123456789")
+            yield from (float(sign + digits[:i] + digit + digits[i:]) for digit in "0123456789")
             if len(digits) > 1:
                 yield float(sign + digits[:i] + digits[i + 1 :])
         if signs and not sign:
