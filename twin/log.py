@@ -1,4 +1,7 @@
-"""Log: what an excitation experiment recorded, to and from a file of any format of `sysid.formats`."""
+"""Log: what an excitation experiment recorded, to and from a file of any format of `sysid.formats`.
+
+And whether its numbers can be those of a joint of the leg.
+"""
 
 import json
 from collections.abc import Mapping
@@ -21,11 +24,18 @@ from sysid.channels.signals import Signal, Signals
 from sysid.data.record import IOData
 from sysid.data.table import Table
 from sysid.formats import read_table, write_table
-from twin.parameters import JOINTS, LEG
+from twin.hardware.linkage import end_angles, stroke
+from twin.parameters import JOINTS, LEG, Parameters
 
 TIME = "time_s"
 INPUTS = {"voltage": "voltage", "servo": "reference"}  # name of the input by mode
 UNITS = {"voltage": ("V",), "servo": ("V", "rad")}  # of the input
+# What no joint of a leg like this one shows; chosen by hand.
+WIDER = 3.0  # times the stroke: what no offset, slope or other leg explains; degrees would be 57 times
+SLOWER = 2.0  # times the stroke in one step: a slower leg, of which a sample still shows a motion
+LARGER = 10.0  # times the supply: a voltage that no drive gives; millivolts would be 1000 times
+_RARE = 0.005  # of the samples at either end, which may be spikes
+_MAP = "in a mapping (qpal info FILE --write-map MAP.toml) and give it with --map"
 
 
 @checked(own=("u", "y", "y_true"))
@@ -55,12 +65,12 @@ class Log:
             if name == "y_true" and values is None:
                 continue
             try:
-                found = np.asarray(values)
+                array = np.asarray(values)
             except (TypeError, ValueError):
-                found = np.empty(())
-            if found.dtype.kind not in "biuf" or not found.ndim or len(found) != len(self.u):
+                array = np.empty(())
+            if array.dtype.kind not in "biuf" or not array.ndim or len(array) != len(self.u):
                 raise InputError(f"{name} is {shown(values)}; give an array of numbers, as many as u has")
-            object.__setattr__(self, name, found)
+            object.__setattr__(self, name, array)
 
     @property
     def N(self) -> int:
@@ -90,9 +100,9 @@ class Log:
             if self.joint != LEG or joint not in JOINTS:
                 raise unknown("joint of this log", joint, JOINTS if self.joint == LEG else (self.joint,))
             u, y = u[:, JOINTS.index(joint)], y[:, JOINTS.index(joint)]
-        filled = np.zeros(self.N, dtype=bool)
-        filled[list(self.meta.get("filled", ()))] = True
-        missing = filled if filled.any() else None
+        mask = np.zeros(self.N, dtype=bool)
+        mask[list(self.meta.get("filled", ()))] = True
+        missing = mask if mask.any() else None
         return IOData(u, y, self.Ts, INPUTS[self.mode], "angle", self.u_unit, "rad", missing=missing)
 
     @checked(late=True)
@@ -116,23 +126,25 @@ class Log:
         """
         table = read_table(path)
         meta = dict(table.meta) if table.meta.get("joint") in (*JOINTS, LEG, "") else {}
-        own = _own_map(table, meta) if mapping is None else None
-        if own is not None:
-            if other := contradiction_of_header(table, own.clock, table.numbers(TIME)):
-                raise InputError(f"{table.path}: {other}; correct the one that is wrong, or read it with a mapping")
-            signals = sample(table, own)
+        mapping_of_log = _map_of_log(table, meta) if mapping is None else None
+        if mapping_of_log is not None:
+            if contradiction := contradiction_of_header(table, mapping_of_log.clock, table.numbers(TIME)):
+                raise InputError(
+                    f"{table.path}: {contradiction}; correct the one that is wrong, or read it with a mapping"
+                )
+            signals = sample(table, mapping_of_log)
         elif mapping is not None:
             signals = sample(table, read_map_of(mapping))
         else:
-            found = guess(table)
-            signals = sample(table, found.sure(table), found.why)
+            result = guess(table)
+            signals = sample(table, result.sure(table), result.why)
         log = _log(signals, meta, table)
         return log if joint is None else _of_joint(log, joint, table.path)
 
 
 def column_names(joint: str, mode: str, unit: str = "V") -> tuple[list[str], list[str], list[str]]:
     """Names of a file's columns of input, measured angle and true angle."""
-    parts = [f"_{each}" for each in JOINTS] if joint == LEG else [""]
+    parts = [f"_{name}" for name in JOINTS] if joint == LEG else [""]
     return (
         [f"{INPUTS[mode]}{part}_{unit}" for part in parts],
         [f"angle{part}_rad" for part in parts],
@@ -140,7 +152,7 @@ def column_names(joint: str, mode: str, unit: str = "V") -> tuple[list[str], lis
     )
 
 
-def _own_map(table: Table, meta: Mapping[str, Any]) -> ChannelMap | None:
+def _map_of_log(table: Table, meta: Mapping[str, Any]) -> ChannelMap | None:
     """The mapping of a log that `save` wrote, by its columns; None for another one.
 
     A header that names a joint is held to the columns of such a log. Without one, all of them have to be there: others
@@ -150,12 +162,14 @@ def _own_map(table: Table, meta: Mapping[str, Any]) -> ChannelMap | None:
     for mode, unit in kinds:
         for joint in (LEG, str(meta.get("joint", ""))):
             names = column_names(joint, mode, unit)
-            needed = {TIME, names[0][0]} if meta.get("joint") else {TIME, *names[0], *names[1]}
-            if needed <= set(table.names):
+            required = {TIME, names[0][0]} if meta.get("joint") else {TIME, *names[0], *names[1]}
+            if required <= set(table.names):
                 true = names[2] if set(names[2]) <= set(table.names) else []
                 groups = [(names[0], unit), (names[1], "rad"), (true, "rad")]
-                u, y, other = (tuple(Channel(column=name, unit=of) for name in group) for group, of in groups)
-                return ChannelMap(clock=Clock(column=TIME), input=u, output=y, other=other)
+                u, y, true_signals = (
+                    tuple(Channel(column=name, unit=group_unit) for name in group) for group, group_unit in groups
+                )
+                return ChannelMap(clock=Clock(column=TIME), input=u, output=y, other=true_signals)
     return None
 
 
@@ -164,31 +178,31 @@ def _log(signals: Signals, meta: dict[str, Any], table: Table) -> Log:
     u_unit, mode = _check_channels(signals)
     joint = str(meta.get("joint", LEG if len(signals.output) == len(JOINTS) else ""))
     names = column_names(joint, mode, u_unit)
-    own = all(
-        set(each) <= {signal.column for signal in group}
-        for each, group in zip(names, (signals.input, signals.output), strict=False)
+    written_here = all(
+        set(group_names) <= {signal.column for signal in group}
+        for group_names, group in zip(names, (signals.input, signals.output), strict=False)
     )
     true = [signal for signal in signals.other if signal.column.startswith("angle_true")]
-    lost = np.flatnonzero(np.any([signal.missing for signal in signals.output], axis=0))
-    said: dict[str, Any] = dict(meta)
-    if not own:
-        said |= {"file": dict(table.meta)} if table.meta and not meta else {}
-        said |= {"channels": signals.as_dict()["mapping"]}
-    if signals.notes or not own:
-        said |= {"notes": list(signals.notes), "repairs": dict(signals.counts)}
-    if len(lost):
-        said |= {"filled": lost.tolist()}
+    filled_samples = np.flatnonzero(np.any([signal.missing for signal in signals.output], axis=0))
+    content: dict[str, Any] = dict(meta)
+    if not written_here:
+        content |= {"file": dict(table.meta)} if table.meta and not meta else {}
+        content |= {"channels": signals.as_dict()["mapping"]}
+    if signals.notes or not written_here:
+        content |= {"notes": list(signals.notes), "repairs": dict(signals.counts)}
+    if len(filled_samples):
+        content |= {"filled": filled_samples.tolist()}
     if mode != "voltage":
-        said |= {"mode": mode} | ({"u_unit": u_unit} if u_unit != "V" else {})
+        content |= {"mode": mode} | ({"u_unit": u_unit} if u_unit != "V" else {})
     Ts = stated_sampling_time(table)
     Ts = Ts if meta and Ts is not None and abs(Ts - signals.Ts) <= 1e-3 * signals.Ts else signals.Ts
     return Log(
-        _joined([signal.values for signal in signals.input]),
-        _joined([signal.values for signal in signals.output]),
+        _stack_columns([signal.values for signal in signals.input]),
+        _stack_columns([signal.values for signal in signals.output]),
         Ts,
-        _joined([signal.values for signal in true]) if len(true) == len(signals.output) else None,
+        _stack_columns([signal.values for signal in true]) if len(true) == len(signals.output) else None,
         joint,
-        said,
+        content,
     )
 
 
@@ -217,10 +231,10 @@ def _check_channels(signals: Signals) -> tuple[str, str]:
 _COMMANDS = {"cmd", "command", "commanded"}  # a commanded voltage is a voltage
 
 
-def _wrong_unit(signals: Signals, signal: Signal, role: str, needed: str, line: str) -> InputError:
+def _wrong_unit(signals: Signals, signal: Signal, role: str, allowed: str, line: str) -> InputError:
     have = f"in {signal.unit}" if signal.unit else "in no known unit"
     return InputError(
-        f"{signals.path}: the {role} {signal.column!r} is {have}, and the twin needs {needed}; set {line} of "
+        f"{signals.path}: the {role} {signal.column!r} is {have}, and the twin needs {allowed}; set {line} of "
         f"[[{role}]] in a mapping (qpal info FILE --write-map MAP.toml) and give it with --map"
     )
 
@@ -240,7 +254,7 @@ def _of_joint(log: Log, joint: str, path: Path) -> Log:
     return replace(log, joint=joint)
 
 
-def _joined(columns: list[np.ndarray]) -> np.ndarray:
+def _stack_columns(columns: list[np.ndarray]) -> np.ndarray:
     return columns[0] if len(columns) == 1 else np.column_stack(columns)
 
 
@@ -251,3 +265,53 @@ def _columns(log: Log) -> dict[str, np.ndarray]:
         if values is not None:
             columns |= dict(zip(group, values.reshape(log.N, -1).T, strict=True))
     return columns
+
+
+def check_plausible(log: Log, joint: str, parameters: Parameters, label: str = "the log") -> None:
+    """Raises InputError for a log that cannot be of `joint`, with the numbers that say so and what to set.
+
+    Columns may be exchanged, units misnamed. A search in the twin would take minutes, or days of simulated time, to
+    find that nothing explains such a log.
+    """
+    data = log.io(joint if log.joint else None)
+    u, y = data.u[:, 0], data.y[data.observed[:, 0], 0]
+    low, high = end_angles(parameters, joint)
+    supply, moves = parameters["supply_voltage"], high - low
+    span, drive = _span(y), _span(u)
+    largest = float(np.quantile(np.abs(u), 1.0 - _RARE))
+    if span > WIDER * moves:
+        message = f"the angle of {label} spans {span:.3g} rad and the {joint} moves {moves:.3g} rad from end to end"
+        if log.mode == "voltage" and drive <= WIDER * moves and float(np.abs(y).max()) <= LARGER * supply:
+            raise InputError(
+                f"{message}, while the voltage spans {drive:.3g} V only: the columns may be exchanged; correct the "
+                f"header of the log, or exchange the columns of [[input]] and [[output]] {_MAP}"
+            )
+        raise InputError(
+            f'{message}: the angle may be in another unit; name the unit of its numbers, as unit = "deg", under '
+            f"[[output]] {_MAP}"
+        )
+    if log.u_unit == "V" and largest > LARGER * supply:
+        raise InputError(
+            f"the voltage of {label} reaches {largest:.5g} V and the supply has {supply:g} V: it may be in another "
+            f'unit; name the unit of its numbers, as unit = "mV", under [[input]] {_MAP}'
+        )
+    volts = min(largest, supply) if log.mode == "voltage" else supply
+    crossing = _crossing(parameters, joint, volts)
+    if log.Ts > SLOWER * crossing:
+        raise InputError(
+            f"{label} is sampled every {log.Ts:g} s, and at {volts:.3g} V the {joint} crosses its whole stroke in "
+            f'{crossing:.2g} s: the times may be in another unit; name it, as unit = "ms", under [clock] {_MAP}'
+        )
+
+
+def _span(x: np.ndarray) -> float:
+    """The range of x (N,) without its rarest values."""
+    low, high = np.quantile(x, (_RARE, 1.0 - _RARE))
+    return float(high - low)
+
+
+def _crossing(parameters: Parameters, joint: str, volts: float) -> float:
+    """Time [s] in which the unloaded drive goes from end to end; infinite without a voltage."""
+    low, high = stroke(parameters, joint)
+    speed = parameters[f"{joint}.no_load_speed"] * volts / parameters[f"{joint}.rated_voltage"]
+    return (high - low) / speed if speed > 0.0 else float("inf")

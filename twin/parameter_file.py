@@ -46,8 +46,8 @@ def read(path: str | os.PathLike[str]) -> Parameters:
     try:
         document = parse(text)
     except _DamagedError as error:
-        line, said = error.args
-        raise InputError(f"{source}, line {line}: {said}" if line else f"{source}: {said}") from None
+        line, sentence = error.args
+        raise InputError(f"{source}, line {line}: {sentence}" if line else f"{source}: {sentence}") from None
     except RecursionError:
         raise InputError(
             f"{source}: the tables are nested too deeply; give names, or joints with names in them"
@@ -97,6 +97,7 @@ def check_together(parameters: Parameters, source: str | os.PathLike[str]) -> No
 
 
 def _text(path: Path) -> str:
+    """The text of a parameter file; raises InputError for one that cannot be read, is too large, or holds none."""
     ordinary(path)
     if path.is_dir():
         raise InputError(f"{path} is a folder; give one file ({', '.join(_FORMATS)})")
@@ -120,6 +121,7 @@ def _text(path: Path) -> str:
 
 
 def _parse_toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text; raises _DamagedError with the line."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -134,12 +136,14 @@ def _parse_toml(text: str) -> dict[str, Any]:
 
 
 def _parse_json(text: str) -> dict[str, Any]:
-    def pairs(found: list[tuple[str, Any]]) -> dict[str, Any]:
-        names = [name for name, _ in found]
-        twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
-        if twice is not None:
-            raise _DamagedError(0, f"{twice!r} is repeated in one table; keep one of the two")
-        return dict(found)
+    """The tables of a JSON text; raises _DamagedError, with the line where it is known."""
+
+    def pairs(members: list[tuple[str, Any]]) -> dict[str, Any]:
+        names = [name for name, _ in members]
+        repeated_name = next((name for k, name in enumerate(names) if name in names[:k]), None)
+        if repeated_name is not None:
+            raise _DamagedError(0, f"{repeated_name!r} is repeated in one table; keep one of the two")
+        return dict(members)
 
     def constant(name: str) -> NoReturn:
         raise _DamagedError(0, f"found {name} instead of a number; give a finite number")
@@ -162,6 +166,7 @@ def _not(kind: str, message: str, line: int = 0) -> _DamagedError:
 
 
 def _values(document: Mapping[str, Any]) -> dict[str, float]:
+    """The values by full name; raises InputError for one that is unknown, repeated or out of its bounds."""
     values: dict[str, float] = {}
     for name, value in _entries(document):
         if name not in ROWS:
@@ -180,13 +185,13 @@ def _values(document: Mapping[str, Any]) -> dict[str, float]:
     return values
 
 
-def _entries(table: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, Any]]:
+def _entries(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Full names with their values."""
     for key, value in table.items():
-        name = within + key
+        name = prefix + key
         if not isinstance(value, dict):
             yield name, value
-        elif any(known.startswith(f"{name}.") for known in ROWS):
+        elif any(parameter.startswith(f"{name}.") for parameter in ROWS):
             yield from _entries(value, f"{name}.")
         elif name in ROWS:
             raise InputError(f"{name} is a table; give one number of {_unit(ROWS[name]) or 'no unit'}")
@@ -199,13 +204,13 @@ def _tables() -> dict[str, None]:
 
 
 def _unknown(name: str) -> InputError:
-    inside = [known for known in ROWS if known.startswith(f"{name}.")]
-    if inside:
-        return InputError(f"{name} is a table of parameters, not a number; give the ones to change, as {inside[0]}")
-    alike = [known for known in ROWS if known.rpartition(".")[2] == name]  # the name without its table
+    members = [parameter for parameter in ROWS if parameter.startswith(f"{name}.")]
+    if members:
+        return InputError(f"{name} is a table of parameters, not a number; give the ones to change, as {members[0]}")
+    alike = [parameter for parameter in ROWS if parameter.rpartition(".")[2] == name]  # the name without its table
     alike = alike or get_close_matches(name, ROWS, n=3, cutoff=0.7)
-    said = f"did you mean {' or '.join(alike)}? " if alike else ""
-    return InputError(f"unknown parameter {name[:80]!r}; {said}qpal info lists every name")
+    suggestion = f"did you mean {' or '.join(alike)}? " if alike else ""
+    return InputError(f"unknown parameter {name[:80]!r}; {suggestion}qpal info lists every name")
 
 
 def _unit(row: Row) -> str:
@@ -231,10 +236,10 @@ def _brief(value: Any) -> str:
     return text if len(text) <= 40 else text[:37] + "..."
 
 
-def _tables_of(kept: Mapping[str, float]) -> dict[str, dict[str, float]]:
+def _tables_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     # Names at the top level come first: after a header they would belong to its table.
     tables: dict[str, dict[str, float]] = {"": {}}
-    for name, value in kept.items():
+    for name, value in values.items():
         table, _, key = name.rpartition(".")
         tables.setdefault(table, {})[key] = value
     return tables
@@ -246,14 +251,15 @@ _HEAD = ("Parameters of the twin in SI units; parameters not named are nominal."
 def _to_toml(
     tables: Mapping[str, Mapping[str, float]], head: Sequence[str] = _HEAD, comments: Mapping[str, str] | None = None
 ) -> str:
+    """The tables as TOML, every value with a comment."""
     lines = [f"# {' '.join(line.split())}" for line in head]
     for table, entries in tables.items():
         if table:
             lines += ["", f"[{table}]"]
         for key, value in entries.items():
             name = f"{table}.{key}" if table else key
-            said = (comments or {}).get(name) or _comment(ROWS[name], value)
-            lines.append(f"{key} = {value!r}  # {' '.join(said.split())}")
+            comment = (comments or {}).get(name) or _comment(ROWS[name], value)
+            lines.append(f"{key} = {value!r}  # {' '.join(comment.split())}")
     return "\n".join(lines) + "\n"
 
 

@@ -112,6 +112,7 @@ def is_time(text: str) -> bool:
 
 @lru_cache(1024)  # units come from files: a long session may meet any number of them
 def _convert(text: str) -> Conversion:
+    """The conversion of a text without blanks around it."""
     if text in SI or text == COUNTS:
         return Conversion(text, 1.0)
     if text == "":

@@ -100,6 +100,7 @@ def _toml(value: Any) -> str:
 
 
 def _text(path: Path) -> str:
+    """The text of a mapping; raises InputError for a file that cannot be read, is too large, or holds none."""
     ordinary(path)
     if path.is_dir():
         raise InputError(f"{path} is a folder; give one file (.toml)")

@@ -107,6 +107,7 @@ class Arrays:
         return {name: units[matrices[name]] for name in matrices if matrices[name] in units} | self.units
 
     def _add_dates(self) -> None:
+        """Puts seconds since the first date of the file in place of dates."""
         if not self._dates:
             return
         times = [self.columns[name][~np.isnat(self.columns[name])] for name in self._dates]

@@ -82,6 +82,7 @@ class Marks:
         self.clear[j] = self.clear[j] or bool(column.str.contains(LONG).any())
 
     def _error(self, path: Path, name: str, j: int) -> InputError:
+        """The error for the first number of a column that may be read in two ways, with both readings."""
         marked, short = self.parted[j], self.short[j]
         assert marked is not None
         row, text = marked[0], marked[1].strip()

@@ -231,6 +231,7 @@ def _single_blanks(block: bytes) -> bytes:
 
 
 def _line_by_line(path: Path, rows: Sequence[int], block: bytes, layout: Layout) -> "list[polars.Series]":
+    """The columns of lines that differ, or have quotes; raises InputError with the row of a line that is wrong."""
     import polars
 
     cells_of_rows = []

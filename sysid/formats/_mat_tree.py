@@ -74,6 +74,7 @@ def load_5(path: Path, names: list[str] | None = None) -> dict[str, Any]:
 
 
 def _from_5(value: Any, depth: int = 0) -> Tree:
+    """What scipy makes of a variable as a tree."""
     from scipy.io import matlab
 
     if depth > DEEPEST:
@@ -116,6 +117,7 @@ def _members(file: "h5py.File", group: "h5py.Group", depth: int) -> Iterator[tup
 
 
 def _from_73(file: "h5py.File", node: Any, depth: int) -> Tree:
+    """A node of HDF5 as a tree."""
     import h5py
 
     kind = _text(node.attrs.get("MATLAB_class", b""))
@@ -198,6 +200,7 @@ class _Matrix:
         self.data, self.order, self.depth, self.place = data, order, depth, 0
 
     def check(self) -> None:
+        """Raises ValueError if the parts of the matrix do not fit together."""
         if not self.data:
             return
         if self.depth > DEEPEST_MATRIX:
@@ -262,6 +265,7 @@ class _Matrix:
         return data
 
     def _sparse(self, shape: list[int], twice: bool) -> None:
+        """Raises ValueError if rows, columns and values of a sparse matrix do not fit together."""
         rows, starts = self._integers(self._next({5})), self._integers(self._next({5}))
         rising = all(a <= b for a, b in pairwise(starts))
         if len(shape) != 2 or len(starts) != shape[1] + 1 or starts[0] != 0 or not rising or starts[-1] > len(rows):

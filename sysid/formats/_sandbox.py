@@ -59,6 +59,7 @@ def header(path: Path, reader: type[Foreign]) -> str:
 
 
 def _ask(path: Path, reader: type[Foreign], head: bool) -> dict[str, Any]:
+    """What the other process answers; raises InputError or OSError as its reader did, or says how it ended."""
     size = path.stat().st_size if path.is_file() else sum(p.stat().st_size for p in path.rglob("*") if p.is_file())
     seconds = SECONDS + SECONDS_PER_BYTE * size
     folder = ""
@@ -87,6 +88,7 @@ def _ask(path: Path, reader: type[Foreign], head: bool) -> dict[str, Any]:
 
 
 def _sentence(code: int, answer: dict[str, Any], request: dict[str, Any]) -> str:
+    """Why a file was not read, from how its reading process ended."""
     remedy = "write it again with the program that made it"
     if answer.get("memory"):
         return (
@@ -139,6 +141,7 @@ _server: _Server | None = None
 
 
 def _ask_server(request: dict[str, Any], path: Path) -> tuple[int, dict[str, Any]]:
+    """Exit code and answer of a process that the server forks; a server that is gone is started once more."""
     global _server
     for last in (False, True):
         _server = _server or _Server()
@@ -189,6 +192,7 @@ def _answer(file: int, path: Path) -> dict[str, Any]:
 
 
 def _start(function: str, argument: str, **options: Any) -> subprocess.Popen:
+    """A new Python process that runs a function of `_sandbox_child`."""
     folders = [folder for folder in sys.path if isinstance(folder, str)]  # the same modules as here
     code = (
         f"import sys; sys.path[:] = {folders!r}; from sysid.formats import _sandbox_child; _sandbox_child.{function}()"

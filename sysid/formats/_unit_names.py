@@ -108,6 +108,7 @@ def unit_in(name: str) -> str:
 
 
 def _unit(name: str) -> str | None:
+    """The unit in one name, None if there is none, whatever other names are beside it."""
     for form in FORMS:
         if match := form.fullmatch(name.strip()):
             stem, unit = match["stem"], match["unit"]

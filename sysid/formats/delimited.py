@@ -74,6 +74,7 @@ class Delimited:
 
 
 def _read(path: Path) -> Table:
+    """The table of a file whose rows have one length."""
     head = _head(path)
     body = Body(path, head.names, head.layout, head.start)
     body.read()
@@ -102,6 +103,7 @@ def _read_either(path: Path) -> Table:
 
 
 def _head(path: Path) -> Head:
+    """The head of the file, from its first lines; raises InputError for a file without rows or with doubtful names."""
     every = (entry for row, block in blocks(path) for entry in data_lines(row, block))
     sample = [(row, line.decode()) for row, line in islice(every, SAMPLE)]
     sep_line = SEPARATOR.fullmatch(sample[0][1].strip(" ")) if sample else None

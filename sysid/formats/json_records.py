@@ -82,6 +82,7 @@ class _Gathered:
         self._list("", [value for _, value in lines], [row for row, _ in lines])
 
     def _object(self, prefix: str, value: dict[str, Any], meta: dict[str, Any]) -> None:
+        """Takes an object: its lists are columns or samples, all else goes into `meta`."""
         names: list[Any] = value.get("columns") or []
         data: list[Any] = value.get("data") or []
         if _all(names, str) and _all(data, list) and all(len(row) == len(names) for row in data):  # as pandas splits it
@@ -103,6 +104,7 @@ class _Gathered:
                 meta[key] = element
 
     def _list(self, prefix: str, entries: list[Any], rows: Sequence[int]) -> None:
+        """Takes a list of samples: numbers, lists of one length, or objects of one form."""
         if not entries:
             raise InputError(f"{self.path} has no samples; give a list of at least one")
         kind = _kind(entries[0])

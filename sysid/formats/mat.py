@@ -66,6 +66,7 @@ class Mat:
 
 
 def _variables(path: Path, hdf: bool) -> dict[str, Tree]:
+    """The variables of the file by name; raises InputError for a damaged file."""
     version = "of version 7.3 " if hdf else ""
     try:
         return variables_of_73(path) if hdf else variables_of_5(path)
@@ -80,6 +81,7 @@ def _variables(path: Path, hdf: bool) -> dict[str, Tree]:
 
 
 def _add(arrays: Arrays, name: str, tree: Tree) -> None:
+    """Adds a tree to the arrays, its parts under names that say where they were."""
     if isinstance(tree, dict):
         if not _add_structure_with_time(arrays, name, tree):
             for field, member in tree.items():

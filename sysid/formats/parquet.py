@@ -64,6 +64,7 @@ class Parquet:
 
 
 def _add(arrays: Arrays, name: str, column: "polars.Series") -> None:
+    """Adds a column to the arrays by its type, the fields of a struct and the elements of an array as columns each."""
     import polars
 
     kind = column.dtype

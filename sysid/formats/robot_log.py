@@ -112,6 +112,7 @@ class RobotLog:
 
 
 def _table(path: Path, topics: dict[str, Topic], notes: list[str]) -> Table:
+    """The table of all topics, times in seconds since the first message."""
     if not any(topic.columns for topic in topics.values()):
         found = ", ".join(topics) or "no messages"
         raise InputError(f"{path} has no numbers; found {found} {'; '.join(notes)}; record a topic that has signals")

@@ -131,6 +131,7 @@ def _without_stamp(text: str) -> str:
 
 
 def _line(row: int, text: str) -> Line | None:
+    """A line of numbers alone, or of pairs; None for another text."""
     text = _without_last_mark(_without_stamp(text))
     mark = "," if "," in text else ";" if ";" in text else ""
     if PLAIN[mark].fullmatch(text):

@@ -15,7 +15,7 @@ from sysid.channels.guess import Given
 from sysid.channels.mapping import Range
 from sysid.channels.reading import Mapping, from_table, read_map_of, sample
 from sysid.channels.signals import Signals
-from sysid.channels.units import convert
+from sysid.channels.conversion import convert
 from sysid.data.record import IOData
 from sysid.data.wraps import DEGREES, turn_of, unwrapped
 from sysid.formats import read_table

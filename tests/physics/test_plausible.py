@@ -10,7 +10,7 @@ from twin.calibrate.calibration import calibrate
 from twin.cli import main
 from twin.compare.beside import beside
 from twin.compare.comparison import compare
-from twin.plausible import check_plausible
+from twin.log import check_plausible
 
 P = twin.Parameters()
 LOG = twin.Experiment("thigh", "aprbs", duration=30.0, Ts=0.05, seed=4).run()

@@ -17,9 +17,8 @@ from twin.calibrate.search import USUAL, Found, find
 from twin.calibrate.start import from_joint
 from twin.calibrate.tellable import tell
 from twin.imperfections import TABLE as IMPERFECTIONS
-from twin.log import Log
+from twin.log import Log, check_plausible
 from twin.parameters import JOINTS, Parameters
-from twin.plausible import check_plausible
 
 # Rows that no record of voltage and angle tells from friction; their spread is part of the intervals of the others.
 CONSIDERED = ("dead_band",)

@@ -7,9 +7,8 @@ import numpy as np
 from twin.compare.search import Search, refine
 from twin.compare.trials import Trials
 from twin.follow import Follower
-from twin.log import Log
+from twin.log import Log, check_plausible
 from twin.parameters import Parameters
-from twin.plausible import check_plausible
 
 
 @dataclass(frozen=True)

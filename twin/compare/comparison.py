@@ -24,9 +24,8 @@ from twin.compare.search import Search, refine
 from twin.compare.spectra import Spectrum, spectrum
 from twin.compare.trials import Trials
 from twin.follow import Follower
-from twin.log import Log
+from twin.log import Log, check_plausible
 from twin.parameters import JOINTS, Parameters
-from twin.plausible import check_plausible
 
 TWIN, MODEL, LOG = "twin", "model", "log"
 _LAGS = 25
