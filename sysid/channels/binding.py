@@ -209,4 +209,4 @@ def _add_sign(table: Table, channel: Channel, x: np.ndarray) -> np.ndarray:
 
 def _error(table: Table, channel: Channel, bad: np.ndarray, sentence: str) -> InputError:
     """The error for the first `bad` cell (n,) of a channel, with its row."""
-    return table.error(table.names.index(channel.column), int(np.argmax(bad)), sentence)
+    return table.error(channel.column, int(np.argmax(bad)), sentence)

@@ -174,7 +174,7 @@ def _gap_error(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid, ga
     longest = sorted(np.argsort(stops - starts)[::-1][:MOST_PIECES])
     pieces = [f"{stamps.t[starts[j]]:.6g}:{stamps.t[stops[j]]:.6g}" for j in longest if stops[j] > starts[j]]
     return table.error(
-        table.names.index(clock.column),
+        clock.column,
         int(stamps.rows[k + 1]),
         f"found a step of {step:.4g} s where most are {grid.median:.4g} s{tolerance}"
         f"{note_on_change_of_clocks(table, clock, step, grid.median)}; {reason}: cut it and keep one piece with "
@@ -248,7 +248,7 @@ def _check_filled(table: Table, timing: Timing, channel: Channel, open_: np.ndar
     index = grid.index if grid.index is not None and len(open_) == grid.N else np.arange(len(open_))
     k = min(int(np.searchsorted(index, start)), len(timing.rows) - 1)
     raise table.error(
-        table.names.index(channel.column),
+        channel.column,
         int(timing.rows[k]),
         f"found no value in {stop - start} samples in a row, where at most {longest} are filled, and none at an end; "
         "keep another part with --range, or set longest_gap in [repair] of a mapping",

@@ -108,7 +108,7 @@ def unwrap_counter(table: Table, clock: Clock, values: np.ndarray, rows: np.ndar
     if outside.any():
         k = int(np.argmax(outside))
         raise table.error(
-            table.names.index(clock.column),
+            clock.column,
             int(rows[k]),
             f"found {values[k]:.10g} in a counter of {clock.wrap} bits; set wrap of [clock] in the mapping to the bits "
             "of the counter, or to 0 if it never starts again",
@@ -171,9 +171,9 @@ def usual_step(values: np.ndarray) -> float:
 
 def _check_increasing(table: Table, clock: Clock, values: np.ndarray, rows: np.ndarray) -> None:
     """Raises InputError for the first stamp behind a change of clocks, or that runs back."""
-    j, factor = table.names.index(clock.column), seconds(clock.unit)
+    factor = seconds(clock.unit)
     if (change := _change_of_clocks(table, clock, values)) is not None:
-        raise table.error(j, int(rows[change[0]]), change[1])
+        raise table.error(clock.column, int(rows[change[0]]), change[1])
     falls = np.flatnonzero(values[1:] < values[:-1])
     if not len(falls):
         return
@@ -182,7 +182,7 @@ def _check_increasing(table: Table, clock: Clock, values: np.ndarray, rows: np.n
     stamp, previous = (values[k] - origin) * factor, (values[k - 1] - origin) * factor
     note = note_on_change_of_clocks(table, clock, stamp - previous, usual_step(values) * factor)
     raise table.error(
-        j,
+        clock.column,
         int(rows[k]),
         f"found {stamp:.9g} s after {previous:.9g} s ({len(falls)} such step(s)){note}; time must increase: remove the "
         'row, or set backward = "drop" in [repair] of a mapping, or wrap in [clock] if a counter starts again',
@@ -194,12 +194,12 @@ def _check_repeated(
 ) -> None:
     """Raises InputError for the first stamp that repeats, where none may, or where too many do."""
     k, count = int(np.argmin(fresh)), int((~fresh).sum())
-    j, message = table.names.index(clock.column), f"found {values[k] * seconds(clock.unit):.9g} s again"
+    message = f"found {values[k] * seconds(clock.unit):.9g} s again"
     if repair.duplicates == "refuse":
-        raise table.error(j, int(rows[k]), f"{message}; time must increase: remove the row")
+        raise table.error(clock.column, int(rows[k]), f"{message}; time must increase: remove the row")
     if count > MOST_REPEATED * len(fresh) or _is_rounded(values, fresh):
         raise table.error(
-            j,
+            clock.column,
             int(rows[k]),
             f"{message}, as {count} of {len(fresh)} stamps are; the clock is too coarse for its samples: give the "
             "sampling time with --ts instead, or in [clock] of a mapping without a column",

@@ -67,8 +67,9 @@ class Table:
                 raise self.error(j, k, f"found {found}{more}; {remedy}")
         return values
 
-    def error(self, j: int, k: int, sentence: str) -> InputError:
-        """The error for cell k of column j: file, row, column, sentence."""
+    def error(self, column: int | str, k: int, sentence: str) -> InputError:
+        """The error for cell k of a column, by its place or its name: file, row, column, sentence."""
+        j = self.names.index(column) if isinstance(column, str) else column
         return InputError(f"{self.path}, {self.place} {self.rows[j][k]}, column {self.names[j]!r}: {sentence}")
 
     def _from_text(self, j: int) -> np.ndarray:

@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from sysid.base.files import ordinary, whole_file
 from sysid.data.table import Table
 from sysid.formats import _sandbox
 from sysid.formats._dates import read_dates, with_days
+from sysid.formats._format import Format
 from sysid.formats._unit_names import unit_in
 from sysid.formats.delimited import Delimited
 from sysid.formats.json_records import JsonRecords
@@ -26,31 +27,6 @@ from sysid.formats.numpy_arrays import NumpyArrays
 from sysid.formats.parquet import Parquet
 from sysid.formats.robot_log import RobotLog
 from sysid.formats.serial_capture import SerialCapture
-
-
-class Format(Protocol):
-    """The interface of every format.
-
-    `suffixes`: suffixes that it reads; `written`: those that it also writes, () if none. `headed`: whether the file
-    keeps a header, a text in addition to the columns. Every class declares all three.
-    """
-
-    suffixes: ClassVar[tuple[str, ...]]
-    written: ClassVar[tuple[str, ...]]
-    headed: ClassVar[bool]
-
-    def read(self, path: Path) -> Table:
-        """The columns of the file at `path`; raises InputError if the file does not have this format."""
-        ...
-
-    def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
-        """Write columns (N,) by name, and `header` if the format keeps one; called only for `written` suffixes."""
-        ...
-
-    def header(self, path: Path) -> str:
-        """The header that `write` stored in the file at `path`; empty if there is none."""
-        ...
-
 
 FORMATS: tuple[type[Format], ...] = (Delimited, JsonRecords, Mat, NumpyArrays, Parquet, RobotLog, SerialCapture)
 TABLE: dict[str, type[Format]] = dict(sorted((suffix, each) for each in FORMATS for suffix in each.suffixes))

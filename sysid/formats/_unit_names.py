@@ -26,30 +26,12 @@ WORDS = (
 FACTOR = rf"(?:(?:[pnuµμmckMG]?(?:{PREFIXED})|{PLAIN}|(?i:{WORDS}))(?:\^?-?\d|[²³]|⁻[¹²])?)"
 UNIT = re.compile(rf"(?:1/)?{FACTOR}(?:(?:/| ?[*·⋅.] ?|-| per | ){FACTOR}|/\({FACTOR}(?:[*·⋅ ]{FACTOR})+\))*")
 
-SHORT = (  # spelled with more than one letter, and hardly anything else behind an underscore
-    *("ms", "us", "µs", "μs", "ns", "sec", "secs", "msec", "usec", "seconds", "milliseconds", "microseconds"),
-    *("mV", "uV", "kV", "volt", "volts", "mA", "uA", "amp", "amps", "mW", "kW", "mm", "cm", "um", "µm", "km"),
-    *(
-        "deg",
-        "Grad",
-        "rad",
-        "mrad",
-        "degrees",
-        "radians",
-        "dps",
-        "rpm",
-        "rps",
-        "Hz",
-        "kHz",
-        "MHz",
-        "Nm",
-        "mNm",
-        "mN",
-        "kN",
-    ),
-    *("Pa", "kPa", "hPa", "MPa", "bar", "mbar", "psi", "degC", "degF", "percent", "pct", "counts", "ticks"),
-    *("ohm", "Ohm", "kOhm", "kg"),
+_SHORT = (  # spelled with more than one letter, and hardly anything else behind an underscore
+    "ms us µs μs ns sec secs msec usec seconds milliseconds microseconds mV uV kV volt volts mA uA amp amps mW kW "
+    "mm cm um µm km deg Grad rad mrad degrees radians dps rpm rps Hz kHz MHz Nm mNm mN kN Pa kPa hPa MPa bar mbar "
+    "psi degC degF percent pct counts ticks ohm Ohm kOhm kg"
 )
+SHORT = tuple(_SHORT.split())
 JOINED = {"radps": "rad/s", "degps": "deg/s", "mps": "m/s", "mmps": "mm/s", "mps2": "m/s^2", "radps2": "rad/s^2"}
 RATE = re.compile(r"(.*?[^\W_].*?)[_ ](deg|rad|m|mm|cm|km|rev)_(?:per_)?(s|s2|min|h)")
 LETTER = {  # a letter and the names behind which it is a unit

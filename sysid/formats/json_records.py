@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -10,12 +10,13 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
+from sysid.formats._format import Format
 from sysid.formats._unit_names import units_of
 
 LINES = object()  # stands for a file that holds one value a line
 
 
-class JsonRecords:
+class JsonRecords(Format):
     """Reads .json and .jsonl (one sample a line).
 
     Samples are objects, one column a key: a nested key is called a.b, element k (from 0) of a list a[k]. An object may
@@ -41,14 +42,6 @@ class JsonRecords:
             raise InputError(
                 f"{path} is not a readable JSON file (nested too deep); save it as a list of samples"
             ) from None
-
-    def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
-        """Never called: no suffix is written."""
-        raise NotImplementedError
-
-    def header(self, path: Path) -> str:
-        """None: what was said of the record stands beside the samples."""
-        return ""
 
 
 class _Gathered:

@@ -1,6 +1,5 @@
 """Arrays saved by NumPy."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -9,9 +8,10 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.table import Table
 from sysid.formats._arrays import Arrays, describe_array, list_descriptions
+from sysid.formats._format import Format
 
 
-class NumpyArrays:
+class NumpyArrays(Format):
     """Reads .npz and .npy: every numeric vector is a column, column j (from 1) of a matrix M is called M:j.
 
     The matrix of a .npy has the columns 1, 2, ... Pickled objects are never loaded, because loading them runs code.
@@ -39,14 +39,6 @@ class NumpyArrays:
         return arrays.table(
             "element", f"has no numeric vector; found {message}; save input and output as vectors with np.savez"
         )
-
-    def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
-        """Never called: no suffix is written."""
-        raise NotImplementedError
-
-    def header(self, path: Path) -> str:
-        """None: other programs write these files."""
-        return ""
 
 
 def _load(path: Path) -> Any:

@@ -13,6 +13,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
+from sysid.formats._format import Format
 from sysid.formats._unit_names import units_of
 
 LONGEST = 64  # elements of a list in a message that become columns; an image or a scan is no signal
@@ -53,7 +54,7 @@ class Topic:
                 column.append(time if name in self.stamps else math.nan)
 
 
-class RobotLog:
+class RobotLog(Format):
     """Reads .mcap (messages in JSON, ROS 1 or ROS 2), .db3, .bag and folders of rosbag2: each number of a topic is the
     column topic.field.
 
@@ -101,14 +102,6 @@ class RobotLog:
         if omitted:
             notes.append(f"left out {', '.join(f'{topic} ({reason})' for topic, reason in omitted.items())}")
         return _table(path, topics, notes)
-
-    def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
-        """Never called: no suffix is written."""
-        raise NotImplementedError
-
-    def header(self, path: Path) -> str:
-        """None: other programs write these files."""
-        return ""
 
 
 def _table(path: Path, topics: dict[str, Topic], notes: list[str]) -> Table:

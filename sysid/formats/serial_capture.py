@@ -3,7 +3,7 @@
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -12,6 +12,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
+from sysid.formats._format import Format
 from sysid.formats._unit_names import units_of
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)"
@@ -38,7 +39,7 @@ class Line:
     cells: tuple[str, ...]
 
 
-class SerialCapture:
+class SerialCapture(Format):
     """Reads .log: lines such as `12034,512,-87`, `12034 512 -87` or `t=12034 adc=512`, one a sample.
 
     Lines that do not have the shape of the majority are left out, and their rows are in `notes`: start-up messages,
@@ -75,14 +76,6 @@ class SerialCapture:
         return Table(
             path, tuple(names), tuple(values.T), (rows,) * len(names), units=units_of(names), notes=tuple(notes)
         )
-
-    def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
-        """Never called: no suffix is written."""
-        raise NotImplementedError
-
-    def header(self, path: Path) -> str:
-        """None: a microcontroller keeps no header."""
-        return ""
 
     def _drop_garbled(
         self, path: Path, texts: list[str], samples: list[Line], ends: tuple[list[int], list[int]], notes: list[str]
