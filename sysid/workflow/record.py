@@ -11,11 +11,11 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.channels.conversion import convert
 from sysid.channels.guess import Given
 from sysid.channels.mapping import Range
 from sysid.channels.reading import Mapping, from_table, read_map_of, sample
 from sysid.channels.signals import Signals
-from sysid.channels.conversion import convert
 from sysid.data.record import IOData
 from sysid.data.wraps import DEGREES, turn_of, unwrapped
 from sysid.formats import read_table
