@@ -6,6 +6,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from sysid.base.errors import InputError
 from sysid.data.table import Table
 
 
@@ -26,7 +27,7 @@ class Format(Protocol):
 
     def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
         """Write columns (N,) by name, and `header` if the format keeps one; called only for `written` suffixes."""
-        raise NotImplementedError
+        raise InputError(f"{path}: files of this format are only read")
 
     def header(self, path: Path) -> str:
         """The header that `write` stored in the file at `path`; empty if there is none."""
