@@ -21,7 +21,7 @@ PACKAGES = (sysid, twin)
 FLOORS = {
     "sysid": (
         ("base",),
-        ("block", "data", "excitations", "solver"),
+        ("block", "data", "drawing", "excitations", "solver"),
         ("blocks", "diagnosis", "formats"),
         ("channels", "model"),
         ("estimation",),
@@ -55,7 +55,6 @@ FOLDERS = (
     "sysid.excitations",
     "sysid.formats",
     "sysid.plots",
-    "sysid.report.figures",
     "sysid.solver.searches",
     "sysid.structures",
     "sysid.systems",

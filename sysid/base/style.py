@@ -28,6 +28,7 @@ MODEL = "#c2410c"  # the model's free run
 INPUT = "#2f6f8f"
 SECOND = "#7a8794"  # bounds, references, the part that is not looked at
 BOUND = "#dbe7ee"  # the area within which nothing is to be seen
+COLOURS = (MODEL, INPUT, "#2f855a", "#805ad5", "#b7791f", "#d53f8c")  # of several models or channels
 
 WIDTH = 8.0  # [inch]
 _UNNAMED = re.compile(r"_child\d+$|_nolegend_$|_container\d+$|_nolabel_$|_collection\d+$|_line\d+$")  # matplotlib's own
@@ -46,23 +47,42 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
     return drawn
 
 
-def sheet(rows: int = 1, columns: int = 1, height: float = 2.6, sharex: bool = False) -> tuple[Figure, np.ndarray]:
-    """An empty figure and its axes (rows, columns); for use inside a `styled` function."""
+def sheet(
+    rows: int = 1,
+    columns: int = 1,
+    height: float = 2.6,
+    sharex: bool = False,
+    ratios: Sequence[float] | None = None,
+) -> tuple[Figure, np.ndarray]:
+    """An empty figure and its axes (rows, columns) with `ratios` of their heights; for use inside `styled`."""
     figure = new_figure(figsize=(WIDTH, height), layout="constrained")
-    return figure, figure.subplots(rows, columns, sharex=sharex, squeeze=False)
+    return figure, figure.subplots(rows, columns, sharex=sharex, squeeze=False, height_ratios=ratios)
 
 
 def panels(
-    axes: Axes | Sequence[Axes] | None, rows: int = 1, columns: int = 1, height: float = 2.6, sharex: bool = False
+    axes: Axes | Sequence[Axes] | None,
+    rows: int = 1,
+    columns: int = 1,
+    height: float = 2.6,
+    sharex: bool = False,
+    ratios: Sequence[float] | None = None,
+    count: int | None = None,
 ) -> list[Axes]:
-    """The given axes, or those of a new sheet, row by row; raises InputError where not as many as panels are given."""
-    if rows * columns < 1:
+    """The given axes, or those of a new sheet, row by row, `count` of them where that is given.
+
+    Raises InputError where not as many as panels are given.
+    """
+    count = rows * columns if count is None else count
+    if count < 1:
         raise InputError("nothing is given to draw; give at least one curve or run")
     if axes is None:
-        return list(sheet(rows, columns, height, sharex)[1].ravel())
+        sheets = list(sheet(rows, columns, height, sharex, ratios)[1].ravel())
+        for spare in sheets[count:]:
+            spare.remove()
+        return sheets[:count]
     given = list(axes) if isinstance(axes, Sequence | np.ndarray) else [axes]
-    if len(given) != rows * columns:
-        raise InputError(f"{len(given)} axes are given and there are {rows * columns} panels; give one for each")
+    if len(given) != count:
+        raise InputError(f"{len(given)} axes are given and there are {count} panels; give one for each")
     for each in given:
         if not hasattr(each, "get_figure"):
             raise InputError(f"an entry of axes is a {type(each).__name__}; give Axes of matplotlib, or leave axes out")

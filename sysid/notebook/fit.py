@@ -27,11 +27,10 @@ from sysid.notebook.page import write_page
 from sysid.notebook.poles import gain_fact, noise_of, pole_table
 from sysid.notebook.poles import modes_of as modes_with_words
 from sysid.notebook.words import criteria_in_words, rmse_in_words, search_in_words, structure_in_words
-from sysid.plots.bode import bode
-from sysid.plots.fitted import fitted
+from sysid.plots.free_runs import fitted
 from sysid.plots.pole_zero import pole_zero_map
 from sysid.plots.residual_tests import residual_tests
-from sysid.plots.responses import step
+from sysid.plots.responses import bode, step
 from sysid.plots.static_maps import static_maps
 from sysid.uncertainty import curves, intervals, responses
 from sysid.uncertainty.information import Information, information

@@ -12,7 +12,7 @@ from sysid.joint.growth import MARGIN, WORDS, Growth
 from sysid.notebook import fit as of_fit
 from sysid.notebook.figures import figure
 from sysid.plots.earned import earned
-from sysid.report.joint_words import bars, hatched
+from sysid.report.joint import bars, hatched
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

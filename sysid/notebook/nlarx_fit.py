@@ -16,7 +16,7 @@ from sysid.notebook.figures import figure
 from sysid.notebook.fit import SAY, parameter_table
 from sysid.notebook.page import write_page
 from sysid.notebook.words import criteria_in_words, rmse_in_words, search_in_words, structure_in_words
-from sysid.plots.fitted import fitted
+from sysid.plots.free_runs import fitted
 from sysid.plots.residual_tests import residual_tests
 
 if TYPE_CHECKING:

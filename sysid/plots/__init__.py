@@ -1,27 +1,22 @@
-"""The figures: one kind per file, one line in `TABLE`. Each draws final numbers and computes nothing.
+"""The figures: what each kind shows is described in one file, with a line in `TABLE`. They compute no results.
 
 Every function takes the data to show and, as `axes`, the Axes to draw into (a list for several panels); without `axes`
 it makes a new figure. It returns the axes. Radians are shown as degrees. Shaded areas are intervals of the level in
-the legend. Matplotlib is imported when something is drawn.
+the legend. Matplotlib is imported when something is drawn. The functions `..._figure` give the descriptions, which
+`sysid.drawing` draws with matplotlib or plotly.
 """
 
 from collections.abc import Callable
 from typing import Any
 
-from sysid.plots._runs import Run
-from sysid.plots.bode import bode
-from sysid.plots.close_ups import close_ups
 from sysid.plots.comparison import comparison
 from sysid.plots.earned import earned
-from sysid.plots.fitted import fitted
-from sysid.plots.free_runs import free_run, free_runs
+from sysid.plots.free_runs import Run, close_ups, fitted, free_run, free_runs, simulated
 from sysid.plots.pole_zero import pole_zero, pole_zero_map
 from sysid.plots.records import parts, record
 from sysid.plots.residual_tests import higher_order_tests, residual_tests
-from sysid.plots.responses import impulse, step
-from sysid.plots.simulated import simulated
+from sysid.plots.responses import bode, impulse, steady_state, step
 from sysid.plots.static_maps import static_curve, static_maps
-from sysid.plots.steady_state import steady_state
 
 TABLE: dict[str, Callable[..., Any]] = {
     "bode": bode,

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sysid.base import style
 from sysid.base.checks import checked
-from sysid.base.log_axes import log_axis
-from sysid.base.style import styled
+from sysid.drawing.axes import draw
+from sysid.drawing.figure import Axis, Bars, Figure, Panel, Rule
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,22 +18,33 @@ LINEAR = 10.0  # [BIC] below which a fall is drawn to scale
 
 
 @checked(own=("axes",))
-@styled
 def earned(rounds: Sequence[Sequence[Bar]], margin: float, axes: Sequence[Axes] | None = None) -> list[Axes]:
     """One panel for each round: a bar to the right of the dashed line earned its place, and the filled one stayed.
 
     A hatched bar is a part that was kept in its round and dropped at the end.
     """
-    row = style.panels(axes, 1, max(len(rounds), 1), height=2.8)
-    for k, (ax, bars) in enumerate(zip(row, rounds, strict=False)):
-        places = np.arange(len(bars))
-        for place, (_, fall, kept, stayed) in zip(places, bars, strict=True):
-            colour, hatch = style.MODEL if stayed else "none", "////" if kept else ""
-            ax.barh(place, fall, 0.6, color=colour, hatch=hatch, edgecolor=style.MODEL, linewidth=1.0)
-        ax.axvline(0, color=style.SECOND, linewidth=0.8)
-        ax.axvline(margin, color=style.INK, linewidth=0.8, linestyle="--")
-        log_axis(ax, "x", LINEAR)
-        ax.set_yticks(places, [name for name, *_ in bars])
-        ax.set(title=f"round {k + 1}", xlabel=f"fall of BIC, logarithmic beyond {LINEAR:g}")
-        ax.invert_yaxis()
-    return row
+    return draw(earned_figure(rounds, margin), axes)
+
+
+def earned_figure(rounds: Sequence[Sequence[Bar]], margin: float, texts: Sequence[Sequence[str]] = ()) -> Figure:
+    """A panel for each round; `texts` of its bars stand in the hover."""
+    x = Axis(f"fall of BIC, logarithmic beyond {LINEAR:g} [1]", log=True, linear_below=LINEAR)
+    rules = [Rule(0.0), Rule(margin, dash="dash", colour=style.INK)]
+    panels = [
+        Panel(
+            [
+                Bars(
+                    [fall for _, fall, *_ in bars],
+                    filled=[stayed for *_, stayed in bars],
+                    hatched=[kept and not stayed for *_, kept, stayed in bars],
+                    texts=texts[k] if texts else (),
+                ),
+                *rules,
+            ],
+            Axis(names=[name for name, *_ in bars]),
+            x,
+            f"round {k + 1}",
+        )
+        for k, bars in enumerate(rounds)
+    ]
+    return Figure(panels, max(len(panels), 1), shared=False, height=2.8)

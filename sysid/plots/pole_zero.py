@@ -1,8 +1,9 @@
-"""Poles and zeros in the z-plane, with their confidence regions if known."""
+"""Poles and zeros in the z-plane, with their confidence regions if known; a hover tells what each means."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,19 +11,21 @@ import numpy as np
 from sysid.base import style
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.style import styled
-from sysid.uncertainty.intervals import Root
+from sysid.base.units import number, pole
+from sysid.drawing.axes import draw
+from sysid.drawing.figure import Axis, Figure, Item, Line, Mark, Panel, Points, Region, Rule, View
+from sysid.uncertainty.intervals import Interval, Root
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Roots = Sequence[Root | complex] | np.ndarray
-NEAR = 0.08  # half the height of the panel about z = 1, where slow poles crowd
-REACH = 1.15  # half the width of the panel with the unit circle
+NEAR = 0.08  # half the height of the view about z = 1, where slow poles crowd
+REACH = 1.15  # half the width of the view of the unit circle
+OTHERS: tuple[Mark, ...] = ("plus", "up", "down")  # of roots for comparison
 
 
 @checked(own=("axes", "poles", "zeros", "references"))
-@styled
 def pole_zero(
     poles: Roots,
     zeros: Roots = (),
@@ -36,24 +39,19 @@ def pole_zero(
     cancel, and a lower order may suffice. `zoom`, the index of a pole from 0, shows only its neighbourhood;
     `references` are other poles for comparison, by name.
     """
-    (ax,) = style.panels(axes, height=5.0)
-    _draw(ax, poles, zeros, references or {})
-    ax.set(title=_title(poles), xlabel="real part", ylabel="imaginary part")
-    if zoom is None:
-        _frame(ax, [*poles, *zeros, *_flat(references)])
-    else:
+    figure = roots_figure(poles, zeros, references)
+    (panel,) = figure.panels
+    view = replace(panel.views[0], title=_title(poles))
+    if zoom is not None:
         if not 0 <= zoom < len(poles):
             raise InputError(f"zoom is {zoom} and there are {len(poles)} poles; give the index of one, from 0")
         centre, size = _value(poles[zoom]), _ellipse(poles[zoom])[0]
         reach = 3.0 * size if 0.0 < size < 1.0 else 0.1
-        ax.set(aspect="equal", xlim=_around(centre.real, reach), ylim=_around(centre.imag, reach))
-        ax.tick_params(axis="x", rotation=30)
-    style.legend(ax)
-    return ax
+        view = View(view.title, _around(centre.real, reach), _around(centre.imag, reach))
+    return draw(replace(figure, panels=[replace(panel, views=[view])], height=5.0, legend="panels"), axes)[0]
 
 
 @checked(own=("axes", "poles", "zeros", "references"))
-@styled
 def pole_zero_map(
     poles: Roots,
     zeros: Roots = (),
@@ -61,68 +59,80 @@ def pole_zero_map(
     references: Mapping[str, np.ndarray] | None = None,
 ) -> list[Axes]:
     """`pole_zero` with a second panel near z = 1 if there are slow poles or zeros; else without it."""
-    from matplotlib.ticker import MaxNLocator
-
-    every = np.array([_value(r) for r in [*poles, *zeros, *_flat(references)]])
-    slow = bool(np.any((np.abs(every.imag) < NEAR) & (np.abs(every.real - (1 - 0.5 * NEAR)) < NEAR)))
-    both = style.panels(axes, 1, 2 if slow else 1, height=3.6)
-    for ax in both:
-        _draw(ax, poles, zeros, references or {})
-        ax.set(xlabel="real part")
-    _frame(both[0], every)
-    both[0].set(ylabel="imaginary part", title=f"{'(a) ' if slow else ''}unit circle")
-    if slow:
-        both[1].xaxis.set_major_locator(MaxNLocator(5))
-        both[1].set(aspect="equal", xlim=(1 - 1.5 * NEAR, 1 + 0.5 * NEAR), ylim=(-NEAR, NEAR))
-        both[1].set(title="(b) near z = 1: slow poles")
-    if axes is None:
-        handles, labels = both[0].get_legend_handles_labels()
-        both[0].get_figure().legend(handles, labels, loc="outside upper center", ncols=5)  # type: ignore[union-attr]
-    else:
-        style.legend(both[0])
-    return both
+    return draw(roots_figure(poles, zeros, references), axes)
 
 
-def _draw(ax: Axes, poles: Roots, zeros: Roots, references: Mapping[str, np.ndarray]) -> None:
+def roots_figure(
+    poles: Roots, zeros: Roots = (), references: Mapping[str, np.ndarray] | None = None, Ts: float | None = None
+) -> Figure:
+    """Poles (crosses) with their regions, zeros (rings), and other roots by name.
+
+    With the sampling time Ts [s] a hover gives natural frequency [rad/s], damping and time constant [s], with standard
+    deviations of roots that have them.
+    """
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
-    ax.plot(np.cos(angle), np.sin(angle), color=style.SECOND, linewidth=1.0, zorder=1)
-    ax.axhline(0.0, color=style.SECOND, linewidth=0.5, zorder=1)
-    ax.axvline(0.0, color=style.SECOND, linewidth=0.5, zorder=1)
-    for roots, mark, colour, name in ((poles, "x", style.MODEL, "pole"), (zeros, "o", style.INPUT, "zero")):
-        _mark(ax, np.array([_value(r) for r in roots]), mark, colour, name)
-        for r in roots:
-            _region(ax, r, colour)
-    if ax.patches or any(line.get_alpha() for line in ax.lines):
-        level = next(r.level for r in [*poles, *zeros] if isinstance(r, Root))
-        ax.plot([], [], color=style.MODEL, lw=4, alpha=0.35, label=f"{100 * level:g} % region")
-    for (name, values), mark in zip(references.items(), ("+", "^", "v"), strict=False):
-        _mark(ax, np.atleast_1d(values), mark, style.INK, name)
+    items: list[Item] = [Line(np.cos(angle), np.sin(angle), colour=style.SECOND, width=1.0)]
+    items += [Rule(0.0, upright, width=0.5) for upright in (False, True)]
+    named: list[tuple[str, Roots, Mark, str]] = [
+        ("pole", poles, "cross", style.MODEL),
+        ("zero", zeros, "ring", style.INPUT),
+    ]
+    others = [(name, np.atleast_1d(values)) for name, values in (references or {}).items()]
+    named += [(name, values, mark, style.INK) for (name, values), mark in zip(others, OTHERS, strict=False)]
+    for name, roots, mark, colour in named:
+        z = np.array([_value(root) for root in roots], dtype=complex)
+        texts = [] if Ts is None else [_meaning(root, name, Ts) for root in roots]
+        items += [*_regions(roots, colour), Points(z.real, z.imag, name, colour, mark, texts)]
+    every = np.array([_value(root) for _, roots, *_ in named for root in roots] or [0j])
+    reach = REACH * max(1.0, float(np.abs(every).max()))
+    x, y = (Axis(f"{part} part [1]", whole=_around(0.0, reach)) for part in ("real", "imaginary"))
+    panel = Panel(items, y, x, equal=True, views=_views(every))
+    return Figure([panel], shared=False, height=3.6, lettered=True, legend="above")
 
 
-def _mark(ax: Axes, z: np.ndarray, mark: str, colour: str, name: str) -> None:
-    if len(z):
-        ax.plot(z.real, z.imag, mark, color=colour, markersize=7, mfc="none", mew=1.5, label=name)
+def _views(every: np.ndarray) -> list[View]:
+    """The unit circle, with the number of roots outside of the frame, and the slow roots where there are some."""
+    far = int(np.sum(np.maximum(np.abs(every.real), np.abs(every.imag)) > REACH))
+    whole = _around(0.0, REACH)
+    views = [View("unit circle", whole, whole, f"{far} beyond the frame" if far else "")]
+    if np.any((np.abs(every.imag) < NEAR) & (np.abs(every.real - (1 - 0.5 * NEAR)) < NEAR)):
+        views.append(View("near z = 1: slow poles", (1 - 1.5 * NEAR, 1 + 0.5 * NEAR), (-NEAR, NEAR)))
+    return views
 
 
-def _region(ax: Axes, root: Root | complex, colour: str) -> None:
-    """An ellipse for a complex root, a bar for a real root; nothing if the record does not determine it."""
-    from matplotlib.patches import Ellipse
-
-    z, (a, b, tilt) = _value(root), _ellipse(root)
-    if not np.isfinite(a) or a == 0.0:
-        return
-    if b == 0.0:
-        ax.plot([z.real - a, z.real + a], [0.0, 0.0], color=colour, lw=4, alpha=0.35, solid_capstyle="butt")
-    else:
-        ax.add_patch(Ellipse((z.real, z.imag), 2 * a, 2 * b, angle=np.degrees(tilt), color=colour, alpha=0.3, lw=0))
+def _regions(roots: Roots, colour: str) -> list[Region]:
+    """An ellipse for a complex root, a bar for a real root; nothing where the record does not determine it."""
+    regions = []
+    for root in (r for r in roots if isinstance(r, Root)):
+        a, b, tilt = root.ellipse()
+        if np.isfinite(a) and a != 0.0:
+            name = f"{100 * root.level:g} % region"
+            regions.append(Region(root.value.real, root.value.imag, a, b, tilt, name, colour))
+    return regions
 
 
-def _frame(ax: Axes, roots: Roots) -> None:
-    """The unit circle, and the number of roots outside the frame."""
-    ax.set(aspect="equal", xlim=(-REACH, REACH), ylim=(-REACH, REACH))
-    far = sum(max(abs(z.real), abs(z.imag)) > REACH for z in map(_value, roots))
-    if far:
-        ax.text(0.02, 0.02, f"{far} beyond the frame", transform=ax.transAxes, fontsize=8, color=style.SECOND)
+def _meaning(root: Root | complex, name: str, Ts: float) -> str:
+    """What a root means for the motion, for a hover."""
+    z = _value(root)
+    sign = "" if abs(z.imag) < 5e-5 else f" {'−' if z.imag < 0 else '+'} {abs(z.imag):.4f}i"
+    lines = [f"<b>{name}</b> z = {pole(complex(z.real))}{sign}", f"|z| = {number(abs(z), 5)}"]
+    known = root if isinstance(root, Root) else None
+    if z != 0 and abs(z) != 1.0:
+        s = np.log(complex(z)) / Ts
+        frequency, damping, lag = abs(s), -s.real / abs(s), -Ts / np.log(abs(z))
+        lines += [
+            f"natural frequency {number(frequency, 4)} rad/s{_spread(known.frequency) if known else ''}",
+            f"damping ratio {number(damping, 3)}{_spread(known.damping) if known else ''}",
+            f"time constant {number(lag, 4)} s{_spread(known.time_constant) if known else ''}" if lag > 0 else "grows",
+        ]
+    if known is not None:
+        lines.append(f"standard deviation of z {number(known.std, 2)}" if np.isfinite(known.std) else "no interval")
+        lines += [known.note] if known.note else []
+    return "<br>".join(lines)
+
+
+def _spread(interval: Interval) -> str:
+    return f" ± {number(interval.std, 2)} (std)" if np.isfinite(interval.std) else ""
 
 
 def _title(poles: Roots) -> str:
@@ -136,10 +146,6 @@ def _value(root: Root | complex) -> complex:
 
 def _ellipse(root: Root | complex) -> tuple[float, float, float]:
     return root.ellipse() if isinstance(root, Root) else (0.0, 0.0, 0.0)
-
-
-def _flat(references: Mapping[str, np.ndarray] | None) -> list[complex]:
-    return [complex(z) for values in (references or {}).values() for z in np.atleast_1d(values)]
 
 
 def _around(centre: float, reach: float) -> tuple[float, float]:

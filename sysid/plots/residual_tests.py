@@ -7,51 +7,47 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sysid.base import style
 from sysid.base.checks import checked
-from sysid.base.style import styled
 from sysid.diagnosis.higher_order import HigherOrderTests
 from sysid.diagnosis.residuals import ResidualTests
+from sysid.drawing.axes import draw
+from sysid.drawing.figure import Axis, Figure, Panel, Rule, Span, Stems
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 @checked(own=("axes",))
-@styled
 def residual_tests(tests: ResidualTests, axes: Sequence[Axes] | None = None) -> list[Axes]:
     """Whiteness and independence. Bars outside the bound at small positive lags: missing dynamics or delay."""
-    both = style.panels(axes, 2, height=4.2)
-    # Lag 0 of the residuals with themselves is 1 by definition.
-    _lags(both[0], tests.lags[1:], tests.autocorrelation[1:], tests.whiteness_bound, tests.level)
-    _lags(both[1], tests.cross_lags, tests.cross_correlation, tests.independence_bound, tests.level)
-    white, independent = tests.verdicts
-    both[0].set(title=f"(a) residuals with themselves: {white}")
-    both[1].set(title=f"(b) residuals with the input; {independent}", xlabel="lag [samples]")
-    return both
+    return draw(residuals_figure(tests), axes)
 
 
 @checked(own=("axes",))
-@styled
 def higher_order_tests(tests: HigherOrderTests, axes: Sequence[Axes] | None = None) -> list[Axes]:
     """Three correlations that are zero for a complete model. Bars outside: the model is incomplete, see `advice`."""
-    rows = style.panels(axes, len(tests.tests), height=6.4, sharex=True)
-    for ax, t in zip(rows, tests.tests, strict=True):
-        _lags(ax, t.lags, t.correlation, t.bound, t.level)
-        ax.set(title=f"{t.name}: {'passed' if t.passed else 'failed'}")
-    rows[-1].set(xlabel="lag [samples]")
-    return rows
+    panels = [
+        _panel(t.lags, t.correlation, t.bound, t.level, f"{t.name}: {'passed' if t.passed else 'failed'}")
+        for t in tests.tests
+    ]
+    return draw(Figure(panels, height=6.4), axes)
 
 
-def _lags(ax: Axes, lags: np.ndarray, r: np.ndarray, bound: float, level: float) -> None:
+def residuals_figure(tests: ResidualTests) -> Figure:
+    """Residuals with themselves over residuals with the input, each over lags of its own."""
+    white, independent = tests.verdicts
+    title, other = f"residuals with themselves: {white}", f"residuals with the input; {independent}"
+    # Lag 0 of the residuals with themselves is 1 by definition.
+    own = _panel(tests.lags[1:], tests.autocorrelation[1:], tests.whiteness_bound, tests.level, title)
+    cross = _panel(tests.cross_lags, tests.cross_correlation, tests.independence_bound, tests.level, other)
+    return Figure([own, cross], shared=False, height=4.6, lettered=True)
+
+
+def _panel(lags: np.ndarray, r: np.ndarray, bound: float, level: float, title: str) -> Panel:
+    """Correlations over their lags [samples], with the bound for one of them."""
     limit = bound if np.isfinite(bound) else 0.0
-    ax.axhspan(-limit, limit, color=style.BOUND, lw=0, zorder=0, label=f"{100 * level:g} % bound for one lag")
-    outside = np.abs(r) > bound
-    for chosen, colour, name in ((~outside, style.INK, None), (outside, style.MODEL, "outside")):
-        if chosen.any():
-            ax.vlines(lags[chosen], 0.0, r[chosen], color=colour, linewidth=1.2)
-            ax.plot(lags[chosen], r[chosen], "o", color=colour, markersize=3, label=name)
-    ax.axhline(0.0, color=style.SECOND, linewidth=0.8)
-    below, above = (max(float((sign * r).max(initial=0.0)), limit, 1e-9) for sign in (-1.0, 1.0))
-    ax.set(ylabel="correlation", ylim=(-1.25 * below, 1.25 * above))
-    style.legend(ax)
+    below, above = (1.25 * max(float((sign * r).max(initial=0.0)), limit, 1e-9) for sign in (-1.0, 1.0))
+    area = Span(-limit, limit, upright=False, label=f"{100 * level:g} % bound for one lag")
+    y = Axis("correlation [1]", "correlation", limits=(-below, above))
+    x = Axis("lag [samples]", limits=(min(0.0, float(lags[0]) - 0.5), float(lags[-1]) + 0.5) if len(lags) else None)
+    return Panel([area, Stems(lags, r, bound), Rule(0.0, upright=False)], y, x, title)

@@ -1,46 +1,119 @@
-"""Responses of the linear model that is tangent to a fit, over time."""
+"""What a fit answers to a step, a pulse, a frequency and a constant input, with bands."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sysid.base import style
+import numpy as np
+
 from sysid.base.checks import checked
-from sysid.base.style import styled
-from sysid.base.units import shown
-from sysid.plots._shade import level_name, shade
-from sysid.uncertainty.intervals import Band
+from sysid.base.units import Quantity, shown
+from sysid.drawing.axes import draw
+from sysid.drawing.figure import Axis, Band, Figure, Item, Line, Panel, Rule, has_area, scaled
+from sysid.uncertainty import intervals
+from sysid.uncertainty.information import UNEXCITED
+from sysid.uncertainty.responses import FrequencyResponse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 @checked(own=("axes",))
-@styled
-def step(band: Band, axes: Axes | None = None, y_unit: str = "", u_unit: str = "", y_name: str = "output") -> Axes:
+def step(
+    band: intervals.Band, axes: Axes | None = None, y_unit: str = "", u_unit: str = "", y_name: str = "output"
+) -> Axes:
     """Step response of the tangent: its final value is the gain, with the band as its uncertainty."""
-    return _response(band, "step", "step response of the tangent model", axes, y_unit, u_unit, y_name)
+    return draw(step_figure(band, y_unit, u_unit, y_name), axes)[0]
 
 
 @checked(own=("axes",))
-@styled
-def impulse(band: Band, axes: Axes | None = None, y_unit: str = "", u_unit: str = "", y_name: str = "output") -> Axes:
+def impulse(
+    band: intervals.Band, axes: Axes | None = None, y_unit: str = "", u_unit: str = "", y_name: str = "output"
+) -> Axes:
     """Response of the tangent to one sample of 1; the samples before the delay are exactly 0."""
-    return _response(
-        band, "pulse", "response of the tangent model to a pulse of one sample", axes, y_unit, u_unit, y_name
-    )
+    title = "response of the tangent model to a pulse of one sample"
+    return draw(_time_figure(band, "pulse", title, y_unit, u_unit, y_name), axes)[0]
 
 
-def _response(band: Band, after: str, title: str, axes: Axes | None, y_unit: str, u_unit: str, y_name: str) -> Axes:
-    (ax,) = style.panels(axes)
+@checked(own=("axes",))
+def bode(
+    response: FrequencyResponse, axes: Sequence[Axes] | None = None, y_unit: str = "", u_unit: str = ""
+) -> list[Axes]:
+    """Magnitude and phase of the tangent. The band is wide at frequencies where the record has little power."""
+    return draw(bode_figure(response, y_unit, u_unit), axes)
+
+
+@checked(own=("axes",))
+def steady_state(band: intervals.Band, axes: Axes | None = None, u_unit: str = "", y_unit: str = "") -> Axes:
+    """Steady-state output of the whole chain over constant inputs; it does not depend on the gauge."""
+    u, y = shown("u", u_unit), shown("y", y_unit)
+    items = banded(band, "steady state", u.factor, y.factor)
+    panel = Panel(items, Axis.of(y), Axis.of(u), "steady state", note=in_small(band.note))
+    return draw(Figure([panel], shared=False, height=4.0), axes)[0]
+
+
+def step_figure(band: intervals.Band, y_unit: str = "", u_unit: str = "", y_name: str = "output") -> Figure:
+    """The response to a unit step of the input."""
+    return _time_figure(band, "step", "step response of the tangent model", y_unit, u_unit, y_name)
+
+
+def _time_figure(band: intervals.Band, after: str, title: str, y_unit: str, u_unit: str, y_name: str) -> Figure:
+    """A response over time after a step or a pulse."""
     y = shown(y_name, y_unit).per(shown("", u_unit))
-    # The value stands from its sample to the next one.
-    ax.step(band.x, band.value * y.factor, where="post", color=style.MODEL, label="tangent")
-    lower, upper = band.lower * y.factor, band.upper * y.factor
-    shade(ax, band.x, lower, upper, level_name(band.level), band.note, step="post")
-    ax.axhline(0.0, color=style.SECOND, lw=0.5, zorder=0)
-    ax.set(title=title, xlabel=f"time after the {after} [s]", ylabel=y.label)
-    ax.margins(x=0.01)
-    if len(ax.collections):
-        style.legend(ax)
-    return ax
+    items = [*banded(band, "tangent", 1.0, y.factor, steps=True), Rule(0.0, upright=False, width=0.5)]
+    time = Axis.time(f"time after the {after} [s]")
+    panel = Panel(items, Axis.of(y), time, title, 1.8, in_small(band.note))
+    return Figure([panel], said=noted("all of the response", band.note))
+
+
+def bode_figure(response: FrequencyResponse, y_unit: str = "", u_unit: str = "") -> Figure:
+    """Magnitude over phase [deg] against the frequency [rad/s]."""
+    gain = shown("magnitude", y_unit).per(shown("", u_unit))
+    magnitude, phase = response.magnitude, response.phase
+    # A band that is wide at the edge of what was excited must not squeeze the curve into a line.
+    size = magnitude.value[magnitude.value > 0] * gain.factor
+    low, high = float(phase.value.min()), float(phase.value.max())
+    air = 0.2 * (high - low) + 10.0
+    y = Axis(gain.label, gain.name, gain.unit, log=True, limits=(0.3 * float(size.min()), 3.0 * float(size.max())))
+    x = Axis("frequency [rad/s]", log=True)
+    panels = [
+        Panel(
+            banded(magnitude, "tangent", 1.0, gain.factor),
+            y,
+            x,
+            "frequency response of the tangent model",
+            1.3,
+            in_small(magnitude.note),
+        ),
+        Panel(
+            banded(phase, "tangent", 1.0, 1.0, key=False),
+            Axis.of(Quantity("phase", "deg"), (low - air, high + air)),
+            x,
+            note=in_small(phase.note),
+        ),
+    ]
+    return Figure(panels, height=5.2, said=noted("all of the response", magnitude.note))
+
+
+def banded(
+    band: intervals.Band, label: str, across: float, factor: float, steps: bool = False, key: bool = True
+) -> list[Item]:
+    """A curve over its band, with the factors of both axes; the curve has a name in the legend if the band has."""
+    x, value = band.x * across, scaled(band.value, factor)
+    lower, upper = scaled(band.lower, factor), scaled(band.upper, factor)
+    key = key and has_area(lower, upper)
+    curve = Line(x, value, label, steps=steps, half=upper - value if np.isfinite(band.std).any() else None, key=key)
+    return [curve, Band(x, lower, upper, f"{100 * band.level:g} % band", steps=steps, key=key)]
+
+
+def in_small(note: str) -> str:
+    """The note of a band as it stands in a panel."""
+    return "the record does not excite all of this curve: no band there" if note == UNEXCITED else note
+
+
+def noted(what: str, note: str) -> list[str]:
+    """A sentence from a note of the intervals of `what`, such as "a pole"; none where there is no note."""
+    if note == UNEXCITED:
+        return [f"The record does not excite {what}."]
+    return [f"{what[0].upper()}{what[1:]} {note}."] if note else []

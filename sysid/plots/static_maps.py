@@ -9,10 +9,11 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.checks import checked
-from sysid.base.style import styled
 from sysid.base.units import shown
-from sysid.plots._shade import level_name, shade
-from sysid.uncertainty.curves import Curve
+from sysid.drawing.axes import draw
+from sysid.drawing.figure import Axis, Figure, Line, Panel
+from sysid.plots.responses import banded, in_small
+from sysid.uncertainty.curves import NORMALISED, Curve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,28 +22,27 @@ Words = tuple[str, str, str]  # title, signal before the map, signal after it
 
 
 @checked(own=("axes",))
-@styled
 def static_curve(curve: Curve, axes: Axes | None = None, words: Words | None = None) -> Axes:
     """One static map with its band; the band is wide where the record has few samples.
 
     On the normalised scale the dashed diagonal is the linear map; on a map's own scale there is no diagonal. `words`
     replace the title and the axis labels.
     """
-    (ax,) = style.panels(axes, height=4.0)
-    _draw(ax, curve, words or words_of(curve))
-    return ax
+    return draw(Figure([_panel(curve, words or words_of(curve))], shared=False, height=4.0, legend="inside"), axes)[0]
 
 
 @checked(own=("axes",))
-@styled
 def static_maps(
     curves: Sequence[Curve], axes: Sequence[Axes] | None = None, words: Mapping[str, Words] | None = None
 ) -> list[Axes]:
     """Every map of a chain, in the order of the signal; `words` by role."""
-    row = style.panels(axes, 1, len(curves), height=2.8)
-    for ax, curve in zip(row, curves, strict=True):
-        _draw(ax, curve, (words or {}).get(curve.role, words_of(curve)))
-    return row
+    return draw(maps_figure(curves, words), axes)
+
+
+def maps_figure(curves: Sequence[Curve], words: Mapping[str, Words] | None = None) -> Figure:
+    """Every map of a chain beside the others; `words` by role."""
+    panels = [_panel(curve, (words or {}).get(curve.role) or words_of(curve)) for curve in curves]
+    return Figure(panels, len(panels), shared=False, height=2.8, legend="inside")
 
 
 @checked(own=("axes",))
@@ -53,19 +53,24 @@ def words_of(curve: Curve) -> Words:
     return f"{curve.role} map, {curve.scale} scale", before, after
 
 
-def _draw(ax: Axes, curve: Curve, words: Words) -> None:
+def _panel(curve: Curve, words: Words) -> Panel:
+    """A map over its signal."""
     b, (title, before, after) = curve.band, words
     x, y = shown(before, curve.x_unit), shown(after, curve.y_unit)
-    ax.plot(b.x * x.factor, b.value * y.factor, color=style.MODEL, label=f"{curve.role} map")
-    shade(ax, b.x * x.factor, b.lower * y.factor, b.upper * y.factor, level_name(b.level), b.note)
-    if curve.scale == "normalised":
+    items = banded(b, f"{curve.role} map", x.factor, y.factor)
+    if curve.scale == NORMALISED:
         ends = np.array([b.x[0], b.x[-1]])
-        ax.plot(ends * x.factor, ends * y.factor, "--", color=style.SECOND, lw=1, label="no nonlinearity")
-    ax.set(title=title, xlabel=x.label, ylabel=y.label)
-    # A band that is wide where the record has few samples must not squeeze the curve into a line.
-    low, high = float(b.value.min()) * y.factor, float(b.value.max()) * y.factor
-    bottom, top = ax.get_ylim()
+        items.append(Line(ends * x.factor, ends * y.factor, "no nonlinearity", style.SECOND, 1.0, dash=True))
+    return Panel(items, Axis.of(y, _limits(curve, y.factor)), Axis.of(x), title, note=in_small(b.note))
+
+
+def _limits(curve: Curve, factor: float) -> tuple[float, float] | None:
+    """Limits where the band is so wide, for few samples, that it would squeeze the curve into a line."""
+    b = curve.band
+    low, high = float(b.value.min()) * factor, float(b.value.max()) * factor
+    edges = np.concatenate([b.lower, b.upper]) * factor
+    edges = edges[np.isfinite(edges)]
     width = (high - low) or 1.0
-    ax.set_ylim(max(bottom, low - width), min(top, high + width))
-    if len(ax.get_legend_handles_labels()[0]) > 1:
-        ax.legend()
+    if not len(edges) or (edges.min() >= low - width and edges.max() <= high + width):
+        return None
+    return max(float(edges.min()) - 0.05 * width, low - width), min(float(edges.max()) + 0.05 * width, high + width)

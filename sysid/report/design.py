@@ -1,26 +1,20 @@
 """The page of `qpal design`: the next experiment, and what it would tell."""
 
-from collections.abc import Sequence
-from textwrap import wrap
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 
 from sysid.base import style
-from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.base.versions import versions
+from sysid.drawing.figure import Figure, Span
 from sysid.joint.design import Design
 from sysid.joint.values import JointValue
-from sysid.report import zoom
+from sysid.plots.records import Signal, stack_figure
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.report.sections import WORDS, decimals, told_once, value_cells
 from sysid.workflow.design import Proposal
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-LINE = 24  # letters beside one of two axes
 COLOURS = (style.MODEL, style.SECOND, style.INPUT)
 
 
@@ -31,7 +25,7 @@ def page(result: Proposal, file: str) -> Page:
         "Input, and the output that the first fit predicts. The bands are the parts of the experiment. The position of "
         "the real joint may differ, so before every slow part the input drives it to an end, if one is known."
     )
-    drawn = Picture("experiment", style.png(draw(d)), caption, zoomed(d))
+    drawn = Picture.of("experiment", experiment_figure(d), caption)
     return Page(
         "The next experiment",
         f"{', '.join(d.targets)}; designed on {result.record.path.name}",
@@ -93,45 +87,16 @@ def _half(value: JointValue | None, otherwise: str) -> str:
     return f"± {half:.{decimals(half)}f}"
 
 
-def zoomed(d: Design) -> zoom.Figure:
-    """Input and predicted output to zoom, with the parts as bands."""
-    panels = [
-        zoom.Panel(shown("input u", d.units[0]), d.u, "input", style.INPUT, steps=True),
-        zoom.Panel(shown("predicted y", d.units[1]), d.y, "predicted output", style.MODEL),
+def experiment_figure(d: Design) -> Figure:
+    """Input and predicted output over time, with the parts of the experiment as areas."""
+    signals = [
+        Signal(shown("input u", d.units[0]), d.u, "input", style.INPUT, steps=True),
+        Signal(shown("predicted y", d.units[1]), d.y, "predicted output", style.MODEL),
     ]
-    figure = zoom.stack(np.arange(len(d.u)) * d.Ts, panels)
     names = list(dict.fromkeys(p.name for p in d.phases))
-    for p in d.phases:
-        colour = COLOURS[names.index(p.name) % len(COLOURS)]
-        area = {"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "x0": p.start * d.Ts, "x1": p.stop * d.Ts}
-        look = {"fillcolor": colour, "opacity": 0.15, "line": {"width": 0}, "layer": "below"}
-        figure["layout"]["shapes"].append(area | look)
-        if p is d.phases[names.index(p.name)]:  # a name for the legend, which a shape has not
-            key = {"type": "scatter", "mode": "markers", "x": [None], "y": [None], "name": p.name, "opacity": 0.4}
-            figure["data"].append(key | {"marker": {"symbol": "square", "size": 12, "color": colour}})
-    return figure
-
-
-@styled
-def draw(d: Design) -> Sequence["Axes"]:
-    """Input and predicted output over time, with the parts as bands."""
-    upper, lower = style.panels(None, rows=2, height=4.4, sharex=True)
-    t, out = np.arange(len(d.u)) * d.Ts, shown("", d.units[1])
-    style.line(upper, t, d.u, steps=True, color=style.INPUT, linewidth=0.8)
-    style.line(lower, t, d.y * out.factor, color=style.MODEL, linewidth=0.9)
-    names = list(dict.fromkeys(p.name for p in d.phases))
-    for axes in (upper, lower):
-        for p in d.phases:
-            colour = COLOURS[names.index(p.name) % len(COLOURS)]
-            label = p.name if axes is upper and p is d.phases[names.index(p.name)] else None
-            axes.axvspan(p.start * d.Ts, p.stop * d.Ts, color=colour, alpha=0.15, linewidth=0, label=label)
-    upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(names), frameon=False)
-    upper.set(ylabel=_label("input u", d.units[0]))
-    lower.set(xlabel="time [s]", ylabel=_label("predicted y", out.unit))
-    return upper, lower
-
-
-def _label(name: str, unit: str) -> str:
-    """Name and unit of an axis; a long unit stands below the name, so that the label is no longer than the axis."""
-    label = f"{name} [{unit}]" if unit else name
-    return label if len(label) <= LINE else "\n".join([name, *wrap(f"[{unit}]", LINE)])
+    marks = [
+        Span(p.start * d.Ts, p.stop * d.Ts, label=p.name, colour=COLOURS[names.index(p.name) % len(COLOURS)])
+        for p in d.phases
+    ]
+    figure = stack_figure(np.arange(len(d.u)) * d.Ts, signals)
+    return replace(figure, height=4.4, lettered=False, marks=marks)

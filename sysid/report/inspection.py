@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sysid.base import style
-from sysid.base.log_axes import log_axis
-from sysid.base.style import styled
 from sysid.base.units import shown
 from sysid.base.versions import versions
-from sysid.channels.signals import Signal, Signals
-from sysid.report import zoom
+from sysid.channels.signals import Signal as RecordedSignal
+from sysid.channels.signals import Signals
+from sysid.drawing.figure import Axis, Figure, Histogram, Item, Panel, Rule
+from sysid.plots.records import Signal, stack_figure
 from sysid.report.page import Grid, Listing, Page, Picture, Section
 from sysid.workflow.inspection import Inspection, sampling_facts
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 MOST_PANELS = 6
 BINS = 60
@@ -129,49 +125,29 @@ def pictures(signals: Signals) -> list[Picture]:
     filled = int(signals.missing.sum())
     caption = "The channels as they are used, in SI (angles in degrees)."
     caption += f" Marked: {filled} samples that were filled." if filled else ""
-    found = [Picture("channels", style.png(channels(signals)), caption, zoomed(signals))]
+    found = [Picture.of("channels", channels_figure(signals), caption)]
     if len(signals.sampling.steps):
         words = "How often each step between time stamps occurs; the dashed line is the sampling time of the record."
-        found.append(Picture("steps", style.png(steps(signals)), words))
+        found.append(Picture.of("steps", steps_figure(signals), words))
     return found
 
 
-def _chosen(signals: Signals) -> list[tuple[str, Signal]]:
+def _chosen(signals: Signals) -> list[tuple[str, RecordedSignal]]:
     """The channels that are shown, with their roles."""
     return [(role, s) for role in ("input", "output", "other") for s in getattr(signals, role)][:MOST_PANELS]
 
 
-def zoomed(signals: Signals) -> zoom.Figure:
-    """The channels to zoom."""
-    panels = [
-        zoom.Panel(shown(s.name, s.unit), s.values, role, COLOURS.get(role, style.SECOND), role == "input")
+def channels_figure(signals: Signals) -> Figure:
+    """Every input and output over time, with filled samples marked."""
+    shown_signals = [
+        Signal(shown(s.name, s.unit), s.values, role, COLOURS.get(role, style.SECOND), role == "input")
         for role, s in _chosen(signals)
     ]
-    return zoom.stack(signals.t, panels, signals.missing)
+    return stack_figure(signals.t, shown_signals, signals.missing)
 
 
-@styled
-def channels(signals: Signals) -> list[Axes]:
-    """Every input and output over time, with filled samples marked."""
-    chosen = _chosen(signals)
-    panels = style.panels(None, len(chosen), height=0.6 + 1.5 * len(chosen), sharex=True)
-    for k, (axes, (role, signal)) in enumerate(zip(panels, chosen, strict=True)):
-        quantity = shown(signal.name, signal.unit)
-        values = signal.values * quantity.factor
-        style.line(axes, signals.t, values, steps=role == "input", color=COLOURS.get(role, style.SECOND))
-        if signal.missing.any():
-            at = np.flatnonzero(signal.missing)
-            axes.plot(signals.t[at], values[at], "o", ms=3.5, color=style.MODEL, label="filled")
-            style.legend(axes)
-        axes.set(title=f"({chr(97 + k)}) {role}", ylabel=quantity.label)
-    panels[-1].set(xlabel="time [s]")
-    return panels
-
-
-@styled
-def steps(signals: Signals) -> list[Axes]:
+def steps_figure(signals: Signals) -> Figure:
     """Histogram of the steps between stamps."""
-    (axes,) = style.panels(None, 1, height=2.6)
     ms = 1e3 * signals.sampling.steps
     middle, Ts = float(np.median(ms)), 1e3 * signals.Ts
     if np.ptp(ms) <= 1e-6 * middle:
@@ -180,13 +156,12 @@ def steps(signals: Signals) -> list[Axes]:
         low, high = float(ms.min()), float(ms.max())
     width = (high - low) / BINS
     # The sampling time is the middle of a bin, so that its line stands on its bar.
-    first, last = np.floor((low - Ts) / width + 0.5), np.floor((high - Ts) / width + 0.5)
-    edges = Ts + width * (np.arange(first, last + 2) - 0.5)
-    axes.hist(ms, bins=edges.tolist(), color=style.INPUT)
-    axes.axvline(Ts, color=style.MODEL, ls="--", lw=1.0)
-    log_axis(axes, "y")
-    axes.set(xlabel="step between time stamps [ms]", ylabel="steps [number]")
-    return [axes]
+    least, largest = np.floor((low - Ts) / width + 0.5), np.floor((high - Ts) / width + 0.5)
+    edges = Ts + width * (np.arange(least, largest + 2) - 0.5)
+    counts, _ = np.histogram(ms, edges)
+    items: list[Item] = [Histogram(edges, counts, style.INPUT), Rule(Ts, dash="dash", colour=style.MODEL, width=1.0)]
+    y = Axis("steps [number]", "steps", log=True)
+    return Figure([Panel(items, y, Axis("step between time stamps [ms]"))], shared=False)
 
 
 def _plain(value: float) -> str:

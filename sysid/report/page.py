@@ -10,7 +10,11 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sysid.base import style
 from sysid.base.json_values import plain
+from sysid.drawing.axes import draw
+from sysid.drawing.figure import Figure
+from sysid.drawing.plotly import plotly
 from sysid.report import embed, glossary
 
 if TYPE_CHECKING:
@@ -31,6 +35,11 @@ class Picture:
     caption: str
     zoom: embed.Figure | None = None
     photo: bool = False
+
+    @classmethod
+    def of(cls, name: str, figure: Figure, caption: str, zoomed: Figure | None = None) -> "Picture":
+        """A figure drawn twice; `zoomed` is another description for the one that zooms."""
+        return cls(name, style.png(draw(figure)), caption, plotly(zoomed or figure))
 
     @property
     def data(self) -> str:

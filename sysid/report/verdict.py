@@ -4,7 +4,7 @@ import numpy as np
 
 from sysid.base.units import percent, poles, shown
 from sysid.diagnosis.residuals import poor
-from sysid.plots._departure import departure
+from sysid.drawing.departure import departure
 from sysid.report.sections import capital, model_in_words
 from sysid.report.words import tests_in_words
 from sysid.workflow.evaluation import APART, OVERFITTED

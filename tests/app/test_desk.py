@@ -13,7 +13,7 @@ from app_served import PATIENCE, write_log
 
 import sysid
 from sysid.base.errors import InputError
-from sysid.report.zoom import _parts as parts
+from sysid.drawing.plotly import base_layout
 from twin.app import jobs as jobs_module
 from twin.app import tasks
 from twin.app.desk import Desk, script
@@ -98,8 +98,8 @@ def test_results_and_overlay_show_the_record_on_its_own_levels_and_at_its_own_ti
 
 
 def test_in_a_narrow_window_panels_stand_below_each_other():
-    layout = parts.base("", height=330) | {"meta": {"beside": 2}}
-    layout |= {"xaxis2": {}, "yaxis": {}, "yaxis2": {}, "annotations": [{"text": "a"}, {"text": "b"}]}
+    layout = base_layout(330) | {"meta": {"beside": 2}}
+    layout |= {"xaxis": {}, "xaxis2": {}, "yaxis": {}, "yaxis2": {}, "annotations": [{"text": "a"}, {"text": "b"}]}
     assert stack_panels({"data": [], "layout": {**layout, "meta": {"beside": 1}}}) is None
     found = stack_panels({"data": [], "layout": layout})["layout"]
     (_, gap), (low, high) = found["yaxis2"]["domain"], found["yaxis"]["domain"]

@@ -171,13 +171,14 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(arguments, fragments, fold
 def test_a_pixel_of_every_filled_sample_is_marked(folder):
     """The figure's marks against the record's own."""
     from sysid.channels.reading import read_signals
-    from sysid.report.inspection import channels, steps
+    from sysid.drawing.axes import draw
+    from sysid.report.inspection import channels_figure, steps_figure
 
     signals = read_signals("rig.csv")
-    for axes in channels(signals):
+    for axes in draw(channels_figure(signals)):
         (marks,) = [line for line in axes.lines if line.get_label() == "filled"]
         np.testing.assert_allclose(marks.get_xdata(), 0.02 * np.array(LOST))
-    (axes,) = steps(signals)
+    (axes,) = draw(steps_figure(signals))
     assert sum(patch.get_height() for patch in axes.patches) == N - len(LOST) - 1
 
 

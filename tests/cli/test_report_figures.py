@@ -9,7 +9,6 @@ from PIL import Image
 import twin
 from sysid.base import style
 from sysid.report import figures, identify, page
-from sysid.report.figures import bode
 from sysid.structures import ActuatedJoint, HammersteinWiener, NonlinearArx, OutputError
 from sysid.workflow.identification import identify_file
 from sysid.workflow.saved import Exports
@@ -78,9 +77,9 @@ def test_a_caption_is_a_sentence(report):
 
 def test_a_caption_of_a_response_without_a_band_says_so(report, monkeypatch):
     e, _, _ = report
-    if not bode.applies(e):
+    if not figures.TABLE["bode"].applies(e):
         return
-    found = bode.bands(e)
+    found = figures.bands(e)
 
     def beside(upper):
         magnitude = replace(found.frequency.magnitude, upper=upper)
@@ -90,11 +89,11 @@ def test_a_caption_of_a_response_without_a_band_says_so(report, monkeypatch):
         beside(2.0 * found.frequency.magnitude.value),
         beside(np.full_like(found.frequency.magnitude.x, np.inf)),
     )
-    monkeypatch.setattr(bode, "bands", lambda e: bounded)
-    assert "with its 95 % band" in bode.caption(e)
-    monkeypatch.setattr(bode, "bands", lambda e: none)
-    assert "with its 95 % band" not in bode.caption(e)
-    assert "no band" in bode.caption(e)
+    monkeypatch.setattr(figures, "bands", lambda e: bounded)
+    assert "with its 95 % band" in figures.bode_caption(e)
+    monkeypatch.setattr(figures, "bands", lambda e: none)
+    assert "with its 95 % band" not in figures.bode_caption(e)
+    assert "no band" in figures.bode_caption(e)
 
 
 def test_axes_are_labelled_and_name_their_units_in_degrees(report):
@@ -125,5 +124,5 @@ def test_a_step_from_angle_to_angle_is_said_per_degree(log):
     said = float(caption.rpartition(" its value is ")[2].split()[0].replace("−", "-"))
     assert caption.endswith("deg per deg.")
     assert said == pytest.approx(e.step.y[-1], rel=5e-3)
-    line = figures.TABLE["step-response"].draw(turned).lines[0]
+    line = figures.TABLE["step-response"].draw(turned)[0].lines[0]
     np.testing.assert_allclose(line.get_ydata(), e.step.y)

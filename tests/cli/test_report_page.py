@@ -12,8 +12,11 @@ import pytest
 
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import Advice
+from sysid.drawing.plotly import plotly
 from sysid.joint.values import JointValue
-from sysid.report import figures, glossary, identify, page, verdict, zoom
+from sysid.plots.free_runs import runs_figure
+from sysid.plots.records import parts_figure, record_figure
+from sysid.report import figures, glossary, identify, page, verdict
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.structures import HammersteinWiener, NonlinearArx
 from sysid.workflow.identification import identify_file
@@ -239,7 +242,7 @@ def test_a_page_of_a_million_samples_stays_below_10_mb(tmp_path):
     pictures = [
         Picture(str(k), NOTHING, "A caption.", figure)
         for k, figure in enumerate(
-            (zoom.record(data), zoom.runs(data, {"a": data.y, "b": data.y}), zoom.parts(data, data))
+            map(plotly, (record_figure(data), runs_figure(data, {"a": data.y, "b": data.y}), parts_figure(data, data)))
         )
     ]
     page.write(tmp_path, Page("t", "s", ["v"], [Section("a", pictures=pictures)]), {})

@@ -14,11 +14,12 @@ from sysid.base.criteria import criteria
 from sysid.base.units import number, percent, poles, shown
 from sysid.data.preprocess import detrend
 from sysid.data.record import IOData
+from sysid.drawing.axes import draw
 from sysid.estimation.result import Fit
 from sysid.joint.design import Design, Phase
 from sysid.joint.values import JointValue
 from sysid.report import design, sections, verdict
-from sysid.report.figures import values
+from sysid.report.joint import values_figure
 from sysid.report.page import Grid, to_json
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
@@ -165,7 +166,7 @@ def test_a_backlash_has_an_axis_of_its_own_and_open_points_are_explained():
     for width in (None, 0.001):
         low, high = (None, None) if width is None else (0.006 - width, 0.006 + width)
         play = JointValue("backlash", 0.006, low, high, "rad", width is not None)
-        drawn = values.draw(SimpleNamespace(values=(*ends, play)))
+        drawn = draw(values_figure((*ends, play)))
         names = [[tick.get_text() for tick in ax.get_yticklabels()] for ax in drawn]
         assert names == [["lower end", "upper end"], ["backlash"]]
         left, right = drawn[1].get_xlim()
@@ -181,7 +182,11 @@ def test_a_backlash_has_an_axis_of_its_own_and_open_points_are_explained():
 )
 def test_labels_of_a_designed_experiment_stand_inside_the_picture(units):
     u = np.repeat([1.0, -1.0], 50)
-    drawn = design.draw(Design(("ends",), u, np.cumsum(u), 0.1, (Phase("ends", 0, 100, ""),), 1.0, (), (), units))
+    drawn = draw(
+        design.experiment_figure(
+            Design(("ends",), u, np.cumsum(u), 0.1, (Phase("ends", 0, 100, ""),), 1.0, (), (), units)
+        )
+    )
     figure = drawn[0].figure
     canvas = FigureCanvasAgg(figure)
     canvas.draw()

@@ -10,9 +10,12 @@ import sysid
 from sysid import plots
 from sysid.data.preprocess import detrend
 from sysid.data.record import IOData
-from sysid.report import inspection, zoom
-from sysid.report.figures import data as data_figure
-from sysid.report.figures import static_maps
+from sysid.drawing.axes import draw
+from sysid.drawing.plotly import plotly
+from sysid.plots.free_runs import runs_figure
+from sysid.plots.records import parts_figure
+from sysid.plots.responses import step_figure
+from sysid.report import figures, inspection
 from sysid.report.verdict import left
 from sysid.uncertainty.curves import NORMALISED, OWN, Curve
 from sysid.uncertainty.intervals import Band
@@ -62,23 +65,28 @@ def test_output_and_runs_stand_where_the_record_has_them(removed):
 def test_the_same_to_zoom(removed):
     data, run = removed
     e = SimpleNamespace(
-        estimation=data, validation=data, estimation_output=run, validation_output=run, validation_fit=96.0
+        estimation=data,
+        validation=data,
+        estimation_output=run,
+        validation_output=run,
+        validation_fit=96.0,
+        one_step=None,
     )
-    measured, model, error, u = zoom.free_run(e)["data"]
+    measured, model, error, u = plotly(figures.joined_figure(e))["data"]
     measured, model, u = ({"y": [v for v in trace["y"] if v is not None]} for trace in (measured, model, u))
     assert lies(measured, *MEASURED)
     assert lies(model, *MODEL)
     assert np.mean(u["y"]) == pytest.approx(3.0, abs=1e-3)
     assert np.nanmean(np.array(error["y"], dtype=float)) == pytest.approx(-0.01 * DEG, rel=1e-3)
-    assert lies(zoom.runs(data, {"model": run})["data"][0], *MEASURED)
-    assert lies(zoom.parts(data, data)["data"][1], *MEASURED)
+    assert lies(plotly(runs_figure(data, {"model": run}))["data"][0], *MEASURED)
+    assert lies(plotly(parts_figure(data, data))["data"][2], *MEASURED)
 
 
 def test_the_caption_says_what_was_added_only_where_something_was(removed):
     data, _ = removed
     raw = replace(data, u_offset=np.zeros(1), y_offset=np.zeros(1))
-    assert "are added again" in data_figure.caption(SimpleNamespace(estimation=data, validation=data))
-    assert "added" not in data_figure.caption(SimpleNamespace(estimation=raw, validation=raw))
+    assert "are added again" in figures.data_caption(SimpleNamespace(estimation=data, validation=data))
+    assert "added" not in figures.data_caption(SimpleNamespace(estimation=raw, validation=raw))
 
 
 def test_a_run_that_leaves_the_data_is_told_as_it_is_drawn(removed):
@@ -100,8 +108,8 @@ def test_maps_stand_over_the_signals_of_the_record(role, scale, x0, y0, removed,
     data, _ = removed
     x = np.linspace(-1.0, 1.0, 5)
     curve = Curve(role, Band(x, 2 * x, 0 * x, 2 * x - 1, 2 * x + 1, 0.95, ""), scale, "", "")
-    monkeypatch.setattr(static_maps, "bands", lambda e: SimpleNamespace(maps=(curve,)))
-    (shown,) = static_maps.recorded(SimpleNamespace(estimation=data))
+    monkeypatch.setattr(figures, "bands", lambda e: SimpleNamespace(maps=(curve,)))
+    (shown,) = figures.recorded_maps(SimpleNamespace(estimation=data))
     np.testing.assert_allclose(shown.band.x, x + x0)
     np.testing.assert_allclose([shown.band.value, shown.band.lower], [2 * x + y0, 2 * x - 1 + y0])
 
@@ -126,7 +134,7 @@ def test_a_band_that_is_nowhere_to_be_seen_is_not_in_the_legend():
     axes = plots.step(Band(x, x, unknown, unknown, unknown, 0.95, note))
     assert axes.get_legend() is None
     assert [t.get_text() for t in axes.texts] == ["the record does not excite all of this curve: no band there"]
-    names = [t.get("name") for t in zoom.step(Band(x, x, unknown, unknown, unknown, 0.95, ""))["data"]]
+    names = [t.get("name") for t in plotly(step_figure(Band(x, x, unknown, unknown, unknown, 0.95, "")))["data"]]
     assert names == ["tangent"]
     wide = plots.step(Band(x, x, 0 * x + 1, x - 1, x + 1, 0.95, ""))
     assert [t.get_text() for t in wide.get_legend().get_texts()] == ["tangent", "95 % band"]
@@ -134,7 +142,7 @@ def test_a_band_that_is_nowhere_to_be_seen_is_not_in_the_legend():
 
 @pytest.mark.parametrize("ms", [np.full(500, 10.0), np.r_[np.full(500, 10.0), 30.0], np.r_[9.0, np.full(500, 10.0)]])
 def test_the_bar_of_the_sampling_time_stands_on_its_line(ms):
-    (axes,) = inspection.steps(SimpleNamespace(sampling=SimpleNamespace(steps=1e-3 * ms), Ts=0.01))
+    (axes,) = draw(inspection.steps_figure(SimpleNamespace(sampling=SimpleNamespace(steps=1e-3 * ms), Ts=0.01)))
     tallest = max(axes.patches, key=lambda bar: bar.get_height())
     assert tallest.get_height() == 500
     assert tallest.get_x() + 0.5 * tallest.get_width() == pytest.approx(10.0)

@@ -12,7 +12,8 @@ import twin
 from sysid import plots
 from sysid.base import style
 from sysid.base.log_axes import log_axis, power
-from sysid.plots._departure import frame_all
+from sysid.drawing.axes import draw
+from sysid.drawing.departure import frame, spread_axis
 from sysid.plots.earned import earned
 from sysid.report import inspection
 from sysid.uncertainty import responses
@@ -47,13 +48,13 @@ def spectra():
 
 def steps():
     clock = SimpleNamespace(steps=np.r_[np.full(30000, 0.01), 0.03])
-    return inspection.steps(SimpleNamespace(sampling=clock, Ts=0.01))
+    return draw(inspection.steps_figure(SimpleNamespace(sampling=clock, Ts=0.01)))
 
 
 @style.styled
 def departed():
     (axes,) = style.panels(None)
-    frame_all(axes, np.linspace(-1, 1, 9), 10.0 ** np.arange(9))
+    spread_axis(axes, frame(np.linspace(-1, 1, 9)), 10.0 ** np.arange(9))
     return [axes]
 
 

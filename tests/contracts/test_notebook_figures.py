@@ -109,7 +109,7 @@ def test_several_channels_have_a_panel_each_and_experiments_a_border():
     for k, ax in enumerate(panels):
         expected = np.tile((np.column_stack([wide.u, wide.y]))[:, k], 2)
         np.testing.assert_array_equal(ax.lines[0].get_ydata(), expected)
-        assert ax.lines[1].get_xdata()[0] == pytest.approx(5.0)
+        assert ax.lines[1].get_xdata()[0] == pytest.approx(4.95)
 
 
 def test_figures_of_growth_and_comparison(growth, data, fit, linear, network):

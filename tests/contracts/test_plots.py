@@ -9,7 +9,8 @@ import pytest
 import sysid
 from sysid import plots
 from sysid.data.preprocess import detrend
-from sysid.report import zoom
+from sysid.drawing.plotly import plotly
+from sysid.plots.residual_tests import residuals_figure
 from sysid.report.words import verdict
 from sysid.systems import system
 from sysid.uncertainty import bands, curves, intervals, responses
@@ -273,7 +274,7 @@ def test_bars_of_residuals_leave_out_lag_zero_and_colour_those_outside():
     outside = next(line for line in top.lines if line.get_label() == "outside")
     assert len(outside.get_xdata()) == tests.whiteness_outside > 0
     assert top.get_title("left").endswith("coloured")
-    assert tests.verdicts[1] in str(zoom.residual_tests(tests)["layout"])
+    assert tests.verdicts[1] in str(plotly(residuals_figure(tests))["layout"])
     assert bottom.get_title("left").endswith(f"all lags together: independent (p = {tests.independence_p:.2g})")
 
 

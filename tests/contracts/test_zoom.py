@@ -16,12 +16,21 @@ from sysid.base import style
 from sysid.base.units import shown
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import residual_tests
+from sysid.drawing.departure import departure
+from sysid.drawing.plotly import plotly
 from sysid.joint.growth import Growth
 from sysid.joint.rounds import Step
 from sysid.joint.values import JointValue
 from sysid.plots import Run, free_run, free_runs
-from sysid.plots._departure import departure
-from sysid.report import embed, zoom
+from sysid.plots.free_runs import runs_figure
+from sysid.plots.pole_zero import roots_figure
+from sysid.plots.records import Signal, lines_figure, parts_figure, record_figure, stack_figure
+from sysid.plots.residual_tests import residuals_figure
+from sysid.plots.responses import bode_figure, step_figure
+from sysid.plots.static_maps import maps_figure
+from sysid.report import embed
+from sysid.report.figures import joined_figure
+from sysid.report.joint import growth_figure, values_figure
 from sysid.uncertainty import responses
 from sysid.uncertainty.curves import curves
 from sysid.uncertainty.information import information
@@ -79,20 +88,22 @@ def figures(data, fit, evaluation):
     steps = (Step(0, "stribeck", 100.0, 250.0, True, 0.9), Step(0, "plays", 360.0, -10.0, False))
     grown = Growth(fit, 350.0, steps)
     return {
-        "record": zoom.record(data),
-        "parts": zoom.parts(evaluation.estimation, evaluation.validation),
-        "lines": zoom.lines(data.t, {"error": data.y[:, 0]}, "error", "rad"),
-        "stack": zoom.stack(data.t, [zoom.Panel(shown("angle", "rad"), data.y[:, 0], "output")], data.t > 59.0),
-        "free_run": zoom.free_run(evaluation),
-        "one_step": zoom.one_step(evaluation),
-        "runs": zoom.runs(data, {"a": data.y, "b": 2 * data.y[:, 0]}),
-        "residual_tests": zoom.residual_tests(residual_tests(e, evaluation.validation.u[:, 0])),
-        "static_maps": zoom.static_maps(curves(info)),
-        "poles_zeros": zoom.poles_zeros(poles(info), [0.3 + 0.2j, 0.3 - 0.2j], 0.1, {"truth": np.array([0.8])}),
-        "bode": zoom.bode(responses.frequency(info), "rad", "V"),
-        "step": zoom.step(responses.step(info), "rad", "V", "angle"),
-        "values": zoom.values(values()),
-        "growth": zoom.growth(grown),
+        name: plotly(figure)
+        for name, figure in {
+            "record": record_figure(data),
+            "parts": parts_figure(evaluation.estimation, evaluation.validation),
+            "lines": lines_figure(data.t, {"error": data.y[:, 0]}, "error", "rad"),
+            "stack": stack_figure(data.t, [Signal(shown("angle", "rad"), data.y[:, 0], "output")], data.t > 59.0),
+            "free_run": joined_figure(evaluation),
+            "runs": runs_figure(data, {"a": data.y, "b": 2 * data.y[:, 0]}),
+            "residual_tests": residuals_figure(residual_tests(e, evaluation.validation.u[:, 0])),
+            "static_maps": maps_figure(curves(info)),
+            "poles_zeros": roots_figure(poles(info), [0.3 + 0.2j, 0.3 - 0.2j], {"truth": np.array([0.8])}, 0.1),
+            "bode": bode_figure(responses.frequency(info), "rad", "V"),
+            "step": step_figure(responses.step(info), "rad", "V", "angle"),
+            "values": values_figure(values()),
+            "growth": growth_figure(grown),
+        }.items()
     }
 
 
@@ -165,12 +176,12 @@ def test_residuals_have_their_own_lags_in_each_panel_and_the_legend_names_the_bo
     figure = figures["residual_tests"]
     layout, bars = figure["layout"], figure["data"]
     alone, with_input = ([t for t in bars if t["yaxis"] == axis] for axis in ("y", "y2"))
-    assert ({t["xaxis"] for t in alone}, {t["xaxis"] for t in with_input}) == ({"x2"}, {"x"})
-    assert (layout["xaxis2"]["anchor"], layout["xaxis"]["anchor"]) == ("y", "y2")
+    assert ({t["xaxis"] for t in alone}, {t["xaxis"] for t in with_input}) == ({"x"}, {"x2"})
+    assert (layout["xaxis"]["anchor"], layout["xaxis2"]["anchor"]) == ("y", "y2")
     last = max(max(t["x"]) for t in alone if t["x"])
-    assert layout["xaxis2"]["range"] == [0.0, last + 0.5]
+    assert layout["xaxis"]["range"] == [0.0, last + 0.5]
     assert min(min(t["x"]) for t in with_input if t["x"]) == -last
-    upper, lower = layout["shapes"]
+    upper, lower = (shape for shape in layout["shapes"] if shape["type"] == "rect")
     assert (upper["name"], upper["showlegend"], lower["showlegend"]) == ("99 % bound for one lag", True, False)
 
 
@@ -189,7 +200,7 @@ def test_several_outputs_and_experiments_stand_apart():
     rng = np.random.default_rng(1)
     parts = [IOData(rng.normal(size=(n, 2)), rng.normal(size=(n, 3)), 0.5) for n in (40, 60)]
     both = IOData.merge(*parts)
-    figure = zoom.runs(both, {"model": both.y + 1.0})
+    figure = plotly(runs_figure(both, {"model": both.y + 1.0}))
     assert len(axes(figure, "y")) == 3 + 3 + 2
     assert [a["title"]["text"] for a in axes(figure, "y").values()] == ["y1", "y2", "y3"] * 2 + ["u1", "u2"]
     line = trace(figure, "model", "y3")
@@ -206,7 +217,7 @@ def test_a_long_record_is_thinned_to_its_exact_extremes_and_says_so():
     u, y = rng.normal(size=n), rng.normal(size=n)
     y[[123_456, 765_432]] = 50.0, -60.0  # one sample each
     long = IOData(u, y, 1e-3)
-    figure = zoom.record(long)
+    figure = plotly(record_figure(long))
     for line in figure["data"]:
         assert len(line["x"]) <= style.POINTS
         assert "thinned: 4,000 of 1,000,000 samples" in line["hovertemplate"]
@@ -217,7 +228,7 @@ def test_a_long_record_is_thinned_to_its_exact_extremes_and_says_so():
     kept = set(drawn.values())
     for a, b in zip(edges[:-1:97], edges[1::97], strict=True):  # each bin, not the whole record alone
         assert {y[a:b].min(), y[a:b].max()} <= kept
-    assert len(embed.element(zoom.runs(long, {"model": y}), "long")) < 1e6
+    assert len(embed.element(plotly(runs_figure(long, {"model": y})), "long")) < 1e6
 
 
 def test_a_thinned_line_keeps_gaps_and_the_extremes_beside_them():
@@ -257,7 +268,7 @@ def test_a_picture_shows_the_whole_of_a_run(data, last):
 
 
 def test_a_zoomable_run_that_stays_near_has_plotlys_own_limits(figures):
-    for name in ("free_run", "runs", "record", "parts", "one_step"):
+    for name in ("free_run", "runs", "record", "parts"):
         for axis in axes(figures[name], "y").values():
             assert "range" not in axis, name
         assert "updatemenus" not in figures[name]["layout"]
@@ -265,7 +276,7 @@ def test_a_zoomable_run_that_stays_near_has_plotlys_own_limits(figures):
 
 def test_a_zoomable_run_that_diverges_says_so_and_can_be_seen_whole(data):
     run = growing(data, 1e31)
-    figure = zoom.runs(data, {"model": run, "good": data.y})
+    figure = plotly(runs_figure(data, {"model": run, "good": data.y}))
     said = figure["layout"]["meta"]["said"]
     assert re.search(r"The model leaves the data \S+ s after the start and reaches 5.7e32 deg", said)
     assert "good" not in said
@@ -284,7 +295,7 @@ def test_a_run_that_overflows_leaves_a_gap_and_a_sentence(data):
     away = departure(data.y[:, 0], run)
     assert away.lost == data.N - 3
     assert departure(data.y[:, 0], data.y[:, 0]) is None
-    figure = zoom.runs(data, {"model": run})
+    figure = plotly(runs_figure(data, {"model": run}))
     assert f"From {(data.N - 3) * 0.1:.4g} s on it is no finite number." in figure["layout"]["meta"]["said"]
     assert trace(figure, "model", "y")["y"][-3:] == [None] * 3
     json.dumps(figure, allow_nan=False)
@@ -306,7 +317,7 @@ def test_roots_tell_their_meaning(figures):
     assert "standard deviation of z" in text
     low, high = figures["poles_zeros"]["layout"]["xaxis"]["range"]
     assert low < -1 < 1 < high
-    far = zoom.poles_zeros([3.0 + 0j], (), 0.1)["layout"]["xaxis"]["range"]
+    far = plotly(roots_figure([3.0 + 0j], Ts=0.1))["layout"]["xaxis"]["range"]
     assert far[1] > 3.0  # no root is outside
 
 
@@ -339,7 +350,8 @@ def test_growth_tells_what_a_part_earned(figures):
     assert [numbers["0"], numbers["30"]] == lines  # each line stands at a number
     assert axis["range"][0] < min(*bars["x"], 0.0)
     assert max(*bars["x"], numbers["30"]) < axis["range"][1]
-    assert bars["y"] == ["round 1: Stribeck", "round 1: play"]
+    assert [note["text"] for note in figures["growth"]["layout"]["annotations"]] == ["<b>round 1</b>"]
+    assert bars["y"] == ["Stribeck", "play"]
     assert bars["x"][0] > 0 > bars["x"][1]
     assert "BIC falls by 250.0 to 100" in bars["hovertext"][0]
     assert bars["marker"]["pattern"]["shape"] == ["", ""]
@@ -351,15 +363,15 @@ def test_a_part_that_the_joint_does_without_is_hatched_as_its_caption_says(fit):
         Step(1, "plays", 60.0, 40.0, True),
         Step(2, "lag", 60.0, -1, False),
     )
-    (bars,) = zoom.growth(Growth(fit, 350.0, steps, dropped=("stribeck",)))["data"]
-    assert bars["marker"]["pattern"]["shape"] == ["/", "", ""]
-    colours = bars["marker"]["color"]
-    assert colours[0] == colours[1] != colours[2]  # plotly draws no hatch on a bar without a colour
+    bars = plotly(growth_figure(Growth(fit, 350.0, steps, dropped=("stribeck",))))["data"]
+    assert [trace["marker"]["pattern"]["shape"] for trace in bars] == [["/"], [""], [""]]
+    (first,), (second,), (third,) = (trace["marker"]["color"] for trace in bars)
+    assert first == second != third  # plotly draws no hatch on a bar without a colour
 
 
 def test_an_element_gives_back_its_figure_and_no_text_ends_the_script(data):
     name = "</script><b>&"
-    figure = zoom.lines(data.t, {name: data.y[:, 0], "b": data.y[:, 0]}, "error")
+    figure = plotly(lines_figure(data.t, {name: data.y[:, 0], "b": data.y[:, 0]}, "error"))
     figure["data"][0]["y"][3] = None
     html = embed.element(figure, "one")
     assert html.count("</script>") == 1

@@ -1,7 +1,7 @@
 """Whether a free run leaves the data, and the axis on which data and run are both seen.
 
 No figure cuts off a run. A run that stays near the data gets a linear axis that holds all of it; one that leaves them
-far gets an axis that is linear over the data and logarithmic beyond.
+far gets an axis that is linear over the data and logarithmic beyond, or opens on the data.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from sysid.base.units import Quantity, number
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FAR = 3.0  # widths of the data's range from its middle, beyond which a run has left the data
+FAR = 3.0  # widths of the data's range from its middle, beyond which a run has left the data; chosen by hand
 AIR = 0.05  # of what is shown, above and below
+LARGEST = 1e290  # value that an axis can carry; what is larger stands at its end
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,15 @@ def departure(measured: np.ndarray, model: np.ndarray) -> Departure | None:
     return Departure(int(np.argmax(beyond)), float(model[int(np.argmax(known))]), lost)
 
 
+def frame(values: np.ndarray) -> tuple[float, float]:
+    """Limits of a linear axis that holds every finite value, with air."""
+    low, high = _ends(values)
+    if not low <= high:
+        return -1.0, 1.0
+    width = (high - low) or 1.0
+    return low - AIR * width, high + AIR * width
+
+
 def _ends(*lines: np.ndarray) -> tuple[float, float]:
     """The smallest and largest finite value of the lines; infinite where there is none."""
     low = min(float(np.min(each, where=np.isfinite(each), initial=np.inf)) for each in lines)
@@ -61,22 +71,10 @@ def _ends(*lines: np.ndarray) -> tuple[float, float]:
     return low, high
 
 
-def frame(*lines: np.ndarray) -> tuple[float, float]:
-    """Limits of a linear axis that holds every finite value of the lines, with air."""
-    low, high = _ends(*lines)
-    if not low <= high:
-        return -1.0, 1.0
-    width = (high - low) or 1.0
-    return low - AIR * width, high + AIR * width
-
-
-def frame_all(ax: Axes, measured: np.ndarray, model: np.ndarray) -> None:
-    """Set a vertical axis that shows both lines (N,), in the units of the axis, from end to end."""
-    low, high = frame(measured)
-    if departure(measured, model) is None:
-        ax.set_ylim(frame(measured, model))
-        return
-    bottom, top = _ends(measured, _clipped(model))
+def spread_axis(ax: Axes, near: tuple[float, float], *lines: np.ndarray) -> None:
+    """Set a vertical axis that shows the lines from end to end: linear over `near`, logarithmic beyond."""
+    low, high = near
+    bottom, top = _ends(*(np.clip(line, -LARGEST, LARGEST) for line in lines))
     scale = _Scale.over(low, high, bottom, top)
     ax.set_yscale("function", functions=(scale.squeeze, scale.stretch))
     ends = scale.squeeze(np.array([min(bottom, low), max(top, high)]))
@@ -84,11 +82,6 @@ def frame_all(ax: Axes, measured: np.ndarray, model: np.ndarray) -> None:
     ax.set_yticks(*_ticks(low, high, bottom, top))
     note = "the axis is linear over the data and logarithmic beyond"
     ax.text(0.01, 0.96, note, transform=ax.transAxes, va="top", fontsize=7.5, color=style.SECOND)
-
-
-def _clipped(model: np.ndarray) -> np.ndarray:
-    """Values that an axis can carry; what is larger stands at its end."""
-    return np.clip(model, -1e290, 1e290)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,314 @@
+"""The figures of the report of `qpal identify`: one line in `TABLE` each, shown in that order.
+
+The name of a figure is its file name in figures/. Other reports and the app use them too. Nothing here computes a
+result; what the figures show comes from an evaluation and the bands about it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from sysid.base import style
+from sysid.base.units import Quantity, number, percent, poles, shown
+from sysid.data.preprocess import retrend
+from sysid.data.record import IOData
+from sysid.drawing.axes import draw
+from sysid.drawing.figure import Figure, Rule
+from sysid.drawing.plotly import Plotly, plotly
+from sysid.joint.growth import MARGIN
+from sysid.plots.free_runs import Run, close_ups_figure, parts_of_run_figure, reshaped, runs_figure
+from sysid.plots.pole_zero import roots_figure
+from sysid.plots.records import parts_figure
+from sysid.plots.residual_tests import residuals_figure
+from sysid.plots.responses import bode_figure, step_figure
+from sysid.plots.static_maps import Words, maps_figure
+from sysid.report.bands import GIVES_OUTPUT, SEES_INPUT, bands
+from sysid.report.joint import growth_figure, hatched, values_figure
+from sysid.report.page import Picture
+from sysid.report.sections import told_once
+from sysid.report.words import one_step, tests_in_words
+from sysid.uncertainty.curves import NORMALISED, Curve
+from sysid.workflow.results import Evaluation, single_channels
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SectionTitle = Literal["Data", "Model output", "Model", "Residual tests"]
+VALIDATION_TIME = "time in the validation data [s]"
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """One figure of the report of `qpal identify`, described from an evaluation; other reports may use it.
+
+    `figure` may take options from another report. The axes of a figure name their units, unless it shows only `pure`
+    numbers. `zoomed` is another description for the figure that zooms, where that shows more than a picture can.
+    """
+
+    section: SectionTitle
+    figure: Callable[..., Figure]
+    caption: Callable[[Evaluation], str]
+    applies: Callable[[Evaluation], bool] = lambda e: True
+    pure: bool = False
+    zoomed: Callable[[Evaluation], Figure] | None = None
+
+    def draw(self, evaluation: Evaluation) -> list[Axes]:
+        """The picture's axes."""
+        return draw(self.figure(evaluation))
+
+    def zoom(self, evaluation: Evaluation) -> Plotly:
+        """The figure that zooms."""
+        return plotly((self.zoomed or self.figure)(evaluation))
+
+    def picture(self, name: str, evaluation: Evaluation, lead: str = "", **options: Any) -> Picture | None:
+        """The figure with its caption after `lead`; None if it does not apply to this model or record."""
+        if not self.applies(evaluation):
+            return None
+        figure = self.figure(evaluation, **options)
+        zoomed = None if self.zoomed is None else self.zoomed(evaluation)
+        return Picture.of(name, figure, f"{lead}{self.caption(evaluation)}", zoomed)
+
+
+def pictures(section: SectionTitle, evaluation: Evaluation) -> list[Picture]:
+    """The figures of one section for this evaluation."""
+    chosen = [(name, figure) for name, figure in TABLE.items() if figure.section == section]
+    each = single_channels(evaluation, section)  # one for each of several outputs
+    found = (figure.picture(name + mark, one, lead) for name, figure in chosen for mark, lead, one in each)
+    return [picture for picture in found if picture is not None]
+
+
+def signals(evaluation: Evaluation) -> tuple[Quantity, Quantity]:
+    """Display of input and output."""
+    data = evaluation.estimation
+    return shown(data.u_name, data.u_unit), shown(data.y_name, data.y_unit)
+
+
+def data_caption(e: Evaluation) -> str:
+    """The split of the record, and what was done to the values that are shown."""
+    restored = e.estimation.u_offset.any() or e.estimation.y_offset.any()
+    more = " Constants that were removed before the fit are added again, here and in the figures of the output."
+    return (
+        f"The record as used: the first {e.estimation.N} samples are estimation data, the other {e.validation.N} "
+        f"are validation data.{more if restored else ''}"
+    )
+
+
+def _free_run_figure(e: Evaluation) -> Figure:
+    """Both parts, the validation error, and the one-step-ahead prediction if the model has one."""
+    one = e.one_step
+    return parts_of_run_figure(
+        Run(e.estimation, e.estimation_output, e.estimation_fit),
+        Run(e.validation, e.validation_output, e.validation_fit),
+        None if one is None else Run(e.validation, one.validation_output, one.validation_fit),
+    )
+
+
+def joined_figure(e: Evaluation) -> Figure:
+    """The free run over both parts, which follow each other in time, with the errors, the inputs and the prediction.
+
+    A click on the run in the legend hides it in all panels; the border of the two parts is a full line.
+    """
+    both = IOData.merge(retrend(e.estimation), retrend(e.validation))
+    figure = _run_over_both(e, both, "free run", e.estimation_output, e.validation_output, e.validation_fit)
+    panels, cut = list(figure.panels), (e.estimation.N - 0.5) * both.Ts
+    if e.one_step is not None:
+        one, words = e.one_step, "one step ahead, NOT a free run"
+        ahead = _run_over_both(e, both, words, one.estimation_output, one.validation_output, one.validation_fit)
+        measured, run = ahead.panels[0].lines()
+        panels.append(replace(ahead.panels[0], items=[measured, replace(run, colour=style.INPUT)], title=words))
+    marks = [mark for mark in figure.marks if isinstance(mark, Rule) and mark.at != cut]
+    return replace(figure, panels=panels, marks=[*marks, Rule(cut, sides=("estimation", "validation"))])
+
+
+def _run_over_both(
+    e: Evaluation, both: IOData, what: str, estimation: np.ndarray, validation: np.ndarray, fit: float
+) -> Figure:
+    """A run over both parts of the record."""
+    pairs = ((e.estimation, estimation), (e.validation, validation))
+    run = np.concatenate([reshaped(data, output) + data.y_offset for data, output in pairs])
+    return runs_figure(both, {f"{what}, fit {percent(fit)} in validation": run})
+
+
+def _free_run_caption(e: Evaluation) -> str:
+    """The data used by the free run."""
+    one = " The last panel is a one-step-ahead prediction, not a free run: it uses the previous measured outputs."
+    return (
+        f"Measured output and the model's free-run simulation. It uses only the input and the first {e.fit.n_init} "
+        f"outputs of each part for the initial state; these outputs are not scored.{one if e.one_step else ''}"
+    )
+
+
+def _roots_figure(e: Evaluation, references: Mapping[str, np.ndarray] | None = None) -> Figure:
+    """Poles, with confidence regions if available, and zeros; `references` are other poles by name."""
+    return roots_figure(e.roots or e.poles, e.zeros, references, e.fit.Ts)
+
+
+def _roots_caption(e: Evaluation) -> str:
+    """Whether the model is stable."""
+    inside = "all poles are inside the unit circle; the model is stable"
+    if not e.stable:
+        outside = int(np.sum(np.abs(e.poles) >= 1))
+        inside = f"{outside} pole(s) are on or outside the unit circle; the model is not stable"
+    return f"Poles and zeros of the linear block: {inside} (poles {poles(e.poles)})."
+
+
+def _step_figure(e: Evaluation) -> Figure:
+    """The response in display units."""
+    response = bands(e).step
+    assert response is not None
+    return step_figure(response, e.estimation.y_unit, e.estimation.u_unit, e.validation.y_name)
+
+
+def _step_caption(e: Evaluation) -> str:
+    """Where the response ends."""
+    assert e.step is not None
+    u, y = signals(e)
+    last = float(e.step.y[-1]) * y.per(u).factor
+    return (
+        "Step response of the linear model that is tangent to the fit at the mean input: after "
+        f"{e.step.x[-1]:.3g} s its value is {number(last, 3)} {y.unit or 'units of y'} per {u.unit or 'unit of u'}."
+    )
+
+
+def _bode_figure(e: Evaluation) -> Figure:
+    """Magnitude over phase."""
+    response = bands(e).frequency
+    assert response is not None
+    return bode_figure(response, e.estimation.y_unit, e.estimation.u_unit)
+
+
+def bode_caption(e: Evaluation) -> str:
+    """What the band says."""
+    response = bands(e).frequency
+    assert response is not None
+    low, high = response.magnitude.lower, response.magnitude.upper
+    unknown = np.mean(~(np.isfinite(low) & np.isfinite(high) & (high < 10.0 * low)))
+    doubt = f" At {100 * unknown:.0f} % of the frequencies shown it is wider than a factor of 10: the record does not "
+    doubt += "determine the response there."
+    what = "Frequency response of the linear model that is tangent to the fit at the mean input"
+    if not np.any(np.isfinite(low) & np.isfinite(high)):
+        return f"{what}, up to half the sampling frequency. The record does not bound the magnitude: it has no band."
+    return (
+        f"{what}, with its 95 % band, up to half the sampling frequency. The band is wide where the input of the "
+        "record has little power." + (doubt if unknown > 0.005 else "")
+    )
+
+
+WORDS: dict[str, Words] = {  # by role: title, signal before the map, signal after it
+    "input": ("input map", "input u", "into the linear block"),
+    "output": ("output map", "out of the linear block", "output y"),
+    "middle": ("middle map", "into the map", "out of the map"),
+    "driver": ("driver map", "input u", "motor voltage"),
+    "map": ("linkage", "actuator's position [strokes]", "output y"),
+    "sensor": ("sensor map", "behind play and linkage", "output y"),
+}
+SCALED: dict[str, Words] = {  # the same where the record gives the scale of the signal between the blocks
+    "input": ("input map", "input u", "out of the map, on the scale of u"),
+    "output": ("output map", "into the map, on the scale of y", "output y"),
+    "middle": ("middle map", "into the map, in standard deviations", "out, in standard deviations"),
+}
+
+
+def recorded_maps(e: Evaluation) -> list[Curve]:
+    """The maps over signals as recorded: constants that were removed from input and output are added again.
+
+    A normalised map has the outer signal's scale on both sides.
+    """
+    u, y = (0.0 if len(each) > 1 else float(each[0]) for each in (e.estimation.u_offset, e.estimation.y_offset))
+    found = list[Curve]()
+    for curve in bands(e).maps:
+        x0, y0 = u * (curve.role in SEES_INPUT), y * (curve.role in GIVES_OUTPUT)
+        if curve.scale == NORMALISED:
+            x0 = y0 = x0 or y0
+        b = curve.band
+        moved = replace(b, x=b.x + x0, value=b.value + y0, lower=b.lower + y0, upper=b.upper + y0)
+        found.append(replace(curve, band=moved))
+    return found
+
+
+def _maps_figure(e: Evaluation) -> Figure:
+    """A panel for each map, in the order of the signal."""
+    curves = recorded_maps(e)
+    scaled = {c.role for c in curves if c.scale == NORMALISED}
+    words = {c.role: (SCALED if c.role in scaled else WORDS).get(c.role, WORDS["middle"]) for c in curves}
+    return maps_figure(curves, words)
+
+
+def _maps_caption(e: Evaluation) -> str:
+    """The names and the scale of the maps."""
+    only = (
+        "Only the shape has a meaning: a gain can move between a map and the linear block without changing the model."
+    )
+    if not e.linear:
+        only = "The linkage's map runs from 0 at one end of the actuator's stroke to 1 at the other."
+    elif any(curve.scale == NORMALISED for curve in bands(e).maps):
+        only += (
+            " A signal between the blocks is therefore shown with the mean and deviation of the signal outside; on the "
+            "dashed diagonal a map would change nothing."
+        )
+    names = " and ".join(role.replace("map", "linkage") for role in e.maps)
+    return f"Static {names} map over the range of the estimation data. {only}"
+
+
+def _values_caption(e: Evaluation) -> str:
+    """What the points are, and whether some are open."""
+    some = any(v.low is None for v in told_once(e.values))
+    doubt = " An open point is a number of the model that the record does not determine." if some else ""
+    return f"Physical values (points) with their 95 % intervals (bars); voltages are those at mid stroke.{doubt}"
+
+
+def _growth_figure(e: Evaluation) -> Figure:
+    """A panel per round, a bar per part: the reduction of BIC on a symmetric logarithmic axis."""
+    assert e.growth is not None
+    return growth_figure(e.growth)
+
+
+def _growth_caption(e: Evaluation) -> str:
+    """Explanation of the bars."""
+    assert e.growth is not None
+    return (
+        f"Parts tried on the estimation data, round by round: by how much each lowered BIC. A part is "
+        f"kept only if BIC falls by {MARGIN:g} (line) and its free runs over unseen parts get no worse. "
+        "The best part of each round (filled) stays in the next round. A "
+        f"bar to the left is a part that increases BIC.{hatched(e.growth)}"
+    )
+
+
+def _residuals_figure(e: Evaluation) -> Figure:
+    """Correlations of the validation residuals with themselves and with the input."""
+    assert e.tests is not None
+    return residuals_figure(e.tests)
+
+
+def _residuals_caption(e: Evaluation) -> str:
+    """Both test results and their meaning."""
+    assert e.tests is not None
+    which = "one step ahead" if one_step(e) else "of the free run"
+    return (
+        f"Tests of the validation residuals {which}. {tests_in_words(e)} "
+        f"A complete model leaves only noise and stays inside the {e.tests.level:.0%} bounds."
+    )
+
+
+TABLE: dict[str, ReportFigure] = {
+    "data": ReportFigure("Data", lambda e: parts_figure(e.estimation, e.validation), data_caption),
+    "free-run": ReportFigure("Model output", _free_run_figure, _free_run_caption, zoomed=joined_figure),
+    "close-up": ReportFigure(
+        "Model output",
+        lambda e: close_ups_figure(e.validation, e.validation_output, VALIDATION_TIME),
+        lambda e: "Close-up of the first whole upper and lower peak of the validation data.",
+    ),
+    "pole-zero": ReportFigure("Model", _roots_figure, _roots_caption, lambda e: e.linear, pure=True),
+    "step-response": ReportFigure("Model", _step_figure, _step_caption, lambda e: e.step is not None),
+    "bode": ReportFigure("Model", _bode_figure, bode_caption, lambda e: bands(e).frequency is not None),
+    "static-maps": ReportFigure("Model", _maps_figure, _maps_caption, lambda e: bool(e.maps)),
+    "values": ReportFigure("Model", lambda e: values_figure(e.values), _values_caption, lambda e: bool(e.values)),
+    "growth": ReportFigure(
+        "Model", _growth_figure, _growth_caption, lambda e: e.growth is not None and bool(e.growth.steps), pure=True
+    ),
+    "residuals": ReportFigure("Residual tests", _residuals_figure, _residuals_caption, lambda e: e.tests is not None),
+}

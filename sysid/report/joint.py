@@ -1,0 +1,115 @@
+"""Figures of an actuated joint: its physical values, and the parts that its growth tried."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.base.units import number, shown
+from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges
+from sysid.joint.growth import MARGIN, Growth
+from sysid.joint.rounds import Step
+from sysid.joint.values import JointValue
+from sysid.plots.earned import Bar, earned_figure
+from sysid.report.sections import WORDS, told_once
+
+PARTS = {
+    "stribeck": "Stribeck",
+    "sticks": "Stribeck by direction",
+    "sided": "stick by direction",
+    "loss": "screw's loss",
+    "jams": "jam at stops",
+    "screw": "loss and jam",
+    "plays": "play",
+    "coasts": "coasting play",
+    "turns": "load by turns",
+    "sags": "sagging supply",
+}
+SHORT = {
+    "speed_per_volt": "speed",
+    "speed_full_drive": "speed",
+    "breakaway_up": "break-away up",
+    "breakaway_down": "break-away down",
+    "coulomb_up": "moving up",
+    "coulomb_down": "moving down",
+    "moving_friction_up": "moving up",
+    "moving_friction_down": "moving down",
+    "end_low": "lower end",
+    "end_high": "upper end",
+    "time_constant": "time constant",
+    "lag_and_delay": "lag + delay",
+}
+COLUMNS = 3  # more beside each other leave no room for the names
+
+
+def values_figure(values: Sequence[JointValue]) -> Figure:
+    """A panel for values of one unit and size; a bar is the 95 % interval, an open point is not determined."""
+    panels = [_values_panel(unit, each) for (unit, _), each in _groups(values).items()]
+    rows = -(-len(panels) // COLUMNS)
+    most = max(len(panel.y.names) for panel in panels)
+    columns = -(-len(panels) // rows)
+    return Figure(panels, columns, shared=False, height=0.4 + rows * (0.9 + 0.28 * most), legend="below")
+
+
+def growth_figure(growth: Growth) -> Figure:
+    """The parts that were tried, round by round, with what became of them in the hover."""
+    texts = [[_fate(growth, step) for step in steps] for steps in _rounds(growth)]
+    return earned_figure(bars(growth), MARGIN, texts)
+
+
+def bars(growth: Growth) -> list[list[Bar]]:
+    """Every part that was tried, round by round."""
+    rounds = _rounds(growth)
+    return [[(PARTS.get(s.part, s.part), s.earned, s.kept, growth.stayed(s)) for s in steps] for steps in rounds]
+
+
+def hatched(growth: Growth) -> str:
+    """What the figure of `bars` says of parts that were kept and dropped; empty if none was."""
+    return " A hatched bar is a part that the final joint does without." if growth.dropped else ""
+
+
+def _rounds(growth: Growth) -> list[list[Step]]:
+    return [[s for s in growth.steps if s.round == k] for k in range(1 + max(s.round for s in growth.steps))]
+
+
+def _fate(growth: Growth, step: Step) -> str:
+    """What a part earned and whether it stayed."""
+    fate = "kept" if growth.stayed(step) else "kept, later without it" if step.kept else "not kept"
+    unseen = f"<br>error on unseen parts × {step.unseen:.3f}" if np.isfinite(step.unseen) else ""
+    name = f"<b>round {step.round + 1}: {PARTS.get(step.part, step.part)}</b>"
+    return f"{name}: {fate}<br>BIC falls by {number(step.earned, 4)} to {step.bic:.0f}{unseen}"
+
+
+def _groups(values: Sequence[JointValue]) -> dict[tuple[str, bool], list[JointValue]]:
+    """The values that share an axis, by unit; a backlash, a hundredth of the way between the ends, has its own."""
+    found: dict[tuple[str, bool], list[JointValue]] = {}
+    for v in told_once(values):
+        found.setdefault((shown(v.name, v.unit).unit, v.name == "backlash"), []).append(v)
+    return found
+
+
+def _values_panel(unit: str, values: Sequence[JointValue]) -> Panel:
+    """The values of one unit, those that the record determines and those that it does not."""
+    items, factors = list[Item](), [shown(v.name, v.unit).factor for v in values]
+    for determined in (True, False):
+        places = [k for k, v in enumerate(values) if (v.low is not None and v.high is not None) == determined]
+        if not places:
+            continue
+        x, low, high = (
+            [factors[k] * (getattr(values[k], name) or 0.0) for k in places] for name in ("value", "low", "high")
+        )
+        label = "value, 95 % interval" if determined else "not determined"
+        points = Ranges(places, x, label=label, texts=[_meaning(values[k]) for k in places])
+        items.append(replace(points, low=low, high=high) if determined else points)
+    names = [SHORT.get(v.name, v.name.replace("_", " ")) for v in values]
+    return Panel(items, Axis(names=names), Axis(f"value [{unit or 1}]"))
+
+
+def _meaning(v: JointValue) -> str:
+    """The value in full, for a hover."""
+    as_shown = shown(v.name, v.unit)
+    unit, factor = as_shown.unit, as_shown.factor
+    words = f"<b>{WORDS.get(v.name, v.name)}</b><br>{number(v.value * factor, 4)} {unit}".rstrip()
+    if v.low is None or v.high is None:
+        return f"{words}<br>not determined: {v.why or 'this record does not show it'}"
+    return f"{words}<br>95 % interval {number(v.low * factor, 4)} to {number(v.high * factor, 4)} {unit}".rstrip()
