@@ -11,12 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.formats import TABLE as FORMATS
-from twin.app.entries import Data, Finding, Model, Prepare, Runs, Setting, Study, Twin, load_record, load_runs, sentence
+from twin.app.entries import Data, Finding, Model, Prepare, Runs, Setting, Study, Twin, load_record, load_runs
 from twin.app.jobs import Job, Jobs
 from twin.app.session import Session
 from twin.parameters import JOINTS
@@ -62,10 +60,7 @@ class Desk:
 
     def make(self, **settings: Any) -> Job:
         """Make a log with the twin; raises InputError for settings that are out of their limits."""
-        try:
-            return self.simulate(Twin.model_validate(settings))
-        except ValidationError as error:
-            raise InputError(sentence(error)) from None
+        return self.simulate(Twin.from_form(settings))
 
     def simulate(self, settings: Twin) -> Job:
         """Make a log with the twin."""
@@ -108,20 +103,14 @@ class Desk:
         for column in (input, output, time):
             if column is not None and column not in columns:
                 raise InputError(f"the log has no column {column!r}; it has {', '.join(columns)}")
-        try:
-            self.session.change_data(key, input=input, output=output, time=time, Ts=Ts, problem="")
-        except ValidationError as error:
-            raise InputError(sentence(error)) from None
+        self.session.change_data(key, input=input, output=output, time=time, Ts=Ts, problem="")
         return self.read(key)
 
     def prepare(self, key: str, **fields: Any) -> None:
         """Set what is done to a record before a fit; raises InputError, and changes nothing, if it cannot be done."""
         self._readable(key)
         previous = self.session.data[key].prepare
-        try:
-            steps = Prepare.model_validate({**previous.model_dump(), **fields})
-        except ValidationError as error:
-            raise InputError(sentence(error)) from None
+        steps = Prepare.from_form({**previous.model_dump(), **fields})
         if steps == previous:
             return
         steps.preparation().apply(self.record(key))
@@ -140,10 +129,7 @@ class Desk:
 
     def setting(self, **fields: Any) -> Setting:
         """A setting from what a form holds; raises InputError for what is out of its limits."""
-        try:
-            return Setting.model_validate(fields)
-        except ValidationError as error:
-            raise InputError(sentence(error)) from None
+        return Setting.from_form(fields)
 
     def fit(self, key: str, setting: Setting) -> Job:
         """Fit a structure to a record; raises InputError for settings that give no model."""

@@ -4,12 +4,13 @@ Entries are checked field by field on opening; a field that is not known is an e
 that a page opens at once, without reading a log again.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from sysid.base.errors import InputError
 from sysid.base.files import whole_file
@@ -34,6 +35,14 @@ class Entry(BaseModel):
     """A part of a session."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @classmethod
+    def from_form(cls, fields: Mapping[str, Any]) -> Self:
+        """The entry from what a person chose; raises InputError for what is out of its limits."""
+        try:
+            return cls.model_validate(fields)
+        except ValidationError as error:
+            raise InputError(complaint(error)) from None
 
 
 class Twin(Entry):
@@ -159,7 +168,7 @@ class Head(Entry):
     twin: Twin = Twin()
 
 
-def sentence(error: Any) -> str:
+def complaint(error: ValidationError) -> str:
     """The first complaint of pydantic's ValidationError in words."""
     first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"]) or "the file"

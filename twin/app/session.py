@@ -24,7 +24,7 @@ from pydantic import ValidationError
 from sysid.base.errors import InputError
 from sysid.base.files import ordinary, write_text
 from sysid.base.lock import Lock, take
-from twin.app.entries import DATA_ID, MODEL_ID, STUDY_ID, Data, Entry, Head, Model, Study, sentence
+from twin.app.entries import DATA_ID, MODEL_ID, STUDY_ID, Data, Entry, Head, Model, Study, complaint
 
 HEAD, ENTRY, LOCK = "session.json", "entry.json", ".lock"
 NEW = ".new-"  # folders that are being written
@@ -109,11 +109,11 @@ class Session:
         return key
 
     def change_data(self, key: str, **fields: Any) -> Data:
-        """Change fields of a record's entry and write it."""
+        """Change fields of a record's entry and write it; raises InputError for fields out of their limits."""
         with self._turn:
             if key not in self.data:
                 raise InputError(f"this session has no record {key!r} any more")
-            entry = Data.model_validate({**self.data[key].model_dump(), **fields})
+            entry = Data.from_form({**self.data[key].model_dump(), **fields})
             write_text(self.folder / "data" / key / ENTRY, entry.model_dump_json(indent=2) + "\n")
             self.data[key] = entry
             self.version += 1
@@ -195,7 +195,7 @@ def _entry(path: Path, cls: type[E]) -> E:
     except OSError as error:
         raise InputError(f"{name} cannot be read: {error.strerror}") from None
     except ValidationError as error:
-        raise InputError(f"{name} is damaged: {sentence(error)}") from None
+        raise InputError(f"{name} is damaged: {complaint(error)}") from None
 
 
 def _refuse_newer(path: Path) -> None:

@@ -5,6 +5,7 @@ writes whole files into the folder "out" of its request, tells how far it is, an
 can be taken. Raises InputError, which the page shows as it is.
 """
 
+import itertools
 import json
 import os
 import signal
@@ -95,7 +96,7 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
     from sysid.workflow.setting import Setting as Settings
     from twin.app import figures
 
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     entry, setting = Data.model_validate(request["data"]), Setting.model_validate(request["setting"])
     out = Path(request["out"])
     files = out / "files"
@@ -104,17 +105,11 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
     record = open_record(Path(request["log"]), entry)
     estimation, validation, sentences = fit_parts(record, entry, setting)
     check_parts(estimation, validation)
-    searches = 0
-
-    def report_search(text: str) -> None:
-        nonlocal searches
-        searches += 1
-        tell(said=f"search {searches}, {text.replace('_', ' ')}", share=0.05 + 0.85 * searches / (searches + USUAL))
-
     tell(said="fitting", share=0.05)
+    step = _counter(tell, lambda k: 0.05 + 0.85 * k / (k + USUAL), "search")
     settings = Settings(setting.recipe(), "auto", setting.starts, setting.seed)
-    evaluation = evaluate(settings, estimation, validation, report_search)
-    seconds = time.perf_counter() - began
+    evaluation = evaluate(settings, estimation, validation, step)
+    seconds = time.perf_counter() - start_time
     tell(said="drawing", share=0.92)
     exports = export(evaluation, files)
     notes = [*sentences, *evaluation.notes, *exports.notes]
@@ -151,17 +146,12 @@ def compare(request: dict[str, Any], tell: Tell) -> None:
     from twin.compare.comparison import compare as run
     from twin.report import compare as report
 
-    began, steps = time.perf_counter(), 0
+    start = time.perf_counter()
     log, name, joint = _twin_log(request)
-
-    def step(text: str) -> None:
-        nonlocal steps
-        steps += 1
-        tell(said=text, share=steps / (steps + len(COMPARED)))
-
+    step = _counter(tell, lambda k: k / (k + len(COMPARED)))
     result = run(log, joint, pot_side=str(log.meta.get("pot_side", "link")), threads=1, tell=step)
     page, sentences = report.page(result, name), report.sentences(result, name)
-    _study(request, "compare", sentences, began, page, figures.of_comparison(result), tell)
+    _study(request, "compare", sentences, start, page, figures.of_comparison(result), tell)
 
 
 def calibrate(request: dict[str, Any], tell: Tell) -> None:
@@ -171,18 +161,12 @@ def calibrate(request: dict[str, Any], tell: Tell) -> None:
     from twin.calibrate.written import write
     from twin.report import calibrate as report
 
-    began, steps = time.perf_counter(), 0
+    start = time.perf_counter()
     log, name, joint = _twin_log(request)
-
-    def step(text: str) -> None:
-        nonlocal steps
-        steps += 1
-        tell(said=text, share=min(steps / SEARCHED, 0.95))
-
-    result = run([log], joint, labels=[name], threads=1, progress=step)
+    result = run([log], joint, labels=[name], threads=1, progress=_counter(tell, lambda k: min(k / SEARCHED, 0.95)))
     write(result, Path(request["out"]) / "parameters.toml")
     sentences = [*report.verdict(result), *report.sentences(result)]
-    _study(request, "calibrate", sentences, began, report.page(result), figures.of_calibration(result), tell)
+    _study(request, "calibrate", sentences, start, report.page(result), figures.of_calibration(result), tell)
 
 
 TABLE: dict[str, Callable[[dict[str, Any], Tell], None]] = {
@@ -190,11 +174,22 @@ TABLE: dict[str, Callable[[dict[str, Any], Tell], None]] = {
 }
 
 
+def _counter(tell: Tell, share: Callable[[int], float], name: str = "") -> Callable[[str], None]:
+    """Tells each step with its share of the work, by its number; with a `name` the sentence has the number too."""
+    numbers = itertools.count(1)
+
+    def step(text: str) -> None:
+        k = next(numbers)
+        tell(said=f"{name} {k}, {text.replace('_', ' ')}" if name else text, share=share(k))
+
+    return step
+
+
 def _study(
     request: dict[str, Any],
     kind: Any,
     sentences: list[str],
-    began: float,
+    start: float,
     page: Any,
     plots: dict[str, Any],
     tell: Tell,
@@ -207,7 +202,7 @@ def _study(
         data=request["key"],
         joint=request["joint"],
         sentences=tuple(sentences),
-        seconds=time.perf_counter() - began,
+        seconds=time.perf_counter() - start,
     )
     tell(ready=study.model_dump(mode="json"))
 

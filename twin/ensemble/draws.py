@@ -1,7 +1,8 @@
 """Random draws of the parameters of an ensemble."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from numbers import Real
 
 import numpy as np
@@ -14,10 +15,8 @@ from twin.parameters import JOINTS, TABLE, Parameters, Row
 
 ROWS = {row.name: row for row in TABLE}
 WHOLE = frozenset({"pwm_bits", "adc_bits"})  # rows with whole numbers
-SHAPE = frozenset(
-    {"retracted_length", "stroke", "base_radius", "rod_radius"}
-)  # rows that decide whether a joint's triangle closes
-ROTOR = frozenset({"rotor_inertia", "gear_ratio", "lead"})  # rows of the rotor's mass at the output
+SHAPE = ("retracted_length", "stroke", "base_radius", "rod_radius")  # rows that decide whether a triangle closes
+ROTOR = ("rotor_inertia", "gear_ratio", "lead")  # rows of the rotor's mass at the output
 TRIES = 100_000  # over the whole box, about every tenth triangle closes
 
 
@@ -97,30 +96,26 @@ class Draws:
         limits = self.limits(base)
         values = dict(base.values) | self._values(limits, rng)
         redrawn = 0
-        for joint in JOINTS:
-            part_limits = {name: span for name, span in limits.items() if name in {f"{joint}.{part}" for part in SHAPE}}
-            while not _closes(values, joint):
+
+        def redraw(rows: Sequence[str], is_valid: Callable[[], bool]) -> None:
+            nonlocal redrawn
+            part = {name: limits[name] for name in rows if name in limits}
+            while part and redrawn <= TRIES and not is_valid():
                 redrawn += 1
-                if not part_limits or redrawn > TRIES:
-                    end_angles(Parameters(values), joint)  # raises with the reason
-                values |= self._values(part_limits, rng)
+                values.update(self._values(part, rng))
+
         for joint in JOINTS:
-            part_limits = {name: span for name, span in limits.items() if name in {f"{joint}.{part}" for part in ROTOR}}
-            while part_limits and redrawn <= TRIES and not _heavy(values, joint):
-                redrawn += 1
-                values |= self._values(part_limits, rng)
-        floor = {name: span for name, span in limits.items() if name == "bench_height"}
-        while (
-            floor and clearance(Parameters(values)) < 0.0 and redrawn <= TRIES
-        ):  # the foot would start inside the floor
-            redrawn += 1
-            values |= self._values(floor, rng)
+            redraw([f"{joint}.{part}" for part in SHAPE], partial(_closes, values, joint))
+            if not _closes(values, joint):
+                end_angles(Parameters(values), joint)  # raises with the reason
+        for joint in JOINTS:
+            redraw([f"{joint}.{part}" for part in ROTOR], partial(_heavy, values, joint))
+        redraw(["bench_height"], lambda: clearance(Parameters(values)) >= 0.0)  # else the foot starts inside the floor
         return Draw(Parameters(values), redrawn)
 
     def _values(self, limits: Mapping[str, tuple[float, float]], rng: np.random.Generator) -> dict[str, float]:
-        shares = dict(
-            zip(ROWS, rng.random(len(ROWS)), strict=True)
-        )  # all of them, so that a row's number does not depend on the others
+        # Numbers for all rows, so that a row's does not depend on the others.
+        shares = dict(zip(ROWS, rng.random(len(ROWS)), strict=True))
         return {name: self._value(name, *span, shares[name]) for name, span in limits.items()}
 
     def _value(self, name: str, low: float, high: float, share: float) -> float:
