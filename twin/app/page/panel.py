@@ -7,7 +7,9 @@ from typing import Any
 from nicegui import ui
 
 from sysid.base.errors import InputError
+from sysid.data.record import IOData
 from twin.app.desk import Desk
+from twin.app.entries import Data
 
 
 @dataclass
@@ -61,6 +63,36 @@ class Panel:
             self.box.clear()
             with self.box:
                 attempt(self.draw)
+
+
+class RecordPanel(Panel):
+    """A panel about the shown record: `fields` of its entry are its state, `empty` is said where there is no record."""
+
+    fields: tuple[str, ...] = ()
+    empty = ""
+
+    def state(self) -> Any:
+        key = self.view.key
+        return None if key is None else (key, *(getattr(self.desk.session.data[key], name) for name in self.fields))
+
+    def draw(self) -> None:
+        key = self.view.key
+        if key is not None:
+            self.draw_record(key, self.desk.session.data[key])
+        elif self.empty:
+            note(self.empty)
+
+    def draw_record(self, key: str, entry: Data) -> None:
+        """Draw what there is about a record."""
+        raise NotImplementedError
+
+    def samples(self, key: str) -> IOData | None:
+        """The record as it was read; None, and a note says why, where it was not."""
+        try:
+            return self.desk.record(key)
+        except InputError as error:
+            note(str(error))
+            return None
 
 
 def attempt(action: Callable[[], Any]) -> Any:

@@ -12,8 +12,8 @@ from sysid.data.preprocess import DETREND
 from sysid.formats import TABLE as FORMATS
 from twin.app import figures
 from twin.app.desk import display_name, suffix_of
-from twin.app.entries import LARGEST
-from twin.app.page.panel import Panel, attempt, note, tell
+from twin.app.entries import LARGEST, Data
+from twin.app.page.panel import Panel, RecordPanel, attempt, note, tell
 from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.parameters import JOINTS
 
@@ -124,25 +124,15 @@ class DataPanel(Panel):
         ui.button("Run the twin", icon="play_arrow", on_click=make).props("data-mark=make")
 
 
-class PreparePanel(Panel):
+class PreparePanel(RecordPanel):
     """What is done before a fit."""
 
     title = "2  Prepare"
+    fields = ("prepare", "columns", "problem")
+    empty = "Add a record first."
 
-    def state(self) -> Any:
-        key = self.view.key
-        return key, None if key is None else self._entry().model_dump_json(include={"prepare", "columns", "problem"})
-
-    def _entry(self) -> Any:
-        assert self.view.key is not None
-        return self.desk.session.data[self.view.key]
-
-    def draw(self) -> None:
-        key = self.view.key
-        if key is None:
-            note("Add a record first.")
-            return
-        steps = self._entry().prepare
+    def draw_record(self, key: str, entry: Data) -> None:
+        steps = entry.prepare
         note("Drag over the signals to choose a range, or type it. A double click there takes the range back.")
         fields: dict[str, Any] = {}
         with ui.grid(columns=2).classes("w-full gap-2"):
@@ -174,29 +164,17 @@ class PreparePanel(Panel):
             ui.button("Whole record", on_click=clear_range).props("flat dense")
 
 
-class SignalsPanel(Panel):
+class SignalsPanel(RecordPanel):
     """Input and output of the shown record."""
 
     title = "Signals"
+    fields = ("notes", "prepare", "problem")
+    empty = "The signals of a record appear here."
 
-    def state(self) -> Any:
-        key = self.view.key
-        if key is None:
-            return None
-        entry = self.desk.session.data[key]
-        return key, entry.notes, entry.prepare, entry.problem
-
-    def draw(self) -> None:
-        key = self.view.key
-        if key is None:
-            note("The signals of a record appear here.")
+    def draw_record(self, key: str, entry: Data) -> None:
+        data, steps = self.samples(key), entry.prepare
+        if data is None:
             return
-        try:
-            data = self.desk.record(key)
-        except InputError as error:
-            note(str(error))
-            return
-        steps = self.desk.session.data[key].prepare
         length = (data.N - 1) * data.Ts
         note(f"{data.N:,} samples every {data.Ts:g} s, {length:,.6g} s. Grey is left out; drag to choose a range.")
         plot = ui.plotly(figures.of_record(data, steps.start, steps.stop)).classes("w-full").props("data-mark=signals")
@@ -242,20 +220,14 @@ class SignalsPanel(Panel):
         attempt(lambda: self.desk.prepare(key, start=ends[0], stop=ends[1]))
 
 
-class AdvicePanel(Panel):
+class AdvicePanel(RecordPanel):
     """What the record can show, and what to do about it."""
 
     title = "Advice"
+    fields = ("advice",)
 
-    def state(self) -> Any:
-        key = self.view.key
-        return None if key is None else (key, self.desk.session.data[key].advice)
-
-    def draw(self) -> None:
-        key = self.view.key
-        if key is None:
-            return
-        findings = self.desk.session.data[key].advice
+    def draw_record(self, key: str, entry: Data) -> None:
+        findings = entry.advice
         if findings is None:
             with ui.row().classes("items-center gap-2"):
                 note("The record as it is prepared has no advice yet.")

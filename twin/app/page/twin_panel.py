@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 from nicegui import run, ui
 
-from sysid.base.errors import InputError
-from twin.app.page.panel import Panel, attempt, note
+from twin.app.entries import Data
+from twin.app.page.panel import RecordPanel, attempt, note
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import BENCH_LEG, robot
 from twin.view.stills import leg_points, on_stand
@@ -78,22 +78,17 @@ class Leg:
         return cylinders
 
 
-class StudyPanel(Panel):
+class StudyPanel(RecordPanel):
     """Compare a record with the twin, or calibrate the twin from it."""
 
     title = "4  Twin"
+    fields = ("joint",)
+    empty = "Add a record of the leg first."
 
     def state(self) -> Any:
-        key = self.view.key
-        joint = None if key is None else self.desk.session.data[key].joint
-        return key, joint, tuple(self.desk.session.studies), self.view.detail
+        return super().state(), tuple(self.desk.session.studies), self.view.detail
 
-    def draw(self) -> None:
-        key = self.view.key
-        if key is None:
-            note("Add a record of the leg first.")
-            return
-        entry = self.desk.session.data[key]
+    def draw_record(self, key: str, entry: Data) -> None:
         note("The whole log drives the twin, without preparation. Both take a minute or more.")
         joint = ui.select(list(JOINTS), value=entry.joint or None, label="joint of the log").classes("w-full")
         joint.props("dense").on_value_change(lambda e: self.desk.session.change_data(key, joint=e.value or ""))
@@ -114,29 +109,18 @@ class StudyPanel(Panel):
         self.view.detail = ("studies", name)
 
 
-class LegPanel(Panel):
+class LegPanel(RecordPanel):
     """The leg in three dimensions at a time of the record."""
 
     title = "The leg at a time of the record"
     _leg: Leg | None = None
 
-    def state(self) -> Any:
-        key = self.view.key
-        if key is None:
-            return None
-        entry = self.desk.session.data[key]
-        return key, entry.joint, entry.notes, entry.problem
+    fields = ("joint", "notes", "problem")
+    empty = "The leg moves here as the record says."
 
-    def draw(self) -> None:
-        key = self.view.key
-        if key is None:
-            note("The leg moves here as the record says.")
-            return
-        joint = self.desk.session.data[key].joint
-        try:
-            data = self.desk.record(key)
-        except InputError as error:
-            note(str(error))
+    def draw_record(self, key: str, entry: Data) -> None:
+        joint, data = entry.joint, self.samples(key)
+        if data is None:
             return
         if not joint or data.y_unit != "rad":
             note("The leg moves where the output is an angle of a joint: name the joint under 4 Twin.")
