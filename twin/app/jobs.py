@@ -127,6 +127,7 @@ class Jobs:
         self.version += 1
 
     def _begin(self, job: Job) -> None:
+        """Start the process of a job, or end it as failed."""
         job.state, job.progress, job.start_time = RUNNING, "starting", time.monotonic()
         try:
             job.process = _worker(job.out)
@@ -164,6 +165,7 @@ class Jobs:
         shutil.rmtree(job.out, ignore_errors=True)
 
     def _read_answer(self, job: Job, line: str) -> None:
+        """Take one line of a job's process: an error, progress, or an answer for its owner."""
         try:
             answer = json.loads(line)
         except ValueError:
@@ -190,6 +192,7 @@ class Jobs:
 
 
 def _worker(out: Path) -> "subprocess.Popen[str]":
+    """The process that does a job, in a group of its own."""
     root = str(Path(__file__).parents[2])  # for a checkout that is not installed
     path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
     with (out / "stderr.txt").open("wb") as errors:

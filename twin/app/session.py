@@ -163,6 +163,7 @@ class Session:
         return f"{letter}{max(numbers, default=0) + 1}"
 
     def _read(self) -> None:
+        """Read settings and entries; what is damaged becomes a complaint."""
         path = self.folder / HEAD
         if path.exists():
             try:

@@ -194,6 +194,7 @@ def _study(
     plots: dict[str, Any],
     tell: Tell,
 ) -> None:
+    """Write the report and the figures of a study, and tell that it is ready."""
     out = Path(request["out"])
     write_text(out / "report.html", page.html())
     write_text(out / "figures.json", json.dumps(plain(plots), allow_nan=False))
@@ -236,6 +237,7 @@ def _mjcf(model_fit: Any, folder: Path) -> list[str]:
 
 
 def _report(record: Record, entry: Data, setting: Setting, evaluation: Any, exports: Any, path: Path) -> None:
+    """Write the report of a fit."""
     from sysid.report import identify as report
     from sysid.workflow.next_step import next_step
     from sysid.workflow.plan import Plan
@@ -267,6 +269,7 @@ def main() -> int:
 
 
 def _do(request: dict[str, Any], tell: Any, answers: TextIO) -> int:
+    """Do the task of the request; what goes wrong is told as a sentence."""
     try:
         TABLE[request["task"]](request, tell)
     except InputError as error:

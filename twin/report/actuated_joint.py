@@ -173,6 +173,7 @@ def recovery(result: ProtocolResult) -> Figure:
 
 
 def _dot(ax: Axes, value: Recovered, estimate: JointValue, row: float, mark: str, colour: str) -> None:
+    """A recovered value with its interval, in aims from the truth."""
     true = value.true
 
     def scale(x: float) -> float:
@@ -276,6 +277,7 @@ def bars(ablations: Sequence[Ablation]) -> Figure:
 
 
 def _bars(ax: Axes, ablations: Sequence[Ablation], sides: list, title: str, unit: str) -> None:
+    """Points by part, a bar for each joint."""
     parts = [row.part for row in sides[0][0]]
     height = 0.8 / len(ablations)
     for k, (a, (rows, points), colour) in enumerate(

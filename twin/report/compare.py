@@ -157,6 +157,7 @@ def _next(verdict: Verdict, joint: str, file: str) -> str:
 
 
 def _of_repeat(result: Comparison) -> list[str]:
+    """What two logs of the same input say of each other."""
     repeat = result.repeat
     assert repeat is not None
     offset, drift = repeat.offset, repeat.drift
@@ -232,6 +233,7 @@ def effect_table(verdict: Verdict) -> Grid:
 
 
 def _change_tables(verdict: Verdict) -> list[Grid]:
+    """The values that the named effects move, in one table or none."""
     rows = []
     for share in verdict.named:
         for change in share.changes:
@@ -281,6 +283,7 @@ def _regime_caption(result: Comparison) -> str:
 
 
 def _effect_caption(verdict: Verdict) -> str:
+    """What the bars of the effects show, and which is longest."""
     if verdict.chance:
         return (
             "RMS of the error that is left when one effect alone is moved to fit the log, and with nothing moved "

@@ -99,6 +99,7 @@ def _trials_sentence(result: Crawl) -> str:
 
 
 def _picture_section(pictures: CrawlPictures | str) -> Section:
+    """The pictures of the robot, or why they are missing."""
     if isinstance(pictures, str):
         return Section("Pictures", [f"The pictures are missing: {pictures}."])
     return Section(
@@ -117,6 +118,7 @@ def _picture_section(pictures: CrawlPictures | str) -> Section:
 
 
 def _walking(result: Crawl) -> list[Picture]:
+    """The figures of the walk."""
     return [
         _picture(
             "path",

@@ -57,6 +57,7 @@ def _warnings(result: Written) -> list[str]:
 
 
 def _levels(result: Written) -> list[str]:
+    """Which levels of input and output the files have, as a sentence or none."""
     fit = result.source.fit
     if all(name.endswith(".xml") for name, _ in result.files):
         return []
@@ -84,6 +85,7 @@ def _linear(result: Written) -> list[str]:
 
 
 def _check_sentences(result: Written) -> list[str]:
+    """How close the elements come to the fit in MuJoCo, and what they lack."""
     if result.fragment is None or result.check is None:
         return []
     verdict = "do the same" if result.close else "differ"

@@ -115,6 +115,7 @@ def truth_grid(result: Information) -> Grid:
 
 
 def _truth_rows(joint: Joint) -> Iterator[tuple[str, str]]:
+    """Label and text of every quantity of the truth."""
     for name, value in joint.truth.as_dict().items():
         if name in HEADINGS:
             continue
@@ -200,6 +201,7 @@ def _supply(result: Information) -> str:
 
 
 def _changes(result: Information) -> list[str]:
+    """Which parameters differ from their nominal values, as a sentence or none."""
     if not result.source:
         return []
     if not result.changed:

@@ -144,6 +144,7 @@ def _label(t: float, courses: Mapping[str, Course], k: int) -> str:
 
 
 def _layout(points: np.ndarray, labels: list[str]) -> Figure:
+    """Axes, buttons and the slider of the figure that moves."""
     low, high = points.min(axis=0) - 0.04, points.max(axis=0) + 0.04
     axes = {
         f"{axis}axis": {

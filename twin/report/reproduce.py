@@ -193,6 +193,7 @@ def _leg(stills: Stills) -> Section:
 
 
 def _joint(r: JointResult) -> Section:
+    """The section of a joint: its final model in words, the figures, all parameters."""
     lead = (
         f"{sections.sentence(sections.setting_in_words(r.final))} {tests_in_words(r.final)} "
         f"{sections.search_sentence(r.final)}"
@@ -207,6 +208,7 @@ def _joint(r: JointResult) -> Section:
 
 
 def _pictures(r: JointResult) -> Iterator[Picture]:
+    """The figures of a joint in the order of the paper."""
     io, final = r.log.io(), r.final
     seconds = SHOWN[r.joint]
     yield Picture(

@@ -123,6 +123,7 @@ def panel(axes: Axes, signature: Signature) -> None:
 
 
 def _mark(axes: Axes, mark: Mark, x: float, y: float) -> None:
+    """Draw an arrow with its text; `x` and `y` are the factors of the axes' units."""
     ends = np.array([mark.start, mark.end]) * (x, y)
     arrow = {"arrowstyle": "<|-|>,head_width=0.18,head_length=0.35", "color": style.MODEL, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", ends[1], ends[0], arrowprops={**arrow, "linewidth": 1.1}, zorder=5)

@@ -61,6 +61,7 @@ def _leg(result: Simulation) -> Picture:
 
 
 def _pictures(part: Part, mode: str, omitted: list[str]) -> list[Picture]:
+    """The record of a joint, and the error of its reading."""
     data, switched_off = part.data, ", ".join(omitted) or "nothing"
     return [
         Picture(
@@ -94,6 +95,7 @@ def tables(result: Simulation) -> list[Grid]:
 
 
 def _table(part: Part) -> Grid:
+    """The truth of a joint, a row for each quantity."""
     t = part.truth
     lo, hi = (number(float(np.degrees(angle)), 4) for angle in t.end_angles)
     low_volts, high_volts = (number(volts, 3) for volts in t.breakaway_voltage)

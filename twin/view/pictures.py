@@ -179,6 +179,7 @@ def _moving(replay: Replay) -> list[str]:
 
 
 def _trace(axes, replay: Replay, names: Names, joint: str, times: np.ndarray) -> None:
+    """Draw the angle of a joint over time, with a mark at each frame."""
     for part, name, colour, width in (  # the ghost has the thinner line, so that both are visible where they agree
         (replay.leg, names.leg, INK, 1.9),
         (replay.ghost, f"{names.ghost} (ghost)", GHOST[:3], 1.0),
@@ -195,6 +196,7 @@ def _trace(axes, replay: Replay, names: Names, joint: str, times: np.ndarray) ->
 
 
 def _add_caption(picture: np.ndarray, text: str, names: Names) -> Image:
+    """The picture with its time and the names of its legs."""
     from PIL import Image, ImageDraw, ImageFont
 
     image = Image.fromarray(picture)

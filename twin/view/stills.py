@@ -232,6 +232,7 @@ def draw(
 def _check(
     model: mujoco.MjModel, qpos: np.ndarray, cameras: Sequence[Mapping[str, Any]], size: tuple[int, int]
 ) -> None:
+    """Raises InputError for poses, cameras or a size that do not fit the model."""
     if qpos.ndim != 2 or qpos.shape[1] != model.nq or not len(qpos) or not np.isfinite(qpos).all():
         raise InputError(
             f"the poses have shape {qpos.shape}; give at least one pose of {model.nq} finite numbers, or the model "

@@ -53,6 +53,7 @@ class FitPanel(Panel):
         (self._ticked.add if on else self._ticked.discard)(name)
 
     def _settings(self, name: str, kind: Any) -> None:
+        """Draw a field for each setting of a structure."""
         values = self._values.setdefault(name, {})
         with ui.grid(columns=3).classes("w-full gap-x-2 gap-y-0 q-pl-md"):
             for field, option in kind.options().items():
@@ -89,6 +90,7 @@ class FitPanel(Panel):
         self.desk.fit(key, self._setting(name))
 
     def _setting(self, name: str) -> Setting:
+        """The setting that the fields of a structure hold; raises InputError for a missing order."""
         kind = STRUCTURES[name]
         settings = {}
         for field, option in kind.options().items():

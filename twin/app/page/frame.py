@@ -70,6 +70,7 @@ def application(desk: Desk) -> FastAPI:
 
 
 def _page(desk: Desk) -> None:
+    """Draw the page in one browser window, and look for changes from then on."""
     ui.add_css(STYLE)
     ui.colors(primary="#2f6f8f", secondary="#7a8794", accent="#c2410c")
     view = View(desk)

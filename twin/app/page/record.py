@@ -60,6 +60,7 @@ class DataPanel(Panel):
                 self._columns(key)
 
     def _columns(self, key: str) -> None:
+        """Draw the choice of columns, and what was assumed on reading."""
         entry = self.desk.session.data[key]
         options = {None: "found by name and unit"} | {name: name for name in entry.columns}
         fields = {}
@@ -98,6 +99,7 @@ class DataPanel(Panel):
         event.sender.reset()  # type: ignore[attr-defined]
 
     def _twin(self) -> None:
+        """Draw the form of an experiment on the twin."""
         settings = self.desk.session.head.twin
         with ui.grid(columns=2).classes("w-full gap-2"):
             joint = ui.select(list(JOINTS), value=settings.joint, label="joint").props("dense")
@@ -206,6 +208,7 @@ class SignalsPanel(RecordPanel):
         self._range(*sorted(float(end) for end in ends))
 
     def _range(self, start: float | None, stop: float | None) -> None:
+        """Set the range [s] in whole samples; all of the record without two ends."""
         key = self.view.key
         if key is None:
             return

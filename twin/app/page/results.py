@@ -51,6 +51,7 @@ class BoardPanel(Panel):
         self._overlay()
 
     def _row(self, key: str, model: Any) -> None:
+        """Draw the cells of a model."""
         with ui.element("td"):
             ui.checkbox(
                 value=key in self.view.overlaid, on_change=lambda event, key=key: self._tick(key, event.value)
@@ -78,6 +79,7 @@ class BoardPanel(Panel):
         self.view.detail = ("models", key)
 
     def _overlay(self) -> None:
+        """Draw the free runs of the ticked models over the measured output."""
         models = self.desk.session.models
         record = self.view.key or next(iter(models.values())).data  # models stay where every record was deleted
         keys, other_keys = self.desk.overlaid(self.view.overlaid, record)
@@ -137,6 +139,7 @@ class DetailPanel(Panel):
                 note("The report is being written.")
 
     def _figures(self, kind: str, key: str) -> None:
+        """Draw the figures of a model or a study in tabs."""
         try:
             entries = self.desk.figures(kind, key)
         except InputError as error:

@@ -136,6 +136,7 @@ class LegPanel(RecordPanel):
             self._scene(LegPanel._leg or Leg(), joint, data)
 
     def _scene(self, leg: Leg, joint: str, data: Any) -> None:
+        """Draw the leg with its slider over time and the button that plays the record."""
         y, Ts, last = data.y[:, 0], data.Ts, (data.N - 1) * data.Ts
         first = leg.bars({joint: float(y[0])})
         with ui.scene(height=300, grid=(2, 20), background_color="#f5f7fa", fps=15).classes("w-full") as scene:
