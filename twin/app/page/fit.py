@@ -59,21 +59,17 @@ class FitPanel(Panel):
             for field, option in kind.options().items():
                 default = getattr(kind, field, None)
                 values.setdefault(field, default)
+                words = field.replace("_", " ")
+                entry: Any
                 if option.kind == "order":
-                    ui.number(field, min=option.least, max=100, precision=0).bind_value(values, field).props(
-                        "dense"
-                    ).tooltip(option.help).props(f"data-mark={name}-{field}")
+                    entry = ui.number(field, min=option.least, max=100, precision=0)
                 elif option.kind == "number":
-                    unit = f" [{option.unit}]" if option.unit else ""
-                    ui.number(f"{field.replace('_', ' ')}{unit}").bind_value(values, field).props(
-                        "dense clearable"
-                    ).tooltip(option.help)
+                    entry = ui.number(f"{words} [{option.unit}]" if option.unit else words).props("clearable")
                 else:
                     names = {name: name.replace("_", " ") for name in option.allowed}
                     choices: dict[Any, str] = ({None: DEFAULT} if default is None else {}) | names
-                    ui.select(choices, label=field.replace("_", " ")).bind_value(values, field).props(
-                        "dense options-dense"
-                    ).classes("min-w-0").tooltip(option.help).props(f"data-mark={name}-{field}")
+                    entry = ui.select(choices, label=words).props("options-dense").classes("min-w-0")
+                entry.bind_value(values, field).props("dense").tooltip(option.help).props(f"data-mark={name}-{field}")
 
     def _fit(self) -> None:
         key = self.view.key

@@ -110,6 +110,11 @@ def tell(sentence: str) -> None:
     ui.notify(text, type="warning", multi_line=True, close_button="OK", timeout=12000, position="top")
 
 
+def delete_button(action: Callable[[], Any], meaning: str) -> None:
+    """A small button that deletes."""
+    ui.button(icon="delete", on_click=action).props("flat dense round size=sm").tooltip(meaning)
+
+
 def note(text: str, tone: str = "text-grey-8") -> None:
     """A sentence in small letters."""
     ui.label(text).classes(f"text-caption {tone} whitespace-normal break-words")

@@ -13,7 +13,7 @@ from sysid.formats import TABLE as FORMATS
 from twin.app import figures
 from twin.app.desk import display_name, suffix_of
 from twin.app.entries import LARGEST, Data
-from twin.app.page.panel import Panel, RecordPanel, attempt, note, tell
+from twin.app.page.panel import Panel, RecordPanel, attempt, delete_button, note, tell
 from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.parameters import JOINTS
 
@@ -45,9 +45,7 @@ class DataPanel(Panel):
         with ui.row().classes("w-full items-center no-wrap gap-1"):
             choose = ui.select(options, value=self.view.key, label="record").classes("grow min-w-0")
             choose.on_value_change(lambda e: self.desk.session.change(shown=e.value))
-            ui.button(icon="delete", on_click=self._remove).props("flat dense round").tooltip(
-                "Delete this record from the session"
-            )
+            delete_button(self._remove, "Delete this record from the session")
         key = self.view.key
         assert key is not None
         entry = self.desk.session.data[key]

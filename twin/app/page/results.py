@@ -7,7 +7,7 @@ from nicegui import ui
 from sysid.base.errors import InputError
 from twin.app import figures
 from twin.app.entries import Model, Runs
-from twin.app.page.panel import Panel, note, tell
+from twin.app.page.panel import Panel, delete_button, note, tell
 
 HEAD = (
     ("", "whether it is in the overlay"),
@@ -53,11 +53,11 @@ class BoardPanel(Panel):
     def _row(self, key: str, model: Any) -> None:
         """Draw the cells of a model."""
         with ui.element("td"):
-            ui.checkbox(
-                value=key in self.view.overlaid, on_change=lambda event, key=key: self._tick(key, event.value)
-            ).props("dense")
+            ui.checkbox(value=key in self.view.overlaid, on_change=lambda event: self._tick(key, event.value)).props(
+                "dense"
+            )
         with ui.element("td"):
-            ui.button(f"{key}  {model.name.replace('_', ' ')}", on_click=lambda key=key: self._show(key)).props(
+            ui.button(f"{key}  {model.name.replace('_', ' ')}", on_click=lambda: self._show(key)).props(
                 "flat dense no-caps align=left"
             )
             if not model.converged:
@@ -68,9 +68,7 @@ class BoardPanel(Panel):
         _cell(str(model.d), NUMBERS)
         _cell(f"{model.seconds:.1f}", NUMBERS)
         with ui.element("td"):
-            ui.button(icon="delete", on_click=lambda key=key: self.desk.remove("models", key)).props(
-                "flat dense round size=sm"
-            ).tooltip("Delete this model")
+            delete_button(lambda: self.desk.remove("models", key), "Delete this model")
 
     def _tick(self, key: str, on: bool) -> None:
         (self.view.overlaid.add if on else self.view.overlaid.discard)(key)

@@ -5,6 +5,7 @@ The leg is a few cylinders between points, which MuJoCo's forward kinematics giv
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -12,7 +13,7 @@ import numpy as np
 from nicegui import run, ui
 
 from twin.app.entries import Data
-from twin.app.page.panel import RecordPanel, attempt, note
+from twin.app.page.panel import RecordPanel, attempt, delete_button, note
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import BENCH_LEG, robot
 from twin.view.stills import leg_points, on_stand
@@ -101,9 +102,7 @@ class StudyPanel(RecordPanel):
             with ui.row().classes("items-center no-wrap w-full"):
                 words = f"{name}  {study.kind} {study.data}, {study.joint}, {study.seconds:.0f} s"
                 ui.button(words, on_click=lambda name=name: self._show(name)).props("flat dense no-caps align=left")
-                ui.button(icon="delete", on_click=lambda name=name: self.desk.remove("studies", name)).props(
-                    "flat dense round size=sm"
-                ).tooltip("Delete this study")
+                delete_button(partial(self.desk.remove, "studies", name), "Delete this study")
 
     def _show(self, name: str) -> None:
         self.view.detail = ("studies", name)
