@@ -203,7 +203,7 @@ def test_a_joint_that_the_supply_cannot_start_is_said_to_stand():
     assert not joint.down.starts
     assert not joint.up.starts
     assert (joint.up.crossing, joint.up.top_speed) == (math.inf, 0.0)
-    assert "at 12 V it does not start down or up." in report.verdict(stuck)[0]
+    assert "at 12 V it does not start down or up." in report.sentences(stuck)[0]
     assert report.pictures(stuck)  # and can be drawn
     assert stuck.as_dict()["static"]["shoulder"]["up"]["least_voltage"] is None
 

@@ -53,12 +53,12 @@ def test_why_a_value_is_not_determined(value, words):
 
 
 def test_the_first_sentence_says_what_not_to_use():
-    first, second, *_ = report.verdict(result(SURE, WIDE, EDGE))
+    first, second, *_ = report.sentences(result(SURE, WIDE, EDGE))
     assert first.startswith("These logs do not determine all: thigh.coulomb (anything")
     assert first.endswith("So do not use the file for these.")
     assert second.startswith("The search converged")
-    assert report.verdict(result(WIDE))[0].endswith("So do not use the file.")
-    assert report.verdict(result(SURE))[0].startswith("The search converged")
+    assert report.sentences(result(WIDE))[0].endswith("So do not use the file.")
+    assert report.sentences(result(SURE))[0].startswith("The search converged")
 
 
 def test_values_that_act_alike_are_named_in_pairs():

@@ -165,7 +165,7 @@ def calibrate(request: dict[str, Any], tell: Tell) -> None:
     log, name, joint = _twin_log(request)
     result = run([log], joint, labels=[name], threads=1, progress=_counter(tell, lambda k: min(k / SEARCHED, 0.95)))
     write(result, Path(request["out"]) / "parameters.toml")
-    sentences = [*report.verdict(result), *report.sentences(result)]
+    sentences = [*report.sentences(result), *report.undetermined_sentences(result)]
     _study(request, "calibrate", sentences, start, report.page(result), figures.of_calibration(result), tell)
 
 

@@ -71,7 +71,7 @@ def calibrate(
         summary = {"file": str(target), **result.as_dict()}
         write(scratch, report.page(result), summary)
         write_parameters(result, scratch / target.name)
-    said = [*report.verdict(result), *report.sentences(result), f"Parameters: {target}"]
+    said = [*report.sentences(result), *report.undetermined_sentences(result), f"Parameters: {target}"]
     step_on = doubt.next_step(result, shlex.join(files))
     said.append(
         step_on or f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}"

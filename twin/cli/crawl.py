@@ -43,6 +43,6 @@ def crawl(
             seen = str(reason)
         step("drawing the report")
         write(scratch, report.page(result, seen), result.as_dict())
-    console.finish(folder, result.as_dict(), as_json, [report.table(result)], report.verdict(result))
+    console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result))
     if not result.holds:
         raise typer.Exit(1)

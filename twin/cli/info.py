@@ -97,8 +97,8 @@ def info(
             parameter_file.write(parameters, scratch / target.name if inside else target, all=True)
             if not inside:
                 written(target)
-    said = report.verdict(result) + ([] if target is None else [f"Parameters: {target}"])
-    *tables, made_with = report.terminal_tables(result)
+    said = report.sentences(result) + ([] if target is None else [f"Parameters: {target}"])
+    *tables, made_with = report.tables(result)
     tables += [drawn.sizes(found)] if found else []
     console.finish(folder, summary, as_json, [*tables, made_with], said)
 

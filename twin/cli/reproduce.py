@@ -39,6 +39,6 @@ def reproduce(
             stills = str(reason)
         step("drawing the report")
         write(scratch, report.page(result, stills), result.as_dict())
-    console.finish(folder, result.as_dict(), as_json, report.terminal_tables(result), report.verdict(result))
+    console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result))
     if not result.holds:
         raise typer.Exit(1)

@@ -33,7 +33,7 @@ def section(result: ProtocolResult) -> Section:
     """Fits, recovered values and figures of all joints."""
     pictures = [picture(r) for r in result.joints]
     pictures.append(Picture("beyond-recovered", style.png(recovery(result)), _RECOVERY))
-    return Section("Beyond the paper", [_WHY, *verdict(result)], [table(result), values_table(result)], pictures)
+    return Section("Beyond the paper", [_WHY, *sentences(result)], [table(result), values_table(result)], pictures)
 
 
 _WHY = (
@@ -52,20 +52,20 @@ _RECOVERY = (
 )
 
 
-def verdict(result: ProtocolResult) -> list[str]:
+def sentences(result: ProtocolResult) -> list[str]:
     """The outcome in plain words."""
-    sentences = []
+    texts = []
     for k, record in enumerate(RECORDS):
         trials = [(r.joint, r.beyond.trials[k]) for r in result.joints]
         fits = ", ".join(
             f"{joint} {percent(t.joint.validation_fit)} ({percent(t.paper.validation_fit)})" for joint, t in trials
         )
         close_count = sum(t.near for _, t in trials)
-        sentences.append(
+        texts.append(
             f"On {WORDS[record]} the actuated joint reaches, with the paper's structure in brackets: {fits}. It comes "
             f"within {NEAR:g} point of the ceiling on {close_count} of {len(trials)} joints."
         )
-    return sentences
+    return texts
 
 
 def table(result: ProtocolResult) -> Grid:
@@ -196,7 +196,7 @@ def ablation_section(result: ProtocolResult) -> Section | None:
         return None
     return Section(
         "Causes of the losses",
-        [_ABLATION, *ablation_verdict(ablations)],
+        [_ABLATION, *ablation_sentences(ablations)],
         [parts_table(ablations), imperfections_table(ablations)],
         [Picture("ablation", style.png(bars(ablations)), _BARS)],
     )
@@ -214,21 +214,21 @@ _BARS = (
 )
 
 
-def ablation_verdict(ablations: Sequence[Ablation]) -> list[str]:
+def ablation_sentences(ablations: Sequence[Ablation]) -> list[str]:
     """The most important part on each record, and the effect of the most important imperfection."""
-    sentences = []
+    texts = []
     for a in ablations:
         main = max((row for row in a.joint if row.fit is not None), key=a.lost)
         single = [row for row in a.paper if row.fit is not None and row.part in a.single]
         best = max(single, key=a.gained)
         bare = next((row.fit for row in a.paper if row.part == ablation.BARE), None)
         text = f" With all imperfections off but the end stops it reaches {percent(bare)}." if bare is not None else ""
-        sentences.append(
+        texts.append(
             f"{a.name.capitalize()}, {a.record}: without its {main.part} the actuated joint loses {a.lost(main):.1f} "
             f"points. The paper's structure is {a.behind:.1f} points behind; switching off a single imperfection of "
             f"the twin improves it by at most {max(a.gained(best), 0.0):.1f} points ({_words(best.part)}).{text}"
         )
-    return sentences
+    return texts
 
 
 def parts_table(ablations: Sequence[Ablation]) -> Grid:

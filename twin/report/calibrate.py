@@ -33,11 +33,11 @@ def page(result: Calibration) -> Page:
     return Page(
         title=f"Calibration of the {result.joint}",
         subtitle=f"{len(result.values)} parameters from {', '.join(result.provenance['logs'])}",
-        verdict=verdict(result),
+        verdict=sentences(result),
         sections=[
             Section("Twin and logs", tables=[scores(result)], pictures=[*overlays, _leg(result)]),
             Section("Parameters", [_INTERVALS], tables=[values(result)], pictures=[correlations]),
-            Section("What the logs tell", sentences(result), details=[_identifiability(result)]),
+            Section("What the logs tell", undetermined_sentences(result), details=[_identifiability(result)]),
             Section("What is left over", [_LEFT], pictures=left_over),
         ],
         made_with=versions(),
@@ -55,26 +55,26 @@ _INTERVALS = (
 _LEFT = "A residual that repeats with place and direction belongs to an effect that the twin does not have."
 
 
-def verdict(result: Calibration) -> list[str]:
+def sentences(result: Calibration) -> list[str]:
     """The result in a few sentences, what must not be used first."""
-    sentences = [
+    texts = [
         *doubt.sentences(result),
         f"The search {'converged' if result.converged else 'did not converge'} after {result.found.stop.iterations} "
         f"iterations: {result.reason}.",
     ]
     if result.next_step():
-        sentences.append(result.next_step())
+        texts.append(result.next_step())
     if result.found.descents > 1:
-        sentences.append(f"{result.found.agreed} of {result.found.descents} starts led to this place.")
+        texts.append(f"{result.found.agreed} of {result.found.descents} starts led to this place.")
     for score in result.scores:
-        sentences.append(
+        texts.append(
             f"{score.log} ({'held out' if score.held_out else 'used'}): free run {score.fit_before:.1f} % before, "
             f"{score.fit_after:.1f} % after calibration."
         )
-    return sentences
+    return texts
 
 
-def sentences(result: Calibration) -> list[str]:
+def undetermined_sentences(result: Calibration) -> list[str]:
     """Parameters that these logs do not tell, each with what to record."""
     if not result.fixed:
         return ["These logs tell every parameter that was free."]

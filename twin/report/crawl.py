@@ -34,10 +34,10 @@ def page(result: Crawl, pictures: CrawlPictures | str) -> Page:
         subtitle=(
             f"{4 * gait.cycles} steps of {1000 * gait.stride:g} mm with twelve joints in servo mode, seed {result.seed}"
         ),
-        verdict=verdict(result),
+        verdict=sentences(result),
         sections=[
             _picture_section(pictures),
-            Section("Walking", [_WALKING], tables=[table(result)], pictures=_walking(result)),
+            Section("Walking", [_WALKING], tables=tables(result), pictures=_walking(result)),
             Section("Standing", [_standing_sentence(result)]),
             Section("Forces", [_FORCES], tables=[forces(result)]),
             Section("Joints", pictures=[_picture("joints", joints(result), _JOINTS)]),
@@ -63,7 +63,7 @@ _JOINTS = (
 )
 
 
-def verdict(result: Crawl) -> list[str]:
+def sentences(result: Crawl) -> list[str]:
     """The outcome in plain words."""
     m, s = result.measures, result.standing
     walk = (
@@ -141,7 +141,7 @@ def _picture(name: str, figure: Figure, caption: str) -> Picture:
     return Picture(name, style.png(figure), caption)
 
 
-def table(result: Crawl) -> Grid:
+def tables(result: Crawl) -> list[Grid]:
     """The walk in numbers."""
     m = result.measures
     shoulder, thigh, shank = (np.degrees(m.tracking[k::3]).max() for k in range(3))
@@ -163,7 +163,7 @@ def table(result: Crawl) -> Grid:
         ("largest motor voltage [V]", number(m.peak_voltage, 3)),
         ("cost of transport, power / (weight × speed)", number(m.transport, 2)),
     ]
-    return Grid(("the walk", "value"), rows)
+    return [Grid(("the walk", "value"), rows)]
 
 
 def forces(result: Crawl) -> Grid:

@@ -48,15 +48,15 @@ LONGEST = 6  # entries of a list shown in a cell
 def page(result: Information, sections: Sequence[Section] = ()) -> Page:
     """The whole report, with `sections` sections before the parameters."""
     names = ", ".join(joint.name for joint in result.joints)
-    tables = [value_grid(name, group, result) for name, group in result.groups().items()]
+    grids = [value_grid(name, group, result) for name, group in result.groups().items()]
     return Page(
         title="The twin's parameters and its truth",
         subtitle=f"{names}; Ts {result.Ts:g} s" + (f"; parameters of {result.source}" if result.source else ""),
-        verdict=verdict(result),
+        verdict=sentences(result),
         sections=[
             Section("Truth", [_TRUTH], tables=[truth_grid(result)], pictures=pictures(result)),
             *sections,
-            Section("Parameters", [_PARAMETERS, *_grey_note(result)], tables=tables),
+            Section("Parameters", [_PARAMETERS, *_grey_note(result)], tables=grids),
         ],
         made_with=result.as_dict()["versions"],
     )
@@ -73,13 +73,13 @@ _PARAMETERS = (
 )
 
 
-def verdict(result: Information) -> list[str]:
+def sentences(result: Information) -> list[str]:
     """Range and speed of each joint, changed parameters, and the number of assumptions."""
     moves = [_moves(joint, _supply(result)) for joint in result.joints]
     return [*moves, *_changes(result), _assumptions(result)]
 
 
-def terminal_tables(result: Information) -> list[Grid]:
+def tables(result: Information) -> list[Grid]:
     """The parameters without the widest column, the truth and the versions."""
     grids = [value_grid(name, group, result) for name, group in result.groups().items()]
     short = [grid.only(*(heading for heading in grid.headings if heading != ENTERS)) for grid in grids]

@@ -46,10 +46,10 @@ def page(result: ProtocolResult, stills: Stills) -> Page:
             f"The protocol of Guni and Irawan (2016) on the digital twin of the QPAL leg: {result.duration:g} s per "
             f"joint, Ts {TS:g} s, estimation on the first half, validation on the second, seed {result.seed}"
         ),
-        verdict=verdict(result),
+        verdict=sentences(result),
         sections=[
             _leg(stills),
-            Section("Results", [_READING], tables=[table(result)], details=[]),
+            Section("Results", [_READING], tables=[table(result)]),
             Section("Truth", [_TRUTH], tables=[truth_table(result), checks_table(result)]),
             actuated_joint.section(result),
             *sections.only([actuated_joint.ablation_section(result)]),
@@ -76,7 +76,7 @@ _TRUTH = (
 )
 
 
-def verdict(result: ProtocolResult) -> list[str]:
+def sentences(result: ProtocolResult) -> list[str]:
     """The outcome in plain words."""
     fits = ", ".join(
         f"{r.joint} {percent(r.final.validation_fit)} (paper {r.paper.validation_fit:.2f} %)" for r in result.joints
@@ -91,7 +91,7 @@ def verdict(result: ProtocolResult) -> list[str]:
     )
     failures = [f"DOES NOT HOLD – {check.statement}: {check.found}." for check in result.checks if not check.holds]
     success = f"All {len(result.checks)} checks hold: the models are stable and the twin agrees with its closed form."
-    return [fits_sentence, *actuated_joint.verdict(result), *(failures or [success])]
+    return [fits_sentence, *actuated_joint.sentences(result), *(failures or [success])]
 
 
 def table(result: ProtocolResult) -> Grid:
@@ -169,7 +169,7 @@ def checks_table(result: ProtocolResult) -> Grid:
     return Grid(("check", "found", "holds"), rows, text_columns=1)
 
 
-def terminal_tables(result: ProtocolResult) -> list[Grid]:
+def tables(result: ProtocolResult) -> list[Grid]:
     """The same numbers in tables that fit a terminal of 80 columns."""
     results, truth = table(result), truth_table(result)
     return [
