@@ -26,7 +26,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 from standin import LACKS, StandIn  # noqa: E402
 
 import twin  # noqa: E402
-from sysid.base.executor import results  # noqa: E402
+from sysid.base.parallel import results  # noqa: E402
 from twin.calibrate.calibration import calibrate  # noqa: E402
 
 KINDS = ("same", "other")

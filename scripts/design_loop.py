@@ -20,7 +20,7 @@ from drawn_joints import draw as calibration
 import twin
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
-from sysid.base.executor import in_order
+from sysid.base.parallel import in_order
 from sysid.data.record import IOData
 from sysid.joint.design import Design, design
 from sysid.joint.growth import Growth, grow_joint

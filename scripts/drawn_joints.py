@@ -19,7 +19,7 @@ from scipy.stats import binom
 
 import twin
 from sysid.base.criteria import fit_percent
-from sysid.base.executor import in_order
+from sysid.base.parallel import in_order
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.joint.growth import grow_joint

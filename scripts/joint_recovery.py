@@ -19,7 +19,7 @@ import numpy as np
 import sysid
 import twin
 from sysid.base.criteria import fit_percent
-from sysid.base.executor import in_order
+from sysid.base.parallel import in_order
 from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
 from sysid.joint.growth import Growth, grow_joint

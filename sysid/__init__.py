@@ -13,9 +13,9 @@ __getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
 
 def _before_fork() -> None:
     if "polars" in sys.modules:  # whoever loaded it
-        from sysid.base import forked
+        from sysid.base import tables
 
-        forked.note()
+        tables.note_fork()
 
 
 if hasattr(os, "register_at_fork"):

@@ -47,7 +47,7 @@ def fit(model: Nlarx, data: IOData, *args: Any, **kwargs: Any) -> NlarxFit: ...
 def fit(model: Chain, data: IOData, *args: Any, **kwargs: Any) -> Fit: ...
 
 
-@checked(own=("start",))
+@checked(deferred=("start",))
 def fit(
     model: Chain | Nlarx,
     data: IOData,

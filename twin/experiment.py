@@ -11,8 +11,7 @@ import mujoco
 import numpy as np
 
 from sysid import excitations
-from sysid.base.checks import checked
-from sysid.base.checks import shown as in_words
+from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError, unknown
 from sysid.base.limits import STEPS
 from twin.hardware.drive import MODES
@@ -35,7 +34,7 @@ SETTLE = 0.5  # [s] at rest before the record starts, for the link to lie agains
 SHORTEST = 10  # samples; a shorter record identifies nothing
 
 
-@checked(own=("parameters", "duration", "Ts"))
+@checked(deferred=("parameters", "duration", "Ts"))
 @dataclass(frozen=True)
 class Experiment:
     """Drive `joint` with `excitation` for `duration` [s], sampled every `Ts` [s]; the other joints are held rigidly.
@@ -213,11 +212,11 @@ class Experiment:
             late,
         )
 
-    @checked(own=("shown",))  # NaN where MuJoCo gave up
+    @checked(deferred=("shown",))  # NaN where MuJoCo gave up
     def record(self, run: Run, shown: np.ndarray) -> Log:
         """The log of a finished run from the board outputs (N, joints, COLUMNS)."""
         if np.ndim(shown) != 3 or len(shown) != len(run.commands):
-            raise InputError(f"shown is {in_words(shown)}; give the outputs of this run, as `step` returns them")
+            raise InputError(f"shown is {short_text(shown)}; give the outputs of this run, as `step` returns them")
         pot, clean = potentiometer(self.p, self.without), shown[:, :, slots.READING]
         read = [pot.read(column, rng) for column, rng in zip(clean.T, self._generators("noise"), strict=True)]
         u, y, y_true = run.commands, np.column_stack(read), clean

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
-from sysid.base.files import ordinary
+from sysid.base.files import check_regular_file
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.export.mjcf import STEP, Fragment
@@ -110,7 +110,7 @@ def put_into(fragment: Fragment, source: Path) -> str:
 
 
 def _parsed(source: Path) -> ET.Element:
-    ordinary(source)
+    check_regular_file(source)
     try:
         mujoco.MjModel.from_xml_path(str(source))
         return _element(source.read_text(encoding="utf-8"))

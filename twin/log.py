@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.base.checks import checked, shown
+from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError, unknown
 from sysid.channels.clock import contradiction_of_header, stated_sampling_time
 from sysid.channels.column import parse_header
@@ -38,7 +38,7 @@ _RARE = 0.005  # of the samples at either end, which may be spikes
 _MAP = "in a mapping (qpal info FILE --write-map MAP.toml) and give it with --map"
 
 
-@checked(own=("u", "y", "y_true"))
+@checked(deferred=("u", "y", "y_true"))
 @dataclass(frozen=True)
 class Log:
     """A record of one joint: input u (N,) [V], measured angle y (N,) [rad], sampled every Ts [s].
@@ -69,7 +69,7 @@ class Log:
             except (TypeError, ValueError):
                 array = np.empty(())
             if array.dtype.kind not in "biuf" or not array.ndim or len(array) != len(self.u):
-                raise InputError(f"{name} is {shown(values)}; give an array of numbers, as many as u has")
+                raise InputError(f"{name} is {short_text(values)}; give an array of numbers, as many as u has")
             object.__setattr__(self, name, array)
 
     @property

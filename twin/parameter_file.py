@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.files import ordinary, write_text
+from sysid.base.files import check_regular_file, write_text
 from twin.hardware.linkage import end_angles
 from twin.hardware.motor import check_rotor
 from twin.parameters import JOINTS, TABLE, Parameters, Row
@@ -98,7 +98,7 @@ def check_together(parameters: Parameters, source: str | os.PathLike[str]) -> No
 
 def _text(path: Path) -> str:
     """The text of a parameter file; raises InputError for one that cannot be read, is too large, or holds none."""
-    ordinary(path)
+    check_regular_file(path)
     if path.is_dir():
         raise InputError(f"{path} is a folder; give one file ({', '.join(_FORMATS)})")
     if not path.exists():

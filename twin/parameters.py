@@ -242,7 +242,7 @@ _ROWS = {row.name: row for row in (*_ROWS_IN_ORDER, *_of(*IMPERFECTIONS))}
 TABLE: tuple[Row, ...] = tuple(_ROWS.values())
 
 
-@checked(own=("values",))
+@checked(deferred=("values",))
 @dataclass(frozen=True)
 class Parameters:
     """Values of the physical parameters in SI, nominal where not given.

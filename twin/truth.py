@@ -7,9 +7,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sysid.base.checks import checked, shown
+from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError, unknown
-from sysid.base.json_values import plain
+from sysid.base.files import json_value
 from twin.hardware.drive import MODES, drive
 from twin.hardware.friction import dry_friction
 from twin.hardware.linkage import linkage, middle
@@ -72,17 +72,19 @@ class Truth:
 
     def as_dict(self) -> dict[str, Any]:
         """The same as plain numbers and lists, for JSON; poles as [re, im], infinite values as None."""
-        return plain(asdict(self))
+        return json_value(asdict(self))
 
 
-@checked(own=("Ts",))
+@checked(deferred=("Ts",))
 def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mode: str = "voltage") -> Truth:
     """The truth about `joint` sampled every `Ts` [s]; raises InputError for an invalid joint, Ts or mode."""
     check_joint(joint)
     if mode not in MODES:
         raise unknown("mode", mode, MODES)
     if isinstance(Ts, (int, float)) and LONGEST < Ts < np.inf:
-        raise InputError(f"Ts is {shown(Ts)} s; give at most {LONGEST:g} s, since each step of the simulation is made")
+        raise InputError(
+            f"Ts is {short_text(Ts)} s; give at most {LONGEST:g} s, since each step of the simulation is made"
+        )
     p = parameters or Parameters()
     model, data = linear_bench(joint, p)
     h = model.opt.timestep

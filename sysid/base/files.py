@@ -1,27 +1,40 @@
-"""Files written whole or not at all, and files of lines that survive a kill."""
+"""Files written whole or not at all, files of lines that survive a kill, and the values that stand in them.
+
+A row of JSON may carry a check sum over its content and over what it belongs to: one that was changed by hand, damaged
+on a disk or copied from another file does not hold. This finds accidents: who wants to deceive can compute it too.
+"""
 
 import codecs
 import errno
+import hashlib
+import json
 import os
+import platform
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from importlib import metadata
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
+
+import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.leftovers import beside, sweep_once
+from sysid.base.locks import sweep_once, temporary_name
 
-_SPECIAL = {
+_SPECIAL_FILES = {
     stat.S_IFIFO: "a named pipe",
     stat.S_IFSOCK: "a socket",
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-_NAMES = {errno.ENAMETOOLONG: "is too long for a name of a file", errno.ELOOP: "is a link to itself"}
+_NAME_ERRORS = {errno.ENAMETOOLONG: "is too long for a name of a file", errno.ELOOP: "is a link to itself"}
+CHECK = "check"
+DAMAGED, UNSEALED = "damaged", "unsealed"
+VERSIONED_PACKAGES = ("qpal", "mujoco", "numpy", "scipy", "numba", "control")
 
 
-def ordinary(path: str | os.PathLike[str]) -> Path:
+def check_regular_file(path: str | os.PathLike[str]) -> Path:
     """`path`, if it is a regular file, a folder or missing, so that opening it neither waits nor reads without end.
 
     Raises InputError for a pipe, a socket, a device or a link to one, for a name that no file can have, and for one
@@ -40,11 +53,11 @@ def ordinary(path: str | os.PathLike[str]) -> Path:
         if "\0" in str(path):
             raise InputError(f"the name {name} holds a zero byte; give the name of a file")
     try:
-        kind = _SPECIAL.get(stat.S_IFMT(found.stat().st_mode))
+        kind = _SPECIAL_FILES.get(stat.S_IFMT(found.stat().st_mode))
     except OSError as error:
         if error.errno in (errno.ENOENT, errno.ENOTDIR):
             return found
-        why = _NAMES.get(error.errno or 0, f"cannot be read ({error.strerror})")
+        why = _NAME_ERRORS.get(error.errno or 0, f"cannot be read ({error.strerror})")
         raise InputError(f"{name} {why}; give the name of a file that you may read") from None
     if kind:
         raise InputError(f"{found} is {kind}, not a regular file; copy the data to a file and give that")
@@ -52,16 +65,16 @@ def ordinary(path: str | os.PathLike[str]) -> Path:
 
 
 @contextmanager
-def whole_file(path: str | os.PathLike) -> Iterator[Path]:
+def atomic_file(path: str | os.PathLike) -> Iterator[Path]:
     """A temporary name beside `path` with the same suffix for the block to write to; at its end it becomes `path`.
 
-    What killed processes left in that folder goes first (see `sysid.base.leftovers`). A reader never sees half a file,
+    What killed processes left in that folder goes first (see `sysid.base.locks`). A reader never sees half a file,
     and a block that fails leaves no file. Raises the OSError if the folder or disk cannot be written to, so that the
     caller can name the cause.
     """
     target = Path(path)
     sweep_once(target.parent)
-    temporary = beside(target)
+    temporary = temporary_name(target)
     try:
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         yield temporary
@@ -84,7 +97,7 @@ def write_text(path: str | os.PathLike, text: str) -> Path:
     if not target.parent.is_dir():
         raise InputError(f"cannot write {target}: folder {target.parent} does not exist; choose a folder that exists")
     try:
-        with whole_file(target) as temporary:
+        with atomic_file(target) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="\n")
     except OSError as e:
         raise InputError(
@@ -94,7 +107,7 @@ def write_text(path: str | os.PathLike, text: str) -> Path:
 
 
 @contextmanager
-def _alone(file: IO[bytes]) -> Iterator[None]:
+def _exclusive_lock(file: IO[bytes]) -> Iterator[None]:
     """No other process is within this for the same file, on a system that has such locks."""
     with suppress(OSError, ImportError):  # a file system without locks, or Windows
         import fcntl
@@ -110,33 +123,92 @@ class Lines:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._mended = False
+        self._repaired = False
 
     def read(self) -> list[str]:
         """The complete lines; none if there is no file."""
-        if not ordinary(self.path).exists():
+        if not check_regular_file(self.path).exists():
             return []
         return [
-            line.decode("utf-8", "replace") for line in self._whole().removeprefix(codecs.BOM_UTF8).split(b"\n")[:-1]
+            line.decode("utf-8", "replace")
+            for line in self._complete_lines().removeprefix(codecs.BOM_UTF8).split(b"\n")[:-1]
         ]
 
     def append(self, line: str) -> None:
         """Appends one line. Raises OSError if it cannot be written, and then leaves no file that was not there."""
-        new = not ordinary(self.path).exists()
+        new = not check_regular_file(self.path).exists()
         try:
-            with self.path.open("ab") as file, _alone(file):
-                if not self._mended:
-                    file.truncate(len(self._whole()))
-                    self._mended = True
+            with self.path.open("ab") as file, _exclusive_lock(file):
+                if not self._repaired:
+                    file.truncate(len(self._complete_lines()))
+                    self._repaired = True
                 file.write(line.encode("utf-8") + b"\n")
                 file.flush()
                 os.fsync(file.fileno())
         except OSError:
             with suppress(OSError):
-                if new and not self._whole():
+                if new and not self._complete_lines():
                     self.path.unlink()
             raise
 
-    def _whole(self) -> bytes:
+    def _complete_lines(self) -> bytes:
         data = self.path.read_bytes()
         return data[: data.rfind(b"\n") + 1]
+
+
+def seal(content: Mapping[str, Any], belongs: str) -> dict[str, Any]:
+    """`content` with its check sum; `belongs` names what the row is part of."""
+    return {**content, CHECK: check_sum(content, belongs)}
+
+
+def check_sum(content: Mapping[str, Any], belongs: str) -> str:
+    """The check sum of JSON values, whatever the order of their names."""
+    return hashlib.sha256(json.dumps([belongs, content], sort_keys=True).encode()).hexdigest()[:32]
+
+
+def unseal(line: str, belongs: str) -> tuple[dict[str, Any], str]:
+    """The content of a line, and "" if it holds, UNSEALED without a check sum, DAMAGED if it is not what was written.
+
+    A damaged line has no content.
+    """
+    try:
+        row = json.loads(line)
+    except (ValueError, RecursionError):
+        return {}, DAMAGED
+    if not isinstance(row, dict):
+        return {}, DAMAGED
+    given = row.pop(CHECK, None)
+    if given is None:
+        return row, UNSEALED
+    return (row, "") if given == check_sum(row, belongs) else ({}, DAMAGED)
+
+
+def json_value(value: Any) -> Any:
+    """The same without NumPy types and without numbers that JSON does not know: these become None.
+
+    Arrays and tuples become lists, a complex number becomes [re, im].
+    """
+    if isinstance(value, dict):
+        return {k: json_value(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [json_value(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return json_value(value.tolist())
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    if isinstance(value, (complex, np.complexfloating)):
+        return [json_value(float(value.real)), json_value(float(value.imag))]
+    return int(value) if isinstance(value, np.integer) else value
+
+
+def versions() -> dict[str, str]:
+    """Version of Python and of every package that can affect a number."""
+    found = {"python": platform.python_version()}
+    for package in VERSIONED_PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found

@@ -6,9 +6,9 @@ a public call has; `sysid.base.checks` looks there.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from sysid.base.errors import InputError
+from sysid.base.kinds import Span
 
 SEED = 2**63 - 1  # tables and files keep a seed in 64 bits with a sign
 SAMPLES = 10**8  # of a record: 0.8 GB for each channel, before any work is done with it
@@ -24,49 +24,11 @@ PROCESSES = 1024  # threads or processes; the largest machines have some hundred
 DRAWS = 10**6  # of an uncertainty; each is a simulation of the record
 POINTS = 10**7  # of a curve or a response
 LAGS = 10**6
-SIZE = 1e151  # of a value: sums of squares of a record are still numbers; fits refuse larger ones too
 SECONDS = 1e12  # a time in seconds: 30,000 years
-
-
-@dataclass(frozen=True)
-class Span:
-    """The numbers from `lowest` to `highest`; `above` leaves `lowest` itself out. `infinite`: inf is allowed too.
-
-    `say` is what to give instead of another number, where that says it better than the limits do.
-    """
-
-    lowest: float = -SIZE
-    highest: float = SIZE
-    above: bool = False
-    infinite: bool = False
-    say: str = ""
-
-    def holds(self, value: float) -> bool:
-        """Whether a number lies in it; nan does not."""
-        if isinstance(value, float) and math.isinf(value):
-            return self.infinite and self.lowest <= value <= math.inf
-        return bool((value > self.lowest if self.above else value >= self.lowest) and value <= self.highest)
-
-    def allowed(self, value: float, noun: str) -> str:
-        """What to give instead of `value`, in words."""
-        if self.say:
-            return self.say
-        if value != value or abs(value) == math.inf:
-            return f"a finite {noun}"
-        if value > self.highest:
-            return f"a {noun} up to {_written(self.highest)}"
-        if self.above:
-            return f"a {noun} above {_written(self.lowest)}"
-        return f"a {noun} of at least {_written(self.lowest)}"
-
-
-def _written(value: float) -> str:
-    return f"{value:,}" if isinstance(value, int) else f"{value:g}"
 
 
 COUNT = Span(1, PIECES)
 FROM_ZERO = Span(0, PIECES)
-ANY = Span()
 BOUND = Span(-math.inf, math.inf, infinite=True)
 LENGTH = Span(0, SECONDS, above=True)
 

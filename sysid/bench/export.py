@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.files import write_text
-from sysid.base.json_values import plain
+from sysid.base.files import json_value, write_text
 from sysid.bench.task import Task
 from sysid.data.record import IOData
 
@@ -83,7 +82,7 @@ def _truth(task: Task) -> dict[str, Any]:
 
 
 def _json(path: Path, value: Any) -> None:
-    write_text(path, json.dumps(plain(value), indent=2, allow_nan=False) + "\n")
+    write_text(path, json.dumps(json_value(value), indent=2, allow_nan=False) + "\n")
 
 
 def _plain(name: str) -> str:

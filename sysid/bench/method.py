@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.threads import one_blas_thread
+from sysid.base.parallel import one_blas_thread
 from sysid.bench.contract import Data, Model, details_of
 from sysid.bench.memory import peak, start_peak
 from sysid.bench.task import Task

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.leftovers import scratch
+from sysid.base.locks import scratch_folder
 from sysid.bench.environments import Environment
 from sysid.bench.method import LIMIT, Outcome, Tests
 from sysid.bench.task import Task
@@ -50,7 +50,7 @@ class Outside:
         """See `Method`. Its clock starts after its imports; at `LIMIT` times the budget it is killed."""
         try:
             python = self.environment.python()
-            with scratch() as folder:
+            with scratch_folder() as folder:
                 _write(folder / "data.npz", task, tests, seconds, seed)
                 status, took = self._run(python, folder, seconds)
                 return Outcome(status, seconds=took) if status else _read(folder, tests)

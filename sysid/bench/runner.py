@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from sysid.base.executor import results
+from sysid.base.parallel import results
 from sysid.bench import cell
 from sysid.bench.cell import Cell
 from sysid.bench.columns import UNTRIED
@@ -18,7 +18,7 @@ def run(
 ) -> int:
     """Run every cell that has no row yet; returns how many were run. Rows without data or environment are run again.
 
-    `workers` are local processes, `scheduler` the address of a Dask scheduler (see `sysid.base.executor`). Each row is
+    `workers` are local processes, `scheduler` the address of a Dask scheduler (see `sysid.base.parallel`). Each row is
     on the disk as soon as its cell ends.
     """
     with table.writing():

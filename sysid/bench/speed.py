@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from sysid.base.threads import one_blas_thread
+from sysid.base.parallel import one_blas_thread
 from sysid.bench.scenarios.textbook import NOISE, N
 from sysid.estimation.problem import ChainProblem
 from sysid.fitting import fit

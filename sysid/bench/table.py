@@ -14,13 +14,11 @@ from typing import Any
 
 import polars as pl
 
-from sysid.base import forked
+from sysid.base import tables
 from sysid.base.errors import InputError
-from sysid.base.files import Lines, ordinary, whole_file
-from sysid.base.lock import held
-from sysid.base.parquet import DamagedError
-from sysid.base.parquet import read as whole
-from sysid.base.sealed import CHECK, check_sum, opened, sealed
+from sysid.base.files import CHECK, Lines, atomic_file, check_regular_file, check_sum, seal, unseal
+from sysid.base.locks import file_lock
+from sysid.base.tables import DamagedError
 from sysid.bench.columns import COLUMNS, KEY
 
 BELONGS = "qpal bench"  # what a row is part of, for its check sum
@@ -55,7 +53,7 @@ class Table:
 
     def _held(self) -> tuple[pl.DataFrame | None, list[str]]:
         """The rows that hold, the newest of each key, and which do not: what stands where."""
-        forked.check()
+        tables.check_fork()
         parts, bad = [], []
         new, lines = journal(self._journal.read())  # first: what is merged meanwhile is in the file then
         if self.path.is_file():
@@ -82,7 +80,7 @@ class Table:
     def writing(self) -> Iterator["Table"]:
         """The right to add rows, for one process at a time; the journal is merged at the end."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        with held(self.path, self._taken):
+        with file_lock(self.path, self._taken):
             left = self._journal.path
             if left.exists() and not os.access(left, os.W_OK):  # of a run of another user that was killed
                 raise InputError(
@@ -109,7 +107,7 @@ class Table:
 
     def add(self, row: dict[str, Any]) -> None:
         """One row, on the disk when this returns."""
-        self._journal.append(json.dumps(sealed({name: row[name] for name in COLUMNS}, BELONGS)))
+        self._journal.append(json.dumps(seal({name: row[name] for name in COLUMNS}, BELONGS)))
         self._waiting += 1
         if self._waiting >= EVERY:
             self.merge()
@@ -133,10 +131,10 @@ class Table:
 
 def write(rows: pl.DataFrame, path: Path) -> None:
     """The table as a Parquet file, whole or not at all, with a check sum in each row."""
-    forked.check()
+    tables.check_fork()
     ordered = rows.sort(KEY).select(list(COLUMNS))
     sums = pl.Series(CHECK, _sums(ordered), dtype=pl.String)
-    with whole_file(path) as temporary:
+    with atomic_file(path) as temporary:
         ordered.with_columns(sums).write_parquet(temporary.absolute())
 
 
@@ -148,7 +146,7 @@ def read(path: str | os.PathLike) -> pl.DataFrame:
 def parquet(path: Path) -> tuple[pl.DataFrame, list[int]]:
     """The rows of a Parquet file that hold, and the numbers of those that do not; none of an older version's."""
     try:
-        found = whole(ordinary(path))
+        found = tables.read_parquet(check_regular_file(path))
     except (DamagedError, OSError) as error:
         raise InputError(f"{path} is no results table ({error}); choose another file") from None
     missing = [name for name in COLUMNS if name not in found.columns]
@@ -175,7 +173,7 @@ def journal(lines: Sequence[str]) -> tuple[list[dict[str, Any]], list[int]]:
     A row without a check sum, as older versions wrote it, may be any: it runs again. Of a key that is there twice with
     other values, no row counts.
     """
-    read = [opened(line, BELONGS) for line in lines]
+    read = [unseal(line, BELONGS) for line in lines]
     sums: dict[tuple[Any, ...], str] = {}
     rows, bad, twice = {}, [], set()
     for k, (row, trouble) in enumerate(read):

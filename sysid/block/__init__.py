@@ -1,6 +1,6 @@
 """The interface of a block (slots, tangent, symmetries) and its compiled loops."""
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 from sysid.block.block import Block, Slot, StaticBlock, Symmetry
 
 __all__ = ["Block", "Slot", "StaticBlock", "Symmetry"]

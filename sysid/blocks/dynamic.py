@@ -21,7 +21,7 @@ from sysid.blocks.custom import redundant
 _PROBE = 400  # samples
 
 
-@checked(own=("lower", "upper"))
+@checked(deferred=("lower", "upper"))
 @dataclass(frozen=True)
 class Dynamic(Recursion):
     """A user's step, made with `dynamic`, which describes the allowed language. It consists of text and numbers.

@@ -15,7 +15,7 @@ _NOTHING = 1e-200  # smaller remnants of an initial state become zero: denormal 
 STABILITY = ("stable", "free")
 
 
-@checked(own=("nb", "nf", "nk"))
+@checked(deferred=("nb", "nf", "nk"))
 @dataclass(frozen=True)
 class TransferFunction(Block):
     """x_t + f1 x_{t-1} + ... + f_nf x_{t-nf} = b0 w_{t-nk} + ... + b_{nb-1} w_{t-nk-nb+1} + x0_t.

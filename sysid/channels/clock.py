@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.base.time_words import ALONE, ANYWHERE, DIGITS, UNSURE, as_whole
 from sysid.channels.column import Column, Header, unit_in_brackets, words
 from sysid.channels.conversion import convert, is_time, seconds
 from sysid.channels.mapping import Bits, Clock
+from sysid.channels.time_words import ALONE, ANYWHERE, DIGITS, UNSURE, as_whole
 from sysid.data.table import Table
 
 CLOCK_WORDS = words(

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.time_words import ANYWHERE
 from sysid.channels.conversion import COUNTS, convert, is_time
 from sysid.channels.mapping import brief, closest
+from sysid.channels.time_words import ANYWHERE
 from sysid.data.spelling import is_like_a_number, why_no_number
 from sysid.data.table import LARGEST, Table, Texts, is_number
 from sysid.formats import unit_in

@@ -10,8 +10,8 @@ from functools import cache, lru_cache
 from typing import Any
 
 from sysid.base.errors import InputError
-from sysid.base.time_words import UNSURE
-from sysid.base.time_words import WORDS as TIMES
+from sysid.channels.time_words import UNSURE
+from sysid.channels.time_words import WORDS as TIMES
 
 SI = ("s", "V", "rad", "rad/s", "A", "m", "m/s", "N", "N*m", "1")  # read as they are, without loading pint
 COUNTS = "counts"  # of a converter or an encoder: numbers without a unit until a calibration gives them one

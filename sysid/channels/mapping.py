@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal, Self, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from sysid.base.errors import InputError
-from sysid.base.limits import SECONDS, SIZE
+from sysid.base.kinds import SIZE
+from sysid.base.limits import SECONDS
 from sysid.channels.conversion import seconds
 
 Place = tuple[str | int, ...]

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from sysid.base.errors import InputError
-from sysid.base.files import ordinary, write_text
+from sysid.base.files import check_regular_file, write_text
 from sysid.channels.mapping import ROLES, Adc, Channel, ChannelMap, Place, complaint
 
 LARGEST = 1_000_000  # [bytes] a mapping has about a thousand
@@ -101,7 +101,7 @@ def _toml(value: Any) -> str:
 
 def _text(path: Path) -> str:
     """The text of a mapping; raises InputError for a file that cannot be read, is too large, or holds none."""
-    ordinary(path)
+    check_regular_file(path)
     if path.is_dir():
         raise InputError(f"{path} is a folder; give one file (.toml)")
     if not path.exists():

@@ -1,6 +1,6 @@
 """Records: `IOData` and preprocessing before a model is fitted."""
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 from sysid.data.preprocess import detrend, quick_start, retrend
 from sysid.data.record import IOData
 

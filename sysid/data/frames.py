@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.base.checks import shown
+from sysid.base.checks import short_text
 from sysid.base.errors import InputError
 
 Names = str | Sequence[str]
@@ -62,7 +62,7 @@ def of_pandas(table: Any, input: Names, output: Names, Ts: float | None) -> dict
     counts = several == 1 and type(stamps).__name__ == "RangeIndex"  # rows that nobody gave a time
     units = table.attrs.get("units") or {}
     if not isinstance(units, Mapping):
-        raise InputError(f'attrs["units"] is {shown(units)}; give a dict: the unit of each column by its name')
+        raise InputError(f'attrs["units"] is {short_text(units)}; give a dict: the unit of each column by its name')
     said = None if counts else (np.asarray(stamps.infer_objects()), "the index", stamps.name, units.get(stamps.name))
     values = {name: table[name].to_numpy() for name in (*input, *output)}
     return _arguments(values, input, output, _sampling_time(said, Ts, lengths), units, tuple(lengths))
@@ -97,7 +97,7 @@ def of_xarray(table: Any, input: Names, output: Names, Ts: float | None) -> dict
 
 def _check_kind(table: Any, wanted: str, has: Sequence[str]) -> None:
     if isinstance(table, type) or not all(hasattr(table, name) for name in has):
-        raise InputError(f"the table is {shown(table)}; give a {wanted}")
+        raise InputError(f"the table is {short_text(table)}; give a {wanted}")
 
 
 def _check_named(input: Sequence[str], output: Sequence[str]) -> None:

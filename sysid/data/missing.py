@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.base.checks import checked, shown
+from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 
@@ -20,7 +20,7 @@ class Filled:
     sentence: str
 
 
-@checked(own=("values", "missing"))
+@checked(deferred=("values", "missing"))
 def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None, hold: bool = False) -> Filled:
     """Fill gaps of up to `longest` samples in values (N,): a straight line between neighbours, or the last value held.
 
@@ -33,7 +33,7 @@ def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None
     if missing is not None:
         mask = np.asarray(missing)
         if mask.dtype.kind not in "biuf":
-            raise InputError(f"missing is {shown(missing)}; give True where a sample is missing, or False")
+            raise InputError(f"missing is {short_text(missing)}; give True where a sample is missing, or False")
         mask = mask.astype(bool).ravel()
         if mask.shape != x.shape:
             raise InputError(f"missing has {len(mask)} marks for {len(x)} samples; give one for each")
@@ -54,7 +54,7 @@ def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None
     return Filled(x, filled, lost & ~filled, _sentence(gaps, filled, lost, longest, hold))
 
 
-@checked(own=("u", "y", "Ts"))
+@checked(deferred=("u", "y", "Ts"))
 def record(u: np.ndarray, y: np.ndarray, Ts: float, longest: int = 3, **names: Any) -> tuple[IOData, str]:
     """IOData from u (N,) and y (N,) with nan in them: short gaps filled, long ones of y marked as missing.
 

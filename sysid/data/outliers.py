@@ -23,7 +23,7 @@ class Outliers:
         return tuple(tuple(np.flatnonzero(column).tolist()) for column in self.found.T)
 
 
-@checked(own=("y",))
+@checked(deferred=("y",))
 def hampel(y: np.ndarray, half_width: int = 5, threshold: float = 5.0, floor: float | None = None) -> np.ndarray:
     """True (N,) where y (N,) is over threshold robust spreads from the median of its 2 half_width + 1 neighbours.
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from sysid.base.checks import checked, shown
+from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError
 from sysid.base.handlers import Shown, handler
 from sysid.data import frames
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Names = str | Sequence[str]
 
 
-@checked(own=("u", "y", "Ts", "missing"))
+@checked(deferred=("u", "y", "Ts", "missing"))
 @dataclass(frozen=True, repr=False)
 class IOData(Shown):
     """Input u (N, nu) and output y (N, ny), sampled every Ts [s], as float64 in rows of samples.
@@ -66,7 +66,9 @@ class IOData(Shown):
             try:
                 offset = np.broadcast_to(np.asarray(getattr(self, name), dtype=float), (n,)).copy()
             except ValueError:
-                raise InputError(f"{name} is {shown(getattr(self, name))}; give {n} number(s), one a channel") from None
+                raise InputError(
+                    f"{name} is {short_text(getattr(self, name))}; give {n} number(s), one a channel"
+                ) from None
             object.__setattr__(self, name, offset)
 
     @classmethod

@@ -23,7 +23,7 @@ class Resampled:
     sentence: str
 
 
-@checked(own=("Ts", "input"))
+@checked(deferred=("Ts", "input"))
 def resample(data: IOData, Ts: float, input: str = "filtered") -> Resampled:
     """The record sampled every Ts [s]; Ts / data.Ts must be a ratio of whole numbers up to 1000.
 

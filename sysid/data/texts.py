@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.base import forked
+from sysid.base import tables
 
 if TYPE_CHECKING:
     import polars
@@ -37,7 +37,7 @@ class Texts(Sequence[str]):
         """The cells (n,) as float64 as Python reads them; nan for one that is no number."""
         import polars
 
-        forked.check()
+        tables.check_fork()
         texts = self._series
         if decimal == ",":
             texts = texts.str.replace_all(",", ".", literal=True)

@@ -30,7 +30,7 @@ def turn_of(data: IOData) -> float:
     return 360.0 if data.y_unit in DEGREES else 2.0 * math.pi
 
 
-@checked(own=("turn",))
+@checked(deferred=("turn",))
 def unwrapped(data: IOData, turn: float | None = None) -> Wraps:
     """The record with the wraps of every output at a turn undone, per experiment; the first angle is kept.
 

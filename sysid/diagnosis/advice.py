@@ -10,8 +10,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from sysid.base.checks import checked
-from sysid.base.threads import one_blas_thread
-from sysid.base.units import Quantity, shown
+from sysid.base.parallel import one_blas_thread
+from sysid.base.quantities import Quantity, display_quantity
 from sysid.data.magnitudes import check_magnitudes
 from sysid.data.outliers import hampel
 from sysid.data.record import IOData
@@ -91,7 +91,7 @@ def _input(data: IOData, i: int) -> Iterator[Advice]:
 
 
 def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -> Iterator[Advice]:
-    name, y_shown = channel(data, "y", j), shown("", data.y_unit)
+    name, y_shown = channel(data, "y", j), display_quantity("", data.y_unit)
     unit = f" {y_shown.unit}" if y_shown.unit else ""
     y = data.y[data.observed[:, j], j]
     bend = None if white is None else nonlinearity(white)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.threads import one_blas_thread
+from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
 from sysid.diagnosis import response
 from sysid.diagnosis.whitening import whiten

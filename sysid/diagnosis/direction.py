@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from sysid.base.threads import one_blas_thread
+from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
 from sysid.diagnosis.response import delay
 from sysid.diagnosis.whitening import whiten

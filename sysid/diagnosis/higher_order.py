@@ -13,7 +13,7 @@ from scipy.special import ndtri
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.json_values import plain
+from sysid.base.files import json_value
 
 NAMES = {
     "e with u^2": "an even nonlinearity of the input is missing",
@@ -85,7 +85,7 @@ class HigherOrderTests:
             }
             for t in self.tests
         ]
-        return plain({"level": self.level, "passed": self.passed, "tests": rows, "advice": self.advice})
+        return json_value({"level": self.level, "passed": self.passed, "tests": rows, "advice": self.advice})
 
 
 @checked

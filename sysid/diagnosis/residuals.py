@@ -9,8 +9,8 @@ from scipy.special import bdtr, chdtrc, ndtri
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.base.files import json_value
 from sysid.base.handlers import Shown
-from sysid.base.json_values import plain
 
 POOR = 80.0  # [%] of fit; below it a free run that leaves more than noise should be tried again
 _SMALLEST = 1e-12  # p-value that is told
@@ -65,7 +65,7 @@ class ResidualTests(Shown):
     def as_dict(self) -> dict[str, Any]:
         """Numbers and verdicts, ready for JSON."""
         names = ("whiteness_outside", "independence_outside", "white", "independent")
-        return plain({**asdict(self), **{n: getattr(self, n) for n in names}})
+        return json_value({**asdict(self), **{n: getattr(self, n) for n in names}})
 
 
 def chance(r: np.ndarray, bound: float, level: float) -> bool:

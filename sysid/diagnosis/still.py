@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sysid.base.units import shown
+from sysid.base.quantities import display_quantity
 from sysid.data.record import IOData
 from sysid.diagnosis.finding import Advice, channel
 
@@ -56,5 +56,5 @@ def stuck(data: IOData, j: int) -> Advice | None:
 
 
 def _value(value: float, unit: str) -> str:
-    q = shown("", unit)
+    q = display_quantity("", unit)
     return f"{value * q.factor:.4g} {q.unit}".rstrip()

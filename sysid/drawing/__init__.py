@@ -1,5 +1,5 @@
 """A figure as data (`figure`), drawn with matplotlib (`axes`) and with plotly (`plotly`)."""
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 
 __getattr__, __dir__ = modules_of(__name__)

@@ -13,7 +13,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.log_axes import power
-from sysid.base.units import Quantity, number
+from sysid.base.quantities import Quantity, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

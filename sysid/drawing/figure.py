@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.base import style
-from sysid.base.units import Quantity
+from sysid.base.quantities import Quantity
 
 TIME = "time [s]"
 Limits = tuple[float, float]

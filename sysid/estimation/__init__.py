@@ -1,5 +1,5 @@
 """From a chain and a record to a `Fit`: objective, problem, initial states, starts, the fit and its file."""
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 
 __getattr__, __dir__ = modules_of(__name__)

@@ -23,7 +23,7 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.criteria import criteria
 from sysid.base.errors import InputError
-from sysid.base.threads import one_blas_thread
+from sysid.base.parallel import one_blas_thread
 from sysid.data.magnitudes import check_magnitudes
 from sysid.data.record import IOData
 from sysid.estimation.free_run import autoregression, departing
@@ -61,7 +61,7 @@ AUTO = "auto"
 _USUAL = 5  # starts of a chain for which there is no portfolio
 
 
-@checked(own=("start", "starts"))
+@checked(deferred=("start", "starts"))
 def fit_chain(
     model: Chain,
     data: IOData,

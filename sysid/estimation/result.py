@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from sysid.base.checks import checked, shown
+from sysid.base.checks import checked, short_text
 from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
-from sysid.base.json_values import plain
-from sysid.base.threads import one_blas_thread
+from sysid.base.files import json_value
+from sysid.base.parallel import one_blas_thread
 from sysid.blocks import StateSpace
 from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
@@ -84,7 +84,7 @@ class Fit(FitMethods):
             y = from_rest(self.model, self.theta, u)
         return y[:, 0] if self.model.channels[1] == 1 else y
 
-    @checked(own=("horizon",))
+    @checked(deferred=("horizon",))
     def predict(self, data: IOData, horizon: int = 1, n_init: int | None = None) -> np.ndarray:
         """Each output from the measured ones up to `horizon` samples before it: (N,) for one output, else (N, ny).
 
@@ -219,7 +219,7 @@ class Fit(FitMethods):
         if block is None or block.n_parameters == 0:
             return None
         if x.ndim != 1:
-            raise InputError(f"x is {shown(x)}; give the places of the curve as one row of numbers")
+            raise InputError(f"x is {short_text(x)}; give the places of the curve as one row of numbers")
         return block.output(self.model.part(self.theta, block), x)
 
     @checked
@@ -235,7 +235,7 @@ class Fit(FitMethods):
             {"re": z.real, "im": z.imag, "std": s}
             for z, s in zip(self.poles.tolist(), self.pole_std.tolist(), strict=True)
         ]
-        return plain(
+        return json_value(
             {
                 "structure": self.model.structure,
                 "search": self.search,

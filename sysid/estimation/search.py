@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.base.errors import unknown
-from sysid.base.threads import available
+from sysid.base.parallel import available_cores
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.objective import Objective, spread
@@ -111,7 +111,7 @@ def race(context: SearchContext, problems: list[ChainProblem]) -> list[Outcome]:
     if len(problems) == 1:
         return [context.iterate(problems[0], problems[0].start, context.options)]
     # Threads, not processes: the loops over samples release the interpreter's lock, and no data are copied.
-    with ThreadPoolExecutor(min(len(problems), available())) as pool:
+    with ThreadPoolExecutor(min(len(problems), available_cores())) as pool:
         outcomes = list(pool.map(context.trial, problems))
         leaders = [int(k) for k in np.argsort([o.cost for o in outcomes], kind="stable")[:_LEADERS]]
         ends = list(pool.map(lambda k: context.iterate(problems[k], outcomes[k].p, context.options), leaders))

@@ -13,10 +13,10 @@ from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
-from sysid.base.checks import shown
+from sysid.base.checks import short_text
 from sysid.base.criteria import Criteria
 from sysid.base.errors import InputError
-from sysid.base.files import ordinary
+from sysid.base.files import check_regular_file
 from sysid.base.limits import MOST, SAMPLES, SECONDS
 from sysid.data.table import LARGEST
 from sysid.estimation.codec import FORMAT, VERSION, build, migrate
@@ -34,7 +34,7 @@ def load(path: str | os.PathLike) -> Fit:
 
 def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]], F]]) -> F:
     """Read a file of one of `formats`, a function of the document for each; raises InputError for anything else."""
-    source = ordinary(path)
+    source = check_regular_file(path)
     made = shlex.join(["qpal", "identify", str(source)])
     try:
         text = source.read_text(encoding="utf-8-sig")  # an editor of Windows may have saved it
@@ -130,8 +130,8 @@ def _check(fit: Fit, names: list[str]) -> None:
     _check_fixed(fit)
     if not 0 < fit.Ts <= SECONDS or not 0 <= fit.n_init <= SAMPLES:
         raise InputError(
-            f"Ts is {fit.Ts:g} and n_init {shown(fit.n_init)}; Ts must be above 0 and n_init not below 0, and both of "
-            "a size that a record can have"
+            f"Ts is {fit.Ts:g} and n_init {short_text(fit.n_init)}; Ts must be above 0 and n_init not below 0, "
+            "and both of a size that a record can have"
         )
     check_numbers(fit.theta, fit.covariance, fit.criteria)
     check_offsets(fit.u_offset, fit.y_offset, model.channels)

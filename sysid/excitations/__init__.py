@@ -12,7 +12,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import unknown
-from sysid.base.levels import PACES, Paces
+from sysid.excitations._settings import PACES, Paces
 from sysid.excitations.aprbs import Aprbs
 from sysid.excitations.chirp import Chirp
 from sysid.excitations.multisine import Multisine
@@ -81,7 +81,7 @@ TABLE: dict[str, type[Excitation]] = {
 }
 
 
-@checked(own=("options",))
+@checked(deferred=("options",))
 def excitation(name: str, **options: float | str) -> Excitation:
     """The excitation called `name`; raises InputError for a name that is not in `TABLE`."""
     if name not in TABLE:

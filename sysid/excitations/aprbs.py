@@ -8,8 +8,8 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.levels import Paces, check, check_from_zero, within_reach
 from sysid.base.limits import MOST, check_steps
+from sysid.excitations._settings import Paces, check, check_from_zero, within_reach
 
 
 @checked(late=True)

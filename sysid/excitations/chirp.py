@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.levels import Paces, check, check_band, check_from_zero, check_name, samples
+from sysid.excitations._settings import Paces, check, check_band, check_from_zero, check_name, samples
 
 
 @checked(late=True)

@@ -9,8 +9,8 @@ from scipy.optimize import minimize
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.levels import Paces, check, check_band, check_name, half_way, samples
-from sysid.base.threads import one_blas_thread
+from sysid.base.parallel import one_blas_thread
+from sysid.excitations._settings import Paces, check, check_band, check_name, half_way, samples
 
 GRIDS = ("full", "odd", "odd_odd", "random_odd")
 PHASES = ("optimised", "schroeder", "random")

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import max_len_seq
 
 from sysid.base.checks import checked
-from sysid.base.levels import Paces, check, check_name, check_whole, half_way, samples
+from sysid.excitations._settings import Paces, check, check_name, check_whole, half_way, samples
 
 
 @checked(late=True)

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from sysid.base.checks import checked
-from sysid.base.levels import Paces, check, check_name, check_whole, samples
+from sysid.excitations._settings import Paces, check, check_name, check_whole, samples
 
 
 @checked(late=True)

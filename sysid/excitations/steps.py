@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from sysid.base.checks import checked
-from sysid.base.levels import Paces, check, check_from_zero, check_name, samples, within_reach
+from sysid.excitations._settings import Paces, check, check_from_zero, check_name, samples, within_reach
 
 
 @checked(late=True)

@@ -1,5 +1,5 @@
 """A fit as other people's code: C99, Python, closed form."""
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 
 __getattr__, __dir__ = modules_of(__name__)

@@ -14,7 +14,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.files import ordinary, whole_file
+from sysid.base.files import atomic_file, check_regular_file
 from sysid.data.table import Table
 from sysid.formats import _sandbox
 from sysid.formats._dates import read_dates, with_days
@@ -42,7 +42,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     day become seconds since their first cell; `dates` and `undated` say how, or why not.
     Raises InputError with the file name if it is missing, empty, damaged or of an unknown format.
     """
-    path = ordinary(path)
+    path = check_regular_file(path)
     suffixes = ", ".join(TABLE)
     bag = path.is_dir() and (path / "metadata.yaml").is_file()  # a folder of rosbag2
     if path.is_dir() and not bag:
@@ -66,7 +66,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 @checked
 def read_header(path: str | os.PathLike[str]) -> str:
     """The header of a file read by `read_table`; empty if it has none."""
-    path = ordinary(path)
+    path = check_regular_file(path)
     kind = TABLE[path.suffix.lower()]
     return _sandbox.header(path, kind) if _foreign(kind) else kind().header(path)
 
@@ -110,7 +110,7 @@ def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray],
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}; make it first or choose another place")
     try:
-        with whole_file(path) as temporary:
+        with atomic_file(path) as temporary:
             TABLE[path.suffix.lower()]().write(temporary, columns, header)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another place") from None

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
-from sysid.base import forked
+from sysid.base import tables
 from sysid.base.errors import InputError
 from sysid.data.table import is_number
 
@@ -172,7 +172,7 @@ def part(path: Path, row: int, block: bytes, layout: Layout) -> Part:
 
     Raises InputError, which names the row, for a line with another number of cells than the layout's.
     """
-    forked.check()
+    tables.check_fork()
     if block and not block.endswith(b"\n"):
         block += b"\n"
     rows: Sequence[int] = range(row, row + block.count(b"\n"))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sysid.base import forked
+from sysid.base import tables
 from sysid.data.table import Table
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ def all_parts(table: Table, j: int, form: str) -> tuple[np.ndarray, list[Cells]]
     """The places (m,) of the cells that are not empty, and what these say."""
     import polars
 
-    forked.check()
+    tables.check_fork()
     cells, places, parts = table.columns[j], [], []
     for start in range(0, len(cells), CHUNK):
         texts = polars.Series([cell.strip() for cell in cells[start : start + CHUNK]], dtype=polars.String)

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid.base import forked
+from sysid.base import tables
 from sysid.base.errors import InputError
 from sysid.data.table import Table, is_number
 from sysid.formats._body import WITH_COMMA, Body
@@ -57,7 +57,7 @@ class Delimited:
         """Columns (N,) by name, below the header."""
         import polars
 
-        forked.check()
+        tables.check_fork()
         with path.open("wb") as file:
             for line in header.split("\n") if header else ():
                 file.write(f"# {HEADER} {line}\n".encode())

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from sysid.base import forked, parquet
+from sysid.base import tables
 from sysid.base.errors import InputError
 from sysid.data.table import Table
 from sysid.formats._arrays import Arrays
@@ -37,8 +37,8 @@ class Parquet:
     def read(self, path: Path) -> Table:
         """The numeric columns of `path`; raises InputError if it is not a Parquet file or has none."""
         try:
-            frame = parquet.read(path)
-        except parquet.DamagedError as error:
+            frame = tables.read_parquet(path)
+        except tables.DamagedError as error:
             kind = str(error).partition(":")[0]
             raise InputError(f"{path} is not a readable Parquet file ({kind}); write it again") from None
         if not frame.height:
@@ -52,14 +52,14 @@ class Parquet:
         """Columns (N,) by name, and the header."""
         import polars
 
-        forked.check()
+        tables.check_fork()
         polars.DataFrame(dict(columns)).write_parquet(path.absolute(), metadata={HEADER: header})
 
     def header(self, path: Path) -> str:
         """The metadata `qpal` of the file."""
         import polars
 
-        forked.check()
+        tables.check_fork()
         return polars.read_parquet_metadata(path.absolute()).get(HEADER, "")
 
 

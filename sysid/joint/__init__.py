@@ -1,5 +1,5 @@
 """Actuated joints: growth part by part, and their values in physical units."""
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 
 __getattr__, __dir__ = modules_of(__name__)

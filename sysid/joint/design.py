@@ -12,7 +12,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
-from sysid.base.units import shown
+from sysid.base.quantities import display_quantity
 from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.blocks.motor import LONGEST
 from sysid.data.record import IOData
@@ -94,7 +94,7 @@ class Design:
         }
 
 
-@checked(own=("volts", "strike", "Ts"))
+@checked(deferred=("volts", "strike", "Ts"))
 def design(
     fit: Fit,
     data: IOData,
@@ -246,7 +246,7 @@ def _then(
         theta, chain = lifted(chain, theta, richer, {"play.width": width}), richer
         own = np.asarray(chain.simulate(theta, u)).ravel()
         y = own + (y[0] - own[0])
-        size = shown("backlash", data.y_unit or "")
+        size = display_quantity("backlash", data.y_unit or "")
         said = f"{width * size.factor:.3g} {size.unit}".rstrip()
         notes.append(f"no backlash is known yet; the prediction has one of {said}, to test whether it would show")
     noise = np.sqrt(fit.criteria.mse) * np.random.default_rng(0).standard_normal(len(u))

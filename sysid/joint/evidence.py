@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from sysid.base.units import number, shown
+from sysid.base.quantities import display_quantity, number
 from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
@@ -174,7 +174,7 @@ def _of_stop(test: StopTest, unit: str, name: str) -> Shown:
     counts = {"rests": len(test.visits), "arrivals": test.arrivals, "farthest": test.farthest}
     if test.met:
         return Shown(True, f"the joint rests against it {len(test.visits)} times", counts)
-    as_shown = shown(name, unit)
+    as_shown = display_quantity(name, unit)
     place = f"{number(test.farthest * as_shown.factor, 4)} {as_shown.unit}".rstrip()
     return Shown(False, f"not reached: beyond {place} ({test.why})", counts)
 

@@ -9,7 +9,7 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.base.handlers import Shown, handler
-from sysid.base.threads import one_blas_thread
+from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lifted, shaken

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from sysid.base.units import number, shown
+from sysid.base.quantities import display_quantity, number
 from sysid.data.record import IOData
 from sysid.joint.course import Course
 from sysid.joint.values import JointValue
@@ -23,7 +23,7 @@ _WORDS = {
 def unmet(course: Course, data: IOData) -> list[str]:
     """One sentence for each end that the first record does not show, and that the input therefore keeps away from."""
     found = []
-    y, unit = data.y, shown("", data.y_unit or "")
+    y, unit = data.y, display_quantity("", data.y_unit or "")
     falls = course.falls
     for name, way, most in (("lower", -1, float(y.min())), ("upper", 1, float(y.max()))):
         if course.met[-way if falls else way]:
@@ -78,7 +78,7 @@ def weak(course: Course, unit: str) -> list[str]:
 
 def beyond(course: Course, y: np.ndarray, data: IOData) -> list[str]:
     """A sentence if the predicted y (N,) leaves the range of `data` by more than the range itself."""
-    low, high, unit = float(data.y.min()), float(data.y.max()), shown("", data.y_unit or "")
+    low, high, unit = float(data.y.min()), float(data.y.max()), display_quantity("", data.y_unit or "")
     far = float(y[np.argmax(np.abs(y - 0.5 * (low + high)))])
     if low - (high - low) <= far <= high + (high - low):
         return []

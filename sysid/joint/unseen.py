@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.threads import one_blas_thread
+from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.free_run import rested
 from sysid.estimation.initial_state import estimate_initial

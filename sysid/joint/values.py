@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import norm
 
-from sysid.base import units
+from sysid.base import quantities
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.blocks import CoastingPlay, Play, ServoMotor
@@ -127,7 +127,7 @@ def in_unit(values: tuple[JointValue, ...], unit: str) -> tuple[JointValue, ...]
 
 def as_read(value: JointValue) -> JointValue:
     """The value in the unit of tables, pictures and its own sentence `why`: degrees where the output is in radians."""
-    quantity = units.shown(value.name, value.unit)
+    quantity = quantities.display_quantity(value.name, value.unit)
     low, high = (None if limit is None else limit * quantity.factor for limit in (value.low, value.high))
     return replace(value, value=value.value * quantity.factor, low=low, high=high, unit=quantity.unit or value.unit)
 

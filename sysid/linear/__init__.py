@@ -1,7 +1,6 @@
 """Linear models of a fit, as `control` objects, and the comparison of poles."""
 
-from sysid.base import poles
-from sysid.base.room import modules_of
+from sysid.base import modules_of, poles
 from sysid.linear.linearize import OperatingPoint, findop, linapp, tangent
 from sysid.linear.modes import Gain, Mode, gain, modes
 from sysid.linear.noise import Noise, noise_model

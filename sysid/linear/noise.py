@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.units import number, shown
+from sysid.base.quantities import display_quantity, number
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import chance, residual_tests
 from sysid.estimation.result import Fit
@@ -45,7 +45,7 @@ class Noise:
         if self.white or not self.order:
             return "The residuals are white: what the model leaves of the output is noise."
         terms = " ".join(f"{'+' if c >= 0 else '−'} {number(abs(c), 4)} q^-{k}" for k, c in enumerate(self.A[1:], 1))
-        q = shown("", self.unit)
+        q = display_quantity("", self.unit)
         w, e = (number(float(np.sqrt(v)) * q.factor, 3) for v in (self.variance, self.total))
         return (
             f"The residuals are coloured: A(q) e = w with A = 1 {terms}, and w has a standard deviation of {w} where e "

@@ -52,7 +52,7 @@ def d2c(fit: Fit, u: float = 0.0, method: str = "zoh") -> Continuous:
     return Continuous(control.tf(*_rational(A, b, c, d)), extra * fit.Ts)
 
 
-@checked(own=("Ts",))
+@checked(deferred=("Ts",))
 def d2d(fit: Fit, Ts: float, u: float = 0.0) -> "TransferFunction":
     """The tangent at the constant input u sampled every `Ts` [s], for an input that is held between samples.
 

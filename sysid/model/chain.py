@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from sysid.base.annotations import is_number
 from sysid.base.checks import array, check_fields, checked
 from sysid.base.errors import InputError, unknown
+from sysid.base.kinds import is_number
 from sysid.block.block import Block, Slot, StaticBlock
 from sysid.blocks import TransferFunction
 from sysid.model.gauge import gauge

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid.base.checks import shown
+from sysid.base.checks import short_text
 from sysid.base.errors import InputError
 from sysid.block.block import Block, StaticBlock
 from sysid.blocks import STATIC, Channels, TransferFunction, TransferMatrix, static
@@ -258,5 +258,5 @@ def filters(nb: Order, nf: Order, nk: Order, nu: int, ny: int, role: str = "line
 def beside(own: dict[str, float], given: Any) -> dict[str, Any]:
     """The `fixed` of a chain: what its structure fixes, and what its caller does, by parameter."""
     if given is not None and not isinstance(given, Mapping):
-        raise InputError(f"fixed is {shown(given)}; give a dict")
+        raise InputError(f"fixed is {short_text(given)}; give a dict")
     return {**own, **(given or {})}

@@ -6,7 +6,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from sysid.base.checks import array, checked, shown
+from sysid.base.checks import array, checked, short_text
 from sysid.base.errors import InputError
 
 C = TypeVar("C", bound=Callable[..., Any])
@@ -35,7 +35,7 @@ def _parameters(theta: Any, names: tuple[str, ...]) -> np.ndarray:
     if found.shape != (len(names),):
         has = f"{len(names)} parameter{'s' if len(names) != 1 else ''}"
         listed = f" ({', '.join(names[:8])}{', ...' if len(names) > 8 else ''})" if names else ""
-        raise InputError(f"theta is {shown(found)} and the chain has {has}{listed}; give one value for each")
+        raise InputError(f"theta is {short_text(found)} and the chain has {has}{listed}; give one value for each")
     return found
 
 
@@ -45,5 +45,5 @@ def columns(u: Any, inputs: int) -> list[np.ndarray]:
         u = array("u", u)
     if u.ndim not in (1, 2) or (1 if u.ndim == 1 else u.shape[1]) != inputs:
         rows = "(N,) or (N, 1)" if inputs == 1 else f"(N, {inputs})"
-        raise InputError(f"u is {shown(u)} and the chain has {inputs} input(s); give an array of shape {rows}")
+        raise InputError(f"u is {short_text(u)} and the chain has {inputs} input(s); give an array of shape {rows}")
     return [np.ascontiguousarray(column) for column in (u[None, :] if u.ndim == 1 else u.T)]

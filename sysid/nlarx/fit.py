@@ -10,7 +10,7 @@ from sysid.base.checks import checked
 from sysid.base.criteria import criteria
 from sysid.base.direction import direction
 from sysid.base.errors import InputError
-from sysid.base.threads import one_blas_thread
+from sysid.base.parallel import one_blas_thread
 from sysid.data.magnitudes import check_magnitudes
 from sysid.data.record import IOData
 from sysid.estimation.normal import largest_unit, observed, unit_of

@@ -12,7 +12,7 @@ FOCUS = ("prediction", "simulation")
 MAX_UNITS = 20  # of units='auto'
 
 
-@checked(own=("na", "nb", "nk", "units"))
+@checked(deferred=("na", "nb", "nk", "units"))
 @dataclass(frozen=True)
 class Nlarx:
     """Structure of a nonlinear ARX model; see `sysid.structures.nlarx` for the meaning of each entry."""

@@ -11,7 +11,7 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
-from sysid.base.json_values import plain
+from sysid.base.files import json_value
 from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
@@ -96,7 +96,7 @@ class NlarxFit(FitMethods):
         lag = self.model.lag
         return self._run(np.concatenate([np.zeros(lag), u]), np.zeros(lag + len(u)), lag)[0][lag:]
 
-    @checked(own=("horizon",))
+    @checked(deferred=("horizon",))
     def predict(self, data: IOData, horizon: int = 1) -> np.ndarray:
         """Each output (N,) from the measured ones up to `horizon` samples before it, by default one step ahead.
 
@@ -210,7 +210,7 @@ class NlarxFit(FitMethods):
     def summary(self) -> dict[str, Any]:
         """A summary ready for JSON: values that are not finite become None."""
         model = self.model
-        return plain(
+        return json_value(
             {
                 "structure": model.structure,
                 "orders": {"na": model.na, "nb": model.nb, "nk": model.nk},

@@ -3,6 +3,6 @@
 `sysid.base.handlers` finds the file of a class. Each has `line(thing)`, `card(thing)` and the class's own methods.
 """
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 
 __getattr__, __dir__ = modules_of(__name__)

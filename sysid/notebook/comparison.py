@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sysid.base.card import Card, Table
-from sysid.base.units import number, percent, shown
+from sysid.base.quantities import display_quantity, number, percent
 from sysid.notebook.figures import figure
 from sysid.plots.comparison import comparison
 from sysid.validation.compare import Comparison
@@ -22,7 +22,7 @@ def line(table: Comparison) -> str:
 
 def card(table: Comparison) -> Card:
     """The ranking."""
-    q = shown("RMSE", table.y_unit)
+    q = display_quantity("RMSE", table.y_unit)
     rows = [
         (
             str(r.rank),

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.units import number, percent
+from sysid.base.quantities import number, percent
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import advise
 from sysid.diagnosis.residuals import ResidualTests, poor

@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid.base.card import Card, Table
 from sysid.base.errors import InputError, unknown
-from sysid.base.units import number, percent
+from sysid.base.quantities import number, percent
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.estimation.origin import check_units

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from sysid.base.card import Card, Table
 from sysid.base.errors import InputError
-from sysid.base.units import number, percent
+from sysid.base.quantities import number, percent
 from sysid.joint.growth import MARGIN, WORDS, Growth
 from sysid.notebook import fit as of_fit
 from sysid.notebook.figures import figure

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sysid.base.card import Card
-from sysid.base.units import pole
+from sysid.base.quantities import pole
 from sysid.linear.modes import Modes
 from sysid.notebook.poles import pole_table
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from sysid.base.card import Card
 from sysid.base.errors import InputError, unknown
-from sysid.base.units import percent
+from sysid.base.quantities import percent
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.nlarx.result import NlarxFit

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.base.card import Table
 from sysid.base.errors import InputError
-from sysid.base.units import number, shown
+from sysid.base.quantities import display_quantity, number
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.linear.modes import Mode, gain, modes
@@ -44,7 +44,11 @@ def gain_fact(fit: Fit, data: IOData | None) -> tuple[str, str] | None:
         return None
     if not math.isfinite(g.value):
         return "DC gain", "infinite: the model integrates"
-    unit = shown("", data.y_unit).per(shown("", data.u_unit)) if data is not None else shown("", "")
+    unit = (
+        display_quantity("", data.y_unit).per(display_quantity("", data.u_unit))
+        if data is not None
+        else display_quantity("", "")
+    )
     at = f" at u = {number(g.u)}" if g.u else ""
     if lost(g.value, g.std) or (g.value == 0.0 and g.std == 0.0):
         why = "the maps are flat there" if g.value == 0.0 else "its standard deviation is larger than the value"

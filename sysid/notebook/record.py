@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base.card import Card, Table
-from sysid.base.units import number, shown
+from sysid.base.quantities import display_quantity, number
 from sysid.data.record import IOData
 from sysid.notebook.figures import figure
 from sysid.plots.records import record
@@ -39,7 +39,7 @@ def card(data: IOData) -> Card:
     for which, values, offsets in (("u", data.u, data.u_offset), ("y", data.y, data.y_offset)):
         name, unit = (data.u_name, data.u_unit) if which == "u" else (data.y_name, data.y_unit)
         for k in range(values.shape[1]):
-            q, own = shown(name, unit), name if values.shape[1] == 1 else f"{name}{k + 1}"
+            q, own = display_quantity(name, unit), name if values.shape[1] == 1 else f"{name}{k + 1}"
             x = values[:, k] * q.factor
             size = float(np.abs(x).max())
             found = (x.min(), x.max(), x.mean(), x.std(), offsets[k] * q.factor)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sysid.base.card import Card, Table
-from sysid.base.units import number
+from sysid.base.quantities import number
 from sysid.diagnosis.residuals import ResidualTests
 
 

@@ -1,7 +1,7 @@
 """A structure search at a prompt and in a notebook."""
 
 from sysid.base.card import Card, Table
-from sysid.base.units import percent
+from sysid.base.quantities import percent
 from sysid.selection.table import Selection
 
 ROWS = 12

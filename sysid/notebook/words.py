@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid.base.units import number, shown
+from sysid.base.quantities import display_quantity, number
 from sysid.blocks import Channels, TransferFunction, TransferMatrix
 from sysid.estimation.result import Fit
 from sysid.model.recipes import Option, Recipe
@@ -89,7 +89,7 @@ def _kind(block: Any) -> str:
 def rmse_in_words(fit: Fit | NlarxFit) -> str:
     """The root of the mean squared error in the unit in which people read the output."""
     data = fit.record
-    q = shown("", data.y_unit if data is not None else "")
+    q = display_quantity("", data.y_unit if data is not None else "")
     return f"{number(float(np.sqrt(fit.criteria.mse)) * q.factor)} {q.unit}".rstrip()
 
 

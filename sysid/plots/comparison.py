@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def comparison(table: Comparison, axes: Axes | None = None) -> Axes:
     """Free-run fit of each model, best on top, with d. A small model as good as a large one is preferable."""
     rows = table.rows

@@ -17,7 +17,7 @@ Bar = tuple[str, float, bool, bool]  # name of the part, fall of BIC, kept in it
 LINEAR = 10.0  # [BIC] below which a fall is drawn to scale
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def earned(rounds: Sequence[Sequence[Bar]], margin: float, axes: Sequence[Axes] | None = None) -> list[Axes]:
     """One panel for each round: a bar to the right of the dashed line earned its place, and the filled one stayed.
 

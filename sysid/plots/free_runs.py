@@ -11,7 +11,7 @@ import numpy as np
 from sysid.base import style
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.units import Quantity, percent, shown
+from sysid.base.quantities import Quantity, display_quantity, percent
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.drawing.axes import draw
@@ -47,7 +47,7 @@ class Run:
         return replace(self, data=retrend(self.data), y=self.y + self.data.y_offset[0])
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def free_run(
     estimation: Run, validation: Run, one_step: Run | None = None, axes: Sequence[Axes] | None = None
 ) -> list[Axes]:
@@ -58,7 +58,7 @@ def free_run(
     return draw(parts_of_run_figure(estimation, validation, one_step), axes)
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def free_runs(
     runs: Sequence[Run], axes: Sequence[Axes] | None = None, seconds: float | None = None, time: str = TIME
 ) -> list[Axes]:
@@ -69,7 +69,7 @@ def free_runs(
     return draw(free_runs_figure(runs, seconds, time), axes)
 
 
-@checked(own=("axes", "run", "fits"))
+@checked(deferred=("axes", "run", "fits"))
 def fitted(
     data: IOData, run: np.ndarray, fits: Sequence[float], axes: Sequence[Axes] | None = None, skipped: int = 0
 ) -> list[Axes]:
@@ -95,10 +95,10 @@ def fitted(
     return draw(Figure(panels, height=0.6 + 3.4 * ny, marks=shaded), axes)
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def simulated(band: OutputBand, data: IOData | None = None, axes: Axes | None = None) -> Axes:
     """Free run with its band and the measured output. Long segments of data outside the band show model errors."""
-    y = shown(data.y_name if data is not None else "y", band.unit)
+    y = display_quantity(data.y_name if data is not None else "y", band.unit)
     run, lower, upper = (scaled(values, y.factor) for values in (band.y, band.lower, band.upper))
     kind = f"Monte Carlo, {band.draws - band.dropped} draws" if band.draws else "linear"
     items: list[Item] = [
@@ -116,7 +116,7 @@ def simulated(band: OutputBand, data: IOData | None = None, axes: Axes | None = 
     return draw(Figure([panel], height=3.2), axes)[0]
 
 
-@checked(own=("axes", "run"))
+@checked(deferred=("axes", "run"))
 def close_ups(data: IOData, run: np.ndarray, axes: Sequence[Axes] | None = None, time: str = TIME) -> list[Axes]:
     """The first whole upper and lower peak of the measured output, with the free run (N,) over it.
 
@@ -265,7 +265,7 @@ def _departures(measured: np.ndarray, runs: Mapping[str, np.ndarray], Ts: float,
 
 def output(data: IOData) -> Quantity:
     """Display of the output of a record."""
-    return shown(data.y_name, data.y_unit)
+    return display_quantity(data.y_name, data.y_unit)
 
 
 def reshaped(data: IOData, run: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from sysid.base import style
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.units import number, pole
+from sysid.base.quantities import number, pole
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Axis, Figure, Item, Line, Mark, Panel, Points, Region, Rule, View
 from sysid.uncertainty.intervals import Interval, Root
@@ -25,7 +25,7 @@ REACH = 1.15  # half the width of the view of the unit circle
 OTHERS: tuple[Mark, ...] = ("plus", "up", "down")  # of roots for comparison
 
 
-@checked(own=("axes", "poles", "zeros", "references"))
+@checked(deferred=("axes", "poles", "zeros", "references"))
 def pole_zero(
     poles: Roots,
     zeros: Roots = (),
@@ -51,7 +51,7 @@ def pole_zero(
     return draw(replace(figure, panels=[replace(panel, views=[view])], height=5.0, legend="panels"), axes)[0]
 
 
-@checked(own=("axes", "poles", "zeros", "references"))
+@checked(deferred=("axes", "poles", "zeros", "references"))
 def pole_zero_map(
     poles: Roots,
     zeros: Roots = (),

@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.checks import checked
-from sysid.base.units import Quantity, shown
+from sysid.base.quantities import Quantity, display_quantity
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.drawing.axes import draw
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 FILLED = "filled"
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def record(data: IOData, axes: Sequence[Axes] | None = None, seconds: float | None = None) -> list[Axes]:
     """Inputs over outputs as recorded, with removed means restored, for the first `seconds` [s] or all samples.
 
@@ -31,7 +31,7 @@ def record(data: IOData, axes: Sequence[Axes] | None = None, seconds: float | No
     return draw(record_figure(data, seconds), axes)
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def parts(estimation: IOData, validation: IOData, axes: Sequence[Axes] | None = None) -> list[Axes]:
     """Input over output with the two parts marked; constants that were removed are added again."""
     return draw(parts_figure(estimation, validation), axes)
@@ -78,7 +78,7 @@ def lines_figure(
     t: np.ndarray, signals: Mapping[str, np.ndarray], name: str, unit: str = "", title: str = ""
 ) -> Figure:
     """Signals (N,) of one kind over time t (N,) [s] in one panel, by name; `name` and `unit` label the axis."""
-    quantity, colours = shown(name, unit), (style.INK, *style.COLOURS)
+    quantity, colours = display_quantity(name, unit), (style.INK, *style.COLOURS)
     items = [
         Line(t, scaled(y, quantity.factor), each, colours[k % len(colours)], key=len(signals) > 1)
         for k, (each, y) in enumerate(signals.items())
@@ -167,7 +167,7 @@ def _quantities(name: str | Sequence[str], unit: str | Sequence[str], n: int) ->
     names, units = (_each(text, n) for text in (name, unit))
     if n > 1 and len(set(names)) == 1:
         names = [f"{names[0]}{k + 1}" for k in range(n)]
-    return [shown(*pair) for pair in zip(names, units, strict=True)]
+    return [display_quantity(*pair) for pair in zip(names, units, strict=True)]
 
 
 def _each(text: str | Sequence[str], n: int) -> list[str]:

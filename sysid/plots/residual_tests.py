@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def residual_tests(tests: ResidualTests, axes: Sequence[Axes] | None = None) -> list[Axes]:
     """Whiteness and independence. Bars outside the bound at small positive lags: missing dynamics or delay."""
     return draw(residuals_figure(tests), axes)
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def higher_order_tests(tests: HigherOrderTests, axes: Sequence[Axes] | None = None) -> list[Axes]:
     """Three correlations that are zero for a complete model. Bars outside: the model is incomplete, see `advice`."""
     panels = [

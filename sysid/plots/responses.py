@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base.checks import checked
-from sysid.base.units import Quantity, shown
+from sysid.base.quantities import Quantity, display_quantity
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Axis, Band, Figure, Item, Line, Panel, Rule, has_area, scaled
 from sysid.uncertainty import intervals
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def step(
     band: intervals.Band, axes: Axes | None = None, y_unit: str = "", u_unit: str = "", y_name: str = "output"
 ) -> Axes:
@@ -27,7 +27,7 @@ def step(
     return draw(step_figure(band, y_unit, u_unit, y_name), axes)[0]
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def impulse(
     band: intervals.Band, axes: Axes | None = None, y_unit: str = "", u_unit: str = "", y_name: str = "output"
 ) -> Axes:
@@ -36,7 +36,7 @@ def impulse(
     return draw(_time_figure(band, "pulse", title, y_unit, u_unit, y_name), axes)[0]
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def bode(
     response: FrequencyResponse, axes: Sequence[Axes] | None = None, y_unit: str = "", u_unit: str = ""
 ) -> list[Axes]:
@@ -44,10 +44,10 @@ def bode(
     return draw(bode_figure(response, y_unit, u_unit), axes)
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def steady_state(band: intervals.Band, axes: Axes | None = None, u_unit: str = "", y_unit: str = "") -> Axes:
     """Steady-state output of the whole chain over constant inputs; it does not depend on the gauge."""
-    u, y = shown("u", u_unit), shown("y", y_unit)
+    u, y = display_quantity("u", u_unit), display_quantity("y", y_unit)
     items = banded(band, "steady state", u.factor, y.factor)
     panel = Panel(items, Axis.of(y), Axis.of(u), "steady state", note=in_small(band.note))
     return draw(Figure([panel], shared=False, height=4.0), axes)[0]
@@ -60,7 +60,7 @@ def step_figure(band: intervals.Band, y_unit: str = "", u_unit: str = "", y_name
 
 def _time_figure(band: intervals.Band, after: str, title: str, y_unit: str, u_unit: str, y_name: str) -> Figure:
     """A response over time after a step or a pulse."""
-    y = shown(y_name, y_unit).per(shown("", u_unit))
+    y = display_quantity(y_name, y_unit).per(display_quantity("", u_unit))
     items = [*banded(band, "tangent", 1.0, y.factor, steps=True), Rule(0.0, upright=False, width=0.5)]
     time = Axis.time(f"time after the {after} [s]")
     panel = Panel(items, Axis.of(y), time, title, 1.8, in_small(band.note))
@@ -69,7 +69,7 @@ def _time_figure(band: intervals.Band, after: str, title: str, y_unit: str, u_un
 
 def bode_figure(response: FrequencyResponse, y_unit: str = "", u_unit: str = "") -> Figure:
     """Magnitude over phase [deg] against the frequency [rad/s]."""
-    gain = shown("magnitude", y_unit).per(shown("", u_unit))
+    gain = display_quantity("magnitude", y_unit).per(display_quantity("", u_unit))
     magnitude, phase = response.magnitude, response.phase
     # A band that is wide at the edge of what was excited must not squeeze the curve into a line.
     size = magnitude.value[magnitude.value > 0] * gain.factor

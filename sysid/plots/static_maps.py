@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.checks import checked
-from sysid.base.units import shown
+from sysid.base.quantities import display_quantity
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Axis, Figure, Line, Panel
 from sysid.plots.responses import banded, in_small
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Words = tuple[str, str, str]  # title, signal before the map, signal after it
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def static_curve(curve: Curve, axes: Axes | None = None, words: Words | None = None) -> Axes:
     """One static map with its band; the band is wide where the record has few samples.
 
@@ -31,7 +31,7 @@ def static_curve(curve: Curve, axes: Axes | None = None, words: Words | None = N
     return draw(Figure([_panel(curve, words or words_of(curve))], shared=False, height=4.0, legend="inside"), axes)[0]
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def static_maps(
     curves: Sequence[Curve], axes: Sequence[Axes] | None = None, words: Mapping[str, Words] | None = None
 ) -> list[Axes]:
@@ -45,7 +45,7 @@ def maps_figure(curves: Sequence[Curve], words: Mapping[str, Words] | None = Non
     return Figure(panels, len(panels), shared=False, height=2.8, legend="inside")
 
 
-@checked(own=("axes",))
+@checked(deferred=("axes",))
 def words_of(curve: Curve) -> Words:
     """Title and labels of a map by its role and scale."""
     before = "u" if curve.role == "input" else "signal before the map"
@@ -56,7 +56,7 @@ def words_of(curve: Curve) -> Words:
 def _panel(curve: Curve, words: Words) -> Panel:
     """A map over its signal."""
     b, (title, before, after) = curve.band, words
-    x, y = shown(before, curve.x_unit), shown(after, curve.y_unit)
+    x, y = display_quantity(before, curve.x_unit), display_quantity(after, curve.y_unit)
     items = banded(b, f"{curve.role} map", x.factor, y.factor)
     if curve.scale == NORMALISED:
         ends = np.array([b.x[0], b.x[-1]])

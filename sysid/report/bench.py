@@ -8,7 +8,7 @@ from typing import Any
 import polars as pl
 
 from sysid.base.errors import InputError
-from sysid.base.json_values import plain
+from sysid.base.files import json_value
 from sysid.bench import leaderboard as boards
 from sysid.bench import shown, words
 from sysid.bench.redraw import Redrawn, worst_to_draw
@@ -172,7 +172,7 @@ def summary(board: Board, verdict: Verdict | None) -> dict[str, Any]:
     }
     if verdict is not None:
         found |= {"worse": verdict.worse, "changes": list(verdict.sentences)}
-    return dict(plain(found))
+    return dict(json_value(found))
 
 
 def drawing(cell: Redrawn) -> Picture:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.base import style
-from sysid.base.units import shown
-from sysid.base.versions import versions
+from sysid.base.files import versions
+from sysid.base.quantities import display_quantity
 from sysid.drawing.figure import Figure, Span
 from sysid.joint.design import Design
 from sysid.joint.values import JointValue
@@ -83,15 +83,15 @@ def _half(value: JointValue | None, otherwise: str) -> str:
     """The half width of an interval."""
     if value is None or value.low is None or value.high is None:
         return otherwise
-    half = 0.5 * (value.high - value.low) * shown(value.name, value.unit).factor
+    half = 0.5 * (value.high - value.low) * display_quantity(value.name, value.unit).factor
     return f"± {half:.{decimals(half)}f}"
 
 
 def experiment_figure(d: Design) -> Figure:
     """Input and predicted output over time, with the parts of the experiment as areas."""
     signals = [
-        Signal(shown("input u", d.units[0]), d.u, "input", style.INPUT, steps=True),
-        Signal(shown("predicted y", d.units[1]), d.y, "predicted output", style.MODEL),
+        Signal(display_quantity("input u", d.units[0]), d.u, "input", style.INPUT, steps=True),
+        Signal(display_quantity("predicted y", d.units[1]), d.y, "predicted output", style.MODEL),
     ]
     names = list(dict.fromkeys(p.name for p in d.phases))
     marks = [

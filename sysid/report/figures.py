@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from sysid.base import style
-from sysid.base.units import Quantity, number, percent, poles, shown
+from sysid.base.quantities import Quantity, display_quantity, number, percent, poles
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.drawing.axes import draw
@@ -84,7 +84,7 @@ def pictures(section: SectionTitle, evaluation: Evaluation) -> list[Picture]:
 def signals(evaluation: Evaluation) -> tuple[Quantity, Quantity]:
     """Display of input and output."""
     data = evaluation.estimation
-    return shown(data.u_name, data.u_unit), shown(data.y_name, data.y_unit)
+    return display_quantity(data.u_name, data.u_unit), display_quantity(data.y_name, data.y_unit)
 
 
 def data_caption(e: Evaluation) -> str:

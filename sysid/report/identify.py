@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.base.units import Quantity, number, percent
-from sysid.base.versions import versions
+from sysid.base.files import versions
+from sysid.base.quantities import Quantity, number, percent
 from sysid.estimation.result import Fit
 from sysid.export import closed_form
 from sysid.report import figures, sections, verdict

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.base import style
-from sysid.base.units import shown
-from sysid.base.versions import versions
+from sysid.base.files import versions
+from sysid.base.quantities import display_quantity
 from sysid.channels.signals import Signal as RecordedSignal
 from sysid.channels.signals import Signals
 from sysid.drawing.figure import Axis, Figure, Histogram, Item, Panel, Rule
@@ -140,7 +140,7 @@ def _chosen(signals: Signals) -> list[tuple[str, RecordedSignal]]:
 def channels_figure(signals: Signals) -> Figure:
     """Every input and output over time, with filled samples marked."""
     shown_signals = [
-        Signal(shown(s.name, s.unit), s.values, role, COLOURS.get(role, style.SECOND), role == "input")
+        Signal(display_quantity(s.name, s.unit), s.values, role, COLOURS.get(role, style.SECOND), role == "input")
         for role, s in _chosen(signals)
     ]
     return stack_figure(signals.t, shown_signals, signals.missing)

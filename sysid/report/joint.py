@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.base.units import number, shown
+from sysid.base.quantities import display_quantity, number
 from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges
 from sysid.joint.growth import MARGIN, Growth
 from sysid.joint.rounds import Step
@@ -84,13 +84,13 @@ def _groups(values: Sequence[JointValue]) -> dict[tuple[str, bool], list[JointVa
     """The values that share an axis, by unit; a backlash, a hundredth of the way between the ends, has its own."""
     found: dict[tuple[str, bool], list[JointValue]] = {}
     for v in told_once(values):
-        found.setdefault((shown(v.name, v.unit).unit, v.name == "backlash"), []).append(v)
+        found.setdefault((display_quantity(v.name, v.unit).unit, v.name == "backlash"), []).append(v)
     return found
 
 
 def _values_panel(unit: str, values: Sequence[JointValue]) -> Panel:
     """The values of one unit, those that the record determines and those that it does not."""
-    items, factors = list[Item](), [shown(v.name, v.unit).factor for v in values]
+    items, factors = list[Item](), [display_quantity(v.name, v.unit).factor for v in values]
     for determined in (True, False):
         places = [k for k, v in enumerate(values) if (v.low is not None and v.high is not None) == determined]
         if not places:
@@ -107,7 +107,7 @@ def _values_panel(unit: str, values: Sequence[JointValue]) -> Panel:
 
 def _meaning(v: JointValue) -> str:
     """The value in full, for a hover."""
-    as_shown = shown(v.name, v.unit)
+    as_shown = display_quantity(v.name, v.unit)
     unit, factor = as_shown.unit, as_shown.factor
     words = f"<b>{WORDS.get(v.name, v.name)}</b><br>{number(v.value * factor, 4)} {unit}".rstrip()
     if v.low is None or v.high is None:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.files import versions
+from sysid.base.quantities import display_quantity, number, percent
 from sysid.base.style import styled
-from sysid.base.units import number, percent, shown
-from sysid.base.versions import versions
 from sysid.plots import Run, free_runs, residual_tests
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.report.words import verdict
@@ -92,7 +92,7 @@ def tables(result: ModelRun) -> list[Grid]:
     a, rows = result.ahead, []
     for j, (fit, rmse) in enumerate(zip(result.percents, result.rmse, strict=True)):
         own = one_output(result.data, j)
-        y = shown(own.y_name, own.y_unit)
+        y = display_quantity(own.y_name, own.y_unit)
         row = [own.y_name or "y", percent(fit), number(rmse * y.factor), y.unit]
         rows.append(row if a is None else [*row, percent(a.percents[j]), percent(a.held[j])])
     heads = ["output", "free run", "RMS error", "unit"]
@@ -130,9 +130,9 @@ def draw(result: ModelRun) -> Sequence[Axes]:
         rows[:-1],
         time="",
     )
-    unit = shown("difference", parts[0].y_unit)
+    unit = display_quantity("difference", parts[0].y_unit)
     for j, e in zip(outputs, parts, strict=True):
-        difference = (e.y[:, 0] - result.output[:, j]) * shown("", e.y_unit).factor
+        difference = (e.y[:, 0] - result.output[:, j]) * display_quantity("", e.y_unit).factor
         style.line(rows[-1], e.t, difference, linewidth=0.9, color=style.SECOND if j == 0 else None, label=e.y_name)
     rows[-1].set(title="measured minus free run", xlabel="time [s]", ylabel=unit.label)
     if len(outputs) > 1:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sysid.base import style
+from sysid.base.files import versions
+from sysid.base.quantities import display_quantity, number, percent
 from sysid.base.style import styled
-from sysid.base.units import number, percent, shown
-from sysid.base.versions import versions
 from sysid.plots import Run, free_runs
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.workflow.model_run import CLOSE, Models, comparable, criteria_of
@@ -112,7 +112,7 @@ def draw(result: Models) -> Sequence[Axes]:
     rows = style.panels(None, len(outputs), height=0.8 + 3.0 * len(outputs), sharex=True)
     for j, ax in zip(outputs, rows, strict=True):
         e = one_output(result.best.data, j)
-        y = shown(e.y_name, e.y_unit)
+        y = display_quantity(e.y_name, e.y_unit)
         style.line(ax, e.t, e.y[:, 0] * y.factor, color=style.INK, linewidth=1.8, label="measured")
         for run, colour in zip(result.runs[:SHOWN], COLOURS, strict=False):
             name = f"{run.model.name}, {percent(run.percents[j])}"

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.base import style
-from sysid.base.json_values import plain
+from sysid.base.files import json_value
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Figure
 from sysid.drawing.plotly import plotly
@@ -206,4 +206,4 @@ def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:
 
 def to_json(summary: dict[str, Any]) -> str:
     """A summary as strict JSON; numbers that are not finite become null."""
-    return json.dumps(plain(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(json_value(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 
 from sysid.base.criteria import TABLE as CRITERIA
-from sysid.base.units import number, percent, pole, shown
+from sysid.base.quantities import display_quantity, number, percent, pole
 from sysid.joint.values import JointValue
 from sysid.report.page import Grid
 from sysid.report.words import noted, one_step
@@ -64,7 +64,7 @@ def told_once(values: Sequence[JointValue]) -> list[JointValue]:
 
 def value_cells(v: JointValue) -> tuple[str, str, str]:
     """Value, interval and unit of a physical value; angles in degrees. What the record does not determine is a dash."""
-    shown_as = shown(v.name, v.unit)
+    shown_as = display_quantity(v.name, v.unit)
     factor, unit = shown_as.factor, shown_as.unit
     if not v.determined:
         return number(None), v.why.split(" (")[0] if v.why.startswith("not reached") else NOT_KNOWN, unit

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sysid.base.units import percent, poles, shown
+from sysid.base.quantities import display_quantity, percent, poles
 from sysid.diagnosis.residuals import poor
 from sysid.drawing.departure import departure
 from sysid.report.sections import capital, model_in_words
@@ -97,7 +97,7 @@ def left(e: Evaluation) -> str:
     for k in range(run.shape[1]):
         away = departure(e.validation.y[:, k] + e.validation.y_offset[k], run[:, k])
         if away is not None:
-            y = shown(e.validation.y_name, e.validation.y_unit)
+            y = display_quantity(e.validation.y_name, e.validation.y_unit)
             return f"{away.sentence('free run', e.validation.Ts, y)} "
     return ""
 

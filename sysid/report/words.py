@@ -1,6 +1,6 @@
 """Words shared by the figures and tables of a report."""
 
-from sysid.base.units import percent
+from sysid.base.quantities import percent
 from sysid.diagnosis.residuals import ResidualTests
 from sysid.nlarx.result import ONE_STEP, NlarxFit
 from sysid.uncertainty.information import UNEXCITED

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.files import Lines, ordinary, whole_file
-from sysid.base.lock import held
-from sysid.base.sealed import CHECK, DAMAGED, UNSEALED, opened, sealed
+from sysid.base.files import CHECK, DAMAGED, UNSEALED, Lines, atomic_file, check_regular_file, seal, unseal
+from sysid.base.locks import file_lock
 from sysid.data.record import IOData
 
 VERSIONS = (1, 2)  # of the file; rows of 1 have no check sum
@@ -66,7 +65,7 @@ class Journal:
         return {"journal": VERSIONS[-1], "of": self._of}
 
     def _row(self, name: str, values: dict[str, Any]) -> dict[str, Any]:
-        return sealed({"key": name, "values": values}, self._of)
+        return seal({"key": name, "values": values}, self._of)
 
     def _append(self, row: dict[str, Any]) -> None:
         assert self._lines is not None
@@ -92,7 +91,7 @@ class Journal:
         for line in found[1:]:
             if line == found[0]:  # the head of a copy that was joined to it
                 continue
-            row, trouble = opened(line, self._of)
+            row, trouble = unseal(line, self._of)
             if trouble:
                 bad[trouble] += 1
                 continue
@@ -110,7 +109,7 @@ class Journal:
         """The file with the rows that hold alone."""
         rows = [self._head(), *(self._row(name, values) for name, values in self._known.items())]
         try:
-            with whole_file(lines.path) as temporary:
+            with atomic_file(lines.path) as temporary:
                 temporary.write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
         except OSError as error:
             raise self._unwritable(lines, error) from None
@@ -127,7 +126,7 @@ def writing(path: str | Path | None, data: IOData, settings: Any) -> Iterator[Jo
     def taken(who: str) -> str:
         return f"another search ({who}) writes to the journal {path}; wait until it ends, or give another path"
 
-    with nullcontext() if path is None else held(ordinary(path), taken):
+    with nullcontext() if path is None else file_lock(check_regular_file(path), taken):
         yield Journal(path, data, settings)
 
 

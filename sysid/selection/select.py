@@ -20,7 +20,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.executor import results
+from sysid.base.parallel import results
 from sysid.data.record import IOData
 from sysid.model.recipes import Recipe
 from sysid.selection.final import final_fit
@@ -40,7 +40,7 @@ _SCREENING, _LEADING, _CLIMBING = 0.45, 0.65, 0.8
 _ONE, _ONE_SCREENED = 0.1, 0.03  # of the budget, for one fit
 
 
-@checked(own=("seconds",))
+@checked(deferred=("seconds",))
 def select(
     data: IOData,
     space: Space | None = None,
@@ -54,7 +54,7 @@ def select(
 ) -> Selection:
     """Search the space on a record of one input and output and fit the chosen structure to all of it.
 
-    jobs: processes (all cores if None), or the address of a Dask `scheduler` (see `sysid.base.executor`); journal: a
+    jobs: processes (all cores if None), or the address of a Dask `scheduler` (see `sysid.base.parallel`); journal: a
     file of finished candidates from which a stopped search continues; progress(done, total, name) is called after each
     candidate. seconds: budget of the search, with the last fit; the result does not depend on jobs unless the budget
     ends the search or a fit, which `notes` of the result say; a structure that got no time has a row that says so. A

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
+from sysid.base.files import json_value
 from sysid.base.handlers import Shown
-from sysid.base.json_values import plain
 from sysid.estimation.result import Fit
 from sysid.model.recipes import Recipe
 from sysid.nlarx.result import NlarxFit
@@ -97,7 +97,7 @@ class Selection(Shown):
             for r in self.rows
         ]
         chosen = settings(self.chosen.candidate)
-        return plain({"chosen": chosen, "sentence": self.sentence(), "notes": list(self.notes), "rows": rows})
+        return json_value({"chosen": chosen, "sentence": self.sentence(), "notes": list(self.notes), "rows": rows})
 
 
 def cut(budget: float, left_out: int) -> str:

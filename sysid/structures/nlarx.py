@@ -8,7 +8,7 @@ from sysid.model.recipes import Recipe, choice, order
 from sysid.nlarx.model import FOCUS, Nlarx
 
 
-@checked(own=("na", "nb", "nk", "units"))
+@checked(deferred=("na", "nb", "nk", "units"))
 def nlarx(
     na: int = 2,
     nb: int = 2,

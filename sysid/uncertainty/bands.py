@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.threads import one_blas_thread
+from sysid.base.parallel import one_blas_thread
 from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
 from sysid.estimation.free_run import rested

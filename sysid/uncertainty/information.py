@@ -16,7 +16,7 @@ from scipy.special import stdtrit
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.threads import one_blas_thread
+from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData, siso
 from sysid.model.chain import Chain
 from sysid.solver.covariance import still

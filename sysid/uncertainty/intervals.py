@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import fdtri
 
-from sysid.base.checks import checked, shown
+from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError
 from sysid.blocks import StateSpace, TransferFunction
 from sysid.model.tangents import Rational, steady_curve, tangent, transfer
@@ -89,7 +89,7 @@ class Root:
         return float(size * a), float(size * b), float(np.arctan2(vectors[1, 1], vectors[0, 1]))
 
 
-@checked(own=("value", "gradient"))  # an unstable model has infinite ones
+@checked(deferred=("value", "gradient"))  # an unstable model has infinite ones
 def interval(info: Information, value: float, gradient: np.ndarray, level: float = 0.95) -> Interval:
     """Interval of any quantity of theta from its value and gradient (P,)."""
     std = float(info.std_of(_gradients(info, gradient))[0])
@@ -99,7 +99,7 @@ def interval(info: Information, value: float, gradient: np.ndarray, level: float
     return Interval(float(value), std, float(value - half), float(value + half))
 
 
-@checked(own=("value", "gradient"))
+@checked(deferred=("value", "gradient"))
 def band(info: Information, x: np.ndarray, value: np.ndarray, gradient: np.ndarray, level: float = 0.95) -> Band:
     """Pointwise band of a curve from its values (n,) and gradients (n, P); undetermined points have an infinite one."""
     std = info.std_of(_gradients(info, gradient))
@@ -112,7 +112,7 @@ def band(info: Information, x: np.ndarray, value: np.ndarray, gradient: np.ndarr
 def _gradients(info: Information, gradient: np.ndarray) -> np.ndarray:
     """Gradients (n, P) or (P,); raises InputError for another number of parameters."""
     if np.ndim(gradient) not in (1, 2) or np.shape(gradient)[-1] != len(info.theta):
-        raise InputError(f"gradient is {shown(gradient)}; give rows of {len(info.theta)} numbers, one a parameter")
+        raise InputError(f"gradient is {short_text(gradient)}; give rows of {len(info.theta)} numbers, one a parameter")
     return gradient
 
 
@@ -170,7 +170,7 @@ def steady_state(info: Information, u: np.ndarray | None = None, level: float = 
         u = np.linspace(info.data.u.min(), info.data.u.max(), 101)
     u = np.asarray(u, dtype=float)
     if u.ndim != 1:
-        raise InputError(f"u is {shown(u)}; give the constant inputs as one row of numbers")
+        raise InputError(f"u is {short_text(u)}; give the constant inputs as one row of numbers")
     return band(info, u, *steady_curve(info.chain, info.theta, u), level)
 
 

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.base.checks import checked
-from sysid.base.checks import shown as value_in_words
+from sysid.base.checks import checked, short_text
 from sysid.base.criteria import Criteria
 from sysid.base.errors import InputError
+from sysid.base.files import json_value
 from sysid.base.handlers import Shown, handler
-from sysid.base.json_values import plain
-from sysid.base.units import shown
+from sysid.base.quantities import display_quantity
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
 
@@ -54,7 +53,7 @@ class Comparison(Shown):
     def as_dict(self) -> dict[str, Any]:
         """All values, ready for JSON."""
         rows = [{**asdict(r), "criteria": r.criteria.as_dict()} for r in self.rows]
-        return plain({**asdict(self), "rows": rows})
+        return json_value({**asdict(self), "rows": rows})
 
     @property
     def numbered(self) -> str:
@@ -69,7 +68,7 @@ class Comparison(Shown):
         return figure
 
     def __str__(self) -> str:
-        q = shown("RMSE", self.y_unit)
+        q = display_quantity("RMSE", self.y_unit)
         head = ("", "model", "free run %", q.label, "one step %", "d", "AICc", "BIC", "FPE", "s", "search")
         table = [head, *(_cells(r, q.factor) for r in self.rows)]
         widths = [max(len(row[i]) for row in table) for i in range(len(head))]
@@ -95,7 +94,7 @@ def compare(data: IOData, *fits: Any, labels: Sequence[str] | None = None) -> Co
         raise InputError("nothing to compare; give at least one fit")
     for f in fits:
         if not hasattr(f, "fit_percent"):
-            raise InputError(f"fits has {value_in_words(f)}; give fits, as sysid.fit or sysid.load returns them")
+            raise InputError(f"fits has {short_text(f)}; give fits, as sysid.fit or sysid.load returns them")
     if labels is None:
         labels = _numbered([f.model.structure for f in fits])
     labels = tuple(labels)
@@ -137,7 +136,7 @@ class CrossValidation:
 
     def as_dict(self) -> dict[str, Any]:
         """All values, ready for JSON."""
-        return plain({**asdict(self), "mean": self.mean, "std": self.std, "rmse": self.rmse})
+        return json_value({**asdict(self), "mean": self.mean, "std": self.std, "rmse": self.rmse})
 
 
 @checked

@@ -1,5 +1,5 @@
 """From a recorded file to final results."""
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 
 __getattr__, __dir__ = modules_of(__name__)

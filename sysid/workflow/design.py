@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.units import Quantity, shown
-from sysid.base.versions import versions
+from sysid.base.files import versions
+from sysid.base.quantities import Quantity, display_quantity
 from sysid.channels.conversion import convert
 from sysid.estimation.result import Fit
 from sysid.formats import check_written, write_table
@@ -38,7 +38,7 @@ class Proposal:
     @property
     def speed(self) -> Quantity:
         """How speeds of the output are told: in degrees per second where it is an angle."""
-        return shown("speed", f"{self.design.units[1] or '1'}/s")
+        return display_quantity("speed", f"{self.design.units[1] or '1'}/s")
 
     @property
     def strike_unit(self) -> str:

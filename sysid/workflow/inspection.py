@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.versions import versions
+from sysid.base.files import versions
 from sysid.channels.column import soft_numbers
 from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ROLES, ChannelMap, Range

@@ -9,8 +9,7 @@ import numpy as np
 
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
-from sysid.base.files import write_text
-from sysid.base.versions import versions
+from sysid.base.files import versions, write_text
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests, poor
 from sysid.nlarx.result import NlarxFit

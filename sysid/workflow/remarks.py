@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sysid.base.units import shown
+from sysid.base.quantities import display_quantity
 from sysid.blocks import TravelMap
 from sysid.data.record import IOData
 from sysid.diagnosis.direction import confirmed, direction
@@ -28,7 +28,7 @@ def gain_remarks(estimation: IOData, validation: IOData, run: np.ndarray, step: 
         return []
     y, u = estimation.y_name, estimation.u_name
     seen = f"in the estimation data {y} {'rises' if way > 0 else 'falls'} when {u} rises"
-    q = shown("", estimation.y_unit if estimation.u_unit else "")
+    q = display_quantity("", estimation.y_unit if estimation.u_unit else "")
     unit = f" {q.unit}/{estimation.u_unit}" if q.unit else ""
     found = []
     if direction(validation, run) == -way:
@@ -52,7 +52,7 @@ def extrapolated_signals(estimation: IOData, validation: IOData) -> list[str]:
         low, high = float(seen.min()), float(seen.max())
         outside = float(np.mean((new < low) | (new > high)))
         if max(low - new.min(), new.max() - high) > EXTRAPOLATED * (high - low):
-            q = shown("", unit)
+            q = display_quantity("", unit)
             pairs = ((q.factor * (a + offset), q.factor * (b + offset)) for a, b in ((low, high), _range(new)))
             ranges = [f"{a:.4g} to {b:.4g} {q.unit}".strip() for a, b in pairs]
             notes.append(
@@ -88,7 +88,7 @@ def extrapolated_joint(fit: Fit, estimation: IOData, validation: IOData) -> list
     if all(met):
         return []
     seen, new, offset = estimation.y[:, 0], validation.y[:, 0], estimation.y_offset[0]
-    q = shown(estimation.y_name, estimation.y_unit)
+    q = display_quantity(estimation.y_name, estimation.y_unit)
     low, high = sorted(map(float, fit.model.part(fit.theta, travel)[:2]))
     a, b = _range(seen)
     left = [

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.base.versions import versions
+from sysid.base.files import versions
 from sysid.channels.signals import Signals
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import Advice

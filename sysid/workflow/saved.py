@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.units import percent
+from sysid.base.quantities import percent
 from sysid.channels.mapping import Range
 from sysid.data.preprocess import DETREND, detrend, resample
 from sysid.data.record import IOData

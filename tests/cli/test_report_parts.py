@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import sysid
 from sysid.base import style
 from sysid.base.criteria import criteria
-from sysid.base.units import number, percent, poles, shown
+from sysid.base.quantities import display_quantity, number, percent, poles
 from sysid.data.preprocess import detrend
 from sysid.data.record import IOData
 from sysid.drawing.axes import draw
@@ -57,11 +57,11 @@ def test_poles_name_a_pair_once_and_count_equal_ones():
 
 
 def test_radians_are_shown_as_degrees_and_nothing_else_is_changed():
-    angle = shown("angle", "rad")
+    angle = display_quantity("angle", "rad")
     assert angle.label == "angle [deg]"
     assert math.pi * angle.factor == pytest.approx(180.0)
-    assert shown("level", "V").label == "level [V]"
-    assert shown("u11", "").label == "u11"
+    assert display_quantity("level", "V").label == "level [V]"
+    assert display_quantity("u11", "").label == "u11"
 
 
 def test_a_thinned_line_keeps_every_extreme_and_its_order():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import sysid
-from sysid.base.json_values import plain
+from sysid.base.files import json_value
 from sysid.data.preprocess import detrend
 from sysid.workflow.identification import identify_file
 from sysid.workflow.model_run import run_file
@@ -83,7 +83,7 @@ def test_wrong_offsets_show(place, change, monkeypatch, tmp_path):
     monkeypatch.chdir(place)
     document = json.loads((place / "fit" / "model.json").read_text())
     (tmp_path / "wrong.json").write_text(json.dumps(document | change))
-    found = plain(run_file(str(tmp_path / "wrong.json"), Reading("second.csv")).as_dict())
+    found = json_value(run_file(str(tmp_path / "wrong.json"), Reading("second.csv")).as_dict())
     right = json.loads((place / "fit" / "summary.json").read_text())["fit_percent"]["validation"]
     assert not (found["fit_percent"]["free_run"] or -math.inf) > right - 5.0
     unknown = [note for note in found["notes"] if "has no offsets" in note]

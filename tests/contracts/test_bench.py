@@ -14,7 +14,7 @@ import pytest
 from cluster import cluster
 
 from sysid.base.errors import InputError
-from sysid.base.sealed import sealed
+from sysid.base.files import seal
 from sysid.bench import cell, suites
 from sysid.bench.cell import Cell
 from sysid.bench.columns import COLUMNS, KEY
@@ -86,7 +86,7 @@ def test_a_row_in_journal_and_table_counts_once_and_half_a_line_not_at_all(tmp_p
     rows = table.rows().to_dicts()
     journal = tmp_path / "t.journal"
     newer = rows[1] | {"fit": 12.5}
-    journal.write_text(json.dumps(sealed(newer, BELONGS)) + "\n" + json.dumps(rows[2] | {"seed": 77})[:-20])
+    journal.write_text(json.dumps(seal(newer, BELONGS)) + "\n" + json.dumps(rows[2] | {"seed": 77})[:-20])
     assert len(table.rows()) == 3  # killed between the table and the end of its journal
     assert table.rows().filter(pl.col("seed") == rows[1]["seed"])["fit"].to_list() == [12.5]
     assert run(cells(4), Table(table.path), 1) == 1  # as another process would

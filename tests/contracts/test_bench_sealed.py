@@ -6,7 +6,7 @@ import polars as pl
 import pytest
 
 from sysid.base.errors import InputError
-from sysid.base.sealed import sealed
+from sysid.base.files import seal
 from sysid.bench.columns import COLUMNS, KEY
 from sysid.bench.table import BELONGS, EVERY, Table, read, write
 
@@ -68,7 +68,7 @@ def test_a_changed_value_in_the_file_is_refused_and_run_again(table):
     "change",
     [
         lambda rows: [rows[0].replace('"fit": 92.0', '"fit": 99.9'), rows[1]],
-        lambda rows: [*rows, json.dumps(sealed(row(2, 5.0), BELONGS))],
+        lambda rows: [*rows, json.dumps(seal(row(2, 5.0), BELONGS))],
         lambda rows: [rows[0][:-20], rows[1]],
         lambda rows: ["null", rows[1]],
         lambda rows: [json.dumps(row(2, 9.0)), rows[1]],

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from sysid import InputError, IOData
-from sysid.base.files import Lines, whole_file
-from sysid.base.json_values import plain
+from sysid.base.files import Lines, atomic_file, json_value
 from sysid.selection.journal import Journal
 
 
@@ -22,7 +21,7 @@ from sysid.selection.journal import Journal
     ],
 )
 def test_plain_values_are_what_json_holds(value, expected):
-    assert json.dumps(plain(value), allow_nan=False) == expected
+    assert json.dumps(json_value(value), allow_nan=False) == expected
 
 
 def test_lines_survive_a_kill_in_the_middle_of_one(tmp_path):
@@ -42,13 +41,13 @@ def test_lines_survive_a_kill_in_the_middle_of_one(tmp_path):
 
 def test_a_file_is_whole_or_as_it_was(tmp_path):
     path = tmp_path / "picture.png"
-    with whole_file(path) as temporary:
+    with atomic_file(path) as temporary:
         temporary.write_bytes(b"first")
         assert temporary.suffix == ".png"  # some writers go by it, or add their own
         assert not path.exists()
 
     def interrupted() -> None:
-        with whole_file(path) as temporary:
+        with atomic_file(path) as temporary:
             temporary.write_bytes(b"half")
             raise KeyboardInterrupt
 

@@ -8,17 +8,17 @@ import time
 
 import pytest
 
-from sysid.base import leftovers
-from sysid.base.files import Lines, whole_file
+from sysid.base import locks
+from sysid.base.files import Lines, atomic_file
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals")
 
-MARK = "from sysid.base import leftovers; print(leftovers.mark(), flush=True); import time; time.sleep({seconds})"
+MARK = "from sysid.base import locks; print(locks.mark(), flush=True); import time; time.sleep({seconds})"
 HALF = """
 import os, signal, sys
 from pathlib import Path
-from sysid.base.files import whole_file
-with whole_file(Path(sys.argv[1])) as file:
+from sysid.base.files import atomic_file
+with atomic_file(Path(sys.argv[1])) as file:
     file.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
 """
@@ -32,8 +32,8 @@ def test_what_a_killed_writer_left_goes_with_the_next_file_in_that_place(tmp_pat
     done = subprocess.run([sys.executable, "-c", HALF, str(tmp_path / "a.json")], check=False)
     assert done.returncode == -signal.SIGKILL
     assert len(list(tmp_path.iterdir())) == 1
-    monkeypatch.setattr(leftovers, "_swept", set())
-    with whole_file(tmp_path / "b.json") as file:
+    monkeypatch.setattr(locks, "_swept", set())
+    with atomic_file(tmp_path / "b.json") as file:
         file.write_text("whole")
     assert [path.name for path in tmp_path.iterdir()] == ["b.json"]
 
@@ -46,17 +46,17 @@ def test_only_what_belongs_to_a_process_that_is_gone_is_swept(tmp_path):
         machine, process, began, number = used.split("-")[1:]
         elsewhere = f"qpal-{int(machine, 16) ^ 1:08x}-{gone.split('-', 2)[2]}"
         again = f"qpal-{machine}-{process}-{int(began) - 1}-{number}"  # a former process of the same number
-        mine = leftovers.mark()
+        mine = locks.mark()
         (tmp_path / f".a.{gone}.part").mkdir()
         (tmp_path / f".a.{gone}.part" / "file").touch()
         stay = [f".a.{used}.part", f".a.{mine}.part", f".a.{elsewhere}.part", f".a.{gone}.ready", "a.part", "qpal-1"]
         for name in [f".b.{gone}.csv", f".b.{again}.csv", *stay]:
             (tmp_path / name).touch()
-        leftovers.sweep(tmp_path)
+        locks.sweep(tmp_path)
         assert {path.name for path in tmp_path.iterdir()} == set(stay)
         other.kill()
         other.wait()
-    leftovers.sweep(tmp_path)
+    locks.sweep(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == set(stay[1:])
 
 
@@ -64,29 +64,29 @@ def test_a_process_that_has_ended_but_is_not_yet_collected_is_gone():
     with subprocess.Popen([sys.executable, "-c", MARK.format(seconds=60)], stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None
         name = other.stdout.readline().strip()
-        assert leftovers.in_use(name)
+        assert locks.is_in_use(name)
         other.kill()
         for _ in range(100):
-            if not leftovers.in_use(name):
+            if not locks.is_in_use(name):
                 break
             time.sleep(0.05)
-        assert leftovers.in_use(name) is (not os.path.exists("/proc/self/stat"))
+        assert locks.is_in_use(name) is (not os.path.exists("/proc/self/stat"))
 
 
 def test_a_link_among_leftovers_leads_nowhere_else(tmp_path):
     (tmp_path / "kept").mkdir()
     (tmp_path / "kept" / "file").touch()
     (tmp_path / f"{mark_of_the_gone()}").symlink_to(tmp_path / "kept")
-    leftovers.sweep(tmp_path)
+    locks.sweep(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["kept"]
     assert (tmp_path / "kept" / "file").exists()
 
 
 def test_scratch_folders_of_killed_runs_go(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr(leftovers, "_swept", set())
+    monkeypatch.setattr(locks, "_swept", set())
     (tmp_path / mark_of_the_gone()).mkdir()
-    with leftovers.scratch() as folder:
+    with locks.scratch_folder() as folder:
         assert [path.name for path in tmp_path.iterdir()] == [folder.name]
         assert folder.stat().st_mode & 0o777 == 0o700
     assert not list(tmp_path.iterdir())
@@ -95,7 +95,7 @@ def test_scratch_folders_of_killed_runs_go(tmp_path, monkeypatch):
 def test_a_file_keeps_the_mode_of_the_user(tmp_path):
     before = os.umask(0o027)
     try:
-        with whole_file(tmp_path / "a.json") as file:
+        with atomic_file(tmp_path / "a.json") as file:
             file.write_text("x")
     finally:
         os.umask(before)
@@ -120,7 +120,7 @@ def test_two_writers_of_one_journal_lose_no_line(tmp_path):
 
 POOL = """
 import os, sys, time
-from sysid.base.executor import results
+from sysid.base.parallel import results
 def job(k):
     with open(sys.argv[1], "a") as file:
         file.write(f"{os.getpid()}\\n")
@@ -166,7 +166,7 @@ def test_workers_end_with_the_process_that_started_them(number, tmp_path):
 
 ORPHAN = """
 import os, sys, time
-from sysid.base.parents import end_with
+from sysid.base.parallel import end_with
 end_with({parent})
 print("watched", flush=True)
 time.sleep(60)
@@ -205,12 +205,12 @@ def machine(tmp_path, monkeypatch):
             path.unlink(missing_ok=True)
             if name.lower() in said:
                 path.write_text(said[name.lower()] + "\n")
-            monkeypatch.setattr(leftovers, name, str(path))
+            monkeypatch.setattr(locks, name, str(path))
         link = tmp_path / "pid"
         link.unlink(missing_ok=True)
-        link.symlink_to(said.get("within", leftovers.OUTSIDE))
-        monkeypatch.setattr(leftovers, "PROCESSES", str(link))
-        return leftovers._machine.__wrapped__()
+        link.symlink_to(said.get("within", locks.OUTSIDE))
+        monkeypatch.setattr(locks, "PROCESSES", str(link))
+        return locks._machine.__wrapped__()
 
     return mark
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from sysid.base.errors import InputError
-from sysid.base.lock import held
+from sysid.base.locks import file_lock
 from sysid.bench.table import Table
 from sysid.selection.journal import writing
 
@@ -56,9 +56,9 @@ def test_another_user_is_refused_and_told_who_writes(mode, shared):
     shared.chmod(mode)
     refused = pytest.raises(InputError, match=rf"^process {os.getpid()} writes here$")
     for target in (shared, shared / "t.parquet"):
-        with held(target, taken), another_user(), refused, held(target, taken):
+        with file_lock(target, taken), another_user(), refused, file_lock(target, taken):
             pytest.fail("two at once")
-        with another_user(), held(target, taken):  # the lock has gone with the first
+        with another_user(), file_lock(target, taken):  # the lock has gone with the first
             pass
         with another_user():
             (shared / "own").touch()
@@ -102,11 +102,11 @@ def test_a_journal_in_a_folder_of_another_user_is_refused(shared):
 
 def test_a_lock_of_an_older_version_holds_without_writing_to_it(tmp_path):
     target = tmp_path / "t.parquet"
-    with held(target, taken):
+    with file_lock(target, taken):
         lock = tmp_path / ".t.parquet.lock"
         assert stat.S_IMODE(lock.stat().st_mode) == 0o666
         lock.chmod(0o444)
-        with pytest.raises(InputError, match=rf"^process {os.getpid()} "), held(target, taken):
+        with pytest.raises(InputError, match=rf"^process {os.getpid()} "), file_lock(target, taken):
             pytest.fail("two at once")
     assert not list(tmp_path.iterdir())
 
@@ -117,7 +117,7 @@ def test_a_lock_that_tells_nothing_refuses(tmp_path):
     (tmp_path / ".t.parquet.lock").symlink_to(other)
     with (
         pytest.raises(InputError, match=r"\.t\.parquet\.lock cannot be opened \(it is a link\).*remove it"),
-        held(target, taken),
+        file_lock(target, taken),
     ):
         pytest.fail("nobody knows")
     assert other.read_text() == "kept"
@@ -130,11 +130,11 @@ def test_a_lock_that_may_not_be_opened_refuses(shared):
     with (
         another_user(),
         pytest.raises(InputError, match=r"\.lock cannot be opened \(permission denied\).*remove it"),
-        held(shared, taken),
+        file_lock(shared, taken),
     ):
         pytest.fail("nobody knows")
 
 
 def test_a_folder_that_cannot_be_written_to_tells_so_itself(tmp_path):
-    with held(tmp_path / "missing" / "t.parquet", taken):
+    with file_lock(tmp_path / "missing" / "t.parquet", taken):
         pass

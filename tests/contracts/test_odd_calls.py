@@ -11,8 +11,9 @@ import pytest
 import sysid
 import twin
 from sysid import InputError
-from sysid.base.checks import checked, shown
-from sysid.base.limits import BY_NAME, Span
+from sysid.base.checks import checked, short_text
+from sysid.base.kinds import Span
+from sysid.base.limits import BY_NAME
 from sysid.selection.space import Space
 from sysid.structures import hammerstein, output_error
 from sysid.uncertainty.information import information
@@ -174,7 +175,7 @@ def test_a_checked_call_looks_as_it_is_written():
         sysid.delay(DATA, lag=3)
 
 
-@checked(own=("first",))
+@checked(deferred=("first",))
 def divided(first: float, second: float, seed: int = 0, path: "str | Path" = "x", more: tuple[int, ...] = ()) -> object:
     if isinstance(first, int) and first == 0:
         raise InputError("first is 0, which cannot be halved")
@@ -201,8 +202,8 @@ def test_one_number_is_one_real_finite_number(value):
 
 def test_a_value_is_shown_on_one_short_line():
     for value in ("x\n" * 500, 10**5000, np.zeros((3, 4)), object(), dict.fromkeys(range(99))):
-        assert len(shown(value)) < 80
-        assert "\n" not in shown(value)
+        assert len(short_text(value)) < 80
+        assert "\n" not in short_text(value)
 
 
 @pytest.mark.parametrize("span", BY_NAME.values(), ids=BY_NAME)

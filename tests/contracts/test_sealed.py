@@ -11,8 +11,8 @@ import pytest
 
 from sysid import IOData
 from sysid.base.errors import InputError
-from sysid.base.lock import held, take
-from sysid.base.sealed import DAMAGED, UNSEALED, opened, sealed
+from sysid.base.files import DAMAGED, UNSEALED, seal, unseal
+from sysid.base.locks import file_lock, take_lock
 from sysid.selection.journal import Journal
 from sysid.selection.select import select
 from sysid.selection.space import Space
@@ -86,7 +86,7 @@ def test_two_results_of_one_candidate_are_told_and_it_is_run_again(searched, tmp
     def change(head, rows):
         row = _better(json.loads(rows[_worst(rows)]))
         row.pop("check", None)
-        return [head, *rows, json.dumps(sealed(row, json.loads(head)["of"]))]
+        return [head, *rows, json.dumps(seal(row, json.loads(head)["of"]))]
 
     notes, again = changed(searched, tmp_path, change)
     assert any("two different results" in note for note in notes)
@@ -156,18 +156,18 @@ def test_a_byte_changed_anywhere_gives_no_other_value(tmp_path):
 
 
 def test_a_row_of_another_journal_does_not_hold():
-    line = json.dumps(sealed({"key": "a", "values": 1.0}, "this"))
-    assert opened(line, "this") == ({"key": "a", "values": 1.0}, "")
-    assert opened(line, "that") == ({}, DAMAGED)
-    assert opened('{"key": 1}', "this") == ({"key": 1}, UNSEALED)
+    line = json.dumps(seal({"key": "a", "values": 1.0}, "this"))
+    assert unseal(line, "this") == ({"key": "a", "values": 1.0}, "")
+    assert unseal(line, "that") == ({}, DAMAGED)
+    assert unseal('{"key": 1}', "this") == ({"key": 1}, UNSEALED)
     for text in ("", "[1]", "null", "[" * 100_000, '{"check": 1}', "\ufffd"):
-        assert opened(text, "this")[1] == DAMAGED
+        assert unseal(text, "this")[1] == DAMAGED
 
 
 HOLD = """
 import sys, time
-from sysid.base.lock import held
-with held(sys.argv[1], str):
+from sysid.base.locks import file_lock
+with file_lock(sys.argv[1], str):
     print("held", flush=True)
     time.sleep(100)
 """
@@ -186,16 +186,16 @@ def test_a_second_search_in_one_journal_is_told_of_the_first_and_a_killed_one_le
     finally:
         first.send_signal(signal.SIGKILL)
         first.communicate()
-    with held(journal, str):
+    with file_lock(journal, str):
         pass
     assert list(tmp_path.iterdir()) == []
 
 
 @posix
 def test_a_lock_is_one_s_own_until_it_is_given_back(tmp_path):
-    lock = take(tmp_path / "lock", str)
+    lock = take_lock(tmp_path / "lock", str)
     with pytest.raises(InputError, match=f"process {os.getpid()}"):
-        take(tmp_path / "lock", lambda who: f"{who} has it")
+        take_lock(tmp_path / "lock", lambda who: f"{who} has it")
     lock.close()
     lock.close()
-    take(tmp_path / "lock", str).close()
+    take_lock(tmp_path / "lock", str).close()

@@ -11,7 +11,7 @@ pytestmark = pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason=
 POOL = """
 import os, time
 from pathlib import Path
-from sysid.base.executor import results
+from sysid.base.parallel import results
 
 def job(k):
     time.sleep(0.2)

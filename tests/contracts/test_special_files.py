@@ -12,7 +12,7 @@ import pytest
 import sysid
 import twin
 from sysid.base.errors import InputError
-from sysid.base.files import Lines, ordinary
+from sysid.base.files import Lines, check_regular_file
 from sysid.bench import table
 from sysid.channels import mapping_file
 from sysid.formats import TABLE, read_header, read_table
@@ -105,8 +105,8 @@ def test_other_languages_spaces_and_links_are_names_like_any_other(tmp_path):
         (tmp_path / "link.csv").symlink_to(path)
         assert read_table(path).numbers("u").tolist() == [1.0, 2.0]
         assert read_table(tmp_path / "link.csv").numbers("u").tolist() == [1.0, 2.0]
-    assert ordinary(tmp_path / "missing") == tmp_path / "missing"
-    assert ordinary(tmp_path) == tmp_path
+    assert check_regular_file(tmp_path / "missing") == tmp_path / "missing"
+    assert check_regular_file(tmp_path) == tmp_path
 
 
 def test_every_sentence_can_be_written(tmp_path):

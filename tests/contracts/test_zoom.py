@@ -13,7 +13,7 @@ from plotly import graph_objects
 
 import sysid
 from sysid.base import style
-from sysid.base.units import shown
+from sysid.base.quantities import display_quantity
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import residual_tests
 from sysid.drawing.departure import departure
@@ -93,7 +93,9 @@ def figures(data, fit, evaluation):
             "record": record_figure(data),
             "parts": parts_figure(evaluation.estimation, evaluation.validation),
             "lines": lines_figure(data.t, {"error": data.y[:, 0]}, "error", "rad"),
-            "stack": stack_figure(data.t, [Signal(shown("angle", "rad"), data.y[:, 0], "output")], data.t > 59.0),
+            "stack": stack_figure(
+                data.t, [Signal(display_quantity("angle", "rad"), data.y[:, 0], "output")], data.t > 59.0
+            ),
             "free_run": joined_figure(evaluation),
             "runs": runs_figure(data, {"a": data.y, "b": 2 * data.y[:, 0]}),
             "residual_tests": residuals_figure(residual_tests(e, evaluation.validation.u[:, 0])),

@@ -18,8 +18,8 @@ from twin.experiment import Experiment
 
 HOLD = """
 import sys, time
-from sysid.base.lock import held
-with held(sys.argv[1], str):
+from sysid.base.locks import file_lock
+with file_lock(sys.argv[1], str):
     print("held", flush=True)
     time.sleep(100)
 """

@@ -11,7 +11,7 @@ import pytest
 from scipy.signal import lfilter
 
 from sysid import IOData
-from sysid.base.threads import one_blas_thread
+from sysid.base.parallel import one_blas_thread
 from sysid.diagnosis import signals
 from sysid.diagnosis.advice import LEVEL, Advice, advise
 from sysid.diagnosis.response import delay

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from sysid.base.errors import InputError
-from sysid.base.files import whole_file
+from sysid.base.files import atomic_file
 from sysid.data.preparation import Preparation
 from sysid.data.record import IOData
 from sysid.formats import TABLE
@@ -236,7 +236,7 @@ def load_runs(path: Path) -> Runs:
 
 
 def _write(path: Path, **arrays: np.ndarray) -> None:
-    with whole_file(path) as temporary:
+    with atomic_file(path) as temporary:
         np.savez(temporary, **arrays)  # type: ignore[arg-type]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.errors import InputError
-from sysid.base.units import percent, shown
+from sysid.base.quantities import display_quantity, percent
 from sysid.data.record import IOData
 from sysid.report import zoom
 from sysid.report.figures import TABLE
@@ -82,7 +82,7 @@ def overlay(models: Mapping[str, Runs]) -> Figure:
     """Measured output and free runs of several models, by name, over the time of the log."""
     traces, layout = list[Figure](), _layout("time [s]", 380)
     for k, (name, runs) in enumerate(models.items()):
-        quantity = shown(runs.name, runs.unit)
+        quantity = display_quantity(runs.name, runs.unit)
         layout["yaxis"]["title"] = {"text": escape(quantity.label), "standoff": 8}
         if k == 0:
             traces.append(_line(runs.t, runs.y * quantity.factor, "measured", style.INK, 1.8, quantity.unit))

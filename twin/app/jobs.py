@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from sysid.base.errors import InputError
-from sysid.base.leftovers import new_scratch
-from sysid.base.threads import available
+from sysid.base.locks import new_scratch_folder
+from sysid.base.parallel import available_cores
 
 WAITING, RUNNING, DONE, FAILED, CANCELLED = "waiting", "running", "done", "failed", "cancelled"
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
@@ -66,9 +66,9 @@ class Jobs:
     def __init__(self, limit: int | None = None) -> None:
         self.all: list[Job] = []
         self.version = 0
-        self._limit = limit or available()
+        self._limit = limit or available_cores()
         self._lock = threading.RLock()
-        self._scratch = new_scratch()
+        self._scratch = new_scratch_folder()
         self._closed = False
 
     def submit(self, title: str, request: dict[str, Any], hear: Hear, subject: str = "") -> Job:

@@ -22,8 +22,8 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from sysid.base.errors import InputError
-from sysid.base.files import ordinary, write_text
-from sysid.base.lock import Lock, take
+from sysid.base.files import check_regular_file, write_text
+from sysid.base.locks import Lock, take_lock
 from twin.app.entries import DATA_ID, MODEL_ID, STUDY_ID, Data, Entry, Head, Model, Study, complaint
 
 HEAD, ENTRY, LOCK = "session.json", "entry.json", ".lock"
@@ -64,7 +64,7 @@ class Session:
             if session.folder.is_dir() and any(session.folder.iterdir()) and not _is_session(session.folder):
                 raise InputError(f"{folder} holds other files and no session; give a new folder for --session")
             session.folder.mkdir(parents=True, exist_ok=True)
-            session._lock = take(session.folder / LOCK, session._locked_message)
+            session._lock = take_lock(session.folder / LOCK, session._locked_message)
             for name in KINDS:
                 (session.folder / name).mkdir(exist_ok=True)
                 for remnant in (session.folder / name).glob(f"{NEW}*"):  # a kill left it
@@ -192,7 +192,7 @@ class Session:
 def _entry(path: Path, cls: type[E]) -> E:
     name = "/".join(path.parts[-3:]) if path.name == ENTRY else path.name
     try:
-        return cls.model_validate_json(ordinary(path).read_bytes())
+        return cls.model_validate_json(check_regular_file(path).read_bytes())
     except OSError as error:
         raise InputError(f"{name} cannot be read: {error.strerror}") from None
     except ValidationError as error:
@@ -201,7 +201,7 @@ def _entry(path: Path, cls: type[E]) -> E:
 
 def _refuse_newer(path: Path) -> None:
     try:
-        version = json.loads(ordinary(path).read_bytes()).get("version")
+        version = json.loads(check_regular_file(path).read_bytes()).get("version")
     except (ValueError, AttributeError, RecursionError):
         return
     if isinstance(version, int) and version > Head().version:

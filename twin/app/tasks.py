@@ -20,8 +20,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.files import whole_file, write_text
-from sysid.base.json_values import plain
+from sysid.base.files import atomic_file, json_value, write_text
 from sysid.data.record import IOData
 from sysid.workflow.record import Record, read_record
 from twin.app.entries import Data, Finding, Model, Setting, Study, Twin, save_record, save_runs
@@ -62,7 +61,7 @@ def read(request: dict[str, Any], tell: Tell) -> None:
     tell(said="sampling", share=0.5)
     record = open_record(log, entry)
     save_record(record.data, out / "record.npz")
-    tell(ready=plain({"notes": list(record.notes), "input": record.input, "output": record.output}))
+    tell(ready=json_value({"notes": list(record.notes), "input": record.input, "output": record.output}))
 
 
 def simulate(request: dict[str, Any], tell: Tell) -> None:
@@ -116,7 +115,7 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
     notes += _mjcf(evaluation.fit, files)
     start = entry.prepare.start or 0.0
     plots, complaints = figures.of_model(evaluation, start)
-    write_text(files / "figures.json", json.dumps(plain(plots), allow_nan=False))
+    write_text(files / "figures.json", json.dumps(json_value(plots), allow_nan=False))
     save_runs(evaluation, start, files / "runs.npz")
     criteria = evaluation.fit.criteria
     model = Model(
@@ -197,7 +196,7 @@ def _study(
     """Write the report and the figures of a study, and tell that it is ready."""
     out = Path(request["out"])
     write_text(out / "report.html", page.html())
-    write_text(out / "figures.json", json.dumps(plain(plots), allow_nan=False))
+    write_text(out / "figures.json", json.dumps(json_value(plots), allow_nan=False))
     study = Study(
         kind=kind,
         data=request["key"],
@@ -246,7 +245,7 @@ def _report(record: Record, entry: Data, setting: Setting, evaluation: Any, expo
     steps = entry.prepare.preparation()
     plan = Plan(split=setting.split, detrend=setting.recipe().detrend(steps.detrend), preparation=steps)
     result = Identification(record, plan, evaluation, ())
-    with whole_file(path) as temporary:
+    with atomic_file(path) as temporary:
         temporary.write_text(report.page(replace(result, next=next_step(result)), exports).html(), encoding="utf-8")
 
 

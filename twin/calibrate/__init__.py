@@ -1,5 +1,5 @@
 """Physical parameters of a simulation from records: what they tell, their values, and intervals."""
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 
 __getattr__, __dir__ = modules_of(__name__)

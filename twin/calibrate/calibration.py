@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import norm
 
 from sysid.base.errors import InputError, unknown
-from sysid.base.threads import available, one_blas_thread
+from sysid.base.parallel import available_cores, one_blas_thread
 from sysid.solver.iterate import Options
 from twin.calibrate import discrepancy
 from twin.calibrate.leg import DELAY, ROWS, Leg, free, row_name, scale, usual
@@ -63,7 +63,7 @@ def calibrate(
     labels = labels or [f"log {k + 1}" for k in range(len(logs) + len(held_out))]
     for log, label in zip((*logs, *held_out), labels, strict=False):
         check_plausible(log, joint, base, label)
-    settings = (tuple(without), pot_side, realisation, threads or available())
+    settings = (tuple(without), pot_side, realisation, threads or available_cores())
     time = Options(max_seconds=seconds).begun()
     with one_blas_thread():
         say("actuated joint as a start")

@@ -2,7 +2,7 @@
 
 from itertools import combinations
 
-from sysid.base.units import number, shown
+from sysid.base.quantities import display_quantity, number
 from twin.calibrate.advice import what_to_record
 from twin.calibrate.leg import ROWS, scale
 from twin.calibrate.result import Calibration, Value
@@ -17,7 +17,7 @@ def why(value: Value) -> str:
     """Why the log does not determine the value, in a few words; empty if it does."""
     row = ROWS[value.name]
     width, reach = value.high - value.low, row.upper - row.lower
-    q = shown(value.name, value.unit)
+    q = display_quantity(value.name, value.unit)
     for end, name in ((row.lower, "lower"), (row.upper, "upper")):
         if abs(value.value - end) <= EDGE * reach and end != 0.0:  # at 0 an effect is absent, which may be true
             return f"on the {name} end of its range, {number(q.factor * end, 3)} {q.unit}".rstrip()

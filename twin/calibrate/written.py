@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from sysid.base.files import write_text
-from sysid.base.units import number
+from sysid.base.quantities import number
 from twin.calibrate import doubt
 from twin.calibrate.leg import DELAY, ROWS
 from twin.calibrate.result import Calibration, Value

@@ -1,6 +1,6 @@
 """The scratch folder of a run, beside the folder that it becomes: in one step, or not at all.
 
-It lies there as `.NAME.<mark>.part`, see `sysid.base.leftovers`, and as `.NAME.<mark>.ready` while its files replace
+It lies there as `.NAME.<mark>.part`, see `sysid.base.locks`, and as `.NAME.<mark>.ready` while its files replace
 those of an existing folder: a run that is killed just then is finished by the next one that writes in that place.
 """
 
@@ -12,11 +12,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from sysid.base import leftovers
+from sysid.base import locks
 from sysid.base.errors import InputError
 from twin.cli.stopping import held
 
-PART, CLAIMED, READY, OLD = ".part", leftovers.CLAIMED, leftovers.READY, ".old.part"
+PART, CLAIMED, READY, OLD = ".part", locks.CLAIMED, locks.READY, ".old.part"
 _written: list[str] = []
 
 
@@ -50,11 +50,11 @@ def reserve(folder: Path, claimed: bool) -> Path:
     `claimed`: `folder` is made too, for this run alone. Raises Busy if another run is writing to the same folder,
     FileExistsError if the folder to claim is there, and OSError if nothing can be made in that place.
     """
-    scratch = leftovers.beside(folder, CLAIMED if claimed else PART)
+    scratch = locks.temporary_name(folder, CLAIMED if claimed else PART)
     with _alone(folder.parent):
         tidy(folder.parent)
         for name in os.listdir(folder.parent):
-            found = leftovers.NAME.search(name)
+            found = locks.MARKED_NAME.search(name)
             if found and name[: found.start()] == f".{folder.name}-" and name.endswith((PART, READY)):
                 raise Busy(
                     f"another run (process {found['process']}) is writing to {folder}; wait for its end, or give "
@@ -73,8 +73,8 @@ def reserve(folder: Path, claimed: bool) -> Path:
 def tidy(place: Path) -> None:
     """Finish what killed runs were moving within `place`, and remove what else they left."""
     for name in os.listdir(place):
-        found = leftovers.NAME.search(name)
-        if found is None or leftovers.in_use(name) is not False:
+        found = locks.MARKED_NAME.search(name)
+        if found is None or locks.is_in_use(name) is not False:
             continue
         folder = place / name[1 : found.start() - 1]
         if name.endswith(READY) and folder.is_dir():
@@ -84,8 +84,8 @@ def tidy(place: Path) -> None:
         elif name.endswith(CLAIMED):
             with suppress(OSError):  # its own folder, which it had made only to have the name
                 folder.rmdir()
-            leftovers.remove(place / name)
-    leftovers.sweep(place)
+            locks.remove(place / name)
+    locks.sweep(place)
 
 
 def move(scratch: Path, folder: Path, claimed: bool) -> list[str]:

@@ -9,7 +9,7 @@ import typer
 import twin
 from sysid import formats
 from sysid.base.errors import InputError
-from sysid.base.files import whole_file
+from sysid.base.files import atomic_file
 from twin.cli import console, options
 from twin.cli.moving import written
 from twin.cli.output import check_writable_file, output_folder
@@ -211,7 +211,7 @@ def _whole(target: str, suffix: str, write: Callable[[Path], None]) -> None:
     if path.suffix.lower() != suffix:
         raise InputError(f"{target} ends in {path.suffix or 'no suffix'!r}; give a name that ends in {suffix}")
     check_writable_file(path)
-    with whole_file(path) as temporary:
+    with atomic_file(path) as temporary:
         write(temporary)
     written(path)
     print(f"Picture: {target}")

@@ -9,8 +9,7 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError, unknown
-from sysid.base.json_values import plain
-from sysid.base.versions import versions
+from sysid.base.files import json_value, versions
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
@@ -84,7 +83,7 @@ class Comparison:
         verdict = None
         if self.verdict is not None:
             verdict = {**asdict(self.verdict), "first": self.verdict.first, "explained": self.verdict.explained}
-        return plain(
+        return json_value(
             {
                 "kind": self.kind,
                 "against": self.label,

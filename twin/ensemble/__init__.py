@@ -1,6 +1,6 @@
 """One experiment over many seeds and drawn parameters."""
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 from twin.ensemble.draws import Draws
 from twin.ensemble.ensemble import Ensemble
 

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.base import forked
+from sysid.base import tables
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.executor import results
-from sysid.base.json_values import plain
-from sysid.base.lock import held
-from sysid.base.versions import versions
+from sysid.base.files import json_value, versions
+from sysid.base.locks import file_lock
+from sysid.base.parallel import results
 from twin.ensemble.draws import Draws
 from twin.ensemble.members import SIGNALS, Members, simulate_part
 from twin.ensemble.parts import MANIFEST, Parts
@@ -103,8 +102,8 @@ class Ensemble:
             "realisation": e.realisation,
             "without": list(e.without),
             # A default amplitude follows the drawn supply, so both are stored.
-            "options": plain(dict(sorted(e.options.items()))),
-            "signals": [plain(vars(signal)) for signal in e.signals()],
+            "options": json_value(dict(sorted(e.options.items()))),
+            "signals": [json_value(vars(signal)) for signal in e.signals()],
             "parameters": dict(e.p.values),
             "seeds": _seeds(self.seeds),
             "draws": {name: list(span) for name, span in limits.items()},
@@ -131,9 +130,9 @@ class Ensemble:
         if (Path(self.folder) / MANIFEST).is_file() and not self._parts(new=True).missing():
             return self  # which a folder that may only be read allows
         assert isinstance(self.folder, Path)
-        forked.check()
+        tables.check_fork()
         Parts.place(self.folder)
-        with held(self.folder, self._locked_message):
+        with file_lock(self.folder, self._locked_message):
             self._run(int(threads), progress, scheduler)
         return self
 
@@ -187,7 +186,7 @@ class Ensemble:
         """
         import polars
 
-        forked.check()
+        tables.check_fork()
         signals = {*self.members.names(SIGNALS), "meta"}
         parts = list(self._read([name for name in self.members.columns() if name not in signals]))
         if not parts:

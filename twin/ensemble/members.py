@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from sysid.base import forked
+from sysid.base import tables
 from sysid.base.errors import InputError
-from sysid.base.json_values import plain
+from sysid.base.files import json_value
 from twin.ensemble.draws import Draws
 from twin.experiment import SETTLE, Experiment
 from twin.parameters import JOINTS, TABLE, Parameters
@@ -81,7 +81,7 @@ class Members:
         """Whether the header of a row's log is that of the experiment; a row with trouble has none."""
         if row["trouble"]:
             return True
-        meta = json.loads(json.dumps(self.variant(row["number"]).meta(), default=plain))
+        meta = json.loads(json.dumps(self.variant(row["number"]).meta(), default=json_value))
         return all(header.get(name) == value for name, value in meta.items() if name != "versions")
 
     def prepare(self, numbers: range) -> list[Member]:
@@ -116,7 +116,7 @@ class Members:
         """One row per member: its start, the range of its angles, its trouble, its signals and its log's header."""
         import polars
 
-        forked.check()
+        tables.check_fork()
         rows, signals = [], []
         for member, record, sentence in zip(members, records, trouble, strict=True):
             values, meta = _signals(member, record)

@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.base.errors import InputError
-from sysid.base.files import ordinary, whole_file, write_text
-from sysid.base.leftovers import in_use
-from sysid.base.parquet import DamagedError
-from sysid.base.parquet import read as read_parquet
-from sysid.base.sealed import CHECK, check_sum
+from sysid.base.files import CHECK, atomic_file, check_regular_file, check_sum, write_text
+from sysid.base.locks import is_in_use
+from sysid.base.tables import DamagedError, read_parquet
 
 if TYPE_CHECKING:
     import polars
@@ -91,7 +89,7 @@ class Parts:
     def sweep(self) -> None:
         """Remove temporary files of a killed writer."""
         for path in self.folder.glob(".part-*"):
-            if not in_use(path.name):
+            if not is_in_use(path.name):
                 path.unlink(missing_ok=True)
 
     def write(self, k: int, table: "polars.DataFrame") -> None:
@@ -100,7 +98,7 @@ class Parts:
         content = io.BytesIO()
         table.write_parquet(content)
         try:
-            with whole_file(path) as temporary:
+            with atomic_file(path) as temporary:
                 temporary.write_bytes(content.getbuffer())
         except OSError as error:
             if path.is_dir():
@@ -160,7 +158,7 @@ def _manifest_size(
     If `is_writing` parts will be written, other software versions are refused too, because the parts would not match.
     """
     try:
-        document = json.loads(ordinary(manifest).read_text(encoding="utf-8"))
+        document = json.loads(check_regular_file(manifest).read_text(encoding="utf-8"))
         kind, size, kept_description = document["kind"], int(document["part"]), document["description"]
         is_valid = kind == KIND and size > 0 and document["fingerprint"] == fingerprint(kept_description)
         split = {name: document[name] for name in ("fingerprint", "rows", "part")}

@@ -1,5 +1,5 @@
 """The reports of the verbs, from finished numbers."""
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 
 __getattr__, __dir__ = modules_of(__name__)

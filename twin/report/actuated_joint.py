@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.quantities import display_quantity, number, percent
 from sysid.base.style import styled
-from sysid.base.units import number, percent, shown
 from sysid.joint.values import JointValue
 from sysid.report import sections
 from sysid.report.page import Grid, Picture, Section
@@ -94,7 +94,7 @@ def values_table(result: ProtocolResult) -> Grid:
     rows = []
     for r in result.joints:
         for value in r.beyond.recovered:
-            unit = shown(sections.WORDS.get(value.name, value.name), value.unit)
+            unit = display_quantity(sections.WORDS.get(value.name, value.name), value.unit)
             cells = [sections.value_cells(value.found[name])[:2] if name in value.found else _NONE for name in RECORDS]
             rows.append(
                 (

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.files import versions
 from sysid.base.log_axes import log_axis
+from sysid.base.quantities import display_quantity, number
 from sysid.base.style import styled
-from sysid.base.units import number, shown
-from sysid.base.versions import versions
 from sysid.data.record import IOData
 from sysid.report import zoom
 from sysid.report.page import Grid, Page, Picture, Section
@@ -90,7 +90,7 @@ def values(result: Calibration) -> Grid:
     """Calibrated values beside the nominal ones."""
     rows = []
     for v in result.values:
-        q = shown(v.name, v.unit)
+        q = display_quantity(v.name, v.unit)
         nominal, start, value, low, high = (
             number(q.factor * x, 4) for x in (v.nominal, v.start, v.value, v.low, v.high)
         )
@@ -119,7 +119,7 @@ def _identifiability(result: Calibration) -> Grid:
     """What the logs tell of each parameter, before the search."""
     rows = []
     for row in result.told:
-        q = shown(row.name, row.unit)
+        q = display_quantity(row.name, row.unit)
         deviation, scale = (number(q.factor * v, 3) for v in (row.expected, row.scale))
         verdict = "yes" if row.told else "no"
         rows.append((row.name, q.unit or "–", deviation, scale, verdict, ", ".join(row.alike)))

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from sysid.base import style
-from sysid.base.units import number, percent, shown
-from sysid.base.versions import versions
+from sysid.base.files import versions
+from sysid.base.quantities import display_quantity, number, percent
 from sysid.diagnosis.residuals import ResidualTests
 from sysid.joint.values import JointValue
 from sysid.plots import residual_tests
@@ -134,7 +134,7 @@ def _of_share(share: Share, k: int, verdict: Verdict) -> str:
 
 def _of_change(change: Change) -> str:
     """A value that an effect moves: as the log has it, and as the twin has it."""
-    unit = shown("", change.log.unit)
+    unit = display_quantity("", change.log.unit)
     twin, log = (number(unit.factor * value, 3) for value in (change.twin, change.log.value))
     span = interval(change.log, unit.factor, "")
     doubt = f"95 %: {span}" if span else UNKNOWN
@@ -195,7 +195,7 @@ def regime_table(result: Comparison) -> Grid:
         (
             regime.name,
             _percent(regime.share),
-            number(shown("", "rad").factor * regime.rms, 3) if regime.share else "–",
+            number(display_quantity("", "rad").factor * regime.rms, 3) if regime.share else "–",
             _percent(regime.of_error),
             DEFINITIONS[regime.name],
         )
@@ -212,7 +212,7 @@ def alignment_table(alignment: Alignment) -> Grid:
         for name, value, factor, unit in (
             ("delay of the log", alignment.delay, 1e3, "ms"),
             ("gear (slope)", alignment.gear, 1.0, ""),
-            ("offset (angle zero)", alignment.offset, shown("", "rad").factor, "deg"),
+            ("offset (angle zero)", alignment.offset, display_quantity("", "rad").factor, "deg"),
         )
     ]
     note = "How often these intervals hold the true value is not counted yet; take them as a lower limit of the doubt."
@@ -225,7 +225,7 @@ def effect_table(verdict: Verdict) -> Grid:
         (
             TABLE[share.effect].words,
             "–" if verdict.chance else _percent(share.share),
-            number(shown("", "rad").factor * share.rms, 3),
+            number(display_quantity("", "rad").factor * share.rms, 3),
         )
         for share in verdict.alone
     ]
@@ -237,7 +237,7 @@ def _change_tables(verdict: Verdict) -> list[Grid]:
     rows = []
     for share in verdict.named:
         for change in share.changes:
-            unit = shown("", change.log.unit)
+            unit = display_quantity("", change.log.unit)
             rows.append(
                 (
                     TABLE[share.effect].words,
@@ -260,7 +260,7 @@ def pair_table(result: Comparison) -> Grid:
 
 
 def _pair_row(pair: Pair) -> tuple[str, ...]:
-    unit = shown("", pair.log.unit.replace("y", "rad"))
+    unit = display_quantity("", pair.log.unit.replace("y", "rad"))
     sides = [(number(unit.factor * v.value, 4), interval(v, unit.factor, "–")) for v in (pair.log, pair.other)]
     effect = TABLE[EFFECTS[pair.name]].words
     return (pair.name.replace("_", " "), effect, *sides[0], *sides[1], unit.unit, "yes" if pair.apart else "no")
@@ -319,7 +319,7 @@ def _tests_caption(tests: ResidualTests) -> str:
 
 
 def _deg(angle: float) -> str:
-    return f"{number(shown('', 'rad').factor * angle, 3)} deg"
+    return f"{number(display_quantity('', 'rad').factor * angle, 3)} deg"
 
 
 def _percent(share: float) -> str:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.files import versions
+from sysid.base.quantities import number
 from sysid.base.style import styled
-from sysid.base.units import number
-from sysid.base.versions import versions
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.parameters import JOINTS
 from twin.plant.leg import LEGS

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.files import versions
+from sysid.base.quantities import display_quantity, number, poles
 from sysid.base.style import styled
-from sysid.base.units import number, poles, shown
-from sysid.base.versions import versions
 from sysid.estimation.result import Fit
 from sysid.report.page import Grid, Listing, Page, Picture, Section
 from sysid.workflow.saved import UNFIT
@@ -117,8 +117,8 @@ def free_run(result: Written) -> "list[Axes]":
     # A drawn record holds its own free run.
     run = fit.model.outputs(fit.theta, data.u) if isinstance(fit, Fit) and result.source.recorded else data.y
     for axes, values, q in (
-        (first, data.u, shown("input u", data.u_unit)),
-        (second, run, shown("output y", data.y_unit)),
+        (first, data.u, display_quantity("input u", data.u_unit)),
+        (second, run, display_quantity("output y", data.y_unit)),
     ):
         columns = np.atleast_2d(values.T) * q.factor
         for k, column in enumerate(columns):

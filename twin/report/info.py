@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.base import style
+from sysid.base.quantities import Quantity, display_quantity, number
 from sysid.base.style import styled
-from sysid.base.units import Quantity, number, shown
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.parameters import TABLE
 from twin.studies.information import Information, Joint, Value
@@ -95,7 +95,7 @@ def value_grid(name: str, values: Sequence[Value], result: Information) -> Grid:
     changed = bool(result.changed)
     rows = []
     for v in values:
-        unit = shown("", v.row.unit)
+        unit = display_quantity("", v.row.unit)
         value, nominal, lower, upper = (
             _shortest(x * unit.factor) for x in (v.value, v.row.nominal, v.row.lower, v.row.upper)
         )
@@ -127,7 +127,7 @@ def _truth_rows(joint: Joint) -> Iterator[tuple[str, str]]:
         if (of_joint := _unit(joint, unit_name)) is not None:  # the unit is in the cell if it differs between joints
             yield label, _with_unit(value, of_joint)
             continue
-        unit = shown("", unit_name if name in TRUTH else "")
+        unit = display_quantity("", unit_name if name in TRUTH else "")
         if "poles" in name or "zeros" in name:
             text = _roots(value)
         else:
@@ -141,7 +141,7 @@ def _unit(joint: Joint, name: str) -> str | None:
 
 
 def _with_unit(value: Any, unit_name: str | None) -> str:
-    unit = shown("", unit_name or "")
+    unit = display_quantity("", unit_name or "")
     return f"{_cell(value, unit.factor)} {unit.unit}".rstrip()
 
 
@@ -208,7 +208,7 @@ def _changes(result: Information) -> list[str]:
         return [f"{result.source} changes none of these parameters."]
     parts = []
     for v in result.changed[:LONGEST]:
-        unit = shown("", v.row.unit)
+        unit = display_quantity("", v.row.unit)
         value, nominal = _shortest(v.value * unit.factor), _shortest(v.row.nominal * unit.factor)
         parts.append(f"{v.row.name} {value} {unit.unit}".rstrip() + f" instead of {nominal}")
     rest = len(result.changed) - len(parts)

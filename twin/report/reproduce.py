@@ -7,8 +7,8 @@ import numpy as np
 
 from sysid import plots
 from sysid.base import style
-from sysid.base.units import number, percent, poles
-from sysid.base.versions import versions
+from sysid.base.files import versions
+from sysid.base.quantities import number, percent, poles
 from sysid.report import sections
 from sysid.report.figures import TABLE, VALIDATION_TIME
 from sysid.report.page import Grid, Page, Picture, Section

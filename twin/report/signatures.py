@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
+from sysid.base.quantities import display_quantity, number
 from sysid.base.style import styled
-from sysid.base.units import number, shown
 from sysid.report.page import Grid, Picture, Section
 from twin.declared import Imperfection
 from twin.imperfections import TABLE as IMPERFECTIONS
@@ -62,7 +62,7 @@ def sizes(signatures: Sequence[Signature]) -> Grid:
     rows = []
     for signature in signatures:
         for size in signature.sizes:
-            unit = shown("", size.unit)
+            unit = display_quantity("", size.unit)
             values = (_value(v * unit.factor, size.true * unit.factor) for v in (size.measured, size.true, size.off))
             rows.append((signature.name, size.name, signature.joint, *values, unit.unit, ", ".join(size.rows)))
     headings = ("switch", "what is measured", "joint", "measured", "true", "switched off", "unit", "true from")
@@ -103,7 +103,7 @@ def draw(signature: Signature) -> Figure:
 
 def panel(axes: Axes, signature: Signature) -> None:
     """Lines without the imperfection below those with it; marks have their own colour."""
-    x, y = (shown(axis.name, axis.unit) for axis in (signature.x, signature.y))
+    x, y = (display_quantity(axis.name, axis.unit) for axis in (signature.x, signature.y))
     for line in sorted(signature.lines, key=lambda line: line.on):
         colour = style.INK if line.on else OFF
         data = np.asarray(line.x) * x.factor, np.asarray(line.y) * y.factor
@@ -127,7 +127,7 @@ def _mark(axes: Axes, mark: Mark, x: float, y: float) -> None:
     ends = np.array([mark.start, mark.end]) * (x, y)
     arrow = {"arrowstyle": "<|-|>,head_width=0.18,head_length=0.35", "color": style.MODEL, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", ends[1], ends[0], arrowprops={**arrow, "linewidth": 1.1}, zorder=5)
-    unit = shown("", mark.unit)
+    unit = display_quantity("", mark.unit)
     size = f"{_short(mark.value * unit.factor)} {unit.unit}".rstrip()
     share, offset, horizontal, vertical = PLACES[mark.place]
     anchor = ends.min(axis=0) + share * np.ptp(ends, axis=0)

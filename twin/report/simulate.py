@@ -6,9 +6,9 @@ import numpy as np
 
 from sysid import plots
 from sysid.base import style
+from sysid.base.files import versions
+from sysid.base.quantities import number
 from sysid.base.style import styled
-from sysid.base.units import number
-from sysid.base.versions import versions
 from sysid.report import zoom
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.parameters import Parameters

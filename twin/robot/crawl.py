@@ -10,7 +10,7 @@ from scipy import stats
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.versions import versions
+from sysid.base.files import versions
 from twin.parameters import JOINTS, TABLE, Parameters
 from twin.plant.leg import LEGS, robot
 from twin.robot.gait import Gait, Plan, plan
@@ -146,7 +146,7 @@ class _Silent:
     def part(self, done: float, name: str) -> None: ...
 
 
-@checked(own=("draws", "standing"))
+@checked(deferred=("draws", "standing"))
 def run(
     gait: Gait | None = None,
     parameters: Parameters | None = None,

@@ -1,5 +1,5 @@
 """Studies on the twin, as finished numbers: the paper's protocol, the part beyond it, ablation."""
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 
 __getattr__, __dir__ = modules_of(__name__)

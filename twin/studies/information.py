@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 import twin
-from sysid.base.versions import versions
+from sysid.base.files import versions
 from twin.hardware.drive import drive
 from twin.hardware.friction import dry_friction
 from twin.hardware.linkage import end_angles, linkage, stroke

@@ -14,7 +14,7 @@ import numpy as np
 
 import twin
 from sysid.base.errors import InputError
-from sysid.base.versions import versions
+from sysid.base.files import versions
 from sysid.data.preprocess import quick_start
 from sysid.structures import HammersteinWiener, NonlinearArx
 from sysid.workflow.evaluation import evaluate

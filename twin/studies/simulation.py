@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import twin
-from sysid.base.versions import versions
+from sysid.base.files import versions
 from sysid.data.record import IOData
 from twin.follow import Follower
 from twin.hardware.potentiometer import Potentiometer, potentiometer

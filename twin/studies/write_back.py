@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.files import write_text
-from sysid.base.versions import versions
+from sysid.base.files import versions, write_text
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit

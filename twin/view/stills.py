@@ -16,8 +16,8 @@ import mujoco
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
-from sysid.base.leftovers import scratch
-from sysid.base.parents import end_with
+from sysid.base.locks import scratch_folder
+from sysid.base.parallel import end_with
 from twin.hardware.linkage import end_angles, middle
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import BENCH_LEG, LEGS, robot
@@ -204,7 +204,7 @@ def draw(
     reasons = []
     path = os.pathsep.join(filter(None, (str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH"))))
     limit = TIMEOUT + PER_PICTURE * len(qpos)
-    with scratch() as folder:
+    with scratch_folder() as folder:
         mujoco.mj_saveModel(model, str(folder / "model.mjb"))
         full = [{**CAMERA, **camera} for camera in cameras]
         views = {f"camera_{entry}": np.array([camera[entry] for camera in full]) for entry in CAMERA}

@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.errors import InputError
-from sysid.base.files import whole_file
+from sysid.base.files import atomic_file
 from sysid.base.style import INK, INPUT, SECOND, line, styled
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def write_mcap(path: Path, traces: Traces) -> Path:
         f"/twin/{traces.joint}": (traces.twin, "rad"),
         f"/error/{traces.joint}": (traces.error, "rad"),
     }
-    with whole_file(path) as temporary, temporary.open("wb") as file:
+    with atomic_file(path) as temporary, temporary.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="", library="qpal")
         schema = writer.register_schema("qpal.Value", "jsonschema", json.dumps(MCAP_SCHEMA).encode())

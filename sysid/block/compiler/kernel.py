@@ -12,7 +12,7 @@ from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from types import CodeType, ModuleType
 
-from sysid.base.leftovers import beside, sweep_once
+from sysid.base.locks import sweep_once, temporary_name
 from sysid.block.compiler.activity import delays, hoisted, memoryless
 from sysid.block.compiler.ir import Assign, Body, Break, For, If, Program, Return
 from sysid.block.compiler.show import show, variable
@@ -114,7 +114,7 @@ def _written(path: Path, text: Callable[[], str]) -> bool:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         sweep_once(path.parent)
-        temporary = beside(path, ".part")
+        temporary = temporary_name(path, ".part")
         handle = os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
     except OSError:
         return False

@@ -6,7 +6,7 @@ from nicegui import events, run, ui
 
 from sysid import excitations
 from sysid.base.errors import InputError
-from sysid.base.leftovers import scratch
+from sysid.base.locks import scratch_folder
 from sysid.data.preparation import MISSING
 from sysid.data.preprocess import DETREND
 from sysid.formats import TABLE as FORMATS
@@ -87,7 +87,7 @@ class DataPanel(Panel):
 
     async def _add_upload(self, event: events.UploadEventArguments) -> None:
         name = display_name(event.file.name)
-        with scratch() as folder:
+        with scratch_folder() as folder:
             try:
                 path = folder / f"log{suffix_of(name)}"
                 await event.file.save(path)

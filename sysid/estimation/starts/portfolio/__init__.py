@@ -1,5 +1,5 @@
 """Starts that differ: where each comes from, how they are ranked, and how they become parameters of a chain."""
 
-from sysid.base.room import modules_of
+from sysid.base import modules_of
 
 __getattr__, __dir__ = modules_of(__name__)

@@ -11,9 +11,9 @@ import pytest
 from cluster import cluster
 
 import twin
-from sysid.base import executor
+from sysid.base import parallel
 from sysid.base.errors import InputError
-from sysid.base.executor import in_order, results
+from sysid.base.parallel import in_order, results
 from sysid.selection.select import select
 from sysid.selection.space import Space
 from sysid.systems import system
@@ -37,7 +37,7 @@ def test_a_function_of_a_script_that_knows_the_facades_runs_in_worker_processes(
     """Its globals hold sysid and twin, which lazy_loader may have given a class of their own."""
     script = tmp_path / "script.py"
     script.write_text(
-        "import sysid, twin\nfrom sysid.base.executor import in_order\n"
+        "import sysid, twin\nfrom sysid.base.parallel import in_order\n"
         "def named(k): return sysid.__name__ + twin.__name__ + str(k)\n"
         "if __name__ == '__main__': print(in_order(named, [1, 2], 2))\n"
     )
@@ -47,7 +47,7 @@ def test_a_function_of_a_script_that_knows_the_facades_runs_in_worker_processes(
 
 GROWS = """
 import time, warnings
-from sysid.base.executor import in_order
+from sysid.base.parallel import in_order
 
 def grow(k):
     time.kept = [*getattr(time, "kept", ()), bytearray(b"x") * 200_000_000]  # in a module: the function is sent anew
@@ -83,15 +83,15 @@ def test_a_cluster_without_workers_is_a_sentence(tmp_path, monkeypatch):
     empty, one = tmp_path / "empty", tmp_path / "one"
     empty.mkdir()
     one.mkdir()
-    monkeypatch.setattr(executor, "PATIENCE", 1.0)
+    monkeypatch.setattr(parallel, "PATIENCE", 1.0)
     with cluster(empty, count=0) as (address, _), pytest.raises(InputError, match=r"no worker for 1 s.*dask worker"):
         list(results(abs, [1], scheduler=address))
-    monkeypatch.setattr(executor, "PATIENCE", 20.0)
+    monkeypatch.setattr(parallel, "PATIENCE", 20.0)
     with cluster(one, count=1) as (address, (worker,)):
         found = results(time.sleep, [0.0, 600.0], scheduler=address)
         assert next(found) == (0, None)
         worker.kill()
-        monkeypatch.setattr(executor, "PATIENCE", 1.0)
+        monkeypatch.setattr(parallel, "PATIENCE", 1.0)
         with pytest.raises(InputError, match="no worker for 1 s"):
             next(found)
 

@@ -24,7 +24,7 @@ class Quantity:
         return Quantity(self.name, unit, self.factor / other.factor)
 
 
-def shown(name: str, unit: str) -> Quantity:
+def display_quantity(name: str, unit: str) -> Quantity:
     """How a quantity is shown: radians as degrees, also per second or per volt; nothing for a plain number."""
     if unit == "rad" or unit.startswith("rad/"):
         return Quantity(name, "deg" + unit.removeprefix("rad"), 180.0 / math.pi)
