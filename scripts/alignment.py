@@ -8,10 +8,10 @@ import argparse
 import numpy as np
 from joblib import Parallel, delayed
 
-from twin.compare.align import align
-from twin.compare.explain import explain
+from twin.compare.alignment import align
+from twin.compare.search import Trials
 from twin.compare.standins import DURATION, TS
-from twin.compare.trials import Trials
+from twin.compare.verdict import explain
 from twin.experiment import Experiment
 from twin.follow import Follower
 from twin.hardware.linkage import middle

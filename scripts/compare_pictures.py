@@ -9,10 +9,10 @@ from pathlib import Path
 from PIL import Image
 
 from sysid.base import style
-from twin.compare.beside import beside
-from twin.compare.explain import explain
+from twin.compare.comparison import beside
+from twin.compare.search import Trials
 from twin.compare.standins import stand_in
-from twin.compare.trials import Trials
+from twin.compare.verdict import explain
 from twin.follow import Follower
 from twin.parameters import Parameters
 from twin.report import compare_figures

@@ -27,7 +27,7 @@ from sysid.joint.growth import Growth, grow_joint
 from sysid.joint.values import JointValue, joint_values
 from sysid.structures import actuated_joint
 from twin.bench.records import sweep
-from twin.hardware.drive import drive
+from twin.hardware.actuator import drive
 from twin.parameters import Parameters
 from twin.plant.stepping import step
 

@@ -27,7 +27,7 @@ from sysid.joint.values import JointValue, joint_values
 from sysid.structures import actuated_joint
 from twin.bench.records import sweep
 from twin.ensemble.draws import Draws
-from twin.hardware.drive import drive
+from twin.hardware.actuator import drive
 from twin.parameters import TABLE, Parameters
 from twin.studies.beyond import aim, twin_truth
 

@@ -25,7 +25,7 @@ from sysid.data.record import IOData
 from sysid.joint.growth import Growth, grow_joint
 from sysid.joint.values import joint_values
 from sysid.structures import actuated_joint
-from twin.hardware.drive import drive
+from twin.hardware.actuator import drive
 from twin.studies.beyond import aim, irregular, twin_truth
 from twin.studies.protocol import PAPER
 

@@ -11,9 +11,9 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from twin.compare.effects import TABLE
-from twin.compare.explain import explain
+from twin.compare.search import Trials
 from twin.compare.standins import NOTHING, stand_in
-from twin.compare.trials import Trials
+from twin.compare.verdict import explain
 from twin.follow import Follower
 from twin.parameters import Parameters
 

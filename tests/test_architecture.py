@@ -35,7 +35,6 @@ FLOORS = {
         ("notebook",),
     ),
     "twin": (
-        ("declared",),
         ("imperfections",),
         ("parameters",),
         ("hardware",),

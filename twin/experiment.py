@@ -14,16 +14,14 @@ from sysid import excitations
 from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError, unknown
 from sysid.base.limits import STEPS
-from twin.hardware.drive import MODES
+from twin.hardware.actuator import MODES, check_rotor
 from twin.hardware.linkage import clearance, end_angles, middle
-from twin.hardware.motor import check_rotor
 from twin.hardware.potentiometer import SIDES, potentiometer
 from twin.log import Log
 from twin.parameters import JOINTS, REALISATIONS, Parameters
 from twin.plant import slots
 from twin.plant.board import circuit, user_data
-from twin.plant.closed_loop import assembled
-from twin.plant.leg import BENCH_LEG, bench, check_switches, joints_of
+from twin.plant.leg import BENCH_LEG, assembled, bench, check_switches, joints_of
 from twin.plant.stepping import TIMESTEP, Run, step
 
 # Which of an excitation's settings a joint gets where the caller gives none: the shoulder crosses its stroke in 1.6 s,

@@ -21,8 +21,8 @@ from typing import Any, NoReturn
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.files import check_regular_file, write_text
+from twin.hardware.actuator import check_rotor
 from twin.hardware.linkage import end_angles
-from twin.hardware.motor import check_rotor
 from twin.parameters import JOINTS, TABLE, Parameters, Row
 
 LARGEST = 1_000_000  # [bytes] a file of every parameter has about ten thousand

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
-from twin.declared import GUESS, Row
+from twin.imperfections import GUESS, Row
 from twin.imperfections import TABLE as IMPERFECTIONS
 
 JOINTS = ("shoulder", "thigh", "shank")

@@ -24,7 +24,7 @@ from typing import IO
 from sysid.base.errors import InputError
 
 MARKED_NAME = re.compile(r"qpal-(?P<machine>[0-9a-f]{8})-(?P<process>\d+)-(?P<began>\d+)-\d+")
-READY, CLAIMED = ".ready", ".new.part"  # ends of names that stand for a folder too: `twin.cli.moving` ends those
+READY, CLAIMED = ".ready", ".new.part"  # ends of names that stand for a folder too: `twin.cli.results` ends those
 WORD_BYTES = 200  # bytes that a name leaves to the words before the mark; a file system has 255
 # What tells one machine from another: an id that lasts, a number of small boards' hardware, and one of this boot.
 MACHINE, SERIAL = "/etc/machine-id", "/proc/device-tree/serial-number"

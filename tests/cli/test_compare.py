@@ -9,7 +9,7 @@ from cases import LOGS
 import sysid
 import twin
 from twin.cli import main
-from twin.compare.trials import Trials
+from twin.compare.search import Trials
 from twin.log import Log
 from twin.view.traces import Traces, panel
 

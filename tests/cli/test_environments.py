@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from twin.cli import main, settings
+from twin.cli import environment, main
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -40,22 +40,22 @@ def test_a_number_that_differs_is_told(script, tmp_path):
     assert script["differences"](tmp_path / "b", tmp_path / "a") == ["summary.json is missing", "x.png has other bytes"]
 
 
-@pytest.mark.parametrize("mebibytes", [256, 1024, settings.LEAST - 1])
+@pytest.mark.parametrize("mebibytes", [256, 1024, environment.LEAST - 1])
 def test_too_little_address_space_is_a_sentence_at_once(mebibytes):
     code = f"import resource, sys; resource.setrlimit(resource.RLIMIT_AS, ({mebibytes << 20},) * 2)\n"
     code += "from twin.cli import main; sys.exit(main(['info', 'log.csv']))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == (
-        f"qpal: this process may have {mebibytes} MiB of address space and needs {settings.LEAST} MiB, most of which "
-        f"stays unused; give it more with: ulimit -v {settings.LEAST << 10}\n"
+        f"qpal: this process may have {mebibytes} MiB of address space and needs {environment.LEAST} MiB, most of "
+        f"which stays unused; give it more with: ulimit -v {environment.LEAST << 10}\n"
     )
 
 
-@pytest.mark.parametrize("soft", [resource.RLIM_INFINITY, settings.LEAST << 20])
+@pytest.mark.parametrize("soft", [resource.RLIM_INFINITY, environment.LEAST << 20])
 def test_enough_address_space_is_enough(soft, monkeypatch):
     monkeypatch.setattr(resource, "getrlimit", lambda which: (soft, resource.RLIM_INFINITY))
-    assert settings.no_room() == ""
+    assert environment.no_room() == ""
 
 
 def test_variables_and_filters_are_as_before(monkeypatch):
@@ -64,7 +64,7 @@ def test_variables_and_filters_are_as_before(monkeypatch):
         monkeypatch.setenv(name, value)
     monkeypatch.setattr(sys, "warnoptions", ["error::UserWarning"])
     filters = list(warnings.filters)
-    with settings.within_reason():
+    with environment.within_reason():
         assert os.environ["MUJOCO_GL"] == "disable"
         assert "SOURCE_DATE_EPOCH" not in os.environ
         with pytest.warns(UserWarning, match="told"):
@@ -94,7 +94,7 @@ def test_what_is_well_set_stays(monkeypatch):
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     for name, value in ((name, value) for name, values in WELL.items() for value in values):
         monkeypatch.setenv(name, value)
-        with settings.within_reason():
+        with environment.within_reason():
             assert os.environ[name] == value
             assert "MUJOCO_GL" not in os.environ
 
@@ -102,19 +102,19 @@ def test_what_is_well_set_stays(monkeypatch):
 def test_what_a_library_dies_of_is_left_out(monkeypatch):
     for name, value in ((name, value) for name, values in ILL.items() for value in values):
         monkeypatch.setenv(name, value)
-        with settings.within_reason():
+        with environment.within_reason():
             assert name not in os.environ, value
         assert os.environ[name] == value
 
 
 def test_a_verb_runs_within_them(monkeypatch, capsys):
-    monkeypatch.setattr(settings, "no_room", lambda: "no room")
+    monkeypatch.setattr(environment, "no_room", lambda: "no room")
     assert main(["--help"]) == 2
     assert capsys.readouterr().err == "qpal: no room\n"
 
 
 def test_a_limit_of_threads_is_told_before_the_libraries_load(monkeypatch, capsys):
-    assert settings.no_threads() == ""
+    assert environment.no_threads() == ""
     begun = []
 
     class Few(threading.Thread):
@@ -125,7 +125,7 @@ def test_a_limit_of_threads_is_told_before_the_libraries_load(monkeypatch, capsy
             super().start()
 
     before = threading.active_count()
-    monkeypatch.setattr(settings.threading, "Thread", Few)
+    monkeypatch.setattr(environment.threading, "Thread", Few)
     assert main(["info"]) == 2
     assert "this process may start 3 threads and needs 8" in capsys.readouterr().err
     assert threading.active_count() == before

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sysid.base.errors import InputError
-from twin.cli import main, moving
+from twin.cli import main, results
 from twin.cli.output import output_folder, run_folder
 
 posix = pytest.mark.skipif(os.name != "posix", reason="sends signals")
@@ -135,13 +135,13 @@ def test_a_move_that_a_kill_cut_short_is_finished_by_the_next_run_there(tmp_path
 
 LATE = """
 import os, signal, sys
-from twin.cli import app, main, moving, options
+from twin.cli import app, main, options, results
 from twin.cli.output import run_folder
-place = moving._place_all
+place = results._place_all
 def interrupted(*where):
     os.kill(os.getpid(), signal.{number})
     place(*where)
-moving._place_all = interrupted
+results._place_all = interrupted
 def late(out: options.Out = None) -> None:
     "Is stopped while its results move."
     with run_folder(out, "late") as (folder, scratch):
@@ -206,6 +206,6 @@ def test_a_stop_that_a_library_swallows_or_renames_is_a_stop(code, tmp_path):
 
 
 def test_what_was_written_is_told_of_this_run_alone(capsys):
-    moving.written("elsewhere")
+    results.written("elsewhere")
     assert main(["--version"]) == 0
-    assert moving.kept() == "nothing was written"
+    assert results.kept() == "nothing was written"

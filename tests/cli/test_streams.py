@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from twin.cli import streams
+from twin.cli import environment
 
 QPAL = [sys.executable, "-m", "twin.cli"]
 SAYS = """
@@ -100,12 +100,12 @@ def test_closed_streams_take_no_file_in_their_place(tmp_path):
     ],
 )
 def test_letters_become_what_they_look_like_or_are_called(text, plain):
-    assert streams.plain(text) == plain
+    assert environment.plain(text) == plain
 
 
 def test_a_byte_of_a_file_name_that_is_no_text_stays_that_byte(monkeypatch):
     below = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(below, encoding="utf-8"))
-    streams.prepare()
+    environment.prepare()
     print(os.fsdecode(b"a\xff.csv"), flush=True)
     assert below.getvalue() == b"a\xff.csv\n"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twin.compare.explain import Share, Verdict
+from twin.compare.verdict import Share, Verdict
 from twin.report import compare, compare_figures
 
 SHARES = {"delay": 0.15, "backlash": 0.01, "end_stop": 1.0, "friction": 0.68}

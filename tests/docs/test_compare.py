@@ -4,8 +4,8 @@ import re
 import runpy
 from pathlib import Path
 
+from twin.compare.departure import DEFINITIONS, NAMES
 from twin.compare.effects import TABLE
-from twin.compare.regimes import DEFINITIONS, NAMES
 from twin.compare.standins import NOTHING
 
 ROOT = Path(__file__).parents[2]

@@ -5,8 +5,7 @@ import pytest
 from rig import QUIET
 
 from twin import Experiment, Parameters
-from twin.plant.closed_loop import assembled
-from twin.plant.leg import BENCH_LEG, bench
+from twin.plant.leg import BENCH_LEG, assembled, bench
 
 
 @pytest.mark.parametrize("joint", ["thigh", "shank"])

@@ -8,13 +8,11 @@ from scipy.stats import binom
 
 import twin
 from sysid.base.errors import InputError
-from twin.compare.align import align, turn_back, turned
-from twin.compare.effects import TABLE
-from twin.compare.explain import explain
-from twin.compare.knobs import END_HIGH, END_LOW, moved
-from twin.compare.search import Search, differences, refine
+from twin.compare.alignment import align, turn_back, turned
+from twin.compare.effects import END_HIGH, END_LOW, TABLE, moved
+from twin.compare.search import Search, Trials, differences, refine
 from twin.compare.standins import NOTHING, VISIBLE, stand_in
-from twin.compare.trials import Trials
+from twin.compare.verdict import explain
 from twin.hardware.linkage import end_angles, middle
 from twin.log import Log
 

@@ -8,10 +8,8 @@ import sysid
 import twin
 from sysid.base.errors import InputError
 from twin.compare.comparison import LOG, MODEL, compare_log, compare_model
+from twin.compare.departure import NAMES, by_regime, noise_of, regimes, repeat, spectrum
 from twin.compare.intervals import sandwich
-from twin.compare.regimes import NAMES, by_regime, noise_of, regimes
-from twin.compare.repeats import repeat
-from twin.compare.spectra import spectrum
 from twin.log import Log
 
 TS = 0.05

@@ -14,9 +14,8 @@ from twin.report import crawl as report
 from twin.robot import crawl
 from twin.robot.gait import Gait, plan
 from twin.robot.kinematics import body
-from twin.robot.shaping import shaped
 from twin.robot.statics import Statics, stability_margin
-from twin.robot.walk import drive
+from twin.robot.walk import drive, shaped
 from twin.view import pictures
 from twin.view.stills import NoRenderer
 

@@ -6,7 +6,7 @@ from rig import VOLTS, shown
 
 from sysid.blocks import Quantiser
 from twin import JOINTS, Parameters
-from twin.hardware.drive import drive
+from twin.hardware.actuator import drive
 from twin.imperfections import of_group
 
 # What else stands between a command and the motor, and what the motor could do to it in return.

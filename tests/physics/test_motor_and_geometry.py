@@ -8,9 +8,8 @@ import pytest
 from rig import record
 
 from twin import IMPERFECTIONS, JOINTS, Parameters
-from twin.hardware.friction import dry_friction
+from twin.hardware.actuator import dry_friction, motor
 from twin.hardware.linkage import clearance, end_angles, linkage, middle, stroke
-from twin.hardware.motor import motor
 from twin.plant import layout
 from twin.plant.board import circuit, user_data
 from twin.plant.leg import BENCH_LEG, LEGS, bench, model_path, robot

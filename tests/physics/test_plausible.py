@@ -8,8 +8,7 @@ from sysid import Channel, ChannelMap, InputError
 from sysid.channels.mapping import Clock
 from twin.calibrate.calibration import calibrate
 from twin.cli import main
-from twin.compare.beside import beside
-from twin.compare.comparison import compare
+from twin.compare.comparison import beside, compare
 from twin.log import check_plausible
 
 P = twin.Parameters()

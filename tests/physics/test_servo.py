@@ -6,9 +6,8 @@ from rig import ANGLE, IDEAL_BRIDGE, QUIET, READING, VOLTS, record, shown
 
 from twin import IMPERFECTIONS, JOINTS, Experiment, Parameters, truth
 from twin.experiment import respond
-from twin.hardware.drive import drive
+from twin.hardware.actuator import drive, motor
 from twin.hardware.linkage import end_angles, middle
-from twin.hardware.motor import motor
 from twin.hardware.potentiometer import potentiometer
 from twin.truth import LINEAR
 

@@ -8,7 +8,7 @@ from standin import LACKS, StandIn
 import twin
 from sysid.base.errors import InputError
 from sysid.joint.values import JointValue
-from twin.calibrate import written
+from twin.calibrate import advice
 from twin.calibrate.advice import what_to_record
 from twin.calibrate.calibration import calibrate, chosen
 from twin.calibrate.leg import ROWS, own_rows, usual
@@ -141,7 +141,7 @@ def test_the_held_out_log_is_not_used_and_predicted(small):
 
 
 def test_the_file_gives_back_every_bit_and_names_intervals_and_logs(small, tmp_path):
-    path = written.write(small, tmp_path / "shoulder.toml")
+    path = advice.write(small, tmp_path / "shoulder.toml")
     back = read(path)
     assert back.values == small.parameters.values
     text = path.read_text(encoding="utf-8")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import twin
-from twin.calibrate import doubt, written
+from twin.calibrate import advice
 from twin.calibrate.calibration import _moved
 from twin.calibrate.problem import Free
 from twin.calibrate.result import Value
@@ -49,7 +49,7 @@ def result(*values, correlation=None):
     ],
 )
 def test_why_a_value_is_not_determined(value, words):
-    assert doubt.why(value) == words
+    assert advice.why(value) == words
 
 
 def test_the_first_sentence_says_what_not_to_use():
@@ -63,22 +63,22 @@ def test_the_first_sentence_says_what_not_to_use():
 
 def test_values_that_act_alike_are_named_in_pairs():
     r = [[1.0, -0.999, 0.5], [-0.999, 1.0, 0.2], [0.5, 0.2, 1.0]]
-    (said,) = doubt.sentences(result(SURE, ABSENT, SURE, correlation=r))
+    (said,) = advice.sentences(result(SURE, ABSENT, SURE, correlation=r))
     assert "thigh.no_load_speed and thigh.stribeck (−0.999)" in said
     assert said.count(" and ") == 1
 
 
 def test_the_next_step_is_not_to_use_the_file():
-    step = doubt.next_step(result(SURE, WIDE), "'my log.csv'")
+    step = advice.next_step(result(SURE, WIDE), "'my log.csv'")
     assert step.startswith(
         "Next: qpal calibrate 'my log.csv' --joint thigh --fix coulomb; or, to determine them: let it"
     )
-    assert "--fix" not in doubt.next_step(result(WIDE), "a.csv")  # nothing would be left
-    assert doubt.next_step(result(SURE), "a.csv") == ""
+    assert "--fix" not in advice.next_step(result(WIDE), "a.csv")  # nothing would be left
+    assert advice.next_step(result(SURE), "a.csv") == ""
 
 
 def test_the_file_says_it_beside_each_value(tmp_path):
-    text = written.write(result(SURE, WIDE), tmp_path / "thigh.toml").read_text(encoding="utf-8")
+    text = advice.write(result(SURE, WIDE), tmp_path / "thigh.toml").read_text(encoding="utf-8")
     assert "# These logs do not determine all: thigh.coulomb" in text
     assert "coulomb = 17.9  # NOT DETERMINED by the logs; N; 95 % interval 0 to 203.60; was 30.00" in text
     assert "stroke = 0.07  # m; not calibrated, set beyond the angles of the logs" in text
@@ -103,8 +103,8 @@ def test_a_file_that_is_not_to_be_used_is_no_success(tmp_path, monkeypatch, caps
     twin.Experiment("thigh", "aprbs", 30.0, 0.02, 1).run().save(log)
     words = ["calibrate", str(log), "--joint", "thigh", "--free", "no_load_speed", "--out"]
     codes = {}
-    for plausible in (doubt.PLAUSIBLE, 1e-9):
-        monkeypatch.setattr(doubt, "PLAUSIBLE", plausible)
+    for plausible in (advice.PLAUSIBLE, 1e-9):
+        monkeypatch.setattr(advice, "PLAUSIBLE", plausible)
         codes[plausible] = main([*words, str(tmp_path / str(plausible))])
         assert json.loads((tmp_path / str(plausible) / "summary.json").read_text(encoding="utf-8"))["converged"]
     assert list(codes.values()) == [0, 1]

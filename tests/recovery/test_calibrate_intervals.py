@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from twin.calibrate.discrepancy import covariance, directions, drifting, estimate, repeating, sizes
+from twin.calibrate.identifiability import LIMIT, promised, tell
 from twin.calibrate.problem import Free, Record, Simulations
-from twin.calibrate.tellable import LIMIT, promised, tell
 
 TS, N = 0.05, 1600
 T = np.arange(N) * TS

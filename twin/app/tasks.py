@@ -156,8 +156,8 @@ def compare(request: dict[str, Any], tell: Tell) -> None:
 def calibrate(request: dict[str, Any], tell: Tell) -> None:
     """Fits the twin's parameters to a log, and writes them as a file for --params."""
     from twin.app import figures
+    from twin.calibrate.advice import write
     from twin.calibrate.calibration import calibrate as run
-    from twin.calibrate.written import write
     from twin.report import calibrate as report
 
     start = time.perf_counter()

@@ -1,4 +1,78 @@
-"""What to record so that a parameter can be told."""
+"""What to do with a calibration: values that the logs do not determine, what to record, and the file of parameters."""
+
+import math
+from itertools import combinations
+from pathlib import Path
+
+from sysid.base.files import write_text
+from sysid.base.quantities import display_quantity, number
+from twin.calibrate.leg import DELAY, ROWS, scale
+from twin.calibrate.result import Calibration, Value
+from twin.parameter_file import to_toml
+
+PLAUSIBLE = 4.0  # scales: a wider interval says less than was plausible before the log was seen
+MOST = 0.5  # of the allowed range, the same
+EDGE = 1e-6  # of the allowed range: nearer to its end, a value is on it
+ONE = 0.995  # correlation that is shown as 1.00
+
+
+def why(value: Value) -> str:
+    """Why the log does not determine the value, in a few words; empty if it does."""
+    row = ROWS[value.name]
+    width, reach = value.high - value.low, row.upper - row.lower
+    q = display_quantity(value.name, value.unit)
+    for end, name in ((row.lower, "lower"), (row.upper, "upper")):
+        if abs(value.value - end) <= EDGE * reach and end != 0.0:  # at 0 an effect is absent, which may be true
+            return f"on the {name} end of its range, {number(q.factor * end, 3)} {q.unit}".rstrip()
+    if width > min(PLAUSIBLE * scale(value.name, row.nominal), MOST * reach):
+        low, high = (number(q.factor * end, 3) for end in (value.low, value.high))
+        return f"anything from {low} to {high} {q.unit}".rstrip()
+    return ""
+
+
+def undetermined(result: Calibration) -> dict[str, str]:
+    """Calibrated rows that the logs do not determine, each with why."""
+    found = {value.name: why(value) for value in result.values}
+    return {name: words for name, words in found.items() if words}
+
+
+def useless(result: Calibration) -> bool:
+    """Whether the logs determine none of the parameters, so that the file is not to be used."""
+    return len(undetermined(result)) == len(result.values)
+
+
+def sentences(result: Calibration) -> list[str]:
+    """What is not to be used, and what acts alike; empty for a calibration that determines all."""
+    lost, said = undetermined(result), list[str]()
+    if lost:
+        all_ = useless(result)
+        told = "; ".join(f"{name} ({words})" for name, words in lost.items())
+        use = "do not use the file" if all_ else "do not use the file for these"
+        said.append(f"These logs do not determine {'any of the parameters' if all_ else 'all'}: {told}. So {use}.")
+    names = [value.name for value in result.values]
+    same = [
+        f"{names[i]} and {names[j]} ({number(float(result.correlation[i, j]), 3)})"
+        for i, j in combinations(range(len(names)), 2)
+        if abs(result.correlation[i, j]) >= ONE
+    ]
+    if same:
+        said.append(
+            f"These act alike in the logs, so that only a combination is told (correlation): {'; '.join(same)}."
+        )
+    return said
+
+
+def next_step(result: Calibration, files: str) -> str:
+    """What to do about values that are not determined; empty if all are."""
+    lost = undetermined(result)
+    if not lost:
+        return ""
+    record = "; ".join(dict.fromkeys(what_to_record(result.joint, name) for name in lost))
+    if useless(result):
+        return f"Next, to determine them: {record}"
+    short = ",".join(name.rpartition(".")[2] for name in lost)
+    return f"Next: qpal calibrate {files} --joint {result.joint} --fix {short}; or, to determine them: {record}"
+
 
 _ENDS = "drive the {joint} into both ends at full voltage: qpal simulate --joint {joint} --excitation sweep shows how"
 _LEVELS = (
@@ -36,3 +110,38 @@ _ANY = "record the {joint} from end to end, at several voltages, with rests"
 def what_to_record(joint: str, row: str) -> str:
     """What to record to tell `row` of `joint`, as the second half of a sentence."""
     return _ADVICE.get(row.rpartition(".")[2], _ANY).format(joint=joint)
+
+
+def write(calibration: Calibration, path: str | Path) -> Path:
+    """Write every row that differs from nominal as TOML; `twin.parameter_file.read` gives back every bit."""
+    said = {value.name: comment(value, calibration.level) for value in calibration.values}
+    said |= {row: f"{ROWS[row].unit}; not calibrated, set beyond the angles of the logs" for row in calibration.moved}
+    return write_text(Path(path), to_toml(calibration.parameters, _head(calibration), said))
+
+
+def comment(value: Value, level: float) -> str:
+    """Unit, interval and nominal value."""
+    unit = "no unit" if value.unit == "1" else value.unit
+    factor, shown = (180.0 / math.pi, "deg") if value.unit == "rad" else (1.0, "")
+    low, high = (number(factor * bound, 5) for bound in (value.low, value.high))
+    nominal = number(value.nominal, 4)
+    if value.name == DELAY:
+        unit += f", found {number(value.value, 4)} and rounded to whole periods of the board"
+    lost = why(value)
+    unit = f"NOT DETERMINED by the logs; {unit}" if lost else unit
+    return f"{unit}; {100 * level:g} % interval {low} to {high}{f' {shown}' if shown else ''}; was {nominal}"
+
+
+def _head(calibration: Calibration) -> list[str]:
+    told = calibration.provenance
+    lines = [
+        f"Parameters of the twin in SI units, {calibration.joint} calibrated; parameters not named are nominal.",
+        f"Logs: {', '.join(told['logs'])}. Left out: {', '.join(told['without']) or 'nothing'}.",
+        "Forces are relative to the motor's data sheet (stall force or torque, rated voltage, gear).",
+        f"The search {'ended' if calibration.converged else 'DID NOT CONVERGE'}: {calibration.reason}.",
+    ]
+    for score in calibration.scores:
+        kind = "held out" if score.held_out else "used"
+        lines.append(f"{score.log} ({kind}): fit {score.fit_before:.2f} % before, {score.fit_after:.2f} % after.")
+    lines += sentences(calibration)
+    return [*lines, *(f"Not calibrated: {sentence}" for sentence in calibration.fixed.values())]

@@ -10,12 +10,12 @@ from sysid.base.errors import InputError, unknown
 from sysid.base.parallel import available_cores, one_blas_thread
 from sysid.solver.iterate import Options
 from twin.calibrate import discrepancy
+from twin.calibrate.identifiability import tell
 from twin.calibrate.leg import DELAY, ROWS, Leg, free, row_name, scale, usual
 from twin.calibrate.problem import Record, Simulations
 from twin.calibrate.result import LEVEL, Calibration, Run, Score, Value
 from twin.calibrate.search import USUAL, Found, find
 from twin.calibrate.start import from_joint
-from twin.calibrate.tellable import tell
 from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.log import Log, check_plausible
 from twin.parameters import JOINTS, Parameters

@@ -8,8 +8,8 @@ import numpy as np
 from sysid.base.errors import InputError, unknown
 from twin.calibrate.problem import Free, Record
 from twin.follow import Follower
+from twin.hardware.actuator import check_rotor
 from twin.hardware.linkage import end_angles
-from twin.hardware.motor import check_rotor
 from twin.log import Log
 from twin.parameters import TABLE, Parameters
 

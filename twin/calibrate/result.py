@@ -8,8 +8,8 @@ import numpy as np
 
 from sysid.base.errors import unknown
 from twin.calibrate import discrepancy
+from twin.calibrate.identifiability import Told
 from twin.calibrate.search import Found
-from twin.calibrate.tellable import Told
 from twin.parameters import Parameters
 
 LEVEL = 0.95

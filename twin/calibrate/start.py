@@ -12,9 +12,8 @@ from sysid.joint.values import JointValue, joint_values
 from sysid.solver.iterate import Options
 from sysid.structures import actuated_joint
 from twin.calibrate.leg import DELAY, ROWS
-from twin.hardware.drive import drive
+from twin.hardware.actuator import check_rotor, drive, motor
 from twin.hardware.linkage import end_angles, linkage
-from twin.hardware.motor import check_rotor, motor
 from twin.log import Log
 from twin.parameters import Parameters
 from twin.truth import arm, linear_bench, link_inertia, load

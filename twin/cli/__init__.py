@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 
-from twin.cli import settings, streams
+from twin.cli import environment
 from twin.cli.stopping import Stopping, at_once, caused_by, stay_ignored
 
 
@@ -16,13 +16,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     standard error. 130: stopped; the line says what was written.
     """
     try:
-        with Stopping(program=arguments is None) as stopping, settings.within_reason():
-            streams.prepare()
-            if sentence := settings.no_room() or settings.no_threads():  # before the libraries load
+        with Stopping(program=arguments is None) as stopping, environment.within_reason():
+            environment.prepare()
+            if sentence := environment.no_room() or environment.no_threads():  # before the libraries load
                 return _fail(sentence)
             return _run(arguments, stopping)
     except KeyboardInterrupt:  # before the first line of the run, or after its last
-        from twin.cli.moving import kept
+        from twin.cli.results import kept
 
         return _stopped(kept())
 
@@ -33,28 +33,28 @@ def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
         from typer.exceptions import TyperException
 
         from sysid.base.errors import InputError
-        from twin.cli import moving
+        from twin.cli import results
         from twin.cli.app import build
         from twin.cli.console import Stopped
 
         verbs = build()
         stay_ignored()
-    moving.begin()
+    results.begin()
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with _named_shell(given):
             code = verbs(given or ["--help"], prog_name="qpal", standalone_mode=False)
-        streams.flush()
+        environment.flush()
     except (KeyboardInterrupt, Stopped) as stopped:
         stopping.over()
-        return _stopped(str(stopped) or moving.kept(), stopping.why)
+        return _stopped(str(stopped) or results.kept(), stopping.why)
     except BaseException as error:
         if stopping.asked:  # a library made an error of its own of the interrupt
             stopping.over()
-            return _stopped(moving.kept(), stopping.why)
+            return _stopped(results.kept(), stopping.why)
         if isinstance(error, (OSError, SystemExit)) and caused_by(error, BrokenPipeError):
             # The reader of our output went away (`qpal ... | head`): nothing is wrong, and nobody is left to tell.
-            streams.drop()
+            environment.drop()
             return 0
         if isinstance(error, SystemExit):  # the script of a completion is printed
             code = error.code
@@ -65,13 +65,13 @@ def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
             said = str(InputError(error.format_message().rstrip(".")))  # a long or strange text is cut there
             return _fail(f"{said}; see {command} --help")
         elif isinstance(error, OSError):
-            streams.drop()
-            return _fail(f"{error.filename or 'output'}: {error.strerror or error}; {moving.kept()}")
+            environment.drop()
+            return _fail(f"{error.filename or 'output'}: {error.strerror or error}; {results.kept()}")
         else:
             raise
     if code == 130:  # the interrupt, as typer says it
         stopping.over()
-        return _stopped(moving.kept(), stopping.why)
+        return _stopped(results.kept(), stopping.why)
     return code if isinstance(code, int) else 0
 
 
@@ -79,12 +79,12 @@ _NOTHING = "qpal: stopped; nothing was written"
 
 
 def _stopped(kept: str, why: str = "") -> int:
-    streams.say(f"qpal: stopped{why}; {kept}")
+    environment.say(f"qpal: stopped{why}; {kept}")
     return 130
 
 
 def _fail(sentence: str) -> int:
-    streams.say("qpal: " + " ".join(sentence.split()))
+    environment.say("qpal: " + " ".join(sentence.split()))
     return 2
 
 

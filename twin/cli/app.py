@@ -15,10 +15,10 @@ from twin.cli.export import export
 from twin.cli.identify import identify
 from twin.cli.info import info
 from twin.cli.models import models
+from twin.cli.options import Verb
 from twin.cli.reproduce import reproduce
 from twin.cli.run import run
 from twin.cli.simulate import simulate
-from twin.cli.verb import Verb
 from twin.cli.view import view
 
 VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, run, models, export, browser)

@@ -1,18 +1,139 @@
 """`qpal bench`: methods against plants with a truth, against each other, and on real records."""
 
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from sysid.base.errors import InputError, unknown
-from twin.cli import bench_cells as chosen
 from twin.cli import console, options
-from twin.cli.moving import written
+from twin.cli.options import Verb
 from twin.cli.output import output_folder, run_folder
-from twin.cli.verb import Verb
+from twin.cli.results import written
+
+if TYPE_CHECKING:
+    from sysid.bench.cell import Cell
+    from sysid.bench.method import Method as AnyMethod
+    from sysid.bench.redraw import Redrawn
+    from sysid.bench.task import Family
+
+Tag = Annotated[str | None, typer.Option("--tag", metavar="NAME", help="what to run: quick, standard or full")]
+Scenario = Annotated[
+    list[str] | None,
+    typer.Option("--scenario", metavar="PATTERN", help="scenarios instead of a tag, for example 'drawn/*'; repeat"),
+]
+Method = Annotated[
+    list[str] | None,
+    typer.Option("--method", metavar="NAME|FILE.py", help="methods instead of the tag's, or files of yours; repeat"),
+]
+Records = Annotated[
+    Path | None,
+    typer.Option(
+        "--records", metavar="DIR", help="public records (family real), or sets of .hdf5 files (family files)"
+    ),
+]
+
+
+def all_families(records: Path | None = None) -> "dict[str, Family]":
+    """All families of scenarios; `records` is a folder of public records, or of data sets as identibench keeps them."""
+    from sysid.bench import scenarios
+    from sysid.bench.layouts import Files
+    from sysid.bench.scenarios.real import Real
+    from twin import bench
+
+    found: dict[str, Family] = {**scenarios.TABLE, **bench.TABLE}
+    if records is None:
+        return found
+    if not records.is_dir():
+        raise InputError(f"there is no folder {records}; give the folder that holds the records")
+    here = str(records.resolve())  # workers may run elsewhere
+    if any(records.rglob("*.hdf5")):
+        return found | {"files": Files(here)}
+    return found | {"real": Real(folder=here)}
+
+
+def all_methods() -> "dict[str, AnyMethod]":
+    """All methods by name."""
+    from sysid.bench import methods as known
+
+    return dict(known.TABLE)
+
+
+def add_file(text: str, into: "dict[str, AnyMethod]") -> str:
+    """The name of a method; one that a file holds is added to `into`."""
+    if not text.endswith(".py") and os.sep not in text:
+        return text
+    from sysid.bench.scaffold import load
+    from sysid.bench.suites import OWN, PEERS
+
+    method = load(text)
+    if method.name in into or method.name in (OWN, PEERS):
+        raise InputError(f"{text} has the name of a method that is there already; rename the file")
+    into[method.name] = method
+    return method.name
+
+
+def find_scenario(text: str, records: Path | None) -> "tuple[Family, str]":
+    """The family and the name of "family/name"."""
+    family, _, name = text.partition("/")
+    known = all_families(records)
+    if family not in known:
+        raise unknown("family of scenarios", family, known)
+    if name not in known[family].scenarios():
+        raise unknown(f"scenario of {family}", name, known[family].scenarios())
+    return known[family], name
+
+
+def selected_cells(
+    tag: str | None,
+    patterns: list[str] | None,
+    named: list[str] | None,
+    seeds: int | None,
+    first: int | None,
+    budget: float | None,
+    records: Path | None,
+) -> "list[Cell]":
+    """The cells of a tag or of patterns, with other methods, seeds or budget where they are given."""
+    from sysid.bench import suites
+    from sysid.bench.methods import GENERAL, OURS
+
+    if tag is None and patterns is None:
+        raise InputError(f"nothing is chosen; give --tag ({', '.join(suites.SUITES)}) or --scenario (qpal bench list)")
+    if tag is not None and tag not in suites.SUITES:
+        raise unknown("tag", tag, suites.SUITES)
+    for name, value in (("seeds", seeds), ("budget", budget)):
+        if value is not None and not value > 0:
+            raise InputError(f"--{name} is {value}; give a positive number")
+    if first is not None and not 0 <= first < 2**62:
+        raise InputError(f"--first is {first}; give a whole number from 0 to 2^62")
+    known, suite = all_methods(), suites.SUITES[tag or "quick"]
+    names = tuple(add_file(text, known) for text in named or ())
+    patterns = None if patterns is None else [p if "/" in p else f"{p}/*" for p in patterns]
+    if patterns is not None:
+        parts = [suites.Part(tuple(patterns), names or (suites.BAR, *GENERAL), seeds or 1)]
+    else:
+        parts = [suites.Part(part.scenarios, names or part.methods, seeds or part.seeds) for part in suite.parts]
+    return suites.cells(parts, budget or suite.seconds, all_families(records), known, first, OURS)
+
+
+def cell_redrawer(records: Path | None) -> "Callable[[str, str, int], Redrawn]":
+    """Solves a cell of the table again, by the names in its row."""
+    from sysid.bench.redraw import redraw as again
+    from sysid.bench.suites import SUITES
+
+    known, every = all_families(records), all_methods()
+
+    def one(name: str, method: str, seed: int) -> "Redrawn":
+        family, _, rest = name.partition("/")
+        if family not in known or method not in every:
+            raise InputError(f"{name} or {method} is not part of this installation; give --records or the file")
+        return again(known[family], rest, every[method], seed, SUITES["standard"].seconds)
+
+    return one
+
 
 DEFAULT = Path("runs/bench.parquet")
 Table = Annotated[Path, typer.Argument(metavar="TABLE.parquet", help="results of qpal bench run")]
@@ -32,13 +153,13 @@ def build() -> typer.Typer:
 
 
 def run(
-    tag: chosen.Tag = None,
-    scenario: chosen.Scenario = None,
-    method: chosen.Method = None,
+    tag: Tag = None,
+    scenario: Scenario = None,
+    method: Method = None,
     seeds: Annotated[int | None, options.whole("N", "seeds of each scenario, instead of the tag's")] = None,
     first: Annotated[int | None, options.whole("N", "the first seed; that of this version if not given")] = None,
     budget: Annotated[float | None, options.number("S", "seconds that each fit may take")] = None,
-    records: chosen.Records = None,
+    records: Records = None,
     workers: Annotated[
         int | None, options.whole("N", "local processes; as many as there are cores if not given")
     ] = None,
@@ -52,7 +173,7 @@ def run(
     from sysid.bench.runner import run as run_cells
     from sysid.bench.table import Table as Results
 
-    cells = chosen.cells(tag, scenario, method, seeds, first, budget, records)
+    cells = selected_cells(tag, scenario, method, seeds, first, budget, records)
     table = Results(out)
     with console.progress(max(len(cells), 1), lines=not as_json) as step:
         try:
@@ -82,7 +203,7 @@ def report(
         Path | None, typer.Option("--against", metavar="BASE.parquet", help="an earlier table: say what changed")
     ] = None,
     draw: Annotated[int, options.whole("N", "worst cells of our methods to solve again and draw")] = 0,
-    records: chosen.Records = None,
+    records: Records = None,
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> None:
@@ -96,7 +217,7 @@ def report(
     rows = read(table)
     judged = set(rows["method"]) - set(PEERS)
     verdict = None if against is None else compare(rows, read(against), judged)
-    redraw = chosen.redraw(records) if draw else None
+    redraw = cell_redrawer(records) if draw else None
     with run_folder(out, "bench") as (folder, scratch):
         summary = page.write(scratch, rows, OURS, verdict, redraw, draw)
     console.finish(folder, summary, as_json, [], [*(verdict.sentences if verdict else ()), *summary["sentences"]])
@@ -104,12 +225,12 @@ def report(
         raise typer.Exit(1)
 
 
-def show(records: chosen.Records = None, as_json: options.Json = False) -> None:
+def show(records: Records = None, as_json: options.Json = False) -> None:
     """List the scenarios, methods and tags."""
     from sysid.bench.suites import SUITES
     from sysid.report.page import Grid
 
-    families, methods = chosen.families(records), chosen.methods()
+    families, methods = all_families(records), all_methods()
     if as_json:
         found = {
             "scenarios": {f.name: list(f.scenarios()) for f in families.values()},
@@ -141,8 +262,8 @@ def install(
     from sysid.bench.outside import Outside
     from sysid.bench.suites import PEERS
 
-    methods = chosen.methods()
-    names = [chosen.add_file(text, methods) for text in name]
+    methods = all_methods()
+    names = [add_file(text, methods) for text in name]
     for each in names:
         if each != PEERS and each not in methods:
             raise unknown("method", each, methods)
@@ -165,14 +286,14 @@ def install(
 def export(
     scenario: Annotated[str, typer.Argument(metavar="FAMILY/NAME", help="see qpal bench list")],
     seed: Annotated[int, options.whole("N", "which draw")] = 0,
-    records: chosen.Records = None,
+    records: Records = None,
     out: Annotated[str, typer.Option("--out", metavar="DIR", help="a new folder")] = "runs/scenario",
 ) -> None:
     """Write a scenario's data as CSV, and what is known of its plant as JSON."""
     from sysid.bench.export import check_empty
     from sysid.bench.export import export as write
 
-    family, name = chosen.scenario(scenario, records)
+    family, name = find_scenario(scenario, records)
     if seed < 0:
         raise InputError(f"--seed is {seed}; give a whole number of at least 0")
     check_empty(out)

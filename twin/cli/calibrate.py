@@ -44,9 +44,8 @@ def calibrate(
     """
     limit = options.budget(seconds)
     from sysid.report.page import write
-    from twin.calibrate import doubt
+    from twin.calibrate import advice
     from twin.calibrate.calibration import calibrate as run
-    from twin.calibrate.written import write as write_parameters
     from twin.report import calibrate as report
 
     held_out = options.names(hold_out)
@@ -70,11 +69,11 @@ def calibrate(
         target = folder / f"{joint}.toml"
         summary = {"file": str(target), **result.as_dict()}
         write(scratch, report.page(result), summary)
-        write_parameters(result, scratch / target.name)
+        advice.write(result, scratch / target.name)
     said = [*report.sentences(result), *report.undetermined_sentences(result), f"Parameters: {target}"]
-    step_on = doubt.next_step(result, shlex.join(files))
+    step_on = advice.next_step(result, shlex.join(files))
     said.append(
         step_on or f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}"
     )
     console.finish(folder, summary, as_json, report.tables(result), said)
-    return 0 if result.converged and not doubt.useless(result) else 1
+    return 0 if result.converged and not advice.useless(result) else 1

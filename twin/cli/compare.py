@@ -63,7 +63,7 @@ def compare(
         log = twin.Log.load(file, map)
         which = _joint(file, log, joint)
         if against is None:
-            from twin.compare.align import parts
+            from twin.compare.alignment import parts
             from twin.compare.comparison import compare as run
 
             result = run(

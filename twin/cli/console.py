@@ -10,8 +10,8 @@ from threading import Event, Thread
 from typing import Any
 
 from sysid.report.page import Grid, to_json
-from twin.cli.moving import is_written
-from twin.cli.streams import say
+from twin.cli.environment import say
+from twin.cli.results import is_written
 
 
 class Stopped(Exception):  # noqa: N818 - a person stopped it: no error

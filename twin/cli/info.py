@@ -11,8 +11,8 @@ from sysid import formats
 from sysid.base.errors import InputError, unknown
 from sysid.base.files import write_text
 from twin.cli import console, options
-from twin.cli.moving import written
 from twin.cli.output import check_writable_file, run_folder
+from twin.cli.results import written
 
 if TYPE_CHECKING:
     from sysid.channels.guess import Given

@@ -11,9 +11,9 @@ from itertools import count
 from pathlib import Path
 
 from sysid.base.errors import InputError
-from twin.cli import moving
+from twin.cli import results
+from twin.cli.environment import say
 from twin.cli.stopping import held
-from twin.cli.streams import say
 
 RUNS = Path("runs")
 MANY = 5  # names in a sentence
@@ -64,8 +64,8 @@ def _claim(verb: str) -> tuple[Path, Path]:
     """A folder runs/<stamp>-<verb> that this call has made, and its scratch folder."""
     for folder in _names(verb):
         try:
-            return folder, moving.reserve(folder, claimed=True)
-        except (FileExistsError, moving.Busy):
+            return folder, results.reserve(folder, claimed=True)
+        except (FileExistsError, results.Busy):
             continue
     raise AssertionError
 
@@ -97,7 +97,7 @@ def _reserve(folder: Path) -> tuple[Path, Path]:
             f"cannot write to {folder}: results are made beside it first, and {folder.parent.resolve()} {why}; give a "
             f"new folder in it, for example {folder / 'results'}"
         )
-    return folder, moving.reserve(folder, claimed=False)
+    return folder, results.reserve(folder, claimed=False)
 
 
 @contextmanager
@@ -119,7 +119,7 @@ def _scratch(folder: Path, reserve: Callable[[], tuple[Path, Path]], claimed: bo
                 raise InputError(said) from None
             raise
         try:
-            foreign = moving.move(scratch, folder, claimed)
+            foreign = results.move(scratch, folder, claimed)
         except OSError as error:
             raise _not_writable(folder, error) from None
         if foreign:

@@ -9,9 +9,9 @@ import twin
 from sysid import excitations, formats
 from sysid.base.errors import InputError
 from twin.cli import console, options
-from twin.cli.moving import written
 from twin.cli.output import check_writable_file, run_folder
-from twin.hardware.drive import MODES
+from twin.cli.results import written
+from twin.hardware.actuator import MODES
 from twin.hardware.potentiometer import SIDES
 from twin.parameters import LEG, REALISATIONS
 

@@ -11,8 +11,8 @@ from sysid import formats
 from sysid.base.errors import InputError
 from sysid.base.files import atomic_file
 from twin.cli import console, options
-from twin.cli.moving import written
 from twin.cli.output import check_writable_file, output_folder
+from twin.cli.results import written
 
 if TYPE_CHECKING:
     from twin.view.replay import Movement, Replay
@@ -143,7 +143,7 @@ def _traces(
         raise InputError(f"{option} is given without a LOG; give the log first: qpal view LOG {option} ...")
     if ghost is not None:
         raise InputError(f"{option} and --ghost are given and there is one ghost; leave one of the two out")
-    from twin.compare.beside import beside
+    from twin.compare.comparison import beside
     from twin.view.traces import Traces
 
     given = twin.Log.load(log, map)

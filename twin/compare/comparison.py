@@ -13,15 +13,12 @@ from sysid.base.files import json_value, versions
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
-from twin.compare.align import Alignment, align, parts, turn_back, turned
-from twin.compare.explain import Verdict, explain
+from twin.compare.alignment import Alignment, align, parts, turn_back, turned
+from twin.compare.departure import Regime, Repeat, Spectrum, by_regime, noise_of, regimes, repeat, spectrum
+from twin.compare.effects import START
 from twin.compare.joints import Pair, pairs
-from twin.compare.knobs import START
-from twin.compare.regimes import Regime, by_regime, noise_of, regimes
-from twin.compare.repeats import Repeat, repeat
-from twin.compare.search import Search, refine
-from twin.compare.spectra import Spectrum, spectrum
-from twin.compare.trials import Trials
+from twin.compare.search import Search, Trials, refine
+from twin.compare.verdict import Verdict, explain
 from twin.follow import Follower
 from twin.log import Log, check_plausible
 from twin.parameters import JOINTS, Parameters
@@ -122,7 +119,7 @@ def compare(
 ) -> Comparison:
     """The log beside the twin, driven with its input from its initial state.
 
-    `apply` names the parts of the alignment that the comparison uses (`twin.compare.align.PARTS`). Alignment and
+    `apply` names the parts of the alignment that the comparison uses (`twin.compare.alignment.PARTS`). Alignment and
     verdict are found on the first `seconds` [s] of the record. `values`: whether the actuated joint is fitted to both
     (the slowest part). `seed` draws the noise of the twin's own log for this. Raises InputError for a joint or a part
     that does not exist, and for a log that is too short or whose numbers
@@ -249,4 +246,23 @@ def _finished(
     )
 
 
-__all__ = ["LOG", "MODEL", "TWIN", "Comparison", "compare", "compare_log", "compare_model"]
+@dataclass(frozen=True)
+class Beside:
+    """Time t (N,) [s], input u (N,) [V], the log's angle y and the twin's (N,) [rad] of one joint."""
+
+    joint: str
+    t: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    twin: np.ndarray
+
+
+def beside(log: Log, joint: str, parameters: Parameters | None = None, pot_side: str = "link") -> Beside:
+    """The twin under the input of the log; raises InputError for a joint that the log does not have, and for
+    numbers that cannot be of it."""
+    follower, p = Follower(log, joint, pot_side=pot_side), parameters or Parameters()
+    check_plausible(log, joint, p)
+    trials, search = Trials(follower, p), Search("", ())
+    refine(trials, search, follower.y, rounds=2)
+    (row,) = trials.rows([search.state])
+    return Beside(joint, log.t, follower.u, follower.y, row)

@@ -7,8 +7,7 @@ import numpy as np
 from scipy.stats import norm
 
 from sysid.uncertainty.long_run import long_run_covariance_root
-from twin.compare.search import Search, differences, stiffness
-from twin.compare.trials import Trials
+from twin.compare.search import Search, Trials, differences, stiffness
 
 LEVEL = 0.95
 _BLIND = 1e-10  # of the largest: a direction in which the record is as good as constant

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.compare.effects import TABLE
-from twin.compare.knobs import END_HIGH, END_LOW, moved
+from twin.compare.effects import END_HIGH, END_LOW, TABLE, moved
 from twin.experiment import Experiment
 from twin.follow import Follower
 from twin.hardware.linkage import end_angles, middle

@@ -9,8 +9,8 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
+from twin.hardware.actuator import check_rotor
 from twin.hardware.linkage import clearance, end_angles
-from twin.hardware.motor import check_rotor
 from twin.parameters import JOINTS, TABLE, Parameters, Row
 
 ROWS = {row.name: row for row in TABLE}

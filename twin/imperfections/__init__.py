@@ -6,7 +6,7 @@ A class declares its parameter rows, their ideal values when it is switched off,
 kernel, and its text. `twin.signatures` has the experiments that show it.
 """
 
-from twin.declared import Imperfection
+from twin.imperfections._declaration import GROUPS, GUESS, Imperfection, Row, slot_value
 from twin.imperfections.adc import Adc
 from twin.imperfections.asymmetry import Asymmetry
 from twin.imperfections.backlash import Backlash
@@ -48,8 +48,8 @@ IMPERFECTIONS = tuple(TABLE)
 
 
 def of_group(*groups: str) -> tuple[str, ...]:
-    """Names of the imperfections in these groups, of `twin.declared.GROUPS`."""
+    """Names of the imperfections in these groups, of `GROUPS`."""
     return tuple(name for name, each in TABLE.items() if each.group in groups)
 
 
-__all__ = ["IMPERFECTIONS", "TABLE", "of_group"]
+__all__ = ["GROUPS", "GUESS", "IMPERFECTIONS", "TABLE", "Imperfection", "Row", "of_group", "slot_value"]

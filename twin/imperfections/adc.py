@@ -1,10 +1,9 @@
 """Quantisation."""
 
-from collections.abc import Mapping
 from math import inf
 from typing import ClassVar
 
-from twin.declared import Imperfection, Row
+from twin.imperfections._declaration import Imperfection, Row
 
 
 class Adc(Imperfection):
@@ -27,4 +26,4 @@ class Adc(Imperfection):
             compiled=False,
         ),
     )
-    ideal: ClassVar[Mapping[str, float]] = {"adc_bits": inf}
+    ideal: ClassVar = {"adc_bits": inf}

@@ -1,9 +1,8 @@
 """Direction-dependent friction."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import Imperfection
+from twin.imperfections._declaration import Imperfection
 
 
 class Asymmetry(Imperfection):
@@ -17,4 +16,4 @@ class Asymmetry(Imperfection):
     )
     model = "Coulomb friction is (1 + asymmetry) times its mean upwards and (1 − asymmetry) times its mean downwards."
     parameters = "`JOINT.asymmetry`."
-    ideal: ClassVar[Mapping[str, float]] = {"JOINT.asymmetry": 0.0}
+    ideal: ClassVar = {"JOINT.asymmetry": 0.0}

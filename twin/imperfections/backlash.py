@@ -1,9 +1,8 @@
 """Backlash."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import Imperfection
+from twin.imperfections._declaration import Imperfection
 
 
 class Backlash(Imperfection):
@@ -18,4 +17,4 @@ class Backlash(Imperfection):
         "link within the play."
     )
     parameters = "`JOINT.backlash`."
-    ideal: ClassVar[Mapping[str, float]] = {"JOINT.backlash": 0.0}
+    ideal: ClassVar = {"JOINT.backlash": 0.0}

@@ -1,9 +1,8 @@
 """Foot on the floor."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import Imperfection
+from twin.imperfections._declaration import Imperfection
 
 
 class Contact(Imperfection):
@@ -18,4 +17,4 @@ class Contact(Imperfection):
         "foot hangs free."
     )
     parameters = "`bench_height`."
-    ideal: ClassVar[Mapping[str, float]] = {}
+    ideal: ClassVar = {}

@@ -1,9 +1,8 @@
 """Dead zone."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import GUESS, Imperfection, OfBoard, Row
+from twin.imperfections._declaration import GUESS, Imperfection, Row
 
 
 class DeadBand(Imperfection):
@@ -26,5 +25,5 @@ class DeadBand(Imperfection):
             compiled=False,
         ),
     )
-    ideal: ClassVar[Mapping[str, float]] = {"dead_band": 0.0}
-    board: ClassVar[Mapping[str, OfBoard]] = {"DEAD_BAND": lambda p: p["dead_band"]}
+    ideal: ClassVar = {"dead_band": 0.0}
+    board: ClassVar = {"DEAD_BAND": "dead_band"}

@@ -1,9 +1,8 @@
 """Transport delay."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import GUESS, Imperfection, Row
+from twin.imperfections._declaration import GUESS, Imperfection, Row
 
 
 class Delay(Imperfection):
@@ -28,4 +27,4 @@ class Delay(Imperfection):
             compiled=False,
         ),
     )
-    ideal: ClassVar[Mapping[str, float]] = {"delay": 0.0}
+    ideal: ClassVar = {"delay": 0.0}

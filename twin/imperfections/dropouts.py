@@ -1,9 +1,8 @@
 """Lost samples."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import GUESS, Imperfection, Row
+from twin.imperfections._declaration import GUESS, Imperfection, Row
 
 
 class Dropouts(Imperfection):
@@ -28,4 +27,4 @@ class Dropouts(Imperfection):
             compiled=False,
         ),
     )
-    ideal: ClassVar[Mapping[str, float]] = {"dropout_rate": 0.0}
+    ideal: ClassVar = {"dropout_rate": 0.0}

@@ -1,10 +1,9 @@
 """End stops."""
 
-from collections.abc import Mapping
 from math import inf
 from typing import ClassVar
 
-from twin.declared import Imperfection
+from twin.imperfections._declaration import Imperfection
 
 
 class EndStops(Imperfection):
@@ -24,4 +23,4 @@ class EndStops(Imperfection):
         "`JOINT.switch_margin`; `thigh.retracted_length`, `thigh.stroke`, the same for the shank; `shoulder.lower`, "
         "`shoulder.upper`."
     )
-    ideal: ClassVar[Mapping[str, float]] = {"JOINT.switch_margin": -inf}
+    ideal: ClassVar = {"JOINT.switch_margin": -inf}

@@ -1,9 +1,8 @@
 """Coulomb and viscous friction."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import Imperfection
+from twin.imperfections._declaration import Imperfection
 
 
 class Friction(Imperfection):
@@ -21,7 +20,7 @@ class Friction(Imperfection):
         "at steady speed w."
     )
     parameters = "`JOINT.coulomb`, `JOINT.viscous`, `JOINT.bearing_coulomb`, `JOINT.bearing_viscous`."
-    ideal: ClassVar[Mapping[str, float]] = {
+    ideal: ClassVar = {
         "JOINT.coulomb": 0.0,
         "JOINT.viscous": 0.0,
         "JOINT.bearing_coulomb": 0.0,

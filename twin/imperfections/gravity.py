@@ -1,9 +1,8 @@
 """Weight."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import Imperfection, Row
+from twin.imperfections._declaration import Imperfection, Row
 
 
 class Gravity(Imperfection):
@@ -20,4 +19,4 @@ class Gravity(Imperfection):
     )
     parameters = "`gravity`; `thigh_mass`, `shank_mass`, `foot_mass`, `actuator_mass`."
     rows = (Row("gravity", 9.81, 0, 20, "m/s2", "standard", "option gravity"),)
-    ideal: ClassVar[Mapping[str, float]] = {"gravity": 0.0}
+    ideal: ClassVar = {"gravity": 0.0}

@@ -1,9 +1,8 @@
 """Sampling jitter."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import GUESS, Imperfection, Row
+from twin.imperfections._declaration import GUESS, Imperfection, Row
 
 
 class Jitter(Imperfection):
@@ -20,4 +19,4 @@ class Jitter(Imperfection):
     rows = (
         Row("sample_jitter", 0.001, 0, 0.05, "s", GUESS, "pot: standard deviation of a sample's time", compiled=False),
     )
-    ideal: ClassVar[Mapping[str, float]] = {"sample_jitter": 0.0}
+    ideal: ClassVar = {"sample_jitter": 0.0}

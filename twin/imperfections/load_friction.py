@@ -1,9 +1,8 @@
 """Friction that grows with the load."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import Imperfection, OfJoint
+from twin.imperfections._declaration import Imperfection
 
 
 class LoadFriction(Imperfection):
@@ -19,5 +18,5 @@ class LoadFriction(Imperfection):
         "friction is higher, so that the leg also stands still without this imperfection."
     )
     parameters = "`JOINT.load_friction`."
-    ideal: ClassVar[Mapping[str, float]] = {"JOINT.load_friction": 0.0}
-    joint: ClassVar[Mapping[str, OfJoint]] = {"LOAD_FRICTION": lambda p, joint: p[f"{joint}.load_friction"]}
+    ideal: ClassVar = {"JOINT.load_friction": 0.0}
+    joint: ClassVar = {"LOAD_FRICTION": "JOINT.load_friction"}

@@ -1,11 +1,10 @@
 """Measurement noise."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
-from twin.declared import GUESS, Imperfection, OfJoint, Row
+from twin.imperfections._declaration import GUESS, Imperfection, Row
 
 
 class Noise(Imperfection):
@@ -28,5 +27,5 @@ class Noise(Imperfection):
             compiled=False,
         ),
     )
-    ideal: ClassVar[Mapping[str, float]] = {"pot_noise": 0.0}
-    joint: ClassVar[Mapping[str, OfJoint]] = {"POT_NOISE": lambda p, joint: p["pot_noise"]}
+    ideal: ClassVar = {"pot_noise": 0.0}
+    joint: ClassVar = {"POT_NOISE": "pot_noise"}

@@ -1,9 +1,8 @@
 """Nonlinear potentiometer."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import GUESS, Imperfection, Row
+from twin.imperfections._declaration import GUESS, Imperfection, Row
 
 
 class Nonlinearity(Imperfection):
@@ -26,4 +25,4 @@ class Nonlinearity(Imperfection):
             compiled=False,
         ),
     )
-    ideal: ClassVar[Mapping[str, float]] = {"pot_linearity": 0.0}
+    ideal: ClassVar = {"pot_linearity": 0.0}

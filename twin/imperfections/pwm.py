@@ -1,10 +1,9 @@
 """PWM resolution."""
 
-from collections.abc import Mapping
 from math import inf
 from typing import ClassVar
 
-from twin.declared import GUESS, Imperfection, OfBoard, Row
+from twin.imperfections._declaration import GUESS, Imperfection, Row
 
 
 def levels(bits: float) -> int:
@@ -24,5 +23,5 @@ class Pwm(Imperfection):
     )
     parameters = "`pwm_bits`, `supply_voltage`."
     rows = (Row("pwm_bits", 8, 4, 16, "1", GUESS, "drive: duty in steps of 1 / (2^bits - 1)", compiled=False),)
-    ideal: ClassVar[Mapping[str, float]] = {"pwm_bits": inf}
-    board: ClassVar[Mapping[str, OfBoard]] = {"LEVELS": lambda p: levels(p["pwm_bits"])}
+    ideal: ClassVar = {"pwm_bits": inf}
+    board: ClassVar = {"LEVELS": lambda p, joint: levels(p["pwm_bits"])}

@@ -1,9 +1,8 @@
 """Sag of the supply."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import GUESS, Imperfection, OfBoard, Row
+from twin.imperfections._declaration import GUESS, Imperfection, Row
 
 
 class Sag(Imperfection):
@@ -26,5 +25,5 @@ class Sag(Imperfection):
             compiled=False,
         ),
     )
-    ideal: ClassVar[Mapping[str, float]] = {"supply_resistance": 0.0}
-    board: ClassVar[Mapping[str, OfBoard]] = {"SUPPLY_R": lambda p: p["supply_resistance"]}
+    ideal: ClassVar = {"supply_resistance": 0.0}
+    board: ClassVar = {"SUPPLY_R": "supply_resistance"}

@@ -1,9 +1,8 @@
 """More friction at low speed."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
-from twin.declared import Imperfection, OfJoint
+from twin.imperfections._declaration import Imperfection
 
 
 class Stribeck(Imperfection):
@@ -24,8 +23,8 @@ class Stribeck(Imperfection):
         "150, `JOINT.servo_kp` 30, `JOINT.stribeck` 1; why: Armstrong-Hélouvry, Dupont and Canudas de Wit, "
         "Automatica 30, 1994, section 4). Each slip begins where the motor's torque reaches the static friction."
     )
-    ideal: ClassVar[Mapping[str, float]] = {"JOINT.stribeck": 0.0}
-    joint: ClassVar[Mapping[str, OfJoint]] = {
-        "STRIBECK": lambda p, joint: p[f"{joint}.stribeck"],
-        "STRIBECK_SPEED": lambda p, joint: p[f"{joint}.stribeck_speed"],
+    ideal: ClassVar = {"JOINT.stribeck": 0.0}
+    joint: ClassVar = {
+        "STRIBECK": "JOINT.stribeck",
+        "STRIBECK_SPEED": "JOINT.stribeck_speed",
     }

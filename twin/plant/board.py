@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from twin.hardware.drive import Drive, drive
-from twin.hardware.friction import DryFriction, dry_friction
-from twin.hardware.motor import Motor, motor
+from twin.hardware.actuator import Drive, DryFriction, Motor, drive, dry_friction, motor
 from twin.hardware.potentiometer import Potentiometer, potentiometer
 from twin.imperfections import TABLE as IMPERFECTIONS
+from twin.imperfections import slot_value
 from twin.parameters import Parameters
 from twin.plant import slots
 
@@ -45,8 +44,8 @@ def circuit(parameters: Parameters, joint: str, without: Collection[str] = ()) -
         dry_friction(parameters, joint, without),
         p[f"{joint}.viscous"],
         potentiometer(parameters, without),
-        {slot: value(p) for each in IMPERFECTIONS.values() for slot, value in each.board.items()},
-        {slot: value(p, joint) for each in IMPERFECTIONS.values() for slot, value in each.joint.items()},
+        {name: slot_value(slot, p, joint) for each in IMPERFECTIONS.values() for name, slot in each.board.items()},
+        {name: slot_value(slot, p, joint) for each in IMPERFECTIONS.values() for name, slot in each.joint.items()},
     )
 
 

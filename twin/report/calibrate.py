@@ -12,8 +12,7 @@ from sysid.base.style import styled
 from sysid.data.record import IOData
 from sysid.report import zoom
 from sysid.report.page import Grid, Page, Picture, Section
-from twin.calibrate import doubt
-from twin.calibrate.advice import what_to_record
+from twin.calibrate import advice
 from twin.calibrate.discrepancy import directions
 from twin.calibrate.result import Calibration, Run
 from twin.report import leg
@@ -58,7 +57,7 @@ _LEFT = "A residual that repeats with place and direction belongs to an effect t
 def sentences(result: Calibration) -> list[str]:
     """The result in a few sentences, what must not be used first."""
     texts = [
-        *doubt.sentences(result),
+        *advice.sentences(result),
         f"The search {'converged' if result.converged else 'did not converge'} after {result.found.stop.iterations} "
         f"iterations: {result.reason}.",
     ]
@@ -78,7 +77,7 @@ def undetermined_sentences(result: Calibration) -> list[str]:
     """Parameters that these logs do not tell, each with what to record."""
     if not result.fixed:
         return ["These logs tell every parameter that was free."]
-    return [f"{reason} To tell it, {what_to_record(result.joint, row)}." for row, reason in result.fixed.items()]
+    return [f"{reason} To tell it, {advice.what_to_record(result.joint, row)}." for row, reason in result.fixed.items()]
 
 
 def tables(result: Calibration) -> list[Grid]:

@@ -11,13 +11,13 @@ from sysid.plots import residual_tests
 from sysid.report import zoom
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.report.sections import NOT_KNOWN, capital
-from twin.compare.align import Alignment
+from twin.compare.alignment import Alignment
 from twin.compare.comparison import LOG, MODEL, TWIN, Comparison
+from twin.compare.departure import DEFINITIONS
 from twin.compare.effects import TABLE
-from twin.compare.explain import Change, Share, Verdict
 from twin.compare.intervals import Value
 from twin.compare.joints import EFFECTS, Pair
-from twin.compare.regimes import DEFINITIONS
+from twin.compare.verdict import Change, Share, Verdict
 from twin.report import compare_figures as figures
 from twin.report import leg
 

@@ -12,9 +12,9 @@ from sysid.base.style import styled
 from sysid.data.record import IOData
 from sysid.report import zoom
 from twin.compare.comparison import LOG, Comparison
+from twin.compare.departure import Spectrum
 from twin.compare.effects import TABLE
-from twin.compare.explain import Verdict
-from twin.compare.spectra import Spectrum
+from twin.compare.verdict import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,8 +12,8 @@ from sysid.base import style
 from sysid.base.quantities import display_quantity, number
 from sysid.base.style import styled
 from sysid.report.page import Grid, Picture, Section
-from twin.declared import Imperfection
 from twin.imperfections import TABLE as IMPERFECTIONS
+from twin.imperfections import Imperfection
 from twin.signatures import Mark, Signature
 
 if TYPE_CHECKING:

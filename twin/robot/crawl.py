@@ -14,9 +14,8 @@ from sysid.base.files import versions
 from twin.parameters import JOINTS, TABLE, Parameters
 from twin.plant.leg import LEGS, robot
 from twin.robot.gait import Gait, Plan, plan
-from twin.robot.shaping import shaped
 from twin.robot.statics import stability_margin
-from twin.robot.walk import Walk, drive
+from twin.robot.walk import Walk, drive, shaped
 
 CYCLE = 17.7  # [s] of the usual gait
 SPREAD = 0.2  # largest relative difference of a drawn robot's friction and masses from nominal

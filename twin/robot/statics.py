@@ -5,9 +5,8 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from twin.hardware.friction import dry_friction
+from twin.hardware.actuator import dry_friction, motor
 from twin.hardware.linkage import linkage
-from twin.hardware.motor import motor
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import LEGS
 

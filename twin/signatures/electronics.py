@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from twin.hardware.actuator import motor
 from twin.hardware.linkage import end_angles
-from twin.hardware.motor import motor
 from twin.hardware.potentiometer import potentiometer
 from twin.parameters import TABLE, Parameters
 from twin.plant.stepping import TIMESTEP

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from twin.hardware.motor import Motor, motor
+from twin.hardware.actuator import Motor, motor
 from twin.hardware.potentiometer import potentiometer
 from twin.parameters import Parameters
 from twin.plant.stepping import TIMESTEP

@@ -3,8 +3,8 @@
 import numpy as np
 
 from twin.experiment import SETTLE
+from twin.hardware.actuator import motor
 from twin.hardware.linkage import end_angles, middle
-from twin.hardware.motor import motor
 from twin.hardware.potentiometer import potentiometer
 from twin.parameters import Parameters
 from twin.plant.leg import robot

@@ -18,7 +18,7 @@ from sysid.workflow.evaluation import evaluate
 from sysid.workflow.results import Evaluation
 from sysid.workflow.setting import Setting
 from twin.experiment import Experiment
-from twin.hardware.drive import drive
+from twin.hardware.actuator import drive
 from twin.hardware.potentiometer import potentiometer
 from twin.log import Log
 from twin.parameters import Parameters

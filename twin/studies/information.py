@@ -7,10 +7,8 @@ import numpy as np
 
 import twin
 from sysid.base.files import versions
-from twin.hardware.drive import drive
-from twin.hardware.friction import dry_friction
+from twin.hardware.actuator import drive, dry_friction, motor
 from twin.hardware.linkage import end_angles, linkage, stroke
-from twin.hardware.motor import motor
 from twin.parameters import JOINTS, TABLE, Parameters, Row
 from twin.plant.leg import check_joint
 from twin.truth import Truth, arm

@@ -8,8 +8,7 @@ GUESS = "assumption"
 GROUPS = ("friction", "mechanics", "bridge", "sensor")
 
 Values = Mapping[str, float]  # of the rows, by name
-OfBoard = Callable[[Values], float]
-OfJoint = Callable[[Values, str], float]
+Slot = str | float | Callable[[Values, str], float]  # a row's name, a number, or a function of values and joint
 
 
 @dataclass(frozen=True)
@@ -36,10 +35,14 @@ class Imperfection:
     `group`: its place, one of `GROUPS`: dry and viscous friction, other mechanics, between the command and the motor,
     or between the angle and the log. `rows`: parameters that only this imperfection has and that all joints share.
     Parameters of a single joint are in `twin.parameters`. `ideal`: values by row of a leg without it; JOINT stands for
-    each joint. They may lie outside the row's bounds. `board` and `joint`: its numbers for the compiled motor board,
-    by the name of their slot in `twin.plant.slots`; functions of the parameter values, in which switched-off
-    imperfections are at `ideal`. `title`, `about`, `model`, `parameters` and `remark` make its section in
-    docs/imperfections.md, in Markdown.
+    each joint. They may lie outside the row's bounds.
+
+    `board` and `joint`: its numbers for the compiled motor board, one for the board or one for each joint, by the name
+    of their slot in `twin.plant.slots`: the name of a row, where JOINT stands for the joint; a number, with which a
+    state of `twin.plant.kernels` begins; or a function of the parameter values, in which switched-off imperfections
+    are at `ideal`, and of the joint.
+
+    `title`, `about`, `model`, `parameters` and `remark` make its section in docs/imperfections.md, in Markdown.
     """
 
     name: ClassVar[str]
@@ -51,5 +54,12 @@ class Imperfection:
     remark: ClassVar[str] = ""
     rows: ClassVar[tuple[Row, ...]] = ()
     ideal: ClassVar[Mapping[str, float]]
-    board: ClassVar[Mapping[str, OfBoard]] = {}
-    joint: ClassVar[Mapping[str, OfJoint]] = {}
+    board: ClassVar[Mapping[str, Slot]] = {}
+    joint: ClassVar[Mapping[str, Slot]] = {}
+
+
+def slot_value(slot: Slot, values: Values, joint: str) -> float:
+    """The number that stands in a slot of the board of `joint` at first."""
+    if isinstance(slot, str):
+        return values[slot.replace("JOINT", joint)]
+    return slot(values, joint) if callable(slot) else slot

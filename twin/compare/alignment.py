@@ -6,12 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.base.errors import unknown
-from twin.compare.explain import Verdict
+from twin.compare.departure import noise_of
+from twin.compare.effects import DELAY, READ, SLOPE, START, ZERO
 from twin.compare.intervals import Value, by_name, values
-from twin.compare.knobs import DELAY, READ, SLOPE, START, ZERO
-from twin.compare.regimes import noise_of
-from twin.compare.search import Search, best_of, refine
-from twin.compare.trials import Trials
+from twin.compare.search import Search, Trials, best_of, refine
+from twin.compare.verdict import Verdict
 from twin.follow import Follower
 from twin.log import Log
 from twin.parameters import Parameters
@@ -19,7 +18,7 @@ from twin.parameters import Parameters
 # What `--align` names, and the knob of each.
 PARTS = {"delay": DELAY, "gear": SLOPE, "offset": ZERO, "sign": "sign"}
 # The twin is never quite the leg. These move with the alignment and are not reported; each is expected within this many
-# of its typical changes (`twin.compare.knobs`) of the twin's value.
+# of its typical changes (`twin.compare.effects`) of the twin's value.
 _BESIDE = ("JOINT.rated_voltage", "JOINT.coulomb", "JOINT.asymmetry", "JOINT.backlash", "foot_mass")
 EXPECTED = 1.5
 # These do not, and the twin has most of them as assumptions: they widen the intervals by a doubt of this share.
@@ -150,6 +149,3 @@ def align(trials: Trials, verdict: Verdict | None, which: str = "", applied: tup
 
 def _once(*names: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name in names if name != START))
-
-
-__all__ = ["PARTS", "Alignment", "align", "parts", "turn_back", "turned"]

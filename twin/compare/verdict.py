@@ -9,12 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from twin.compare.effects import TABLE
-from twin.compare.intervals import LEVEL, Value, values
-from twin.compare.knobs import SLOPE, START, ZERO
-from twin.compare.regimes import noise_of
-from twin.compare.search import Search, again, fit_all, refine
-from twin.compare.trials import Trials
+from twin.compare.departure import noise_of
+from twin.compare.effects import SLOPE, START, TABLE, ZERO
+from twin.compare.intervals import Value, values
+from twin.compare.search import Search, Trials, again, fit_all, refine
 
 CHANCE = 0.01  # probability of naming an effect where there is none, over all effects together
 MOST = 3  # effects that are named one after the other
@@ -214,6 +212,3 @@ def _changes(trials: Trials, search: Search, y: np.ndarray) -> tuple[Change, ...
         for value in values(trials, search, y)
         if value.name != START
     )
-
-
-__all__ = ["LEVEL", "Change", "Share", "Verdict", "explain"]
