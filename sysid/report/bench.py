@@ -7,14 +7,16 @@ from typing import Any
 
 import polars as pl
 
+from sysid.base import style
 from sysid.base.errors import InputError
 from sysid.base.files import json_value
 from sysid.bench import leaderboard as boards
 from sysid.bench import shown, words
 from sysid.bench.redraw import Redrawn, worst_to_draw
 from sysid.bench.regression import Verdict
-from sysid.report import bench_plots as plots
-from sysid.report.page import Grid, Page, Picture, Section, to_json
+from sysid.drawing.axes import draw
+from sysid.report import bench_figures as plots
+from sysid.report.page import Grid, Page, Picture, Section, element, script, to_json
 
 REPORT, FOLDER, TABLES = "report.html", "scenarios", "tables.md"
 WORST, EACH = 20, 3  # rows of a scenario's page, and of one method among them
@@ -75,7 +77,7 @@ def write(
     page = front(board, verdict, pictures)
     (folder / FOLDER).mkdir()
     (folder / REPORT).write_text(page.html(), encoding="utf-8")
-    (folder / plots.SCRIPT).write_text(plots.script(), encoding="utf-8")
+    (folder / plots.SCRIPT).write_text(script(), encoding="utf-8")
     for scenario, each in scenario_pages(board, pictures):
         (folder / FOLDER / file_name(scenario)).write_text(each.html(), encoding="utf-8")
     (folder / TABLES).write_text(tables(board), encoding="utf-8")
@@ -177,10 +179,9 @@ def summary(board: Board, verdict: Verdict | None) -> dict[str, Any]:
 
 def drawing(cell: Redrawn) -> Picture:
     """The free run of a cell over the measured output, and its error."""
-    from sysid.report.bench_drawing import draw
-
     caption = f"{cell.method} on {cell.scenario}, seed {cell.seed}: free run on the first test, and its error."
-    return Picture(file_name(f"{cell.scenario}-{cell.method}")[:-5], draw(cell), f"{caption} {cell.given}".strip())
+    name = file_name(f"{cell.scenario}-{cell.method}")[:-5]
+    return Picture(name, style.png(draw(plots.cell_figure(cell))), f"{caption} {cell.given}".strip())
 
 
 def file_name(scenario: str) -> str:
@@ -208,10 +209,10 @@ def _first(board: Board) -> list[str]:
 def _figures(board: Board) -> list[str]:
     """The plots."""
     return [
-        plots.html(plots.error_profile(board.rows, board.ours), "errors"),
-        plots.html(plots.time_profile(board.rows, board.ours, boards.NEAR[1]), "times"),
-        plots.html(plots.cost(board.board, board.ours), "cost"),
-        plots.html(plots.calibration(board.calibration, board.board, board.ours), "intervals"),
+        element(plots.error_profile(board.rows, board.ours), "errors"),
+        element(plots.time_profile(board.rows, board.ours, boards.NEAR[1]), "times"),
+        element(plots.cost(board.board, board.ours), "cost"),
+        element(plots.calibration(board.calibration, board.board, board.ours), "intervals"),
     ]
 
 

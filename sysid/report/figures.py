@@ -29,8 +29,8 @@ from sysid.plots.static_maps import Words, maps_figure
 from sysid.report.bands import GIVES_OUTPUT, SEES_INPUT, bands
 from sysid.report.joint import growth_figure, hatched, values_figure
 from sysid.report.page import Picture
-from sysid.report.sections import told_once
-from sysid.report.words import one_step, tests_in_words
+from sysid.report.sections import one_step, told_once
+from sysid.report.verdict import tests_in_words
 from sysid.uncertainty.curves import NORMALISED, Curve
 from sysid.workflow.results import Evaluation, single_channels
 

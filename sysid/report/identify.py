@@ -12,7 +12,7 @@ from sysid.estimation.result import Fit
 from sysid.export import closed_form
 from sysid.report import figures, sections, verdict
 from sysid.report.page import Grid, Listing, Page, Section
-from sysid.report.words import tests_in_words
+from sysid.report.verdict import tests_in_words
 from sysid.selection.table import Selection
 from sysid.structures import TABLE
 from sysid.workflow.identification import Identification

@@ -10,16 +10,21 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from sysid.base import style
 from sysid.base.files import json_value
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Figure
-from sysid.drawing.plotly import plotly
-from sysid.report import embed, glossary
+from sysid.drawing.plotly import Plotly, plotly
+from sysid.report import glossary
 
 if TYPE_CHECKING:
     from jinja2 import Template
     from markupsafe import Markup
+
+PACKED = 64  # numbers; a longer list travels as the bytes of its doubles, which are exact and half as long
+DRAW = resources.files("sysid.report").joinpath("zoom.js").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -33,7 +38,7 @@ class Picture:
     name: str
     png: bytes
     caption: str
-    zoom: embed.Figure | None = None
+    zoom: Plotly | None = None
     photo: bool = False
 
     @classmethod
@@ -49,7 +54,7 @@ class Picture:
     @property
     def element(self) -> str:
         """The HTML of the zoomable figure; empty without one."""
-        return "" if self.zoom is None else embed.element(self.zoom, self.name)
+        return "" if self.zoom is None else element(self.zoom, self.name)
 
     @property
     def sentence(self) -> str:
@@ -113,7 +118,7 @@ class Listing:
 class Section:
     """A heading with its content in the order: paragraphs, plots, tables, pictures, hidden tables and listings.
 
-    `plots` are elements of `sysid.report.embed` beside the pictures; for them a page names plotly in its `scripts`.
+    `plots` are elements of `element` beside the pictures; for them a page names plotly in its `scripts`.
     """
 
     title: str
@@ -147,7 +152,7 @@ class Page:
         """The page as one document, self-contained but for its scripts; plotly's is part of it if a figure needs it."""
         zooms = any(picture.zoom is not None for picture in self.pictures())
         draws = zooms or any(section.plots for section in self.sections)
-        return _template().render(page=self, plotly=embed.script() if zooms else "", draw=embed.DRAW if draws else "")
+        return _template().render(page=self, plotly=script() if zooms else "", draw=DRAW if draws else "")
 
     @property
     def words(self) -> dict[str, str]:
@@ -207,3 +212,38 @@ def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:
 def to_json(summary: dict[str, Any]) -> str:
     """A summary as strict JSON; numbers that are not finite become null."""
     return json.dumps(json_value(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def element(figure: Plotly, name: str) -> str:
+    """The HTML of a figure: a box of its height, named `name`, that `DRAW` fills; nothing is drawn without scripts.
+
+    Raises ValueError for a number that JSON has not.
+    """
+    text = json.dumps(_packed(figure), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    safe = text.replace("<", "\\u003c").replace("&", "\\u0026")  # no text of a figure ends the script or opens a tag
+    height = int(figure["layout"].get("height", 400))
+    return (
+        f'<div class="zoom" id="zoom-{name}" style="height:{height}px"></div>'
+        f'<script type="application/json" data-for="zoom-{name}">{safe}</script>'
+    )
+
+
+def script() -> str:
+    """The text of plotly.js, about 5 MB, for a page that stands alone."""
+    from plotly import offline
+
+    return str(offline.get_plotlyjs())
+
+
+def _packed(value: Any) -> Any:
+    """A figure as JSON values, long lists of numbers as base64."""
+    if isinstance(value, dict):
+        return {key: _packed(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        if len(value) > PACKED and all(each is None or isinstance(each, int | float) for each in value):
+            doubles = np.array([np.nan if each is None else each for each in value], dtype="<f8")
+            return {"dtype": "f8", "bdata": base64.b64encode(doubles.tobytes()).decode("ascii")}
+        return [_packed(each) for each in value]
+    if isinstance(value, np.generic):
+        return _packed(value.item())
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -8,8 +8,9 @@ import numpy as np
 from sysid.base.criteria import TABLE as CRITERIA
 from sysid.base.quantities import display_quantity, number, percent, pole
 from sysid.joint.values import JointValue
+from sysid.nlarx.result import ONE_STEP, NlarxFit
+from sysid.plots.responses import noted
 from sysid.report.page import Grid
-from sysid.report.words import noted, one_step
 from sysid.uncertainty.intervals import Interval, Root
 from sysid.workflow.results import Evaluation
 
@@ -129,7 +130,7 @@ def intervals_in_words(evaluation: Evaluation) -> str:
     words = (
         f"The intervals apply to this structure on this record and {how}; they do not include errors of the structure."
     )
-    return " ".join([words, *(noted("a pole", note) for note in notes)])
+    return " ".join([words, *(words for note in notes for words in noted("a pole", note))])
 
 
 def _between(interval: Interval | None, digits: int = 4) -> str:
@@ -213,6 +214,11 @@ def setting_in_words(evaluation: Evaluation) -> str:
 def model_in_words(evaluation: Evaluation) -> str:
     """The same as the subject of a sentence."""
     return evaluation.setting.recipe.as_subject(evaluation.fit)
+
+
+def one_step(evaluation: Evaluation) -> bool:
+    """Whether the criteria and residuals of a fit refer to one-step-ahead prediction instead of free run."""
+    return isinstance(evaluation.fit, NlarxFit) and evaluation.fit.criteria_of == ONE_STEP
 
 
 def sentence(phrase: str) -> str:

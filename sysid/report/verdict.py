@@ -1,15 +1,15 @@
-"""The first paragraph on a fit: what it is worth, and where it is bad, why and what to do about it."""
+"""Sentences on a fit: what it is worth, what its residuals show, and where it is bad, why and what to do about it."""
 
 import numpy as np
 
 from sysid.base.quantities import display_quantity, percent, poles
-from sysid.diagnosis.residuals import poor
+from sysid.diagnosis.residuals import ResidualTests, poor
 from sysid.drawing.departure import departure
-from sysid.report.sections import capital, model_in_words
-from sysid.report.words import tests_in_words
+from sysid.report.sections import capital, model_in_words, one_step
 from sysid.workflow.evaluation import APART, OVERFITTED
 from sysid.workflow.results import Evaluation, Identification
 
+NO_VOUCHER = 50.0  # [%] of fit in validation, below which passed tests need a word of warning
 CLOSE = 90.0  # [%] fit of a free run that is close to the data
 
 
@@ -115,3 +115,44 @@ def _what_to_do(result: Identification, why: bool = True) -> str:
         f"{reason}What to do: record again with an input that shows more of the system (see the section Advice), and "
         f"try: qpal info {result.record.path}"
     )
+
+
+def tests_in_words(evaluation: Evaluation) -> str:
+    """Both test results, the joint test with how likely chance is."""
+    t = evaluation.tests
+    if t is None:
+        return "The validation data are too short for residual tests."
+    subject = "The one-step-ahead residuals" if one_step(evaluation) else "The residuals"
+    outside = f" ({t.whiteness_outside} of {len(t.lags) - 1} lags outside)"
+    together = f" (all lags together: {_likely(t.independence_p)})"
+    return f"{subject} are {residuals_in_words(t, outside, together)}.{_no_voucher(evaluation)}"
+
+
+def residuals_in_words(tests: ResidualTests, outside: str = "", together: str = "") -> str:
+    """Colour and dependence of residuals, each with its numbers; no "not" that could be read over both."""
+    colour = f"white{outside}" if tests.white else f"coloured{outside}"
+    if tests.independent:
+        return f"{colour}{' and' if tests.white else ', but'} independent of the input{together}"
+    return f"{colour}, {'but' if tests.white else 'and'} depend on the input{together}"
+
+
+def _no_voucher(evaluation: Evaluation) -> str:
+    """That a passed test does not vouch for a poor model; where both pass and some fit is left, noise is the reason."""
+    t, fit = evaluation.tests, evaluation.validation_fit
+    passed = [] if t is None else [name for name, ok in (("whiteness", t.white), ("independence", t.independent)) if ok]
+    if not passed or fit >= NO_VOUCHER or (len(passed) == 2 and fit > 0.0):
+        return ""
+    return (
+        f" That does not vouch for the model: at a fit of {percent(fit)} the {' and '.join(passed)} test"
+        f"{'s have' if len(passed) == 2 else ' has'} little power, because the residuals are as large as the output."
+    )
+
+
+def _likely(p: float) -> str:
+    """How often chance alone gives such correlations."""
+    return f"chance gives such correlations in {_share(p)} of records" if p >= 1e-4 else "chance does not explain it"
+
+
+def _share(p: float) -> str:
+    """A probability in percent with two digits that count."""
+    return f"{100.0 * p:.0f} %" if p >= 0.095 else f"{100.0 * p:.2g} %"

@@ -11,7 +11,7 @@ from sysid import plots
 from sysid.data.preprocess import detrend
 from sysid.drawing.plotly import plotly
 from sysid.plots.residual_tests import residuals_figure
-from sysid.report.words import verdict
+from sysid.report.verdict import residuals_in_words
 from sysid.systems import system
 from sysid.uncertainty import bands, curves, intervals, responses
 
@@ -83,7 +83,7 @@ def test_residuals_are_told_in_words_that_cannot_be_read_two_ways(white, p, word
     tests = sysid.residual_tests(rng.normal(size=500), rng.normal(size=500))
     own = np.eye(26)[0] if white else np.ones(26)
     tests = replace(tests, autocorrelation=own, independence_p=p)
-    assert verdict(tests) == words
+    assert residuals_in_words(tests) == words
     assert tests.verdicts[0] == ("white" if white else "coloured")
     assert tests.verdicts[1].endswith("(p = 0.5)" if p else "(p < 1e-12)")
 

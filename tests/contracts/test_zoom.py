@@ -28,9 +28,9 @@ from sysid.plots.records import Signal, lines_figure, parts_figure, record_figur
 from sysid.plots.residual_tests import residuals_figure
 from sysid.plots.responses import bode_figure, step_figure
 from sysid.plots.static_maps import maps_figure
-from sysid.report import embed
 from sysid.report.figures import joined_figure
 from sysid.report.joint import growth_figure, values_figure
+from sysid.report.page import element
 from sysid.uncertainty import responses
 from sysid.uncertainty.curves import curves
 from sysid.uncertainty.information import information
@@ -230,7 +230,7 @@ def test_a_long_record_is_thinned_to_its_exact_extremes_and_says_so():
     kept = set(drawn.values())
     for a, b in zip(edges[:-1:97], edges[1::97], strict=True):  # each bin, not the whole record alone
         assert {y[a:b].min(), y[a:b].max()} <= kept
-    assert len(embed.element(plotly(runs_figure(long, {"model": y})), "long")) < 1e6
+    assert len(element(plotly(runs_figure(long, {"model": y})), "long")) < 1e6
 
 
 def test_a_thinned_line_keeps_gaps_and_the_extremes_beside_them():
@@ -375,7 +375,7 @@ def test_an_element_gives_back_its_figure_and_no_text_ends_the_script(data):
     name = "</script><b>&"
     figure = plotly(lines_figure(data.t, {name: data.y[:, 0], "b": data.y[:, 0]}, "error"))
     figure["data"][0]["y"][3] = None
-    html = embed.element(figure, "one")
+    html = element(figure, "one")
     assert html.count("</script>") == 1
     assert '<div class="zoom" id="zoom-one"' in html
     back = json.loads(html.partition('data-for="zoom-one">')[2].removesuffix("</script>"))

@@ -11,8 +11,8 @@ from sysid import IOData
 from sysid.data.preprocess import quick_start
 from sysid.diagnosis.direction import confirmed, direction
 from sysid.diagnosis.residuals import residual_tests
-from sysid.report import words
-from sysid.report.words import tests_in_words as in_words
+from sysid.report import verdict
+from sysid.report.verdict import tests_in_words as in_words
 from sysid.structures import OutputError
 from sysid.systems import system
 from sysid.workflow.evaluation import evaluate, evaluate_fit
@@ -112,7 +112,7 @@ def test_passed_tests_do_not_vouch_for_a_model_that_fits_nothing():
 
 
 def test_a_probability_is_a_number_that_people_write():
-    assert [words._likely(p).split(" in ")[-1] for p in (1.0, 0.123, 0.012)] == [
+    assert [verdict._likely(p).split(" in ")[-1] for p in (1.0, 0.123, 0.012)] == [
         "100 % of records",
         "12 % of records",
         "1.2 % of records",

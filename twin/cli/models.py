@@ -39,7 +39,7 @@ def models(
     *paths, file = files
     if not paths:
         raise InputError(f"only {file} is given; give one or more models and then the record")
-    from sysid.report import models as report
+    from sysid.report import saved_models as report
     from sysid.report.page import write
     from sysid.workflow.model_run import run_models
     from sysid.workflow.saved import Reading, check_order
@@ -51,5 +51,5 @@ def models(
         step(f"running {len(paths)} model(s) on {file}")
         result = run_models(paths, reading)
         step("drawing")
-        write(scratch, report.page(result), result.as_dict())
-    console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result))
+        write(scratch, report.models_page(result), result.as_dict())
+    console.finish(folder, result.as_dict(), as_json, report.models_tables(result), report.models_sentences(result))

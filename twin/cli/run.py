@@ -40,7 +40,7 @@ def run(
 
     The record stays raw: the model knows the offsets that were removed from its estimation data.
     """
-    from sysid.report import model_run as report
+    from sysid.report import saved_models as report
     from sysid.report.page import write
     from sysid.workflow.model_run import run_file, write_outputs
     from sysid.workflow.saved import Reading, check_order
@@ -53,5 +53,5 @@ def run(
         result = run_file(model, reading, horizon, lambda: step("running the model"))
         step("drawing")
         write_outputs(result, scratch / "simulated.csv")
-        write(scratch, report.page(result), result.as_dict())
-    console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result))
+        write(scratch, report.run_page(result), result.as_dict())
+    console.finish(folder, result.as_dict(), as_json, report.run_tables(result), report.run_sentences(result))

@@ -12,7 +12,7 @@ from sysid.base.quantities import number, percent, poles
 from sysid.report import sections
 from sysid.report.figures import TABLE, VALIDATION_TIME
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.report.words import tests_in_words
+from sysid.report.verdict import tests_in_words
 from sysid.workflow.results import Evaluation
 from twin.report import actuated_joint
 from twin.studies.beyond import RECORDS

@@ -1,4 +1,7 @@
-"""Zoomable plots of the leaderboard, as plain plotly figures (dictionaries of data and layout)."""
+"""Figures of the benchmark: zoomable plots of the leaderboard, as dictionaries of plotly, and a bad cell drawn.
+
+The plots of the leaderboard are made for plotly alone: a menu shows one family of scenarios at a time.
+"""
 
 from collections.abc import Callable, Collection, Sequence
 from typing import Any
@@ -7,34 +10,37 @@ import numpy as np
 import polars as pl
 
 from sysid.base import style
+from sysid.base.quantities import display_quantity
 from sysid.bench.columns import BAR
 from sysid.bench.leaderboard import CLAIMED, profile
-from sysid.report import embed
+from sysid.bench.redraw import Redrawn
+from sysid.drawing.figure import Axis, Figure, Item, Line, Panel
+from sysid.drawing.plotly import Plotly, base_layout, side
 
 ALL = "all families"
 # Okabe and Ito's colours, which colour-blind readers can tell apart; methods of others are dashed too.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a8794", "#a05a2c")
 TAUS = {"error": np.unique(np.round(np.geomspace(1.0, 30.0, 120), 4)), "time": np.geomspace(1.0, 1000.0, 120)}
 SCRIPT = "plotly.min.js"
-Figure = dict[str, Any]
+SAMPLES = 600  # of a drawn cell, around the largest error: a long record would be a black band
 
 
-def error_profile(rows: pl.DataFrame, ours: Collection[str]) -> Figure:
+def error_profile(rows: pl.DataFrame, ours: Collection[str]) -> Plotly:
     """Share of tasks on which the error of a method is within tau times the least error of any method."""
     return _profiles(rows, ours, lambda part: profile(part, TAUS["error"]), "error, in times of the best method's")
 
 
-def time_profile(rows: pl.DataFrame, ours: Collection[str], within: float) -> Figure:
+def time_profile(rows: pl.DataFrame, ours: Collection[str], within: float) -> Plotly:
     """The same for the seconds of a fit within `within` points of the bar."""
     title = f"time, in times of the fastest method that ends within {within:g} point of the bar"
     return _profiles(rows, ours, lambda part: profile(part, TAUS["time"], within), title)
 
 
-def cost(board: pl.DataFrame, ours: Collection[str]) -> Figure:
+def cost(board: pl.DataFrame, ours: Collection[str]) -> Plotly:
     """Mean gap against time, one mark a method; the gap is drawn from 0.001 point, so that zero has a place."""
     families = board["family"].unique(maintain_order=True).to_list()
     names = _names(board)
-    traces, shown = list[Any](), list[str]()
+    traces, groups = list[Plotly](), list[str]()
     for family in families:
         for row in board.filter(pl.col("family") == family).iter_rows(named=True):
             if row["method"] == BAR or row["seconds"] is None:
@@ -56,16 +62,16 @@ def cost(board: pl.DataFrame, ours: Collection[str]) -> Figure:
                     "marker": mark,
                 }
             )
-            shown.append(family)
+            groups.append(family)
     layout = _layout("time of a fit [s] (shifted geometric mean)", "mean gap to the bar [points of fit]", log=True)
     layout["yaxis"]["type"] = "log"
     layout["showlegend"] = False
-    return _by_family(traces, shown, families, layout)
+    return _by_family(traces, groups, families, layout)
 
 
-def calibration(frame: pl.DataFrame, board: pl.DataFrame, ours: Collection[str]) -> Figure:
+def calibration(frame: pl.DataFrame, board: pl.DataFrame, ours: Collection[str]) -> Plotly:
     """Share of intervals that hold the truth by family and method, with Wilson's intervals and the claimed line."""
-    names, traces = _names(board), list[Any]()
+    names, traces = _names(board), list[Plotly]()
     for name in sorted(frame["method"].unique()):
         mine = frame.filter((pl.col("method") == name) & (pl.col("intervals") > 0))
         rate, low, high = (100 * mine[f"held_{end}"].to_numpy() for end in ("rate", "low", "high"))
@@ -89,22 +95,35 @@ def calibration(frame: pl.DataFrame, board: pl.DataFrame, ours: Collection[str])
     return {"data": traces, "layout": layout}
 
 
-def html(figure: Figure, name: str) -> str:
-    """The element of a page that shows the figure; the page loads `SCRIPT`."""
-    return embed.element(figure, name)
-
-
-def script() -> str:
-    """The text of `SCRIPT`."""
-    return embed.script()
+def cell_figure(cell: Redrawn) -> Figure:
+    """Input, measured output with the free run over it, and the error, around the largest error."""
+    error = np.where(np.isfinite(cell.run), cell.y - cell.run, np.nan)
+    scored = np.abs(error[cell.drop :])
+    worst = int(np.nanargmax(scored)) + cell.drop if np.isfinite(scored).any() else 0
+    start = max(0, min(worst - SAMPLES // 2, len(cell.y) - SAMPLES))
+    part = slice(start, start + SAMPLES)
+    t = np.arange(len(cell.y))[part] * cell.Ts
+    errors: list[Item] = [Line(t, error[part], "measured less free run")]
+    if cell.clean is not None:
+        errors.append(Line(t, (cell.y - cell.clean)[part], "noise", style.SECOND))
+    runs = [Line(t, cell.y[part], "measured", style.INK), Line(t, cell.run[part], f"free run of {cell.method}")]
+    low, high = float(np.nanmin(cell.y)), float(np.nanmax(cell.y))
+    air = 0.3 * (high - low) or 1.0  # a run that diverges must not flatten the measured output
+    time = Axis("time in the test [s]")
+    panels = [
+        Panel([Line(t, cell.u[part], "input", style.INPUT, key=False)], Axis("input"), time, weight=0.8),
+        Panel(runs, Axis.of(display_quantity("output", cell.unit), (low - air, high + air)), time, weight=1.8),
+        Panel(errors, Axis.of(display_quantity("error", cell.unit)), time),
+    ]
+    return Figure(panels, height=4.6)
 
 
 def _profiles(
     rows: pl.DataFrame, ours: Collection[str], shares: Callable[[pl.DataFrame], pl.DataFrame], title: str
-) -> Figure:
+) -> Plotly:
     families, names = sorted(rows["family"].unique()), _names(rows)
     parts = {ALL: rows, **{family: rows.filter(pl.col("family") == family) for family in families}}
-    traces, shown = list[Any](), list[str]()
+    traces, groups = list[Plotly](), list[str]()
     for family, part in parts.items():
         frame = shares(part)
         for name in frame.columns[1:]:
@@ -118,10 +137,10 @@ def _profiles(
                     "line": {"shape": "hv", **_look(name, names, ours)},
                 }
             )
-            shown.append(family)
+            groups.append(family)
     layout = _layout(title, "share of tasks [%]", log=True)
     layout["yaxis"]["range"] = [0, 101]
-    return _by_family(traces, shown, list(parts), layout)
+    return _by_family(traces, groups, list(parts), layout)
 
 
 def _names(rows: pl.DataFrame) -> list[str]:
@@ -138,30 +157,22 @@ def _look(name: str, names: Sequence[str], ours: Collection[str]) -> dict[str, A
     return {"color": COLOURS[k % len(COLOURS)], "dash": dashes[k // len(COLOURS) % 2], "width": 2}
 
 
-def _by_family(traces: list[Any], shown: list[str], families: list[str], layout: Figure) -> Figure:
+def _by_family(traces: list[Plotly], groups: list[str], families: list[str], layout: Plotly) -> Plotly:
     """The figure with a menu that shows the traces of one family at a time, the first one first."""
-    for trace, family in zip(traces, shown, strict=True):
+    for trace, family in zip(traces, groups, strict=True):
         trace["visible"] = family == families[0]
     buttons = [
-        {"label": family, "method": "restyle", "args": [{"visible": [family == each for each in shown]}]}
+        {"label": family, "method": "restyle", "args": [{"visible": [family == each for each in groups]}]}
         for family in families
     ]
     menu = {"buttons": buttons, "x": 0, "xanchor": "left", "y": 1.02, "yanchor": "bottom", "direction": "down"}
     return {"data": traces, "layout": layout | {"updatemenus": [menu]}}
 
 
-def _layout(x: str, y: str, log: bool = False) -> Figure:
-    axis = {"gridcolor": "#e4e7eb", "zeroline": False, "linecolor": "#9aa5b1", "ticks": "outside"}
-    return {
-        "xaxis": axis | {"title": {"text": x}, "type": "log" if log else "-", "dtick": "D2" if log else None},
-        "yaxis": axis | {"title": {"text": y}},
-        "paper_bgcolor": "rgba(0,0,0,0)",
-        "plot_bgcolor": "rgba(0,0,0,0)",
-        "height": 470,
-        "margin": {"l": 70, "r": 20, "t": 60, "b": 60},
-        "font": {"color": style.INK, "size": 13},
-        "hovermode": "closest",
-    }
+def _layout(x: str, y: str, log: bool = False) -> Plotly:
+    """Two axes with their labels, the horizontal one logarithmic if `log`."""
+    scale = {"type": "log" if log else "-", "dtick": "D2" if log else None, "ticks": "outside"}
+    return base_layout(470) | {"xaxis": side(x) | scale, "yaxis": side(y, ticks="outside")}
 
 
 def _plain(values: np.ndarray) -> list[float]:

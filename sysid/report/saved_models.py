@@ -1,0 +1,259 @@
+"""The pages of `qpal run` and `qpal models`: one or several saved models beside a new record."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.base import style
+from sysid.base.files import versions
+from sysid.base.quantities import display_quantity, number, percent
+from sysid.data.record import IOData
+from sysid.drawing.figure import Axis, Figure, Item, Line, Panel, scaled
+from sysid.plots.free_runs import MEASURED, Run, free_runs_figure, output
+from sysid.plots.residual_tests import residuals_figure
+from sysid.report.page import Grid, Page, Picture, Section
+from sysid.report.verdict import residuals_in_words
+from sysid.workflow.model_run import CLOSE, ModelRun, Models, comparable, criteria_of
+from sysid.workflow.saved import one_output
+
+SHOWN = 6  # models that get a line in the overlay, and a panel of their own
+
+
+def run_page(result: ModelRun) -> Page:
+    """The whole report."""
+    n, data = result.n_init, result.data
+    caption = (
+        f"Measured output, the model's free run, and their difference. The free run uses only the input and the first "
+        f"{n} outputs, which give its initial state and are not scored. A good model leaves a difference that looks "
+        "like noise and keeps no trace of the input."
+    )
+    sections = [
+        Section("Free run", tables=run_tables(result), pictures=[Picture.of("free-run", run_figure(result), caption)])
+    ]
+    if result.ahead is not None:
+        k = result.ahead.horizon
+        caption = (
+            f"NOT a free run: each output is predicted from the measured ones up to {k} sample(s) "
+            f"({k * data.Ts:g} s) before it. Near samples of a smooth output are alike, so compare its fit with that "
+            "of holding the last measured output, not with that of the free run."
+        )
+        picture = Picture.of("prediction", prediction_figure(result), caption)
+        sections.append(Section(f"Prediction {k} sample(s) ahead", [_how(result)], pictures=[picture]))
+    if result.tests is not None:
+        caption = (
+            f"{tests_in_words(result)} A complete model leaves only noise and stays inside the "
+            f"{result.tests.level:.0%} bounds."
+        )
+        drawn = Picture.of("residuals", residuals_figure(result.tests), caption)
+        sections.append(Section("Residual tests", pictures=[drawn]))
+    return Page(
+        f"{result.model.path.name} on {result.record.path.name}",
+        f"{result.model.fit.model.structure.replace('_', ' ')}; {data.N} samples, Ts {data.Ts:g} s",
+        run_sentences(result),
+        sections,
+        versions(),
+    )
+
+
+def run_sentences(result: ModelRun) -> list[str]:
+    """How well the model follows the record, what to know about it, and what to do next."""
+    was = result.model.estimation
+    said = [
+        f"In free run the model follows the record to {percent(result.percent)}"
+        + ("." if was is None else f" ({percent(was)} on its estimation data).")
+    ]
+    if result.ahead is not None:
+        a = result.ahead
+        said.append(
+            f"Predicted {a.horizon} sample(s) ahead from measured outputs: {percent(float(np.mean(a.percents)))}; "
+            f"the last measured output held gives {percent(float(np.mean(a.held)))}."
+        )
+        if np.mean(a.percents) < np.mean(a.held):
+            said.append(
+                "So the model does not help to predict here: its residuals on this record are not those of its "
+                "estimation data."
+            )
+    said += [tests_in_words(result)] if result.tests is not None else []
+    said += [f"Note: {note}." for note in result.notes]
+    return said + ([result.next.sentence()] if result.next is not None else [])
+
+
+def tests_in_words(result: ModelRun) -> str:
+    """Whether the residuals of the free run are noise and tell nothing of the input."""
+    t = result.tests
+    assert t is not None
+    return f"The residuals of the free run are {residuals_in_words(t)}."
+
+
+def run_tables(result: ModelRun) -> list[Grid]:
+    """Fit and error of each output."""
+    a, rows = result.ahead, []
+    for j, (fit, rmse) in enumerate(zip(result.percents, result.rmse, strict=True)):
+        own = one_output(result.data, j)
+        y = display_quantity(own.y_name, own.y_unit)
+        row = [own.y_name or "y", percent(fit), number(rmse * y.factor), y.unit]
+        rows.append(row if a is None else [*row, percent(a.percents[j]), percent(a.held[j])])
+    heads = ["output", "free run", "RMS error", "unit"]
+    heads += [] if a is None else [f"{a.horizon} ahead", "last output held"]
+    return [Grid(heads, rows)]
+
+
+def _how(result: ModelRun) -> str:
+    from sysid.estimation.result import Fit
+
+    assert result.ahead is not None
+    k = result.ahead.horizon
+    fit = result.model.fit
+    if not isinstance(fit, Fit):
+        return (
+            f"A nonlinear ARX model predicts one sample from measured outputs; {k} samples ahead it puts its own "
+            "predictions in place of the outputs that it must not know."
+        )
+    where = "this record, because the model's file holds none" if fit.noise is None else "the estimation data"
+    return (
+        "The model has no noise model of its own, so the prediction is the free run plus the forecast of its past "
+        f"residuals by an autoregression, which is that of the residuals of {where} (Ljung, System Identification, "
+        "1999, section 3.2). With white residuals it is the free run."
+    )
+
+
+def run_figure(result: ModelRun) -> Figure:
+    """Each output with its free run, and the difference of all."""
+    parts = _outputs(result.data)
+    runs = [Run(e, result.output[:, j], result.percents[j], e.y_name) for j, e in enumerate(parts)]
+    unit = display_quantity("difference", parts[0].y_unit)
+    colours = (style.SECOND, *style.COLOURS)
+    differences = [
+        Line(
+            e.t,
+            scaled(e.y[:, 0] - result.output[:, j], output(e).factor),
+            e.y_name,
+            colours[j % len(colours)],
+            0.9,
+            key=len(parts) > 1,
+        )
+        for j, e in enumerate(parts)
+    ]
+    figure = free_runs_figure(runs)
+    panel = Panel(differences, Axis.of(unit), Axis.time(), "measured minus free run")
+    return replace(figure, panels=[*figure.panels, panel], height=2.2 + 2.0 * len(parts))
+
+
+def prediction_figure(result: ModelRun) -> Figure:
+    """Each output with its prediction."""
+    assert result.ahead is not None
+    a, what = result.ahead, f"{result.ahead.horizon} sample(s) ahead"
+    return free_runs_figure(
+        [
+            Run(e, a.output[:, j], a.percents[j], f"{e.y_name}: prediction, NOT a free run", what)
+            for j, e in enumerate(_outputs(result.data))
+        ]
+    )
+
+
+def _outputs(data: IOData) -> list[IOData]:
+    """The record with each of its outputs alone."""
+    return [one_output(data, j) for j in range(data.y.shape[1])]
+
+
+def models_page(result: Models) -> Page:
+    """The whole report."""
+    overlay = (
+        "Measured output and the free runs of the models, best first. A free run uses only the input and the first "
+        "outputs, which give its initial state and are not scored. Where all models leave the measurement together, "
+        "they lack the same thing."
+    )
+    alone = "The same runs one by one. Look for the stretches where a model leaves the measurement."
+    drawn = Picture.of("overlay", overlay_figure(result), overlay)
+    runs = [Run(one_output(r.data, 0), r.output[:, 0], r.percents[0], r.model.name) for r in result.runs[:SHOWN]]
+    return Page(
+        f"{len(result.runs)} models on {result.record.path.name}",
+        f"{result.record.data.N} samples, Ts {result.record.data.Ts:g} s",
+        models_sentences(result),
+        [
+            Section(
+                "Models",
+                tables=models_tables(result),
+                pictures=[drawn],
+            ),
+            Section("One by one", pictures=[Picture.of("one-by-one", free_runs_figure(runs), alone)]),
+        ],
+        versions(),
+    )
+
+
+def models_sentences(result: Models) -> list[str]:
+    """Which model is best, whether a smaller one does as well, and what to know of each."""
+    best, smaller = result.best, result.smaller
+    said = [f"{best.model.name} follows the record best: {percent(best.percent)} in free run."]
+    if not best.percent > 0.0:
+        said = [
+            f"No model follows the record: none is better than the mean of the output; the least bad is "
+            f"{best.model.name} with {percent(best.percent)} in free run."
+        ]
+    if smaller is not None:
+        said.append(
+            f"{smaller.model.name} is within {CLOSE:g} points of it ({percent(smaller.percent)}) with "
+            f"{smaller.model.fit.criteria.d} parameters in place of {best.model.fit.criteria.d}: prefer it."
+        )
+    if not comparable(result):
+        said.append(
+            "FPE and AIC are not comparable here: they refer to records of other lengths, sampling times or units, or "
+            "to errors of another kind."
+        )
+    if len(result.runs) > SHOWN:
+        said.append(f"The figures show the best {SHOWN} of {len(result.runs)} models.")
+    said += [f"Note: {note}." for note in result.notes]
+    for run in result.runs:
+        said += [f"Note on {run.model.name}: {note}." for note in run.notes if note not in result.notes]
+    return said + ([best.next.sentence()] if best.next is not None else [])
+
+
+def models_tables(result: Models) -> list[Grid]:
+    """One row for each model, the best one first."""
+    rows = []
+    for run in result.runs:
+        fit, was = run.model.fit, run.model.estimation
+        rows.append(
+            (
+                "best" if run is result.best and run.percent > 0.0 else "",
+                run.model.name,
+                fit.model.structure.replace("_", " "),
+                ",".join(map(str, run.model.as_dict()["orders"].values())) or "–",
+                str(fit.criteria.d),
+                f"{fit.Ts:g}",
+                "–" if was is None else percent(was),
+                percent(run.percent),
+                number(fit.criteria.fpe),
+                number(fit.criteria.aic),
+                criteria_of(run),
+            )
+        )
+    heads = (
+        "",
+        "model",
+        "structure",
+        "orders",
+        "d",
+        "Ts [s]",
+        "estimation",
+        "this record",
+        "FPE",
+        "AIC",
+        "criteria of",
+    )
+    caption = "Fit of the free run; d is the number of free parameters; FPE and AIC are those of the estimation data"
+    return [Grid(heads, rows, caption, text_columns=4, last_text=True)]
+
+
+def overlay_figure(result: Models) -> Figure:
+    """Measured output and all free runs, one panel for each output."""
+    panels = list[Panel]()
+    for j, e in enumerate(_outputs(result.best.data)):
+        y = output(e)
+        items: list[Item] = [Line(e.t, scaled(e.y[:, 0], y.factor), MEASURED, style.INK, 1.8)]
+        for run, colour in zip(result.runs[:SHOWN], style.COLOURS, strict=False):
+            name = f"{run.model.name}, {percent(run.percents[j])}"
+            items.append(Line(run.data.t, scaled(run.output[:, j], y.factor), name, colour, 1.0))
+        panels.append(Panel(items, Axis.of(y), Axis.time(), weight=1.8))
+    return Figure(panels, height=0.8 + 3.0 * len(panels))
