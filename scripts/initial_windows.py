@@ -15,7 +15,7 @@ import numpy as np
 from sysid import IOData, fit
 from sysid.bench.drawing.linear import linear
 from sysid.bench.drawing.signals import excitation
-from sysid.estimation.free_run import rested
+from sysid.estimation.free_run import resting_theta
 from sysid.estimation.initial_state import estimate_initial
 from sysid.model.chain import Chain
 
@@ -54,7 +54,7 @@ def errors(seed: int) -> dict[tuple[str, int], tuple[int, float, np.ndarray]]:
         data = IOData(u, clean + noise * rng.standard_normal(len(u)), 1.0)
         for window in WINDOWS:
             after = slice(window, window + SCORED)
-            rest = chain.simulate(rested(chain, found.theta), u)
+            rest = chain.simulate(resting_theta(chain, found.theta), u)
             plain = chain.simulate(estimate_initial(chain, found.theta, data.select(0, window)), u)
             ours = found.simulate(data, n_init=window)
             shares = [float(np.sqrt(np.mean((y - clean)[after] ** 2))) / size for y in (rest, plain, ours)]

@@ -23,10 +23,13 @@ from sysid.solver.iterate import Options
 @checked
 def load(path: str | PathLike) -> Fit | NlarxFit:
     """Read a fit that its `save` wrote, a chain's or a nonlinear ARX model's; raises InputError for anything else."""
-    from sysid.estimation.storage import FORMAT, built, read
+    from sysid.estimation.storage import FORMAT, build_fit, read
     from sysid.nlarx import result, storage
 
-    formats: dict[str, Callable[[dict[str, Any]], Fit | NlarxFit]] = {FORMAT: built, result.FORMAT: storage.built}
+    formats: dict[str, Callable[[dict[str, Any]], Fit | NlarxFit]] = {
+        FORMAT: build_fit,
+        result.FORMAT: storage.build_fit,
+    }
     return read(path, formats)
 
 

@@ -60,18 +60,18 @@ def build(kind: type[T], values: Any) -> T:
     if not isinstance(values, dict):
         raise InputError(f"this should be a table of {', '.join(f.name for f in fields(kind))}")  # type: ignore[arg-type]
     try:
-        checked = _schema(kind).model_validate(values)  # type: ignore[arg-type]
+        entries = _schema(kind).model_validate(values)  # type: ignore[arg-type]
     except ValidationError as e:
         raise InputError(_sentence(e)) from None
-    return kind(**{f.name: getattr(checked, f.name) for f in fields(kind) if f.init})  # type: ignore[arg-type]
+    return kind(**{f.name: getattr(entries, f.name) for f in fields(kind) if f.init})  # type: ignore[arg-type]
 
 
 def lines(value: Any, indent: int = 0) -> str:
     """JSON laid out for reading: values that fit on a line, and all rows of numbers, are on one line."""
     flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
-    inside = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
+    entries = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
     row = isinstance(value, list) and not any(isinstance(v, (dict, list, str)) for v in value)
-    if not inside or row or len(flat) + 2 * indent <= _WIDTH:
+    if not entries or row or len(flat) + 2 * indent <= _WIDTH:
         return flat
     pad, close = "  " * (indent + 1), "  " * indent
     if isinstance(value, dict):
@@ -81,8 +81,8 @@ def lines(value: Any, indent: int = 0) -> str:
 
 
 def _kind(block: Block, where: str) -> str:
-    for name, made in TABLE.items():
-        if made is type(block):
+    for name, block_type in TABLE.items():
+        if block_type is type(block):
             return name
     raise InputError(f"{where} is a {type(block).__name__}, not a block of sysid.blocks; it cannot be saved")
 
@@ -141,14 +141,14 @@ def _annotation(hint: Any) -> Any:
         return tuple[tuple(a if a is Ellipsis else _annotation(a) for a in args)]  # type: ignore[misc]
     if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):
         return dict[_annotation(args[0]), _annotation(args[1])]  # type: ignore[misc]
-    return Annotated[Any, BeforeValidator(_nothing)]
+    return Annotated[Any, BeforeValidator(_refuse_text)]
 
 
 def _builder(kind: type) -> Callable[[Any], Any]:
     return lambda values: build(kind, values)
 
 
-def _nothing(value: Any) -> Any:
+def _refuse_text(value: Any) -> Any:
     """Only None is allowed where the hint is a function."""
     if value is not None:
         raise InputError("this cannot be read from text")
@@ -176,8 +176,8 @@ def _sentence(error: ValidationError) -> str:
         return f"{place} is missing; the file is not complete"
     if first["type"] == "extra_forbidden":
         return f"{place} is not known to this version of the library; update it, or remove the entry"
-    said = str(first["ctx"]["error"]) if "error" in first.get("ctx", {}) else first["msg"]
-    return f"{place}: {said[0].lower()}{said[1:]}" if said else place
+    text = str(first["ctx"]["error"]) if "error" in first.get("ctx", {}) else first["msg"]
+    return f"{place}: {text[0].lower()}{text[1:]}" if text else place
 
 
 @dataclass(frozen=True)
@@ -195,16 +195,16 @@ class Step:
 
     def apply(self, document: dict[str, Any]) -> dict[str, Any]:
         """The document of this version converted to the next. Unknown parts stay unchanged for the loader."""
-        found = _renamed({k: self._blocks(v) for k, v in document.items()}, self.fields.get("fit", {}))
-        model = found.get("model")
+        converted = _rename_keys({k: self._blocks(v) for k, v in document.items()}, self.fields.get("fit", {}))
+        model = converted.get("model")
         if isinstance(model, dict):
-            model = _renamed(model, self.fields.get("model", {}))
-            found["model"] = model
-            names = self._by_parameter(model.get("blocks"), found.get("theta"))
-            for table, key in ((found, "theta"), (model, "fixed"), (model, "bounds")):
+            model = _rename_keys(model, self.fields.get("model", {}))
+            converted["model"] = model
+            names = self._by_parameter(model.get("blocks"), converted.get("theta"))
+            for table, key in ((converted, "theta"), (model, "fixed"), (model, "bounds")):
                 if isinstance(table.get(key), dict):
-                    table[key] = _renamed(table[key], names)
-        return self.then(found) if self.then is not None else found
+                    table[key] = _rename_keys(table[key], names)
+        return self.then(converted) if self.then is not None else converted
 
     def _blocks(self, value: Any) -> Any:
         """The same with every block in it, at any depth, under its new kind and with its new options."""
@@ -212,25 +212,25 @@ class Step:
             return [self._blocks(v) for v in value]
         if not isinstance(value, dict):
             return value
-        found = {k: self._blocks(v) for k, v in value.items()}
-        if isinstance(found.get("kind"), str):
-            found["kind"] = self.kinds.get(found["kind"], found["kind"])
-            found = _renamed(found, self.fields.get(found["kind"], {}))
-        return found
+        converted = {k: self._blocks(v) for k, v in value.items()}
+        if isinstance(converted.get("kind"), str):
+            converted["kind"] = self.kinds.get(converted["kind"], converted["kind"])
+            converted = _rename_keys(converted, self.fields.get(converted["kind"], {}))
+        return converted
 
     def _by_parameter(self, blocks: Any, theta: Any) -> Names:
         """Full names of renamed parameters: 'role.old', of channels 'role.1.old'."""
-        found = {}
+        names = {}
         for block in (b for b in blocks if isinstance(b, dict)) if isinstance(blocks, list) else ():
             slots = {old: new for kind in _kinds(block) for old, new in self.parameters.get(kind, {}).items()}
             for name in theta if isinstance(theta, dict) else []:
                 front, _, slot = name.rpartition(".")
                 if slot in slots and (front + ".").startswith(f"{block.get('role')}."):
-                    found[name] = f"{front}.{slots[slot]}"
-        return found
+                    names[name] = f"{front}.{slots[slot]}"
+        return names
 
 
-def _renamed(table: dict[str, Any], names: Names) -> dict[str, Any]:
+def _rename_keys(table: dict[str, Any], names: Names) -> dict[str, Any]:
     return {names.get(k, k): v for k, v in table.items()}
 
 
@@ -240,8 +240,8 @@ def _kinds(value: Any) -> set[str]:
         return {kind for v in value for kind in _kinds(v)}
     if not isinstance(value, dict):
         return set()
-    own = {value["kind"]} if isinstance(value.get("kind"), str) else set()
-    return own | {kind for v in value.values() for kind in _kinds(v)}
+    outer = {value["kind"]} if isinstance(value.get("kind"), str) else set()
+    return outer | {kind for v in value.values() for kind in _kinds(v)}
 
 
 # Step k takes version k + 1 to version k + 2; a file goes through all that are newer than it is.

@@ -26,7 +26,7 @@ from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.data.magnitudes import check_magnitudes
 from sysid.data.record import IOData
-from sysid.estimation.free_run import autoregression, departing
+from sysid.estimation.free_run import autoregression, warn_of_divergence
 from sysid.estimation.guard import (
     continue_from_linear_model,
     continue_from_reference,
@@ -54,7 +54,7 @@ from sysid.estimation.starts import starts as make_starts
 from sysid.estimation.starts.portfolio.candidates import applies
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance
-from sysid.solver.iterate import Options, Outcome, until
+from sysid.solver.iterate import Options, Outcome, time_limit
 from sysid.solver.searches import search as make_search
 
 AUTO = "auto"
@@ -96,7 +96,7 @@ def fit_chain(
         result = ease_curvature(context, result, reference)
     fit = _result(model, data, normal, result)
     fit = replace(fit, search=search, seconds=time.perf_counter() - began)
-    departs = departing(model, data, fit.criteria.mse, lambda: fit.runs(data), fit.n_init)
+    departs = warn_of_divergence(model, data, fit.criteria.mse, lambda: fit.runs(data), fit.n_init)
     return replace(fit, warnings=fit.warnings + departs)
 
 
@@ -107,7 +107,7 @@ def search_starts(context: SearchContext, starts: int | str, seed: int) -> Searc
         if result is not None:
             return result
     count = _USUAL if isinstance(starts, str) else starts
-    with until(context.options.deadline):
+    with time_limit(context.options.deadline):
         points = make_starts(context.model, context.data, count, seed)
     result = search_from_points(context, points)
     return replace(result, agreed=sum(c <= SAME * result.outcome.cost for c in result.costs))
@@ -241,11 +241,11 @@ def _check(model: Chain, data: IOData, objective: Objective) -> None:
                     f"the {kind} is constant ({column[0]:g}) over all {len(column)} samples; record one that varies"
                 )
     n_states = int((model.free & model.initial).sum())  # which each experiment has separately
-    needed = int(model.free.sum()) + (len(data.lengths) - 1) * n_states + 1
-    if data.observed.sum() < needed:
+    minimum = int(model.free.sum()) + (len(data.lengths) - 1) * n_states + 1
+    if data.observed.sum() < minimum:
         raise InputError(
-            f"{int(data.observed.sum())} samples are too few for {needed - 1} free parameters ({model.structure}); "
-            f"give at least {needed} samples or lower the orders"
+            f"{int(data.observed.sum())} samples are too few for {minimum - 1} free parameters ({model.structure}); "
+            f"give at least {minimum} samples or lower the orders"
         )
 
 
@@ -254,15 +254,15 @@ def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome
     warnings = []
     if not outcome.stop.converged:
         warnings.append(f"the search did not converge: {outcome.stop.reason}")
-    if outside := _outside_bounds(model, theta):
+    if names_outside := _outside_bounds(model, theta):
         warnings.append(
-            f"{', '.join(outside)} ended outside the bounds, since the block has limits of its own; widen them"
+            f"{', '.join(names_outside)} ended outside the bounds, since the block has limits of its own; widen them"
         )
     counts = [(b, int(cov.unidentifiable[model.index(b)].sum())) for b in model.blocks]
-    undetermined = [f"{n} of {b.n_parameters} parameters of {b.role}" for b, n in counts if n]
-    if undetermined:
+    parameters = [f"{n} of {b.n_parameters} parameters of {b.role}" for b, n in counts if n]
+    if parameters:
         warnings.append(
-            f"the data do not determine {', '.join(undetermined)}; excite more levels or choose a smaller map"
+            f"the data do not determine {', '.join(parameters)}; excite more levels or choose a smaller map"
         )
     poles = np.concatenate([np.empty(0), *(b.poles(theta[part]) for part, b in model.dynamics)])
     if len(poles) and np.max(np.abs(poles)) >= 1.0 - 1e-9:
@@ -274,5 +274,9 @@ def _outside_bounds(model: Chain, theta: np.ndarray) -> list[str]:
     """Parameters that are outside the bounds that the model gives them, but for rounding."""
     low, high = model.limits
     tolerance = 1e-6 * np.maximum(np.abs(theta), 1e-6 * np.abs(theta).max(initial=0.0))
-    outside = (theta < low - tolerance) | (theta > high + tolerance)
-    return [name for name, beyond in zip(model.names, outside, strict=True) if beyond and name in model.bounds]
+    is_outside_all = (theta < low - tolerance) | (theta > high + tolerance)
+    return [
+        name
+        for name, is_outside in zip(model.names, is_outside_all, strict=True)
+        if is_outside and name in model.bounds
+    ]

@@ -14,7 +14,7 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.guard import squared_errors
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.result import Fit
-from sysid.estimation.starts._shared import start_maps, within
+from sysid.estimation.starts._shared import clip_to_bounds, start_maps
 from sysid.model.chain import Chain
 
 _ABOVE = 1.01  # times the errors of the fit that it starts from
@@ -33,45 +33,43 @@ def fit_from(fit: Fit, model: Chain, data: IOData, **options: Any) -> Fit:
     for name in ("start", "starts"):
         if name in options:
             raise InputError(f"fit_from starts from the fit that it is given; leave {name} out, or use sysid.fit")
-    chain, thetas = started(fit, model, data)
-    found = fit_chain(chain, data, start=thetas, **options)
-    before = squared_errors(fit.model, with_initial_states(fit.model, fit.theta, data), data) / max(
-        data.observed.sum(), 1
-    )
-    if found.criteria.mse > _ABOVE * before:
-        above = (
-            f"the mean square error is {found.criteria.mse / before:.3g} times that of the fit that this one starts "
+    chain, thetas = starting_thetas(fit, model, data)
+    result = fit_chain(chain, data, start=thetas, **options)
+    mse = squared_errors(fit.model, with_initial_states(fit.model, fit.theta, data), data) / max(data.observed.sum(), 1)
+    if result.criteria.mse > _ABOVE * mse:
+        warning = (
+            f"the mean square error is {result.criteria.mse / mse:.3g} times that of the fit that this one starts "
             "from, as its maps have no place for what that fit has, such as an offset: take the means off the record "
             "(sysid.data.preprocess.detrend), or choose another map"
         )
-        found = replace(found, warnings=(above, *found.warnings))
-    return found.remember(data)
+        result = replace(result, warnings=(warning, *result.warnings))
+    return result.remember(data)
 
 
-def started(fit: Fit, model: Chain, data: IOData) -> tuple[Chain, np.ndarray]:
+def starting_thetas(fit: Fit, model: Chain, data: IOData) -> tuple[Chain, np.ndarray]:
     """The chain on the scale of the record, and its starting points theta (2, P): maps that bend, and straight ones."""
     if model.channels != (1, 1) or fit.model.channels != (1, 1):
         raise InputError("a fit of several inputs or outputs cannot start another model; use sysid.fit")
     if abs(data.Ts - fit.Ts) > 1e-6 * fit.Ts:
         raise InputError(f"the record is sampled every {data.Ts} s and the fit every {fit.Ts} s; resample it first")
     chain = model.scaled(data.u, data.y)
-    known = with_initial_states(fit.model, fit.theta, data)
-    return chain, np.array([_started(fit, known, chain, data, straight) for straight in (False, True)])
+    thetas = with_initial_states(fit.model, fit.theta, data)
+    return chain, np.array([_starting_theta(fit, thetas, chain, data, straight) for straight in (False, True)])
 
 
-def _started(fit: Fit, known: np.ndarray, chain: Chain, data: IOData, straight: bool) -> np.ndarray:
-    """theta (P,) of the first experiment; known (K, P) is the fit's, with the initial states of each experiment."""
+def _starting_theta(fit: Fit, thetas: np.ndarray, chain: Chain, data: IOData, straight: bool) -> np.ndarray:
+    """theta (P,) of the first experiment; thetas (K, P) are the fit's, with the initial states of each experiment."""
     theta = np.zeros(len(chain.names))
     x, y = data.u[:, 0], data.y[:, 0]
     behind = False  # whether a block with memory lies before this one
     for block in chain.blocks:
-        other = fit.model.block(block.role)
-        own = [slot.name for slot in block.slots()]
-        if other is not None and type(other) is type(block) and own == [slot.name for slot in other.slots()]:
-            parts = [fit.model.part(row, other) for row in known]
+        source = fit.model.block(block.role)
+        names = [slot.name for slot in block.slots()]
+        if source is not None and type(source) is type(block) and names == [slot.name for slot in source.slots()]:
+            parts = [fit.model.part(row, source) for row in thetas]
         elif isinstance(block, StaticBlock):
             start_maps(chain, theta, (block,), x, x + float(np.mean(y - x)) if behind else x, straight)
-            parts = [theta[chain.index(block)]] * len(known)
+            parts = [theta[chain.index(block)]] * len(thetas)
         else:
             raise InputError(
                 f"block {block.role!r} of the model is not in the fit with the same orders; give the model the orders "
@@ -81,7 +79,7 @@ def _started(fit: Fit, known: np.ndarray, chain: Chain, data: IOData, straight: 
         pieces = np.split(x, np.cumsum(data.lengths)[:-1])
         x = np.concatenate([block.output(part, piece) for part, piece in zip(parts, pieces, strict=True)])
         behind = behind or not isinstance(block, StaticBlock)
-    return within(chain, theta)
+    return clip_to_bounds(chain, theta)
 
 
 def bla_start(chain: Chain, model: Parametric, data: IOData) -> np.ndarray:
@@ -99,9 +97,9 @@ def bla_start(chain: Chain, model: Parametric, data: IOData) -> np.ndarray:
     theta = []
     for block in chain.blocks:
         if block is linear:
-            own = np.concatenate([model.b, model.f, np.zeros(linear.n_parameters - linear.nb - linear.nf)])
+            part = np.concatenate([model.b, model.f, np.zeros(linear.n_parameters - linear.nb - linear.nf)])
         else:
-            own = block.start(x)
-        x = block.output(own, x)
-        theta.append(own)
+            part = block.start(x)
+        x = block.output(part, x)
+        theta.append(part)
     return np.concatenate(theta)

@@ -37,7 +37,7 @@ class FreeRun:
     end: int | None = None
 
 
-def rested(model: Chain, theta: np.ndarray) -> np.ndarray:
+def resting_theta(model: Chain, theta: np.ndarray) -> np.ndarray:
     """theta (P,) at rest: filters and speeds at zero, integrating states (motor, backlash) at their values in theta.
 
     In a fit these are the initial values of the first experiment.
@@ -46,9 +46,9 @@ def rested(model: Chain, theta: np.ndarray) -> np.ndarray:
     return np.where(moves, 0.0, theta)
 
 
-def from_rest(model: Chain, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
+def run_from_rest(model: Chain, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
     """The run (N, ny) of u (N, nu) from rest; infinite once it is not a number."""
-    return _ended(model.outputs(rested(model, theta), u)).y
+    return _cut_at_divergence(model.outputs(resting_theta(model, theta), u)).y
 
 
 def free_run(model: Chain, theta: np.ndarray, data: IOData, n: int, noise_variance: float) -> FreeRun:
@@ -58,20 +58,20 @@ def free_run(model: Chain, theta: np.ndarray, data: IOData, n: int, noise_varian
     the run is that from rest, from the initial state in theta (P,), or from the state of the least squares: the one
     that is nearest to the first outputs, of those that stay finite.
     """
-    rest = rested(model, theta)
+    rest = resting_theta(model, theta)
     if n < 2:
-        return _ended(model.outputs(rest, data.u))
+        return _cut_at_divergence(model.outputs(rest, data.u))
     first = data.select(0, n)
     run = model.outputs(estimate_initial(model, rest, first, data.u, noise_variance), data.u)
-    size, limit = _covered(run), FAR * _covered(data.y)
+    size, limit = _output_range(run), FAR * _output_range(data.y)
     if np.isfinite(size) and (size <= limit or limit == 0.0):
         return FreeRun(run)
-    others = [other for other in _others(model, theta, rest, first, data.u) if FAR * _covered(other) < size]
-    if not others:
-        return _ended(run) if not np.isfinite(size) else FreeRun(run)
-    errors = [np.where(first.observed, first.y - other[:n], 0.0) for other in others]
-    left = int(np.argmax(~np.all(np.abs(run - first.y[0]) <= limit, axis=1)))
-    return FreeRun(others[int(np.argmin([np.sum(e**2) for e in errors]))], left)
+    fallbacks = [y for y in _fallback_runs(model, theta, rest, first, data.u) if FAR * _output_range(y) < size]
+    if not fallbacks:
+        return _cut_at_divergence(run) if not np.isfinite(size) else FreeRun(run)
+    errors = [np.where(first.observed, first.y - y[:n], 0.0) for y in fallbacks]
+    departure = int(np.argmax(~np.all(np.abs(run - first.y[0]) <= limit, axis=1)))
+    return FreeRun(fallbacks[int(np.argmin([np.sum(e**2) for e in errors]))], departure)
 
 
 def divergence(runs: Sequence[FreeRun]) -> str | None:
@@ -80,16 +80,18 @@ def divergence(runs: Sequence[FreeRun]) -> str | None:
     if not bad:
         return None
     k, run = next(((k, run) for k, run in bad if run.end is not None), bad[0])
-    of = f" of experiment {k}" if len(runs) > 1 else ""
+    place = f" of experiment {k}" if len(runs) > 1 else ""
     if run.end is not None:
-        return f"the free run diverges: it is not finite from sample {run.end}{of} on; {_USE}"
+        return f"the free run diverges: it is not finite from sample {run.end}{place} on; {_USE}"
     return (
-        f"from the state that the first outputs make likely the free run diverges at sample {run.left}{of}, so it "
+        f"from the state that the first outputs make likely the free run diverges at sample {run.left}{place}, so it "
         f"begins at another state; {_USE}"
     )
 
 
-def departing(model: Chain, data: IOData, mse: float, run: Callable[[], list[FreeRun]], n: int) -> tuple[str, ...]:
+def warn_of_divergence(
+    model: Chain, data: IOData, mse: float, run: Callable[[], list[FreeRun]], n: int
+) -> tuple[str, ...]:
     """A warning of a fit whose own record has a free run that diverges, or that is nowhere near its errors (`mse`).
 
     The errors of a fit are those from its fitted initial state; `run` gives the runs from the first n outputs of each
@@ -98,13 +100,13 @@ def departing(model: Chain, data: IOData, mse: float, run: Callable[[], list[Fre
     if filters_only(model) or is_joint(model):
         return ()
     runs = run()
-    if said := divergence(runs):
-        return (said,)
+    if sentence := divergence(runs):
+        return (sentence,)
     parts = [(e.y[n:], r.y[n:], e.observed[n:]) for e, r in zip(data.experiments, runs, strict=True)]
-    y, yhat, seen = (np.concatenate(part) for part in zip(*parts, strict=True))
-    apart = [float(np.mean((a[k] - b[k]) ** 2)) for a, b, k in zip(y.T, yhat.T, seen.T, strict=True)]
-    own = [float(np.var(a[k])) for a, k in zip(y.T, seen.T, strict=True)]
-    if not max(float(np.sum(own)), _FOLLOWED * mse) < float(np.sum(apart)):
+    y, yhat, observed = (np.concatenate(part) for part in zip(*parts, strict=True))
+    errors = [float(np.mean((a[k] - b[k]) ** 2)) for a, b, k in zip(y.T, yhat.T, observed.T, strict=True)]
+    variances = [float(np.var(a[k])) for a, k in zip(y.T, observed.T, strict=True)]
+    if not max(float(np.sum(variances)), _FOLLOWED * mse) < float(np.sum(errors)):
         return ()
     return (
         f"from the state that the first {n} outputs make likely the free run is further from the output than its mean, "
@@ -112,12 +114,14 @@ def departing(model: Chain, data: IOData, mse: float, run: Callable[[], list[Fre
     )
 
 
-def _others(model: Chain, theta: np.ndarray, rest: np.ndarray, first: IOData, u: np.ndarray) -> Iterator[np.ndarray]:
+def _fallback_runs(
+    model: Chain, theta: np.ndarray, rest: np.ndarray, first: IOData, u: np.ndarray
+) -> Iterator[np.ndarray]:
     for start in (theta, rest, estimate_initial(model, theta, first)):
         yield model.outputs(start, u)
 
 
-def _covered(y: np.ndarray) -> float:
+def _output_range(y: np.ndarray) -> float:
     """The largest range that an output of y (N, ny) covers; infinite where y is not finite."""
     if not np.all(np.isfinite(y)):
         return np.inf
@@ -125,7 +129,7 @@ def _covered(y: np.ndarray) -> float:
         return float(np.max(np.ptp(y, axis=0), initial=0.0))
 
 
-def _ended(y: np.ndarray) -> FreeRun:
+def _cut_at_divergence(y: np.ndarray) -> FreeRun:
     """A run that is infinite from the first sample on that is not finite."""
     bad = ~np.all(np.isfinite(y), axis=1)
     if not bad.any():
@@ -142,12 +146,12 @@ def autoregression(v: np.ndarray, lengths: Sequence[int], size: float = 0.0) -> 
     """
     ends = np.cumsum(lengths)
     pieces = [v[end - n : end] for n, end in zip(lengths, ends, strict=True)]
-    most = min(MOST, len(v) // _SHORTEST, min(lengths) - 1)
+    max_order = min(MOST, len(v) // _SHORTEST, min(lengths) - 1)
     if not np.all(np.isfinite(v)) or np.sqrt(np.mean(v**2)) <= _ROUNDING * size or not np.any(v):
         return ()
-    r = np.array([sum(float(p[k:] @ p[: len(p) - k]) for p in pieces) for k in range(most + 1)]) / len(v)
+    r = np.array([sum(float(p[k:] @ p[: len(p) - k]) for p in pieces) for k in range(max_order + 1)]) / len(v)
     best, least = np.empty(0), len(v) * np.log(r[0])
-    for p in range(1, most + 1):
+    for p in range(1, max_order + 1):
         a = solve_toeplitz(r[:p], r[1 : p + 1])
         variance = r[0] - float(a @ r[1 : p + 1])
         if variance <= 1e-12 * r[0]:
@@ -158,21 +162,21 @@ def autoregression(v: np.ndarray, lengths: Sequence[int], size: float = 0.0) -> 
     return tuple(float(x) for x in best)
 
 
-def forecast(v: np.ndarray, a: Sequence[float], horizon: int, seen: np.ndarray | None = None) -> np.ndarray:
+def forecast(v: np.ndarray, a: Sequence[float], horizon: int, observed: np.ndarray | None = None) -> np.ndarray:
     """v(t | t-horizon) (N,): each residual from those up to `horizon` samples before it, none before the record.
 
-    A residual that was not `seen` (N,) is replaced by its own forecast.
+    A residual that was not `observed` (N,) is replaced by its own forecast.
     """
     p = len(a)
     if not p:
         return np.zeros_like(v)
-    if seen is not None and not seen.all():
+    if observed is not None and not observed.all():
         v, c = v.copy(), np.array(a)
-        for t in np.flatnonzero(~seen):
+        for t in np.flatnonzero(~observed):
             past = v[max(t - p, 0) : t][::-1]
             v[t] = float(c[: len(past)] @ past)
     step = np.eye(p, k=-1)
     step[0] = np.array(a)
     weights = np.linalg.matrix_power(step, horizon)[0]
-    late = np.concatenate([np.zeros(min(horizon, len(v))), v[: max(len(v) - horizon, 0)]])
-    return np.asarray(lfilter(weights, [1.0], late))
+    delayed = np.concatenate([np.zeros(min(horizon, len(v))), v[: max(len(v) - horizon, 0)]])
+    return np.asarray(lfilter(weights, [1.0], delayed))

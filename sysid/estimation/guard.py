@@ -13,7 +13,7 @@ from sysid.estimation.starts import starts as make_starts
 from sysid.estimation.starts._shared import longest, output_error_start, start_maps
 from sysid.estimation.starts.portfolio.candidates import applies
 from sysid.model.chain import Chain
-from sysid.solver.iterate import iterate, until
+from sysid.solver.iterate import iterate, time_limit
 from sysid.solver.searches import LevenbergMarquardt
 
 _SHOWN = 20_000  # samples that give the linear start
@@ -30,11 +30,11 @@ def linear_reference(context: SearchContext, result: SearchResult, seed: int) ->
     None where a race of starts contained it and nothing is smoothed, where there is none, or no time for it.
     """
     record = longest(context.data)
-    smoothed = result.members or result.problem.curvature_weight
-    if not smoothed or (context.out_of_time and record.N > _QUICK):
+    needs_reference = result.members or result.problem.curvature_weight
+    if not needs_reference or (context.out_of_time and record.N > _QUICK):
         return None
     try:
-        with until(context.options.deadline):
+        with time_limit(context.options.deadline):
             theta = make_starts(context.model, record.select(0, min(record.N, _SHOWN)), 1, seed)[0]
     except (InputError, np.linalg.LinAlgError):
         return None
@@ -166,7 +166,7 @@ def _cost(problem: ChainProblem, p: np.ndarray) -> float:
 
 def worse_than_constant(data: IOData, mse: float) -> tuple[str, ...]:
     """A warning where the free run with this mean square error is further from the output than its own mean."""
-    columns = [y[seen] for y, seen in zip(data.y.T, data.observed.T, strict=True)]
+    columns = [y[observed] for y, observed in zip(data.y.T, data.observed.T, strict=True)]
     squares = sum(float(np.sum((y - y.mean()) ** 2)) for y in columns)
     if not mse * data.observed.sum() > _CLEAR * squares:
         return ()

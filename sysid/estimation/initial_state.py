@@ -34,29 +34,29 @@ def estimate_initial(
     if not chain.initial.any():
         return theta
     if noise_variance is not None and (filters_only(chain) or state_space_of(chain) is not None):
-        likely = likely_initial(chain, _at_rest(chain, theta), data, data.u if u is None else u, noise_variance)
-        if likely is not None:
-            return likely
+        theta_likely = likely_initial(chain, _at_rest(chain, theta), data, data.u if u is None else u, noise_variance)
+        if theta_likely is not None:
+            return theta_likely
     candidates = [_at_rest(chain, theta)]
     if is_joint(chain):
         candidates = [_on_map(chain, theta, data.y[:, 0])]
     elif chain.channels == (1, 1) and len(chain.dynamics) == 1:
         candidates.append(_steady(chain, theta, data.u[:, 0], data.y[:, 0]))
-    best, cost = _searched(chain, candidates, data, theta, np.inf)
+    best, cost = _best_search(chain, candidates, data, theta, np.inf)
     if cost > _POOR * float(np.sum((data.y - data.y.mean(axis=0)) ** 2)) and _maps_behind(chain):
-        best, _ = _searched(chain, [_behind_maps(chain, best, data.u[:, 0], data.y[:, 0])], data, best, cost)
+        best, _ = _best_search(chain, [_behind_maps(chain, best, data.u[:, 0], data.y[:, 0])], data, best, cost)
     return best
 
 
 def filters_only(chain: Chain) -> bool:
     """Whether all initial states of the chain are those of transfer functions."""
-    own = np.zeros(len(chain.names), dtype=bool)
+    of_filters = np.zeros(len(chain.names), dtype=bool)
     for part, _ in chain.dynamics:
-        own[part] = True
-    return bool(np.all(own[chain.initial]))
+        of_filters[part] = True
+    return bool(np.all(of_filters[chain.initial]))
 
 
-def _searched(
+def _best_search(
     chain: Chain, candidates: list[np.ndarray], data: IOData, best: np.ndarray, cost: float
 ) -> tuple[np.ndarray, float]:
     """The best of theta (P,) with that cost and of searches for the initial state from each candidate."""
@@ -87,13 +87,13 @@ def _behind_maps(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) 
     states = J[:, linear.nb + linear.nf :]
     reach = float(np.ptp(x)) + float(np.ptp(y)) + float(np.abs(y).max())
     levels = np.linspace(x.min() - reach, x.max() + reach, 4001)
-    shown = chain.through(theta, levels, k + 1)
-    rising = np.diff(shown) if shown[-1] > shown[0] else -np.diff(shown)
+    curve = chain.through(theta, levels, k + 1)
+    rising = np.diff(curve) if curve[-1] > curve[0] else -np.diff(curve)
     if not states.shape[1] or not np.all(rising >= 0.0) or not np.all(np.isfinite(states)):
         return rest
     steep = np.concatenate([[True], rising > 0.0])  # of a flat part, its beginning
-    order = 1 if shown[-1] > shown[0] else -1
-    target = np.interp(y, shown[steep][::order], levels[steep][::order])
+    order = 1 if curve[-1] > curve[0] else -1
+    target = np.interp(y, curve[steep][::order], levels[steep][::order])
     part[linear.nb + linear.nf :] = np.linalg.lstsq(states, target - x, rcond=1e-10)[0]
     rest[chain.index(linear)] = part
     return rest
@@ -131,8 +131,8 @@ def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np
     if any(places):
         spans.append(float(np.max(np.abs(chain.part(theta, last)[places]))))
     levels = np.linspace(-2.0, 2.0, 401) * max(spans)
-    shown = chain.through(theta, levels, k + 1)
-    level = float(levels[np.argmin(np.abs(shown - float(np.mean(y[:3]))))])
+    curve = chain.through(theta, levels, k + 1)
+    level = float(levels[np.argmin(np.abs(curve - float(np.mean(y[:3]))))])
     # Without input, x_t stays at `level` if c_t = level * (1 + f1 + ... + ft).
     _, F = linear.padded(chain.part(theta, linear))
     part = rest[chain.index(linear)]
@@ -148,11 +148,11 @@ def _on_map(chain: Chain, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
     names = [slot.name for slot in motor.slots()]
     part = rest[chain.index(motor)]
     levels = np.linspace(*_way(chain, motor, part, y), 401)
-    shown = levels
+    curve = levels
     for b in chain.blocks[k + 1 :]:
         if isinstance(b, StaticBlock):
-            shown = b.output(chain.part(theta, b), shown)
-    part[names.index("x0")] = levels[np.argmin(np.abs(shown - float(np.mean(y[:3]))))]
+            curve = b.output(chain.part(theta, b), curve)
+    part[names.index("x0")] = levels[np.argmin(np.abs(curve - float(np.mean(y[:3]))))]
     rest[chain.index(motor)] = part
     return rest
 

@@ -48,56 +48,56 @@ def without_play(chain: Chain) -> Chain:
 
 
 def sub(chain: Chain, blocks: tuple[Block, ...], hold: Mapping[str, float] | None = None) -> Chain:
-    """A chain of other blocks, with those entries of `fixed`, `hold` and `bounds` that apply to it.
+    """A chain of other blocks, with those entries of `fixed_values`, `hold` and `bounds` that apply to it.
 
     A constant load is fixed at zero if it cannot be distinguished from a difference between upward and downward
     friction.
     """
     names = Chain(blocks).names
-    fixed = {name: value for name, value in {**chain.fixed, **(hold or {})}.items() if name in names}
+    fixed_values = {name: value for name, value in {**chain.fixed, **(hold or {})}.items() if name in names}
     for b in blocks:
         if isinstance(b, Motor) and b.load and not b.loss:
-            fixed.setdefault(f"{b.role}.load0", 0.0)
+            fixed_values.setdefault(f"{b.role}.load0", 0.0)
     bounds = {name: limits for name, limits in chain.bounds.items() if name in names}
-    return Chain(blocks, chain.structure, fixed, bounds)
+    return Chain(blocks, chain.structure, fixed_values, bounds)
 
 
-def lifted(chain: Chain, theta: np.ndarray, richer: Chain, more: Part) -> np.ndarray:
-    """theta of a chain with more parts: the common parameters, the fixed ones of the larger chain, and `more`."""
-    known = dict(zip(chain.names, theta, strict=True)) | more | dict(richer.fixed)
-    return np.clip([known.get(name, 0.0) for name in richer.names], *richer.limits)
+def lift_theta(chain: Chain, theta: np.ndarray, richer: Chain, part: Part) -> np.ndarray:
+    """theta of a chain with more parts: the common parameters, the fixed ones of the larger chain, and `part`."""
+    values = dict(zip(chain.names, theta, strict=True)) | part | dict(richer.fixed)
+    return np.clip([values.get(name, 0.0) for name in richer.names], *richer.limits)
 
 
-def shaken(chain: Chain, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def shake_theta(chain: Chain, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """theta (P,) with small random changes of the motor parameters and the end positions."""
-    known = dict(zip(chain.names, theta, strict=True))
+    values = dict(zip(chain.names, theta, strict=True))
     role, _, rise, fall = _read(chain, theta)
-    own = {
+    steps = {
         f"{role}.delay": _DELAY,
         f"{role}.load1": _LOAD * (rise + fall) / 2,
         f"{role}.load2": _LOAD * (rise + fall) / 2,
     }
-    if "map.low" in known:
-        own |= dict.fromkeys(("map.low", "map.high"), _END * abs(known["map.high"] - known["map.low"]))
+    if "map.low" in values:
+        steps |= dict.fromkeys(("map.low", "map.high"), _END * abs(values["map.high"] - values["map.low"]))
     out = []
     for name, value, z in zip(chain.names, theta, rng.normal(size=len(theta)), strict=True):
-        step = own.get(name)
+        step = steps.get(name)
         out.append(value + step * z if step is not None else value * np.exp(_SHAKEN.get(name.split(".")[-1], 0.0) * z))
     return np.where(chain.free, out, theta)
 
 
-def traded(chain: Chain, theta: np.ndarray) -> list[np.ndarray]:
+def trade_lag_for_delay(chain: Chain, theta: np.ndarray) -> list[np.ndarray]:
     """theta with the time of lag and delay shared otherwise: with long samples a search seldom leaves a wrong share."""
     role = motor_of(chain).role
     if f"{role}.delay" not in chain.names:
         return []
     lag, delay = (chain.names.index(f"{role}.{name}") for name in ("lag", "delay"))
-    both, found = theta[lag] + theta[delay], []
+    total, points = theta[lag] + theta[delay], []
     for share in _LAGS:
         point = theta.copy()
-        point[lag], point[delay] = share * both, (1.0 - share) * both
-        found.append(np.where(chain.free, point, theta))
-    return found
+        point[lag], point[delay] = share * total, (1.0 - share) * total
+        points.append(np.where(chain.free, point, theta))
+    return points
 
 
 def free_run_cost(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> float:
@@ -109,7 +109,7 @@ def free_run_cost(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray)
     return cost if np.isfinite(cost) else np.inf
 
 
-def apart(chain: Chain, a: np.ndarray, b: np.ndarray) -> bool:
+def differ_in_motor(chain: Chain, a: np.ndarray, b: np.ndarray) -> bool:
     """Whether two candidates differ by a fifth or more in a parameter of the motor."""
     motor = motor_of(chain)
     x, y = chain.part(a, motor), chain.part(b, motor)
@@ -137,24 +137,27 @@ def _stribeck(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
     ]
 
 
-def _sided(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
+def _two_sided(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
     """The friction at rest of both directions, and more of it in one of them."""
     motor, (role, _, rise, fall) = motor_of(chain), _read(chain, theta)
     stick = motor.value(chain.part(theta, motor), "stick") or 0.1 * (rise + fall)
     names = (f"{role}.stick", f"{role}.stick_down")
-    return [dict(zip(names, (up * stick, down * stick), strict=True)) for up, down in ((1, 1), (1.5, 0.7), (0.7, 1.5))]
+    return [
+        dict(zip(names, (share_up * stick, share_down * stick), strict=True))
+        for share_up, share_down in ((1, 1), (1.5, 0.7), (0.7, 1.5))
+    ]
 
 
 def _loss(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
     """Direction-dependent friction replaced by a load and its screw loss, equal at mid stroke."""
     role, _, rise, fall = _read(chain, theta)
-    found = []
+    parts = []
     for loss, share in ((0.1, 0.0), (0.7, 0.0), (0.3, 1.0), (1.0, 1.0)):
         load = share * (rise - fall) / 2
-        lost = loss * abs(load)
-        part = {"loss": loss, "load0": load, "rise": rise - load - lost, "fall": fall + load - lost}
-        found.append({f"{role}.{name}": value for name, value in part.items()})
-    return found
+        loss_of_load = loss * abs(load)
+        part = {"loss": loss, "load0": load, "rise": rise - load - loss_of_load, "fall": fall + load - loss_of_load}
+        parts.append({f"{role}.{name}": value for name, value in part.items()})
+    return parts
 
 
 def _jam(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
@@ -162,10 +165,10 @@ def _jam(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
     role, gain, rise, fall = _read(chain, theta)
     dry = 0.5 * (rise + fall)
     motor = motor_of(chain)
-    most = float(np.abs(data.u).max())
+    highest = float(np.abs(data.u).max())
     if isinstance(motor, ServoMotor):  # whose input is a goal
-        most = motor.value(chain.part(theta, motor), "limit")
-    fastest = max(gain * max(most - dry, 0.1 * dry), 1e-12)
+        highest = motor.value(chain.part(theta, motor), "limit")
+    fastest = max(gain * max(highest - dry, 0.1 * dry), 1e-12)
     return [{f"{role}.jam": samples / fastest} for samples in (1.5, 4.0, 10.0)]
 
 
@@ -177,7 +180,7 @@ def _sag(chain: Chain, theta: np.ndarray, data: IOData) -> list[Part]:
 # What a motor's friction may have besides, by the option's name, and first values for it beside a plainer optimum.
 FRICTIONS: dict[str, Callable[[Chain, np.ndarray, IOData], list[Part]]] = {
     "stribeck": _stribeck,
-    "sided": _sided,
+    "sided": _two_sided,
     "loss": _loss,
     "jams": _jam,
     "sags": _sag,

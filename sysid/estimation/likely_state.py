@@ -48,22 +48,26 @@ def likely_initial(
     rest (P,) has initial states of zero, u (N, nu) is the input of the whole record, which tells how large states
     become; noise_variance [unit of y squared] is that of the fit.
     """
-    window = _linearised(chain, rest, data, np.zeros(int(chain.initial.sum())))
+    window = _linearise(chain, rest, data, np.zeros(int(chain.initial.sum())))
     if window is None or not len(window.r):
         return None
     size = float(np.sqrt(np.mean(window.r**2)))
     if size == 0.0:
         return rest
     noise = max(noise_variance, (1e-9 * size) ** 2)
-    seen = window.J / size
-    behind = [entry for b in chain.blocks[_first(chain) :] for _, entry in b.parts()]
-    affine = all(_affine(entry) for entry in behind)
+    sensitivity = window.J / size
+    entries = [entry for b in chain.blocks[_first(chain) :] for _, entry in b.parts()]
+    affine = all(_affine(entry) for entry in entries)
     space = state_space_of(chain)
-    mixture = priors(chain, rest, u, seen) if space is None else state_space_priors(chain, space, rest, data, u, seen)
+    mixture = (
+        priors(chain, rest, u, sensitivity)
+        if space is None
+        else state_space_priors(chain, space, rest, data, u, sensitivity)
+    )
     states, evidence = [], []
     for g in mixture:
-        near = window if affine else _settled(chain, rest, data, g, noise, window)
-        x, log = _posterior(near, g, noise)
+        linearisation = window if affine else _most_likely(chain, rest, data, g, noise, window)
+        x, log = _posterior(linearisation, g, noise)
         states.append(x)
         evidence.append(log + np.log(g.weight))
     share = np.exp(np.array(evidence) - max(evidence))
@@ -108,63 +112,63 @@ def _first(chain: Chain) -> int:
     return next(k for k, b in enumerate(chain.blocks) if any(s.initial for s in b.slots()))
 
 
-def _linearised(chain: Chain, theta: np.ndarray, data: IOData, x: np.ndarray) -> _Window | None:
+def _linearise(chain: Chain, theta: np.ndarray, data: IOData, x: np.ndarray) -> _Window | None:
     theta = theta.copy()
     theta[chain.initial] = x
     y, J = chain.sensitivities(theta, data.u)
-    seen = data.observed.T
-    r, J = (data.y - y).T[seen], J[:, chain.initial][seen.ravel()]
+    observed = data.observed.T
+    r, J = (data.y - y).T[observed], J[:, chain.initial][observed.ravel()]
     if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
         return None
-    return _Window(x, r, J, tuple(int(k) for k in seen.sum(axis=1)))
+    return _Window(x, r, J, tuple(int(k) for k in observed.sum(axis=1)))
 
 
-def _settled(chain: Chain, rest: np.ndarray, data: IOData, g: Gaussian, noise: float, window: _Window) -> _Window:
+def _most_likely(chain: Chain, rest: np.ndarray, data: IOData, g: Gaussian, noise: float, window: _Window) -> _Window:
     """The linearisation at the most likely states under one Gaussian and white noise."""
 
     def cost(w: _Window, z: np.ndarray) -> float:
         return float(w.r @ w.r) / noise + float(z @ z)
 
     z = np.zeros(g.root.shape[1])
-    here = _linearised(chain, rest, data, g.mean) if g.mean.any() else window
-    if here is None:
+    current = _linearise(chain, rest, data, g.mean) if g.mean.any() else window
+    if current is None:
         return window
     for _ in range(_STEPS if len(z) else 0):
-        A = np.vstack([here.J @ g.root / np.sqrt(noise), np.eye(len(z))])
-        wanted = np.concatenate([here.r / np.sqrt(noise), -z])
-        if not (np.all(np.isfinite(A)) and np.all(np.isfinite(wanted))):  # the states stay where they are
+        A = np.vstack([current.J @ g.root / np.sqrt(noise), np.eye(len(z))])
+        target = np.concatenate([current.r / np.sqrt(noise), -z])
+        if not (np.all(np.isfinite(A)) and np.all(np.isfinite(target))):  # the states stay where they are
             break
-        step = np.linalg.lstsq(A, wanted, rcond=None)[0]
-        before, scale = cost(here, z), 1.0
+        step = np.linalg.lstsq(A, target, rcond=None)[0]
+        cost_before, scale = cost(current, z), 1.0
         while scale > 1e-3:
-            tried = _linearised(chain, rest, data, g.mean + g.root @ (z + scale * step))
-            if tried is not None and cost(tried, z + scale * step) < before:
+            trial = _linearise(chain, rest, data, g.mean + g.root @ (z + scale * step))
+            if trial is not None and cost(trial, z + scale * step) < cost_before:
                 break
             scale *= 0.25
         else:
             break
-        z, here = z + scale * step, tried
-        if cost(here, z) > before - 1e-3:
+        z, current = z + scale * step, trial
+        if cost(current, z) > cost_before - 1e-3:
             break
-    return here
+    return current
 
 
 def _posterior(window: _Window, g: Gaussian, noise: float) -> tuple[np.ndarray, float]:
     """Mean of the states (s,) under one Gaussian, over sizes and correlations of the noise, and the log evidence."""
-    apart, J = window.at_zero() - window.J @ g.mean, window.J @ g.root
+    distance, J = window.at_zero() - window.J @ g.mean, window.J @ g.root
     means, logs = [], []
     for correlation in _CORRELATED:
-        r, A, logdet = _whitened(apart, J, window.rows, correlation)
+        r, A, logdet = _whiten(distance, J, window.rows, correlation)
         U, s, Vt = np.linalg.svd(A, full_matrices=False)
-        along = U.T @ r
-        left = max(float(r @ r - along @ along), 0.0)
-        for inflated, share in _INFLATED:
-            variance = inflated * noise
-            shrunk = 1.0 + s**2 / variance
-            means.append(Vt.T @ (s * along / variance / shrunk))
-            square = left / variance + float(np.sum(along**2 / shrunk)) / variance
+        projection = U.T @ r
+        remainder = max(float(r @ r - projection @ projection), 0.0)
+        for inflation, share in _INFLATED:
+            variance = inflation * noise
+            shrinkage = 1.0 + s**2 / variance
+            means.append(Vt.T @ (s * projection / variance / shrinkage))
+            square = remainder / variance + float(np.sum(projection**2 / shrinkage)) / variance
             logs.append(
-                np.log(share) - 0.5 * (square + float(np.sum(np.log(shrunk))) + len(r) * np.log(variance) + logdet)
+                np.log(share) - 0.5 * (square + float(np.sum(np.log(shrinkage))) + len(r) * np.log(variance) + logdet)
             )
     highest = max(logs)
     weight = np.exp(np.array(logs) - highest)
@@ -172,16 +176,16 @@ def _posterior(window: _Window, g: Gaussian, noise: float) -> tuple[np.ndarray, 
     return g.mean + g.root @ (weight / total @ np.array(means)), highest + float(np.log(total))
 
 
-def _whitened(
+def _whiten(
     r: np.ndarray, J: np.ndarray, rows: tuple[int, ...], correlation: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """r and J in coordinates in which AR(1) noise of variance 1 is white, and the log determinant of its covariance."""
     if correlation == 0.0:
         return r, J, 0.0
-    both = np.column_stack([r, J])
+    columns = np.column_stack([r, J])
     parts, end = [], 0
     for n in rows:
-        piece = both[end : end + n]
+        piece = columns[end : end + n]
         end += n
         if n:
             parts += [piece[:1], (piece[1:] - correlation * piece[:-1]) / np.sqrt(1.0 - correlation**2)]

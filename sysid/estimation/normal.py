@@ -47,9 +47,9 @@ class Normal:
         u, y = np.array([unit_of(column) for column in data.u.T]), np.full(data.y.shape[1], largest_unit(data))
         if not objective.ridge:
             for a, b in ((u, y), (np.ones_like(u), y), (u, np.ones_like(y))):
-                found = _turned(chain, data, a, b)
-                if found is not None:
-                    return found
+                normal = _rescale_and_mirror(chain, data, a, b)
+                if normal is not None:
+                    return normal
         return cls.kept(chain, data)
 
     @classmethod
@@ -60,7 +60,7 @@ class Normal:
     def back(self, chain: Chain, data: IOData, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
         """A problem and the end of its search as those of the chain and record in their own units."""
         thetas = problem.thetas(outcome.p) @ self.M.T + self.m
-        own = replace(
+        original = replace(
             problem,
             chain=chain,
             theta0=thetas,
@@ -70,18 +70,18 @@ class Normal:
             scratch={},
         )
         history = tuple({**row, "loss": row["loss"] * self.size**2} for row in outcome.history)
-        return own, replace(outcome, p=own.start, cost=outcome.cost * self.size**2, history=history)
+        return original, replace(outcome, p=original.start, cost=outcome.cost * self.size**2, history=history)
 
-    def covariance(self, found: Covariance) -> Covariance:
+    def covariance(self, cov_normal: Covariance) -> Covariance:
         """The covariance of theta in the units of the record, with the same directions left out."""
         M = self.M
-        lost = np.abs(M) @ found.unidentifiable > 0.0
+        lost = np.abs(M) @ cov_normal.unidentifiable > 0.0
         with np.errstate(over="ignore", invalid="ignore"):  # of a parameter that hardly any sample shows
-            cov = M @ found.cov @ M.T
-        return Covariance(cov, lost, found.noise_variance * self.size**2, np.abs(M) @ found.bounded > 0.0)
+            cov = M @ cov_normal.cov @ M.T
+        return Covariance(cov, lost, cov_normal.noise_variance * self.size**2, np.abs(M) @ cov_normal.bounded > 0.0)
 
 
-def _turned(chain: Chain, data: IOData, a: np.ndarray, b: np.ndarray) -> Normal | None:
+def _rescale_and_mirror(chain: Chain, data: IOData, a: np.ndarray, b: np.ndarray) -> Normal | None:
     """The chain and the record in units of these sizes, with signs that the chain has laws for; None if it has none.
 
     The signs that it takes are a group. Of all mirror images of the record that the group makes, the first one in a
@@ -89,23 +89,23 @@ def _turned(chain: Chain, data: IOData, a: np.ndarray, b: np.ndarray) -> Normal 
     """
     if rescaled(chain, a, b) is None:
         return None
-    seen, nu = np.array([*map(direction, data.u.T), *map(direction, observed(data))]), len(a)
-    images = product((1.0, -1.0), repeat=len(seen)) if len(seen) <= _MANY else (tuple(seen),)
-    for signs in (seen * np.array(image) for image in images):
-        found = rescaled(chain, a * signs[:nu], b * signs[nu:])
-        if found is not None:
+    directions, nu = np.array([*map(direction, data.u.T), *map(direction, observed_samples(data))]), len(a)
+    images = product((1.0, -1.0), repeat=len(directions)) if len(directions) <= _MANY else (tuple(directions),)
+    for signs in (directions * np.array(image) for image in images):
+        rescaling = rescaled(chain, a * signs[:nu], b * signs[nu:])
+        if rescaling is not None:
             u, y = data.u / (a * signs[:nu]), data.y / (b * signs[nu:])
-            means = [float(np.mean(part)) if len(part) else 0.0 for part in observed(replace(data, y=y))]
-            law = shifted(found.chain, np.mean(u, axis=0), np.array(means))
+            means = [float(np.mean(part)) if len(part) else 0.0 for part in observed_samples(replace(data, y=y))]
+            law = shifted(rescaling.chain, np.mean(u, axis=0), np.array(means))
             # Without a zero of its own sign: the image of a record is that record, also where a kernel divides.
-            there = replace(data, u=u - law.input + 0.0, y=y - law.output + 0.0)
-            return Normal(found.chain, there, found.M @ law.M, found.M @ law.m, float(b[0]))
+            normal_data = replace(data, u=u - law.input + 0.0, y=y - law.output + 0.0)
+            return Normal(rescaling.chain, normal_data, rescaling.M @ law.M, rescaling.M @ law.m, float(b[0]))
     return None
 
 
-def observed(data: IOData) -> list[np.ndarray]:
+def observed_samples(data: IOData) -> list[np.ndarray]:
     """The measured samples of each output."""
-    return [column[seen] for column, seen in zip(data.y.T, data.observed.T, strict=True)]
+    return [column[mask] for column, mask in zip(data.y.T, data.observed.T, strict=True)]
 
 
 def unit_of(x: np.ndarray) -> float:
@@ -118,5 +118,5 @@ def unit_of(x: np.ndarray) -> float:
 
 def largest_unit(data: IOData) -> float:
     """The unit of the output that varies most: errors of several outputs add up in one unit."""
-    varied = [column for column in observed(data) if len(column) and np.ptp(column) > 0.0]
-    return max((unit_of(column) for column in varied), default=1.0)
+    varying = [column for column in observed_samples(data) if len(column) and np.ptp(column) > 0.0]
+    return max((unit_of(column) for column in varying), default=1.0)

@@ -35,9 +35,9 @@ class Origin:
 
     def other_unit(self, data: IOData) -> tuple[str, str, str] | None:
         """The first of "input" and "output" whose stated unit is another: its name, its unit, and the unit here."""
-        for role, now, was in (("input", data.u_unit, self.u_unit), ("output", data.y_unit, self.y_unit)):
-            if _plain(was) and _plain(now) and _plain(was) != _plain(now):
-                return role, now, was
+        for role, unit, model_unit in (("input", data.u_unit, self.u_unit), ("output", data.y_unit, self.y_unit)):
+            if _plain(model_unit) and _plain(unit) and _plain(model_unit) != _plain(unit):
+                return role, unit, model_unit
         return None
 
 
@@ -51,12 +51,12 @@ def _plain(unit: str) -> str:
 
 def check_units(data: IOData, origin: Origin | None) -> None:
     """Raises InputError for a record that states other units than those of a fit's record."""
-    other = None if origin is None else origin.other_unit(data)
-    if other is not None:
-        role, now, was = other
+    mismatch = None if origin is None else origin.other_unit(data)
+    if mismatch is not None:
+        role, unit, model_unit = mismatch
         raise InputError(
-            f"the {role} of the record is in {now} and the model's in {was}; convert the record, or correct the unit "
-            f"with dataclasses.replace(data, {'u' if role == 'input' else 'y'}_unit={was!r})"
+            f"the {role} of the record is in {unit} and the model's in {model_unit}; convert the record, or correct "
+            f"the unit with dataclasses.replace(data, {'u' if role == 'input' else 'y'}_unit={model_unit!r})"
         )
 
 
@@ -69,24 +69,28 @@ def check_same_kind(data: IOData, Ts: float, origin: Origin | None) -> None:
 
 def check_channels(model: Chain, data: IOData) -> None:
     """Raises InputError if a record differs from the model in the number of inputs or outputs."""
-    found, wanted = (data.u.shape[1], data.y.shape[1]), model.channels
-    if found != wanted:
+    channels, (nu, ny) = (data.u.shape[1], data.y.shape[1]), model.channels
+    if channels != (nu, ny):
         raise InputError(
-            f"the record has {found[0]} input(s) and {found[1]} output(s), the model {wanted[0]} and {wanted[1]}; "
-            "choose one column of each or build the model with nu and ny"
+            f"the record has {channels[0]} input(s) and {channels[1]} output(s), the model {nu} and {ny}; choose "
+            "one column of each or build the model with nu and ny"
         )
 
 
 def share_explained(data: IOData, mse: float) -> float:
     """Fit [%] of errors with this mean square: of one output, or of all outputs together."""
-    seen = data.observed
-    y = [column[mask] for column, mask in zip(data.y.T, seen.T, strict=True)]
+    observed = data.observed
+    y = [column[mask] for column, mask in zip(data.y.T, observed.T, strict=True)]
     size = sum(float(np.sum((part - part.mean()) ** 2)) for part in y)
-    return 100.0 * (1.0 - float(np.sqrt(mse * seen.sum() / size))) if size > 0 else float("-inf")
+    return 100.0 * (1.0 - float(np.sqrt(mse * observed.sum() / size))) if size > 0 else float("-inf")
 
 
-class Remembered:
-    """A result that may know the record that it comes from."""
+class FitMethods(Shown):
+    """Methods that a chain's fit and a nonlinear ARX fit have in common.
+
+    `data` may be left out where the fit knows its record (`record`): then it is the record of the fit. A fit that was
+    read from a file has none, and each method raises InputError without `data`.
+    """
 
     @property
     def record(self) -> IOData | None:
@@ -102,21 +106,13 @@ class Remembered:
 
     def record_or(self, data: IOData | None) -> IOData:
         """`data`, or the record of the fit where that is None; raises InputError if there is none."""
-        found = self.record if data is None else data
-        if found is None:
+        record = self.record if data is None else data
+        if record is None:
             raise InputError(
                 "this fit was read from a file and has no record; give one as data=, for example fit.plot(data) or "
                 "fit.report(path, data=data)"
             )
-        return found
-
-
-class FitMethods(Shown, Remembered):
-    """Methods that a chain's fit and a nonlinear ARX fit have in common.
-
-    `data` may be left out where the fit knows its record (`record`): then it is the record of the fit. A fit that was
-    read from a file has none, and each method raises InputError without `data`.
-    """
+        return record
 
     @checked
     def plot(self, data: IOData | None = None, what: str = "output", at: float | None = None) -> "Figure":
@@ -140,8 +136,8 @@ class FitMethods(Shown, Remembered):
         record of the fit itself and says so. Raises InputError for several inputs or outputs and for a folder that is
         not there.
         """
-        found: Path = handler(self).report(self, path, data, validation)
-        return found
+        page: Path = handler(self).report(self, path, data, validation)
+        return page
 
     @checked
     def refine(self, data: IOData | None = None, **options: Any) -> Self:
@@ -151,8 +147,8 @@ class FitMethods(Shown, Remembered):
         is this fit with a warning. With an `objective` of your own its cost counts, penalties included, and the error
         may rise. Raises InputError for a nonlinear ARX model, which takes no start.
         """
-        found: Self = handler(self).refine(self, data, **options)
-        return found
+        fit: Self = handler(self).refine(self, data, **options)
+        return fit
 
     @checked
     def noise_model(self, data: IOData | None = None) -> Any:

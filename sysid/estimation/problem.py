@@ -76,20 +76,20 @@ class ChainProblem:
         theta = self.thetas(p)[0]
         if not np.all(np.isfinite(theta)):
             return p
-        repaired = self.chain.repair(theta)
-        if np.array_equal(repaired, theta):
+        admissible = self.chain.repair(theta)
+        if np.array_equal(admissible, theta):
             return p
         p = p.copy()
-        p[: int(self.moving.sum())] += np.linalg.solve(self.chain.basis, repaired - theta)[self.moving]
+        p[: int(self.moving.sum())] += np.linalg.solve(self.chain.basis, admissible - theta)[self.moving]
         return p
 
     def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
         """True where p is at a bound and the descent direction `gradient` points beyond it."""
         low, high = self.chain.at_limit(self.thetas(p)[0])
         n = int(self.moving.sum())
-        blocked = np.zeros(len(p), dtype=bool)
-        blocked[:n] = (low[self.moving] & (gradient[:n] < 0)) | (high[self.moving] & (gradient[:n] > 0))
-        return blocked
+        at_bound = np.zeros(len(p), dtype=bool)
+        at_bound[:n] = (low[self.moving] & (gradient[:n] < 0)) | (high[self.moving] & (gradient[:n] > 0))
+        return at_bound
 
     def residual(self, p: np.ndarray) -> np.ndarray | None:
         """e (N,), or None where the chain is not admissible."""
@@ -166,8 +166,8 @@ class ChainProblem:
         redundant = np.linalg.solve(self.chain.basis, self.chain.gauge(theta))[self.moving]
         if len(p) > n:  # the gauge moves the other experiments' initial states too: leave it to the pseudo-inverse
             redundant = np.vstack([redundant, np.zeros((len(p) - n, redundant.shape[1]))])
-        found = covariance(lin.along(free), redundant[free], basis[:, free], d)
-        return replace(found, at_bound=np.any(basis[:, ~free] != 0.0, axis=1)), d
+        cov = covariance(lin.along(free), redundant[free], basis[:, free], d)
+        return replace(cov, at_bound=np.any(basis[:, ~free] != 0.0, axis=1)), d
 
     def _bare_linearisation(self, p: np.ndarray) -> Linearisation:
         return self.bare.compact(p) or Linearisation.of(*self.bare.linearise(p))
@@ -253,8 +253,8 @@ class ChainProblem:
 
 def in_pieces(chain: Chain) -> bool:
     """True if every block of the chain can carry its state from one piece to the next."""
-    none = (b.piecewise(np.zeros(b.n_parameters), 0, 0) is None for b in chain.blocks)
-    return all(b.channels == (1, 1) for b in chain.blocks) and not any(none)
+    missing = (b.piecewise(np.zeros(b.n_parameters), 0, 0) is None for b in chain.blocks)
+    return all(b.channels == (1, 1) for b in chain.blocks) and not any(missing)
 
 
 def pieces(

@@ -17,7 +17,7 @@ from sysid.blocks import StateSpace
 from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
-from sysid.estimation.free_run import FreeRun, autoregression, divergence, forecast, free_run, from_rest
+from sysid.estimation.free_run import FreeRun, autoregression, divergence, forecast, free_run, run_from_rest
 from sysid.estimation.origin import FitMethods, Origin, check_channels, check_same_kind
 from sysid.model.chain import Chain
 from sysid.model.tangents import Rational, tangent
@@ -77,11 +77,11 @@ class Fit(FitMethods):
         has them. Infinite after the run diverges, see `divergence`.
         """
         if isinstance(data, IOData):
-            own = self.own_level(data)
-            y = counted_back(np.concatenate([self._run(e, n_init).y for e in own.experiments]), own, data)
+            levelled = self.own_level(data)
+            y = counted_back(np.concatenate([self._run(e, n_init).y for e in levelled.experiments]), levelled, data)
         else:
             u = np.asarray(data, dtype=float)
-            y = from_rest(self.model, self.theta, u)
+            y = run_from_rest(self.model, self.theta, u)
         return y[:, 0] if self.model.channels[1] == 1 else y
 
     @checked(deferred=("horizon",))
@@ -93,14 +93,14 @@ class Fit(FitMethods):
         free run. Raises InputError for a horizon below 1.
         """
         check_horizon(horizon)
-        own, found = self.own_level(data), []
-        runs = [self._run(e, n_init).y for e in own.experiments]
-        e = np.where(own.observed, own.y - np.concatenate(runs), 0.0)
-        noise = self.noise or [autoregression(v, own.lengths) for v in e.T]
-        for record, run in zip(own.experiments, runs, strict=True):
+        levelled, predictions = self.own_level(data), []
+        runs = [self._run(e, n_init).y for e in levelled.experiments]
+        e = np.where(levelled.observed, levelled.y - np.concatenate(runs), 0.0)
+        noise = self.noise or [autoregression(v, levelled.lengths) for v in e.T]
+        for record, run in zip(levelled.experiments, runs, strict=True):
             columns = zip((record.y - run).T, noise, record.observed.T, strict=True)
-            found.append(run + np.column_stack([forecast(v, a, horizon, seen) for v, a, seen in columns]))
-        y = counted_back(np.concatenate(found), own, data)
+            predictions.append(run + np.column_stack([forecast(v, a, horizon, observed) for v, a, observed in columns]))
+        y = counted_back(np.concatenate(predictions), levelled, data)
         return y[:, 0] if self.model.channels[1] == 1 else y
 
     @checked
@@ -123,8 +123,8 @@ class Fit(FitMethods):
     @checked
     def fit_percents(self, data: IOData, n_init: int | None = None) -> np.ndarray:
         """Free-run fit [%] of each output (ny,)."""
-        y, yhat, scored = self._scored(data, n_init)
-        return np.array([fit_percent(a[k], b[k]) for a, b, k in zip(y.T, yhat.T, scored.T, strict=True)])
+        y, yhat, mask = self._scored_samples(data, n_init)
+        return np.array([fit_percent(a[k], b[k]) for a, b, k in zip(y.T, yhat.T, mask.T, strict=True)])
 
     @checked
     def residuals(self, data: IOData) -> np.ndarray:
@@ -132,15 +132,15 @@ class Fit(FitMethods):
 
         A missing sample has the residual 0.
         """
-        y, yhat, scored = self._scored(data, None)
-        e = np.where(scored, y - yhat, 0.0)
+        y, yhat, mask = self._scored_samples(data, None)
+        e = np.where(mask, y - yhat, 0.0)
         return e[:, 0] if e.shape[1] == 1 else e
 
     @checked
     def residual_tests(self, data: IOData, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
         """Whiteness of the free-run residuals on a record of one input and output, and independence of the input."""
         siso(data)
-        u = np.concatenate([e.u[self._skipped(e, None) :, 0] for e in self.own_level(data).experiments])
+        u = np.concatenate([e.u[self._initial_samples(e, None) :, 0] for e in self.own_level(data).experiments])
         e = self.residuals(data)
         if not np.all(np.isfinite(e)):
             raise InputError(f"no residuals to test: {self.divergence(data)}")
@@ -177,15 +177,15 @@ class Fit(FitMethods):
     @cached_property
     def pole_std(self) -> np.ndarray:
         """Standard deviation of each pole; nan if the data do not determine it, and of a pole on the unit circle."""
-        found = [np.empty(0)]
+        deviations = [np.empty(0)]
         if self._around_centre is not None:
             F, G = self._around_centre.F, self._around_centre.F_gradient[1:]
             return pole_std(F[1:], G @ self.covariance.cov @ G.T)
         for part, b in self.model.dynamics:
             f = slice(part.start + b.nb, part.start + b.nb + b.nf)
             held = bool((self.covariance.bounded | self.covariance.unidentifiable)[f].any())
-            found.append(pole_std(self.theta[f], self.covariance.cov[f, f], held))
-        return np.concatenate(found)
+            deviations.append(pole_std(self.theta[f], self.covariance.cov[f, f], held))
+        return np.concatenate(deviations)
 
     @cached_property
     def _around_centre(self) -> Rational | None:
@@ -260,17 +260,17 @@ class Fit(FitMethods):
         with one_blas_thread():
             return free_run(self.model, self.theta, data, n, mse * c.N / max(c.N - c.d, 1))
 
-    def _scored(self, data: IOData, n_init: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _scored_samples(self, data: IOData, n_init: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """y, yhat and the mask of scored samples (M, ny), each experiment without its first n_init, at own level."""
         y, yhat, counts = [], [], []
         for e in self.own_level(data).experiments:
-            n = self._skipped(e, n_init)
+            n = self._initial_samples(e, n_init)
             y.append(e.y[n:])
             yhat.append(self._run(e, n).y[n:])
             counts.append(e.observed[n:])
         return np.concatenate(y), np.concatenate(yhat), np.concatenate(counts)
 
-    def _skipped(self, data: IOData, n_init: int | None) -> int:
+    def _initial_samples(self, data: IOData, n_init: int | None) -> int:
         n = self.n_init if n_init is None else n_init
         if n + 2 > data.N:
             raise InputError(

@@ -16,9 +16,9 @@ from sysid.estimation.problem import ChainProblem
 from sysid.estimation.starts._shared import longest
 from sysid.estimation.starts.portfolio.candidates import StartingPoint, starting_points
 from sysid.estimation.starts.portfolio.curves import movable_maps
-from sysid.estimation.starts.portfolio.moves import alternatives, relaid
+from sysid.estimation.starts.portfolio.moves import move_breakpoints, pole_alternatives
 from sysid.model.chain import Chain
-from sysid.solver.iterate import Options, Outcome, iterate, until
+from sysid.solver.iterate import Options, Outcome, iterate, time_limit
 from sysid.solver.searches import search as make_search
 
 # Every start gets a few iterations, then only the best go on: a start that is far behind by then seldom wins.
@@ -181,7 +181,7 @@ def _search_rounds(context: SearchContext, seed: int, count: int | None) -> Sear
     for turn in range(_ROUNDS if count is None else -(-count // _PER_ROUND)):
         theta = None if best is None else best.problem.thetas(best.outcome.p)[0]
         weight = context.objective.curvature_weight
-        with until(context.options.deadline):
+        with time_limit(context.options.deadline):
             points = starting_points(context.model, longest(context.data), seed, turn, per_round, weight, theta)
         result = _search_round(context, points, best) if points else best
         if result is None:
@@ -189,8 +189,8 @@ def _search_rounds(context: SearchContext, seed: int, count: int | None) -> Sear
         costs += result.costs
         members += result.members
         best = replace(result, costs=(), members=())
-        needed = ENOUGH + (turn == 0 and _residuals_are_autocorrelated(best))
-        if (count is None and best.agreed >= needed) or context.out_of_time:
+        enough = ENOUGH + (turn == 0 and _residuals_are_autocorrelated(best))
+        if (count is None and best.agreed >= enough) or context.out_of_time:
             break
     if best is None or not np.isfinite(best.outcome.cost):
         return None
@@ -223,13 +223,13 @@ def _search_round(context: SearchContext, points: list[StartingPoint], previous:
         problem, outcome = _refine(context, problem, outcome)
         if len(points) + (previous is not None) > 1 or points[k].agreed > 1:
             problem, outcome = _try_other_poles(context, problem, outcome)
-    agreed = sum(p.agreed for p, c in zip(points, costs, strict=True) if c <= SAME * outcome.cost or p is points[k])
+    agreement = sum(p.agreed for p, c in zip(points, costs, strict=True) if c <= SAME * outcome.cost or p is points[k])
     if previous is not None:
         if outcome.cost > previous.outcome.cost / SAME:
-            agreed += previous.agreed
+            agreement += previous.agreed
         if previous.outcome.cost <= outcome.cost:
             problem, outcome = previous.problem, previous.outcome
-    return SearchResult(problem, outcome, costs, members, agreed)
+    return SearchResult(problem, outcome, costs, members, agreement)
 
 
 def _refine(context: SearchContext, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
@@ -240,13 +240,13 @@ def _refine(context: SearchContext, problem: ChainProblem, outcome: Outcome) -> 
     problem, outcome = _update_curvature_weight(context, problem, outcome, limit)
     near = False
     for _ in range(_MOVES):
-        moved = None if context.out_of_time else _move_breakpoints(context, problem, outcome, near)
-        if moved is not None:
-            after = context.iterate(moved, moved.start, limit)
-            moved, after = _update_curvature_weight(context, moved, after, limit)
-            if after.cost < outcome.cost:
-                worth = after.cost < _WORTH * outcome.cost
-                problem, outcome = moved, outcome.then(after)
+        candidate = None if context.out_of_time else _move_breakpoints(context, problem, outcome, near)
+        if candidate is not None:
+            end = context.iterate(candidate, candidate.start, limit)
+            candidate, end = _update_curvature_weight(context, candidate, end, limit)
+            if end.cost < outcome.cost:
+                worth = end.cost < _WORTH * outcome.cost
+                problem, outcome = candidate, outcome.then(end)
                 if worth:
                     continue
         if near or context.out_of_time:
@@ -261,11 +261,11 @@ def _try_other_poles(context: SearchContext, problem: ChainProblem, outcome: Out
     """The search from other poles of the fit's own filters, if that leads lower."""
     theta, rng = problem.thetas(outcome.p)[0], np.random.default_rng(0)
     best, end = problem, outcome
-    for point in alternatives(context.model, theta, context.data.experiments[0], rng, _OTHER_POLES):
-        moved = _moved_to(context.model, problem, outcome, point)
-        after = context.trial(moved)
-        if after.cost < _WORTH * end.cost:
-            best, end = moved, outcome.then(after)
+    for point in pole_alternatives(context.model, theta, context.data.experiments[0], rng, _OTHER_POLES):
+        candidate = _problem_at(context.model, problem, outcome, point)
+        end_moved = context.trial(candidate)
+        if end_moved.cost < _WORTH * end.cost:
+            best, end = candidate, outcome.then(end_moved)
     return (problem, outcome) if best is problem else _refine(context, best, end)
 
 
@@ -287,11 +287,13 @@ def _move_breakpoints(
 ) -> ChainProblem | None:
     """The problem with break points in other places, None if there is nothing to win."""
     theta, record = problem.thetas(outcome.p)[0], context.data.experiments[0]
-    moved = relaid(context.model, theta, record if record.N <= _WINDOW else record.select(0, _WINDOW), near)
-    return None if moved is None else _moved_to(context.model, problem, outcome, moved)
+    theta_moved = move_breakpoints(
+        context.model, theta, record if record.N <= _WINDOW else record.select(0, _WINDOW), near
+    )
+    return None if theta_moved is None else _problem_at(context.model, problem, outcome, theta_moved)
 
 
-def _moved_to(model: Chain, problem: ChainProblem, outcome: Outcome, theta: np.ndarray) -> ChainProblem:
+def _problem_at(model: Chain, problem: ChainProblem, outcome: Outcome, theta: np.ndarray) -> ChainProblem:
     """The problem around theta (P,), with the initial states that the further experiments have in the outcome."""
     thetas = problem.thetas(outcome.p)
     thetas[:, ~model.initial] = theta[~model.initial]

@@ -29,23 +29,23 @@ F = TypeVar("F")
 
 def load(path: str | os.PathLike) -> Fit:
     """Read a chain that `save` wrote; raises InputError, one sentence, for anything else."""
-    return read(path, {FORMAT: built})
+    return read(path, {FORMAT: build_fit})
 
 
 def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]], F]]) -> F:
     """Read a file of one of `formats`, a function of the document for each; raises InputError for anything else."""
     source = check_regular_file(path)
-    made = shlex.join(["qpal", "identify", str(source)])
+    command = shlex.join(["qpal", "identify", str(source)])
     try:
         text = source.read_text(encoding="utf-8-sig")  # an editor of Windows may have saved it
-        document = json.loads(text, parse_constant=_refused, object_pairs_hook=_once)
+        document = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique_entries)
     except OSError as e:
         raise InputError(f"cannot read {source}: {e.strerror}; give the path of a saved fit") from None
     except (UnicodeDecodeError, json.JSONDecodeError) as e:
         if source.suffix.lower() in TABLE and source.suffix.lower() != ".json":
             raise InputError(
                 f"{source} is a log by its suffix and no saved model; give the model.json of a fit in its place, which "
-                f"this makes of the log: {made}"
+                f"this makes of the log: {command}"
             ) from None
         if isinstance(e, UnicodeDecodeError):
             raise InputError(f"{source} is not text; give a file that save() wrote") from None
@@ -58,7 +58,7 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
         if not isinstance(document, dict) or str(document.get("format")) not in formats:
             known = " or ".join(repr(name) for name in formats)
             other = isinstance(document, dict) and "format" in document
-            of_log = "" if other else f", which this makes of a log: {made}"
+            of_log = "" if other else f", which this makes of a log: {command}"
             raise InputError(
                 f"this is JSON but not a saved fit (its format is not {known}); give a file that save() wrote{of_log}"
             )
@@ -67,11 +67,11 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
         raise InputError(f"{source}: {e}") from None
 
 
-def _refused(constant: str) -> NoReturn:
+def _refuse_constant(constant: str) -> NoReturn:
     raise ValueError(f"it holds {constant}")
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique_entries(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """A table of the file; JSON's last entry of a name would silently replace those before it."""
     found = dict(pairs)
     if len(found) < len(pairs):
@@ -93,14 +93,14 @@ def version_of(document: dict[str, Any], newest: int) -> int:
     return version
 
 
-def built(document: dict[str, Any]) -> Fit:
+def build_fit(document: dict[str, Any]) -> Fit:
     """The fit of a document; raises InputError for entries that are missing, wrong or do not belong together."""
-    fit, names = made(Fit, migrate(document, version_of(document, VERSION)))
+    fit, names = build_checked(Fit, migrate(document, version_of(document, VERSION)))
     _check(fit, names)
     return fit
 
 
-def made(kind: type[F], document: dict[str, Any]) -> tuple[F, list[str]]:
+def build_checked(kind: type[F], document: dict[str, Any]) -> tuple[F, list[str]]:
     """A fit of this kind from its document, and the names of the parameters there."""
     theta = document.get("theta")
     if not isinstance(theta, dict):

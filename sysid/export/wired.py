@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.block.writing import Code
-from sysid.estimation.free_run import rested
+from sysid.estimation.free_run import resting_theta
 from sysid.estimation.result import Fit
 from sysid.export import network
 from sysid.model.wiring import Layer, layers, offsets, written
@@ -36,7 +36,7 @@ def wired(fit: AnyFit, way: str, u_offset: Offset = None, y_offset: Offset = Non
         if not network.finite(fit):
             raise InputError("a parameter of this model is not finite; fit it again before writing it out")
         return Wired(network.wiring(fit), {network.NAME: network.code(fit, way)}, u0, y0)
-    found = layers(fit.model, rested(fit.model, fit.theta))  # the run of `Fit.simulate` for an input alone
+    found = layers(fit.model, resting_theta(fit.model, fit.theta))  # the run of `Fit.simulate` for an input alone
     codes = {u.name: written(u, way)(u.theta) for layer in found for row in layer for u, _ in row}
     return Wired(found, codes, u0, y0)
 

@@ -17,7 +17,7 @@ from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.blocks.motor import LONGEST
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.joint_parts import is_joint, lifted, motor_of, sub
+from sysid.estimation.joint_parts import is_joint, lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.joint.course import LONG, TOPS, Course
 from sysid.joint.outlook import beyond, shortfalls, unmet, weak
@@ -243,7 +243,7 @@ def _then(
         place = len(chain.blocks) - (chain.blocks[-1].role == "sensor")
         play = Play(role="play")
         richer = sub(chain, (*chain.blocks[:place], play, *chain.blocks[place:]))
-        theta, chain = lifted(chain, theta, richer, {"play.width": width}), richer
+        theta, chain = lift_theta(chain, theta, richer, {"play.width": width}), richer
         own = np.asarray(chain.simulate(theta, u)).ravel()
         y = own + (y[0] - own[0])
         size = display_quantity("backlash", data.y_unit or "")

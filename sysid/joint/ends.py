@@ -9,7 +9,7 @@ from sysid.base.errors import InputError
 from sysid.blocks import Motor, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.joint_parts import lifted, motor_of, sub
+from sysid.estimation.joint_parts import lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.joint import Joint
 from sysid.joint.parts import PARTS
@@ -121,7 +121,7 @@ def chosen_ends(
 def _fitted(chain: Chain, known: Fit, data: IOData, cut: IOData, own: int, options: dict[str, Any]) -> Fit | None:
     """From a known optimum, and from starts of its own where the stops are gone; None if every one of them diverges."""
     free = not motor_of(chain).stops
-    points = [lifted(known.model, known.theta, chain, {})] if _mapped(chain) or not _mapped(known.model) else []
+    points = [lift_theta(known.model, known.theta, chain, {})] if _mapped(chain) or not _mapped(known.model) else []
     points += Joint().starts(chain, data, own, options["seed"]) if free or not points else []
     try:
         return fit_chain(chain, cut, start=np.array(points), options=_SCREENING, **options)

@@ -12,7 +12,7 @@ from sysid.base.handlers import Shown, handler
 from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.joint_parts import lifted, shaken
+from sysid.estimation.joint_parts import lift_theta, shake_theta
 from sysid.estimation.result import Fit
 from sysid.estimation.starts import starts as make_starts
 from sysid.joint.clock import Clock
@@ -255,8 +255,8 @@ def _another(fit: Fit, ends: Ends, data: IOData, rough: _Rough, starts: int, opt
     own = set(chain.names) - set(bare.names)
     grown = {name: float(v) for name, v in zip(chain.names, theta, strict=True) if name in own}
     rng = np.random.default_rng(options["seed"])
-    base = lifted(bare, found.theta, chain, grown)
-    points = [base, *(np.clip(shaken(chain, base, rng), *chain.limits) for _ in range(SHAKES - 1))]
+    base = lift_theta(bare, found.theta, chain, grown)
+    points = [base, *(np.clip(shake_theta(chain, base, rng), *chain.limits) for _ in range(SHAKES - 1))]
     run = fit_chain(chain, cut, start=base[None], options=Options(max_iterations=1), **options)
     return _over(better(run, points, cut, options), data, rough.k, options)
 

@@ -8,7 +8,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.joint_parts import shaken, traded
+from sysid.estimation.joint_parts import shake_theta, trade_lag_for_delay
 from sysid.estimation.objective import Objective
 from sysid.estimation.result import Fit
 from sysid.estimation.search import SearchContext, set_curvature_weight
@@ -59,7 +59,7 @@ def beside(fit: Fit, data: IOData, options: dict[str, Any], grown: tuple[str, ..
     Several `grown` parts are started again from their initial values, because each was added to a simpler joint.
     """
     chain, rng = fit.model, np.random.default_rng([options["seed"], len(fit.theta)])
-    points = [np.clip(shaken(chain, fit.theta, rng), *chain.limits) for _ in range(SHAKES)]
+    points = [np.clip(shake_theta(chain, fit.theta, rng), *chain.limits) for _ in range(SHAKES)]
     if len(grown) > 1:
         points += [point for name in grown for point in again(name, fit, data)]
-    return better(fit, points + traded(chain, fit.theta), data, options, *(_LAST if grown else _USUAL))
+    return better(fit, points + trade_lag_for_delay(chain, fit.theta), data, options, *(_LAST if grown else _USUAL))

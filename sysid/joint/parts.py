@@ -9,7 +9,7 @@ import numpy as np
 from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor, Play, TravelMap
 from sysid.data.record import IOData
-from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lifted, motor_of, sub
+from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.staged_joint import play_starts
 from sysid.model.chain import Chain
@@ -83,7 +83,9 @@ def again(name: str, fit: Fit, data: IOData) -> list[np.ndarray]:
     options = PARTS[name].options
     if not options:
         return []
-    return [lifted(fit.model, fit.theta, fit.model, p) for p in friction_starts(options, fit.model, fit.theta, data)]
+    return [
+        lift_theta(fit.model, fit.theta, fit.model, p) for p in friction_starts(options, fit.model, fit.theta, data)
+    ]
 
 
 def _with_friction(fit: Fit, data: IOData, options: tuple[str, ...]) -> Candidate | None:
@@ -104,7 +106,7 @@ def _with_friction(fit: Fit, data: IOData, options: tuple[str, ...]) -> Candidat
         gain, rise, fall = (motor.value(part, name) for name in ("gain", "rise", "fall"))
         least = max(_CREEP * gain * 0.5 * (rise + fall), 1e-9)
         grown = replace(grown, bounds={**grown.bounds, f"{motor.role}.stick_speed": (least, np.inf)})
-    return grown, np.array([lifted(chain, fit.theta, grown, point) for point in points])
+    return grown, np.array([lift_theta(chain, fit.theta, grown, point) for point in points])
 
 
 def _possible(motor: Motor, option: str, options: tuple[str, ...]) -> bool:
@@ -135,7 +137,7 @@ def _with_waves(fit: Fit, data: IOData, waves: int) -> Candidate | None:
         for share in (0.5, 2.0)
         for a, b in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
     ]
-    return grown, np.array([lifted(chain, fit.theta, grown, point) for point in points])
+    return grown, np.array([lift_theta(chain, fit.theta, grown, point) for point in points])
 
 
 def _with_play(fit: Fit, data: IOData, kind: type[Block]) -> Candidate | None:
@@ -147,8 +149,8 @@ def _with_play(fit: Fit, data: IOData, kind: type[Block]) -> Candidate | None:
     bare = sub(chain, tuple(b for b in chain.blocks if not isinstance(b, Play)))
     place = len(bare.blocks) - (bare.blocks[-1].role == "sensor")
     grown = sub(bare, (*bare.blocks[:place], kind(role="play"), *bare.blocks[place:]))
-    base = lifted(chain, fit.theta, bare, {})
+    base = lift_theta(chain, fit.theta, bare, {})
     with np.errstate(all="ignore"):  # of a joint that does not move no link can be judged
         found = play_starts(grown, bare, base, data)[:_TRIED]
-    points = np.array([lifted(chain, fit.theta, grown, point) for point in found])
+    points = np.array([lift_theta(chain, fit.theta, grown, point) for point in found])
     return (grown, points) if np.all(np.isfinite(points)) else None

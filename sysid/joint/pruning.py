@@ -11,7 +11,7 @@ from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Play
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.joint_parts import lifted, motor_of, sub
+from sysid.estimation.joint_parts import lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.joint.parts import PARTS
 from sysid.model.chain import Chain
@@ -72,7 +72,7 @@ def without(name: str, fit: Fit) -> Iterator[tuple[str, Candidate]]:
 
 def _from(fit: Fit, blocks: tuple[Block, ...], points: list[dict[str, float]]) -> Candidate:
     plainer = sub(fit.model, blocks)
-    return plainer, np.array([lifted(fit.model, fit.theta, plainer, point) for point in points])
+    return plainer, np.array([lift_theta(fit.model, fit.theta, plainer, point) for point in points])
 
 
 def _instead(option: str, fit: Fit) -> list[dict[str, float]]:

@@ -7,7 +7,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
-from sysid.estimation.free_run import rested
+from sysid.estimation.free_run import resting_theta
 from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.objective import Objective
 from sysid.estimation.search import SearchContext, set_curvature_weight
@@ -71,7 +71,9 @@ def free_runs(chain: Chain, theta: np.ndarray, pair: tuple[Fold, ...]) -> Unseen
 def refitted(chain: Chain, theta: np.ndarray, data: IOData, iterations: int) -> np.ndarray:
     """theta (P,) after a few iterations on another record; theta itself where no search is possible there."""
     context = SearchContext(chain, data, Objective(), "lm", Options(max_iterations=iterations).begun(), None)
-    rows = [estimate_initial(chain, rested(chain, theta), e.select(0, min(e.N, FIRST))) for e in data.experiments]
+    rows = [
+        estimate_initial(chain, resting_theta(chain, theta), e.select(0, min(e.N, FIRST))) for e in data.experiments
+    ]
     problem = set_curvature_weight(context, [context.problem(np.array(rows))])[0]
     outcome = context.iterate(problem, problem.start, context.options)
     return problem.thetas(outcome.p)[0] if np.isfinite(outcome.cost) else theta
@@ -80,7 +82,7 @@ def refitted(chain: Chain, theta: np.ndarray, data: IOData, iterations: int) -> 
 def _run(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
     first = data.select(0, min(data.N, FIRST))
     with np.errstate(all="ignore"):
-        return chain.outputs(estimate_initial(chain, rested(chain, theta), first), data.u)[:, 0]
+        return chain.outputs(estimate_initial(chain, resting_theta(chain, theta), first), data.u)[:, 0]
 
 
 def harm(plain: Unseen, richer: Unseen, floor: float) -> float:

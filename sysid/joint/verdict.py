@@ -9,7 +9,7 @@ from sysid.base.errors import InputError
 from sysid.blocks import ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.free_run import rested
+from sysid.estimation.free_run import resting_theta
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
 from sysid.joint.evidence import stop_tests
@@ -152,7 +152,9 @@ def _loads(fit: Fit, data: IOData) -> np.ndarray:
     """The load [V] (49,) at the positions of most samples, in order of position."""
     chain, motor = fit.model, motor_of(fit.model)
     with np.errstate(all="ignore"):
-        shown = chain.signals(rested(chain, fit.theta), data.experiments[0].u)[1 + chain.blocks.index(motor)].ravel()
+        shown = chain.signals(resting_theta(chain, fit.theta), data.experiments[0].u)[
+            1 + chain.blocks.index(motor)
+        ].ravel()
         away = np.quantile(shown, np.linspace(0.02, 0.98, 49)) - motor.at
         part = chain.part(fit.theta, motor)
         load = np.sum([motor.value(part, f"load{k}") * away**k for k in range(3)], axis=0)

@@ -34,40 +34,40 @@ def choices(
     empty = empty_network(model, Phi)
     linear = np.column_stack([np.ones(len(y)), Phi])
     exact = np.ptp(y - linear @ np.linalg.lstsq(linear, y, rcond=None)[0]) <= 1e-9 * np.ptp(y)
-    most = 0 if exact or not empty.m else min(_LADDER[-1], (len(y) - linear.shape[1]) // (2 * (empty.m + 2)))
-    found: list[Choice] = []
-    if most <= 0 or not folds:
-        return (Choice(max(most, 0) and network_start(empty, Phi, y)[0].units, ridges[0], 0.0, 0.0),)
+    max_units = 0 if exact or not empty.m else min(_LADDER[-1], (len(y) - linear.shape[1]) // (2 * (empty.m + 2)))
+    tried_sizes: list[Choice] = []
+    if max_units <= 0 or not folds:
+        return (Choice(max(max_units, 0) and network_start(empty, Phi, y)[0].units, ridges[0], 0.0, 0.0),)
     judges = [_Judge.of(model, *fold, search, deadline) for fold in folds]
-    sizes = [k for k in _LADDER if k <= most]
+    sizes = [k for k in _LADDER if k <= max_units]
     for ridge in ridges:
         best, fruitless = (np.inf, np.inf), 0
         for units in sizes:
             step, free = np.sqrt(np.mean([judge.errors(units, ridge) for judge in judges], axis=0))
-            found.append(Choice(units, ridge, float(step if model.focus == "prediction" else free), float(free)))
+            tried_sizes.append(Choice(units, ridge, float(step if model.focus == "prediction" else free), float(free)))
             better = step < _GAIN * best[0] or free < _GAIN * best[1]
             fruitless, best = 0 if better else fruitless + 1, (min(step, best[0]), min(free, best[1]))
             # The first units may gain nothing where several do; beyond some that gain, fewer need to be tried.
-            if fruitless >= _PATIENCE - bool(preferred(tuple(found)).units) or time.monotonic() > deadline:
+            if fruitless >= _PATIENCE - bool(choose_size(tuple(tried_sizes)).units) or time.monotonic() > deadline:
                 break
-        units = preferred(tuple(found)).units  # of another ridge, if this one's sizes proved to run away
+        units = choose_size(tuple(tried_sizes)).units  # of another ridge, if this one's sizes proved to run away
         sizes = sizes[sizes.index(units) :][:2] if units in sizes else [units]  # another ridge may allow one size more
         if time.monotonic() > deadline:
             break
-    return tuple(found)
+    return tuple(tried_sizes)
 
 
-def preferred(tried: tuple[Choice, ...]) -> Choice:
+def choose_size(sizes: tuple[Choice, ...]) -> Choice:
     """The smallest size whose error is as close to the least error as `_GAIN` requires.
 
     Sizes whose free run on held-back blocks is far above the least one are out: one step ahead, a network may predict
     well and yet run away from the plant.
     """
-    runs = min(c.free for c in tried)
-    kept = [c for c in tried if c.free <= _VETO * runs] if np.isfinite(runs) else list(tried)
-    least = min(c.error for c in kept)
-    near = [c for c in kept if c.error <= least / _GAIN] or kept[:1]
-    return min(near, key=lambda c: (c.units, c.error))
+    runs = min(c.free for c in sizes)
+    stable_sizes = [c for c in sizes if c.free <= _VETO * runs] if np.isfinite(runs) else list(sizes)
+    least = min(c.error for c in stable_sizes)
+    close_sizes = [c for c in stable_sizes if c.error <= least / _GAIN] or stable_sizes[:1]
+    return min(close_sizes, key=lambda c: (c.units, c.error))
 
 
 @dataclass(frozen=True)
@@ -82,14 +82,14 @@ class _Judge:
     linear: Linear
 
     @classmethod
-    def of(cls, model: Nlarx, estimation: IOData, held: IOData, search: str, deadline: float) -> "_Judge":
-        return cls(model, estimation, held, search, deadline, linear_start(model, estimation))
+    def of(cls, model: Nlarx, estimation: IOData, validation: IOData, search: str, deadline: float) -> "_Judge":
+        return cls(model, estimation, validation, search, deadline, linear_start(model, estimation))
 
     def errors(self, units: int, ridge: float) -> tuple[float, float]:
         """Mean squares of the errors on the block, one step ahead and in free run; infinite where it diverges."""
         options = Options(max_iterations=_ITERATIONS, deadline=self.deadline)
-        sized = replace(self.model, units=units)
-        runs = runs_of(sized, self.estimation, self.search, 1, 0, options, ridge, self.linear, leaders=1)
+        model = replace(self.model, units=units)
+        runs = runs_of(model, self.estimation, self.search, 1, 0, options, ridge, self.linear, leaders=1)
         run = min(runs, key=lambda r: (not r.ended, r.loss))
         pieces = Piece.of(self.held)
         step = PredictionProblem(run.network, *rows(self.model, pieces)).residual(run.outcome.p)
@@ -99,18 +99,18 @@ class _Judge:
 
 def _folds(model: Nlarx, data: IOData) -> list[tuple[IOData, IOData]]:
     """Records without a block, and that block; the block starts with the lags that its first output needs."""
-    found, shortest = [], 2 * (model.lag + 2)
+    folds, shortest = [], 2 * (model.lag + 2)
     for k in range(_FOLDS):
-        kept, held = [], []
+        estimation_parts, held_parts = [], []
         for e in data.experiments:
             N = min(e.N, _LONGEST)
             start, stop = round(k * N / _FOLDS), round((k + 1) * N / _FOLDS)
             if start >= shortest:
-                kept.append(e.select(0, start))
+                estimation_parts.append(e.select(0, start))
             if N - stop >= shortest:
-                kept.append(e.select(stop, N))
+                estimation_parts.append(e.select(stop, N))
             if stop - start >= shortest:
-                held.append(e.select(max(start - model.lag, 0), stop))
-        if kept and held:
-            found.append((IOData.merge(*kept), IOData.merge(*held)))
-    return found
+                held_parts.append(e.select(max(start - model.lag, 0), stop))
+        if estimation_parts and held_parts:
+            folds.append((IOData.merge(*estimation_parts), IOData.merge(*held_parts)))
+    return folds

@@ -13,9 +13,9 @@ from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.data.magnitudes import check_magnitudes
 from sysid.data.record import IOData
-from sysid.estimation.normal import largest_unit, observed, unit_of
+from sysid.estimation.normal import largest_unit, observed_samples, unit_of
 from sysid.estimation.origin import Origin
-from sysid.nlarx.choice import RIDGES, choices, preferred
+from sysid.nlarx.choice import RIDGES, choices, choose_size
 from sysid.nlarx.model import Network, Nlarx
 from sysid.nlarx.problem import Piece, SimulationProblem, limit
 from sysid.nlarx.result import FREE_RUN, ONE_STEP, Choice, NlarxFit
@@ -38,7 +38,7 @@ class Units:
     @classmethod
     def of(cls, data: IOData) -> "Units":
         """The units that bring the spread of a record of one input and one output near 1, and its signs to one side."""
-        u, (y,) = data.u[:, 0], observed(data)
+        u, (y,) = data.u[:, 0], observed_samples(data)
         return cls(direction(u) * unit_of(u), direction(y) * largest_unit(data))
 
     def normal(self, data: IOData) -> IOData:
@@ -47,26 +47,26 @@ class Units:
 
     def factors(self, network: Network) -> np.ndarray:
         """theta (P,) of the network by theta in normal units: its units see coordinates, which have none."""
-        found = np.ones(network.size)
-        found[0] = self.b
-        found[1 : 1 + network.n] = self.b / self._regressors(network)
-        found[network.dilations - 1] = self.b
-        return found
+        scale = np.ones(network.size)
+        scale[0] = self.b
+        scale[1 : 1 + network.n] = self.b / self._regressors(network)
+        scale[network.dilations - 1] = self.b
+        return scale
 
     def network(self, network: Network) -> Network:
         """A network of normal units for regressors in those of the record."""
         r = self._regressors(network)
         return replace(network, mu=network.mu * r, T=np.ascontiguousarray(network.T / r))
 
-    def covariance(self, found: Covariance, network: Network) -> Covariance:
+    def covariance(self, cov: Covariance, network: Network) -> Covariance:
         """The covariance of theta in the units of the record."""
         f = self.factors(network)
-        return Covariance(found.cov * np.outer(f, f), found.unidentifiable, found.noise_variance * self.b**2)
+        return Covariance(cov.cov * np.outer(f, f), cov.unidentifiable, cov.noise_variance * self.b**2)
 
-    def choices(self, tried: tuple[Choice, ...]) -> tuple[Choice, ...]:
+    def choices(self, sizes: tuple[Choice, ...]) -> tuple[Choice, ...]:
         """The errors of each size in the unit of the output."""
         size = abs(self.b)
-        return tuple(replace(c, error=c.error * size, free=c.free * size) for c in tried)
+        return tuple(replace(c, error=c.error * size, free=c.free * size) for c in sizes)
 
     def _regressors(self, network: Network) -> np.ndarray:
         model = network.model
@@ -102,19 +102,21 @@ def fit_nlarx(
     if ridge is not None and not 0.0 <= ridge < np.inf:
         raise InputError(f"ridge is {ridge}; give 0 or a positive number")
     units = Units.of(data)
-    there, square = units.normal(data), units.b**2
+    normal_data, square = units.normal(data), units.b**2
     with one_blas_thread():
         choice: tuple[Choice, ...] = ()
-        chosen, weight = model, RIDGES[0] if ridge is None else ridge
+        sized_model, weight = model, RIDGES[0] if ridge is None else ridge
         if model.units == "auto":
-            choice = choices(model, there, RIDGES if ridge is None else (ridge,), search, options.deadline)
-            best_choice = preferred(choice)
-            chosen, weight = replace(model, units=best_choice.units), best_choice.ridge
-        linear = linear_start(chosen, there)
-        runs = runs_of(chosen, there, search, starts, seed, options, weight, linear)
-        best = _best(runs, Piece.of(there), model.lag)
+            choice = choices(model, normal_data, RIDGES if ridge is None else (ridge,), search, options.deadline)
+            best_choice = choose_size(choice)
+            sized_model, weight = replace(model, units=best_choice.units), best_choice.ridge
+        linear = linear_start(sized_model, normal_data)
+        runs = runs_of(sized_model, normal_data, search, starts, seed, options, weight, linear)
+        best = _best(runs, Piece.of(normal_data), model.lag)
         if best.network.units:  # its ridge, or a limit of its dilations, may leave a network above the linear model
-            flat = runs_of(replace(chosen, units=0), there, search, 1, seed, options, weight, linear, leaders=1)
+            flat = runs_of(
+                replace(sized_model, units=0), normal_data, search, 1, seed, options, weight, linear, leaders=1
+            )
             best = min(best, *flat, key=lambda run: run.loss)
         if not np.isfinite(best.loss):
             raise InputError(
@@ -126,7 +128,7 @@ def fit_nlarx(
         e, J = best.problem.linearise(theta)
         N, d = best.problem.N, len(theta)
         cov = covariance(Linearisation.of(e[:N], J[:N]), np.zeros((d, 0)), np.eye(d), d)
-    found = NlarxFit(
+    fit = NlarxFit(
         model=model,
         network=units.network(best.network),
         theta=theta * units.factors(best.network),
@@ -149,20 +151,20 @@ def fit_nlarx(
         u_offset=data.u_offset.copy(),
         y_offset=data.y_offset.copy(),
     )
-    origin = Origin.of(data, found.fit_percent(data))
-    return replace(found, warnings=_warnings(found, data), seconds=time.perf_counter() - began, origin=origin)
+    origin = Origin.of(data, fit.fit_percent(data))
+    return replace(fit, warnings=_warnings(fit, data), seconds=time.perf_counter() - began, origin=origin)
 
 
 def _best(runs: list[Run], pieces: tuple[Piece, ...], lag: int) -> Run:
     """The least loss among those whose free run on the record itself is not far worse than the best one's."""
-    ended = [run for run in runs if run.ended] or runs
+    finished = [run for run in runs if run.ended] or runs
     free = []
-    for run in ended:
+    for run in finished:
         e = SimulationProblem(run.network, pieces, lag).residual(run.outcome.p)
         free.append(np.inf if e is None else float(np.mean(e**2)))
     least = min(free)
-    kept = [run for run, f in zip(ended, free, strict=True) if f <= _FREE * least or not np.isfinite(least)]
-    return min(kept, key=lambda run: run.loss)
+    stable = [run for run, f in zip(finished, free, strict=True) if f <= _FREE * least or not np.isfinite(least)]
+    return min(stable, key=lambda run: run.loss)
 
 
 def check(model: Nlarx, pieces: tuple[Piece, ...], starts: int) -> None:
@@ -182,30 +184,32 @@ def check(model: Nlarx, pieces: tuple[Piece, ...], starts: int) -> None:
         )
     units = 0 if model.units == "auto" else int(model.units)
     m = len(model.regressors if model.nonlinear is None else model.nonlinear)
-    needed = 2 + len(model.regressors) + units * (m + 2)
+    minimum = 2 + len(model.regressors) + units * (m + 2)
     N = sum(len(p.y) - model.lag for p in pieces)
-    if needed > N:
+    if minimum > N:
         raise InputError(
-            f"{N} samples after the first {model.lag} are too few for {needed - 1} parameters; "
-            f"give at least {needed + model.lag} samples or lower orders and units"
+            f"{N} samples after the first {model.lag} are too few for {minimum - 1} parameters; "
+            f"give at least {minimum + model.lag} samples or lower orders and units"
         )
 
 
 def _warnings(fit: NlarxFit, data: IOData) -> tuple[str, ...]:
-    found = []
+    warnings = []
     if not fit.stop.converged:
-        found.append(f"the search did not converge: {fit.stop.reason}")
-    away = fit.divergence(data) or fit.excursion(data)
-    if away is not None:
-        found.append(f"on the estimation record {away}")
-    held = [c.free for c in fit.choice if (c.units, c.ridge) == (fit.network.units, fit.ridge)]
-    if away is None and held and not held[0] <= float(np.std(data.y)):
-        found.append(
+        warnings.append(f"the search did not converge: {fit.stop.reason}")
+    departure = fit.divergence(data) or fit.excursion(data)
+    if departure is not None:
+        warnings.append(f"on the estimation record {departure}")
+    held_errors = [c.free for c in fit.choice if (c.units, c.ridge) == (fit.network.units, fit.ridge)]
+    if departure is None and held_errors and not held_errors[0] <= float(np.std(data.y)):
+        warnings.append(
             "on blocks held back from the choice of units the free run is worse than the mean of the output: the model "
             "predicts one step ahead only; use focus='simulation', other orders or a longer record"
         )
-    lost = [n for n, bad in zip(fit.network.names, fit.covariance.unidentifiable, strict=True) if bad]
-    if lost:
-        shown = ", ".join(lost[:6]) + (f" and {len(lost) - 6} more" if len(lost) > 6 else "")
-        found.append(f"the data do not determine {shown}; use fewer units or orders")
-    return tuple(found)
+    undetermined_names = [n for n, bad in zip(fit.network.names, fit.covariance.unidentifiable, strict=True) if bad]
+    if undetermined_names:
+        text = ", ".join(undetermined_names[:6]) + (
+            f" and {len(undetermined_names) - 6} more" if len(undetermined_names) > 6 else ""
+        )
+        warnings.append(f"the data do not determine {text}; use fewer units or orders")
+    return tuple(warnings)

@@ -46,8 +46,8 @@ def findops(fit: NlarxFit, u: float = 0.0) -> tuple[OperatingPoint, ...]:
     else:
         low, high = fit.y_span
         width = high - low
-        near, far = np.linspace(low, high, 401), np.linspace(low - 10 * width, high + 10 * width, 401)
-        grid = np.unique(np.concatenate([near, far]))
+        inner_grid, outer_grid = np.linspace(low, high, 401), np.linspace(low - 10 * width, high + 10 * width, 401)
+        grid = np.unique(np.concatenate([inner_grid, outer_grid]))
         values = np.array([excess(y) for y in grid])
         cells = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
         levels = [float(y) for y in grid[values == 0.0]]
@@ -60,14 +60,14 @@ def findop(fit: NlarxFit, u: float = 0.0, y: float | None = None) -> OperatingPo
 
     Raises InputError if there is none, as for a plant that integrates.
     """
-    found = findops(fit, u)
-    if not found:
+    states = findops(fit, u)
+    if not states:
         raise InputError(
             f"no steady state at u = {u:g} near the data: the model integrates or diverges; choose another u"
         )
-    stable = [op for op in found if np.all(np.abs(op.poles(fit.model.na)) < 1.0)]
+    stable = [op for op in states if np.all(np.abs(op.poles(fit.model.na)) < 1.0)]
     target = 0.5 * sum(fit.y_span) if y is None else y
-    return min(stable or found if y is None else found, key=lambda op: abs(op.y - target))
+    return min(stable or states if y is None else states, key=lambda op: abs(op.y - target))
 
 
 def tangent(fit: NlarxFit, u: float = 0.0, y: float | None = None) -> "TransferFunction":

@@ -98,11 +98,11 @@ class Network:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters in the order of theta."""
-        own = ("s", "b", *(f"c{j}" for j in range(1, self.m + 1)))
+        slots = ("s", "b", *(f"c{j}" for j in range(1, self.m + 1)))
         kinds = [f"wavelet{k}" for k in range(1, self.wavelets + 1)] + [
             f"scaling{k}" for k in range(1, self.scaling + 1)
         ]
-        return ("y0", *(f"L.{r}" for r in self.model.regressors), *(f"{kind}.{p}" for kind in kinds for p in own))
+        return ("y0", *(f"L.{r}" for r in self.model.regressors), *(f"{kind}.{p}" for kind in kinds for p in slots))
 
     @cached_property
     def dilations(self) -> np.ndarray:
@@ -112,9 +112,9 @@ class Network:
     @cached_property
     def peaks(self) -> np.ndarray:
         """Contribution of a weight of one to y at its unit's centre (P,); 0 for parameters that are not weights."""
-        found = np.zeros(self.size)
-        found[self.dilations - 1] = np.concatenate([np.full(self.wavelets, self.m), np.ones(self.scaling)])
-        return found
+        values = np.zeros(self.size)
+        values[self.dilations - 1] = np.concatenate([np.full(self.wavelets, self.m), np.ones(self.scaling)])
+        return values
 
     def with_units(self, wavelets: int, scaling: int) -> "Network":
         """The same scaling with other units."""

@@ -27,8 +27,8 @@ class Piece:
         for e in data.experiments:
             u, y = siso(e)
             missing = getattr(e, "missing", None)
-            seen = np.ones(len(y), dtype=bool) if missing is None else ~missing[:, 0]
-            pieces.append(cls(np.ascontiguousarray(u), np.ascontiguousarray(y), seen))
+            mask = np.ones(len(y), dtype=bool) if missing is None else ~missing[:, 0]
+            pieces.append(cls(np.ascontiguousarray(u), np.ascontiguousarray(y), mask))
         return tuple(pieces)
 
 
@@ -43,11 +43,11 @@ def rows(model: Nlarx, pieces: tuple[Piece, ...]) -> tuple[np.ndarray, np.ndarra
     Phis, ys = [], []
     for p in pieces:
         Phi, y = model.matrix(p.u, p.y), p.y[model.lag :]
-        whole = p.seen[model.lag :].copy()
+        complete = p.seen[model.lag :].copy()
         for i in range(1, model.na + 1):
-            whole &= p.seen[model.lag - i : len(p.y) - i]
-        Phis.append(Phi[whole])
-        ys.append(y[whole])
+            complete &= p.seen[model.lag - i : len(p.y) - i]
+        Phis.append(Phi[complete])
+        ys.append(y[complete])
     return np.ascontiguousarray(np.concatenate(Phis)), np.concatenate(ys)
 
 
@@ -69,7 +69,7 @@ class PredictionProblem:
         """Number of errors without the ridge's rows."""
         return len(self.y)
 
-    def thinned(self, rows: int) -> "PredictionProblem":
+    def thin(self, rows: int) -> "PredictionProblem":
         """The same with at most `rows` rows, evenly spread."""
         if rows >= self.N:
             return self
@@ -92,11 +92,11 @@ class PredictionProblem:
 
     def repair(self, p: np.ndarray) -> np.ndarray:
         """Limits of the dilations: from a unit that is nearly linear to one that covers a single sample."""
-        return clipped(self.network, p)
+        return clip_dilations(self.network, p)
 
     def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
         """True (P,) where a dilation is at its limit and would go beyond."""
-        return held(self.network, p, gradient)
+        return dilations_at_limit(self.network, p, gradient)
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class SimulationProblem:
         y = np.concatenate([p.y[self._counts(p)] for p in self.pieces])
         return float(np.sum((y - y.mean()) ** 2))
 
-    def shortened(self, samples: int) -> "SimulationProblem":
+    def shorten(self, samples: int) -> "SimulationProblem":
         """The same with the first part of each experiment only, at most `samples` in all."""
         share = max(samples // len(self.pieces), self.first + 2)
         if max(len(p.y) for p in self.pieces) <= share:
@@ -154,16 +154,16 @@ class SimulationProblem:
             yhat, J, _ = self.network.free_run(p, piece.u, piece.y, self.first, self.limit, own=True)
             counts = self._counts(piece)
             errors.append((piece.y - yhat)[counts])
-            Js.append(_bounded(J[counts]))
+            Js.append(_drop_large_rows(J[counts]))
         return with_ridge(self, p, errors), with_ridge_rows(self, Js)
 
     def repair(self, p: np.ndarray) -> np.ndarray:
         """As for the prediction."""
-        return clipped(self.network, p)
+        return clip_dilations(self.network, p)
 
     def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
         """As for the prediction."""
-        return held(self.network, p, gradient)
+        return dilations_at_limit(self.network, p, gradient)
 
 
 AnyProblem = PredictionProblem | SimulationProblem
@@ -183,25 +183,27 @@ def with_ridge_rows(problem: AnyProblem, Js: list[np.ndarray]) -> np.ndarray:
     return np.concatenate(Js)
 
 
-def _bounded(J: np.ndarray) -> np.ndarray:
+def _drop_large_rows(J: np.ndarray) -> np.ndarray:
     """J (N, P) without the rows that are too large after a chaotic run."""
     with np.errstate(invalid="ignore"):
         usable = np.abs(J).max(axis=1, initial=0.0) < 1e100  # False for nan too
     return J if usable.all() else np.where(usable[:, None], J, 0.0)
 
 
-def clipped(network: Network, p: np.ndarray) -> np.ndarray:
+def clip_dilations(network: Network, p: np.ndarray) -> np.ndarray:
     """p (P,) with every dilation within its limits."""
-    at = network.dilations
-    if not len(at) or not np.all(np.isfinite(p)):
+    dilations = network.dilations
+    if not len(dilations) or not np.all(np.isfinite(p)):
         return p
-    inside = p.copy()
-    inside[at] = np.clip(p[at], _WIDEST, _NARROWEST)
-    return inside
+    limited = p.copy()
+    limited[dilations] = np.clip(p[dilations], _WIDEST, _NARROWEST)
+    return limited
 
 
-def held(network: Network, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+def dilations_at_limit(network: Network, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
     """True (P,) where a dilation is at a limit and the descent direction points beyond it."""
-    blocked, at = np.zeros(len(p), dtype=bool), network.dilations
-    blocked[at] = ((p[at] <= _WIDEST) & (gradient[at] < 0)) | ((p[at] >= _NARROWEST) & (gradient[at] > 0))
-    return blocked
+    at_limit, dilations = np.zeros(len(p), dtype=bool), network.dilations
+    at_limit[dilations] = ((p[dilations] <= _WIDEST) & (gradient[dilations] < 0)) | (
+        (p[dilations] >= _NARROWEST) & (gradient[dilations] > 0)
+    )
+    return at_limit

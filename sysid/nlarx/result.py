@@ -89,9 +89,9 @@ class NlarxFit(FitMethods):
         Infinite after the run diverges, see `divergence`. An array u is counted from `u_offset`.
         """
         if isinstance(data, IOData):
-            own = self.own_level(data)
-            runs = [self._run(p.u, p.y, self._first(p, n_init))[0] for p in Piece.of(own)]
-            return counted_back(np.concatenate(runs), own, data)
+            levelled = self.own_level(data)
+            runs = [self._run(p.u, p.y, self._first(p, n_init))[0] for p in Piece.of(levelled)]
+            return counted_back(np.concatenate(runs), levelled, data)
         u = np.asarray(data, dtype=float).ravel()
         lag = self.model.lag
         return self._run(np.concatenate([np.zeros(lag), u]), np.zeros(lag + len(u)), lag)[0][lag:]
@@ -104,30 +104,32 @@ class NlarxFit(FitMethods):
         Raises InputError for a horizon below 1.
         """
         check_horizon(horizon)
-        own = self.own_level(data)
-        return counted_back(np.concatenate([self._ahead(p, horizon) for p in Piece.of(own)]), own, data)
+        levelled = self.own_level(data)
+        return counted_back(
+            np.concatenate([self._predict_steps(p, horizon) for p in Piece.of(levelled)]), levelled, data
+        )
 
-    def _ahead(self, p: Piece, horizon: int) -> np.ndarray:
+    def _predict_steps(self, p: Piece, horizon: int) -> np.ndarray:
         """y(t | t-horizon) (N,), from y(t | t-1), y(t | t-2) and so on in turn."""
         model, rows = self.model, np.arange(self.model.lag, len(p.y))
-        ahead = [p.y]  # the k-th entry: y(t | t-k)
+        predictions = [p.y]  # the k-th entry: y(t | t-k)
         for k in range(1, horizon + 1):
-            past = [ahead[max(k - i, 0)][rows - i] for i in range(1, model.na + 1)]
+            past = [predictions[max(k - i, 0)][rows - i] for i in range(1, model.na + 1)]
             Phi = np.column_stack([*past, *(p.u[rows - model.nk - i] for i in range(model.nb))])
             yhat = p.y.copy()
             with np.errstate(over="ignore", invalid="ignore"):
                 yhat[rows] = self.network.predict(self.theta, Phi)[0]
             yhat[~np.isfinite(yhat)] = np.inf
-            yhat[: model.lag + k - 1] = ahead[-1][: model.lag + k - 1]
-            ahead = [*ahead, yhat]
-            ahead[: max(k - model.na, 0)] = [p.y[:0]] * max(k - model.na, 0)  # no longer needed
-        return ahead[-1]
+            yhat[: model.lag + k - 1] = predictions[-1][: model.lag + k - 1]
+            predictions = [*predictions, yhat]
+            predictions[: max(k - model.na, 0)] = [p.y[:0]] * max(k - model.na, 0)  # no longer needed
+        return predictions[-1]
 
     @checked
     def fit_percent(self, data: IOData, n_init: int | None = None) -> float:
         """Free-run fit [%], the first n_init samples of each experiment are not scored; -inf if the run diverges."""
         data = self.own_level(data)
-        counts = self._scored(data, n_init)
+        counts = self._scored_samples(data, n_init)
         return fit_percent(data.y[counts, 0], self.simulate(data, n_init)[counts])
 
     @checked
@@ -139,7 +141,7 @@ class NlarxFit(FitMethods):
     def prediction_percent(self, data: IOData, n_init: int | None = None) -> float:
         """One-step fit [%]. It is near 100 for any smooth, finely sampled y and says little about the model."""
         data = self.own_level(data)
-        counts = self._scored(data, n_init)
+        counts = self._scored_samples(data, n_init)
         return fit_percent(data.y[counts, 0], self.predict(data)[counts])
 
     @checked
@@ -178,7 +180,7 @@ class NlarxFit(FitMethods):
     def residuals(self, data: IOData) -> np.ndarray:
         """e = y - yhat of the kind `criteria_of`, without each experiment's first n_init samples and missing ones."""
         data = self.own_level(data)
-        counts = self._scored(data, None)
+        counts = self._scored_samples(data, None)
         yhat = self.simulate(data) if self.criteria_of == FREE_RUN else self.predict(data)
         return data.y[counts, 0] - yhat[counts]
 
@@ -189,7 +191,7 @@ class NlarxFit(FitMethods):
         e = self.residuals(data)
         if not np.all(np.isfinite(e)):
             raise InputError(f"no residuals to test: {self.divergence(data)}")
-        return residual_tests(e, data.u[self._scored(data, None), 0], max_lag, level)
+        return residual_tests(e, data.u[self._scored_samples(data, None), 0], max_lag, level)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -247,7 +249,7 @@ class NlarxFit(FitMethods):
             )
         return first
 
-    def _scored(self, data: IOData, n_init: int | None) -> np.ndarray:
+    def _scored_samples(self, data: IOData, n_init: int | None) -> np.ndarray:
         """True (N,) for the samples that count."""
         pieces = self._pieces(data)
         return np.concatenate([p.seen & (np.arange(len(p.y)) >= self._first(p, n_init)) for p in pieces])

@@ -46,7 +46,7 @@ def empty_network(model: Nlarx, Phi: np.ndarray) -> Network:
     return Network(model, mu, np.ascontiguousarray(T))
 
 
-def dyadic(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def dyadic_library(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Dilations b (M,) and centres c (M, m): the cells of a dyadic grid that hold data X (N, m), level by level."""
     lo, span = X.min(axis=0), np.ptp(X, axis=0)
     span = np.where(span > 0, span, 1.0)
@@ -54,15 +54,15 @@ def dyadic(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     b, c = [], []
     for level in range(_LEVELS):
         cells = np.minimum(((X - lo) / span * 2**level).astype(int), 2**level - 1)
-        found, count = np.unique(cells, axis=0, return_counts=True)
-        found = found[np.argsort(-count, kind="stable")[:_PER_LEVEL]]
-        c.append(lo + (found + 0.5) / 2**level * span)
-        b.append(np.full(len(found), 2.0**level * 2.0 / width))
+        occupied, count = np.unique(cells, axis=0, return_counts=True)
+        occupied = occupied[np.argsort(-count, kind="stable")[:_PER_LEVEL]]
+        c.append(lo + (occupied + 0.5) / 2**level * span)
+        b.append(np.full(len(occupied), 2.0**level * 2.0 / width))
     return np.concatenate(b), np.concatenate(c)
 
 
-def drawn(X: np.ndarray, rng: np.random.Generator, count: int = 300) -> tuple[np.ndarray, np.ndarray]:
-    """Another library: centres among the data X (N, m), dilations over the same range as `dyadic`."""
+def random_library(X: np.ndarray, rng: np.random.Generator, count: int = 300) -> tuple[np.ndarray, np.ndarray]:
+    """Another library: centres among the data X (N, m), dilations over the same range as `dyadic_library`."""
     c = X[rng.integers(0, len(X), count)] + 0.1 * rng.normal(size=(count, X.shape[1]))
     width = float(np.mean(np.where(np.ptp(X, axis=0) > 0, np.ptp(X, axis=0), 1.0)))
     return 2.0 / width * np.exp(rng.uniform(np.log(0.5), np.log(2.0 ** (_LEVELS - 1)), count)), c
@@ -81,30 +81,30 @@ def network_start(
     if limit <= 0 or not empty.m or float(np.sum((y - base @ theta) ** 2)) <= 1e-20 * float(y @ y):
         return empty, theta
     X = empty.coordinates(Phi)
-    b, c = dyadic(X) if rng is None else drawn(X, rng)
+    b, c = dyadic_library(X) if rng is None else random_library(X, rng)
     rows = np.unique(np.linspace(0, len(y) - 1, _ROWS).astype(int)) if len(y) > _ROWS else np.arange(len(y))
     values = _values(X[rows], b, c)
-    picked = _orthogonal(base[rows], values, y[rows], limit, empty.m, empty.model.units == "auto")
-    picked = np.concatenate([picked[picked < len(b)], picked[picked >= len(b)]])  # wavelets first
-    wavelets = int(np.sum(picked < len(b)))
-    network = empty.with_units(wavelets, len(picked) - wavelets)
-    b, c = b[picked % len(b)], c[picked % len(b)]
-    whole = np.zeros(network.size)
-    for k, at in enumerate(network.dilations):
-        whole[at], whole[at + 1 : at + 1 + network.m] = b[k], c[k]
-    return network, weights(network, whole, Phi, y)
+    columns = _orthogonal(base[rows], values, y[rows], limit, empty.m, empty.model.units == "auto")
+    columns = np.concatenate([columns[columns < len(b)], columns[columns >= len(b)]])  # wavelets first
+    wavelets = int(np.sum(columns < len(b)))
+    network = empty.with_units(wavelets, len(columns) - wavelets)
+    b, c = b[columns % len(b)], c[columns % len(b)]
+    theta_start = np.zeros(network.size)
+    for k, dilation in enumerate(network.dilations):
+        theta_start[dilation], theta_start[dilation + 1 : dilation + 1 + network.m] = b[k], c[k]
+    return network, weights(network, theta_start, Phi, y)
 
 
 def weights(network: Network, theta: np.ndarray, Phi: np.ndarray, y: np.ndarray) -> np.ndarray:
     """theta (P,) with all linear parameters (y0, L, s) by least squares, for Phi (N, n), y (N,)."""
     enters = np.concatenate([np.arange(1 + network.n), network.dilations - 1]).astype(int)
-    solved = theta.copy()
+    theta_solved = theta.copy()
     _, J = network.predict(theta, Phi, own=True)
     columns = J[:, enters]
     norm = np.linalg.norm(columns, axis=0)
     scale = np.where(norm > 0, norm, 1.0)
-    solved[enters] = np.linalg.lstsq(columns / scale, y, rcond=1e-10)[0] / scale
-    return solved
+    theta_solved[enters] = np.linalg.lstsq(columns / scale, y, rcond=1e-10)[0] / scale
+    return theta_solved
 
 
 def _values(X: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
@@ -126,9 +126,9 @@ def _orthogonal(base: np.ndarray, G: np.ndarray, y: np.ndarray, limit: int, m: i
     G, e = G - Q @ (Q.T @ G), y - Q @ (Q.T @ y)
     norm0 = np.sum(G**2, axis=0)
     usable = norm0 > 1e-12 * norm0.max(initial=0.0)
-    picked: list[int] = []
+    columns: list[int] = []
     scores, cost = [N * float(e @ e) / (N - base.shape[1]) ** 2], m + 2 + np.log(G.shape[1])
-    while len(picked) < limit:
+    while len(columns) < limit:
         norm = np.sum(G**2, axis=0)
         usable &= norm > 1e-8 * norm0  # already explained by others
         if not usable.any() or float(e @ e) <= 1e-24 * float(y @ y):
@@ -138,10 +138,10 @@ def _orthogonal(base: np.ndarray, G: np.ndarray, y: np.ndarray, limit: int, m: i
         e = e - q * (q @ e)
         G -= np.outer(q, q @ G)
         usable[k] = False
-        picked.append(k)
-        left = N - base.shape[1] - len(picked) * cost
-        scores.append(N * float(e @ e) / left**2 if left > 0 else np.inf)
-    return np.array(picked[: int(np.argmin(scores))] if prune else picked, dtype=int)
+        columns.append(k)
+        freedom = N - base.shape[1] - len(columns) * cost
+        scores.append(N * float(e @ e) / freedom**2 if freedom > 0 else np.inf)
+    return np.array(columns[: int(np.argmin(scores))] if prune else columns, dtype=int)
 
 
 @dataclass(frozen=True)
@@ -190,43 +190,43 @@ def runs_of(
     for prediction, theta in _starts(model, pieces, starts, seed, ridge):
         points: list[np.ndarray] = [theta]
         problem: AnyProblem = prediction
-        short: AnyProblem = prediction.thinned(_MANY)
+        short: AnyProblem = prediction.thin(_MANY)
         if model.focus == "simulation":
             problem = SimulationProblem(prediction.network, pieces, model.lag, ridge)
             points += _more_points(prediction, theta, linear, trial)
-            short = problem.shortened(_MANY)
+            short = problem.shorten(_MANY)
         runs += [Run(short, iterate(short, point, make_search(search), trial)) for point in points]
         whole += [problem] * len(points)
     best = [k for k in sorted(range(len(runs)), key=lambda k: runs[k].loss)[:leaders] if np.isfinite(runs[k].loss)]
     for k in best:
-        runs[k] = _continued(runs[k], runs[k].problem, search, options)
+        runs[k] = _continue(runs[k], runs[k].problem, search, options)
     if any(runs[k].problem.N < whole[k].N for k in best):
         best = sorted(best, key=lambda k: runs[k].loss)[:1]
-        runs[best[0]] = _continued(runs[best[0]], whole[best[0]], search, options)
+        runs[best[0]] = _continue(runs[best[0]], whole[best[0]], search, options)
     for k in best:
         runs[k] = replace(runs[k], ended=True)
     return runs
 
 
-def _continued(run: Run, problem: AnyProblem, search: str, options: Options) -> Run:
-    then = iterate(problem, run.outcome.p, make_search(search), options)
-    return Run(problem, run.outcome.then(then))
+def _continue(run: Run, problem: AnyProblem, search: str, options: Options) -> Run:
+    continuation = iterate(problem, run.outcome.p, make_search(search), options)
+    return Run(problem, run.outcome.then(continuation))
 
 
 def _starts(
     model: Nlarx, pieces: tuple[Piece, ...], starts: int, seed: int, ridge: float
 ) -> list[tuple[PredictionProblem, np.ndarray]]:
     """Initial networks for the records: the one-step problem and theta (P,) of each."""
-    found = []
+    points = []
     Phi, y = rows(model, pieces)
     empty = empty_network(model, Phi)
     for k in range(starts):
         rng = None if k == 0 else np.random.default_rng([seed, k])
         network, theta = network_start(empty, Phi, y, rng)
-        found.append((PredictionProblem(network, Phi, y, ridge), theta))
+        points.append((PredictionProblem(network, Phi, y, ridge), theta))
         if not network.units:
             break  # a linear ARX model: least squares has only one optimum
-    return found
+    return points
 
 
 def _more_points(
@@ -241,11 +241,11 @@ def _more_points(
     is stable even if the one-step optimum is not.
     """
     network = prediction.network
-    points = [iterate(prediction.thinned(_MANY), theta, make_search("lm"), trial).p]
+    points = [iterate(prediction.thin(_MANY), theta, make_search("lm"), trial).p]
     if linear is not None:
         flat = theta.copy()
         flat[network.dilations - 1] = 0.0
-        flat[: 1 + network.n] = _centred(network, linear)
+        flat[: 1 + network.n] = _recentre(network, linear)
         points.append(flat)
     return points
 
@@ -259,17 +259,17 @@ def linear_start(model: Nlarx, data: IOData) -> Linear:
         return None
     u0, y0 = float(data.u.mean()), float(data.y.mean())
     linear = Chain((TransferFunction(model.nb, model.na, model.nk, role="linear"),), structure="output_error")
-    centred = replace(data, u=data.u - u0, y=data.y - y0)
+    deviations = replace(data, u=data.u - u0, y=data.y - y0)
     try:
-        found = fit_chain(linear, centred, search="lm", starts=1)
+        fit = fit_chain(linear, deviations, search="lm", starts=1)
     except InputError:
         return None
-    b, f = found.theta[: model.nb], found.theta[model.nb : model.nb + model.na]
+    b, f = fit.theta[: model.nb], fit.theta[model.nb : model.nb + model.na]
     return np.concatenate([-f, b]), y0, u0
 
 
-def _centred(network: Network, linear: tuple[np.ndarray, float, float]) -> np.ndarray:
+def _recentre(network: Network, linear: tuple[np.ndarray, float, float]) -> np.ndarray:
     """y0 and L (1 + n,) of the linear model about its own means, for a network about mu."""
     L, y0, u0 = linear
-    about = np.concatenate([np.full(network.model.na, y0), np.full(network.model.nb, u0)])
-    return np.concatenate([[y0 + float(L @ (network.mu - about))], L])
+    means = np.concatenate([np.full(network.model.na, y0), np.full(network.model.nb, u0)])
+    return np.concatenate([[y0 + float(L @ (network.mu - means))], L])

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.estimation.storage import check_numbers, check_offsets, check_sizes, check_span, made, version_of
+from sysid.estimation.storage import build_checked, check_numbers, check_offsets, check_sizes, check_span, version_of
 from sysid.nlarx.result import FREE_RUN, ONE_STEP, VERSION, NlarxFit
 
 
-def built(document: dict[str, Any]) -> NlarxFit:
+def build_fit(document: dict[str, Any]) -> NlarxFit:
     """The fit of a document; raises InputError for entries that are missing, wrong or do not belong together."""
     version_of(document, VERSION)
-    fit, names = made(NlarxFit, document)
+    fit, names = build_checked(NlarxFit, document)
     if not fit.network.T.size:  # a table without rows does not tell the number of its columns
         fit = replace(fit, network=replace(fit.network, T=np.empty((0, len(fit.model.regressors)))))
     _check(fit, names)
@@ -23,8 +23,8 @@ def built(document: dict[str, Any]) -> NlarxFit:
 def _check(fit: NlarxFit, names: list[str]) -> None:
     """Consistency checks between the fields."""
     network, n = fit.network, len(fit.model.regressors)
-    chosen = replace(network.model, units=fit.model.units)  # the network has the number that units='auto' came to
-    if network.mu.shape != (n,) or network.T.ndim != 2 or network.T.shape[1] != n or chosen != fit.model:
+    model = replace(network.model, units=fit.model.units)  # the network has the number that units='auto' came to
+    if network.mu.shape != (n,) or network.T.ndim != 2 or network.T.shape[1] != n or model != fit.model:
         raise InputError(f"the network does not belong to a model of {n} regressors; save the fit again")
     counted = min(network.wavelets, network.scaling) >= 0 and network.size == len(names)
     if not counted or names != list(network.names):  # names of units that only a damaged file counts fill any memory

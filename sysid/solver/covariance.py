@@ -42,7 +42,7 @@ class Covariance:
         with np.errstate(invalid="ignore", over="ignore"):  # fewer samples than parameters: the variance is infinite
             std = float(np.sqrt(max(float(gradient @ self.cov @ gradient), 0.0)))
             spread = np.sqrt(np.maximum(np.diag(self.cov), 0.0))
-            held = np.any(self.bounded & (gradient != 0.0)) and still(gradient, np.array(std), spread)
+            held = np.any(self.bounded & (gradient != 0.0)) and cancels(gradient, np.array(std), spread)
         return np.nan if held else std
 
 
@@ -85,7 +85,7 @@ def _unidentifiable(null: np.ndarray, gauge: np.ndarray) -> np.ndarray:
     return np.linalg.norm(null, axis=1) > 1e-2
 
 
-def still(gradient: np.ndarray, std: np.ndarray, spread: np.ndarray) -> np.ndarray:
+def cancels(gradient: np.ndarray, std: np.ndarray, spread: np.ndarray) -> np.ndarray:
     """True (m,) where a value with this gradient (m, P) has no deviation `std` (m,) because its parts cancel.
 
     spread (P,) are the deviations of the parameters, 0 of one at a bound. Of an integrator, the coefficients may vary
@@ -113,5 +113,5 @@ def pole_std(f: np.ndarray, cov_f: np.ndarray, held: bool = False) -> np.ndarray
         with np.errstate(invalid="ignore", over="ignore"):  # fewer samples than parameters: the variance is infinite
             variance = float(np.real(np.conj(g) @ cov_f @ g))
         std = float(np.sqrt(max(variance, 0.0)))
-        out.append(np.nan if held and still(np.abs(g), np.array(std), spread) else std)
+        out.append(np.nan if held and cancels(np.abs(g), np.array(std), spread) else std)
     return np.array(out)

@@ -76,7 +76,7 @@ _UNTIL: ContextVar[float] = ContextVar("until", default=np.inf)
 
 
 @contextmanager
-def until(deadline: float) -> Iterator[None]:
+def time_limit(deadline: float) -> Iterator[None]:
     """Searches inside end at `deadline` [s of time.monotonic()], whatever options they have: those of starts."""
     before = _UNTIL.set(min(deadline, _UNTIL.get()))
     try:
@@ -299,7 +299,7 @@ class Outcome:
         return Outcome(later.p, later.cost, stop, self.history + rows)
 
 
-def linearised(problem: Problem, p: np.ndarray) -> tuple[Linearisation, np.ndarray]:
+def linearise_free(problem: Problem, p: np.ndarray) -> tuple[Linearisation, np.ndarray]:
     """The problem around p in the directions that no bound blocks, and True (P,) for these."""
     lin = problem.compact(p) if isinstance(problem, Compact) else None
     if lin is not None:
@@ -348,7 +348,7 @@ def iterate(
             reason = "the time of the fit is over"
             break
         with np.errstate(over="ignore", invalid="ignore"):  # see _LARGEST
-            lin, moving = linearised(problem, p)
+            lin, moving = linearise_free(problem, p)
         evaluations += 1
         if not np.all(np.abs(lin.R) < _LARGEST):
             reason = "the derivatives of the model are too large for numbers"

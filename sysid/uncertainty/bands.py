@@ -14,7 +14,7 @@ from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
-from sysid.estimation.free_run import rested
+from sysid.estimation.free_run import resting_theta
 from sysid.uncertainty.information import Information
 from sysid.uncertainty.initial_sensitivity import initial_state_sensitivity, with_initial_state
 
@@ -145,7 +145,7 @@ def _sensitivity(
             return theta, u, J, np.zeros((len(u), 0))
         return theta, u, *initial_state_sensitivity(J, initial, n)
     u = np.ascontiguousarray(record, dtype=float).ravel()
-    theta = rested(chain, info.theta)
+    theta = resting_theta(chain, info.theta)
     J = chain.tangent(theta, u)[1]
     J[:, initial] = 0.0
     return theta, u, J, np.zeros((len(u), 0))

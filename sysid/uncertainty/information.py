@@ -19,7 +19,7 @@ from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData, siso
 from sysid.model.chain import Chain
-from sysid.solver.covariance import still
+from sysid.solver.covariance import cancels
 from sysid.uncertainty.initial_sensitivity import with_initial_state
 from sysid.uncertainty.long_run import long_run_covariance_root
 from sysid.uncertainty.noise_model import NoiseModel
@@ -99,7 +99,7 @@ class Information:
         if not self.bound.shape[1]:
             return np.zeros(len(G), dtype=bool)
         spread = np.linalg.norm(self.factor, axis=1)
-        return np.any(G @ self.bound != 0.0, axis=1) & still(G, np.linalg.norm(G @ self.factor, axis=1), spread)
+        return np.any(G @ self.bound != 0.0, axis=1) & cancels(G, np.linalg.norm(G @ self.factor, axis=1), spread)
 
     def _depends_on(self, G: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """True (m,) where a gradient has a share along `directions` (P, k).

@@ -12,7 +12,7 @@ from sysid.block.block import StaticBlock
 from sysid.blocks import STATIC, Channels, StateSpace
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
-from sysid.estimation.starts._shared import within
+from sysid.estimation.starts._shared import clip_to_bounds
 from sysid.fitting import load
 from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
@@ -104,7 +104,7 @@ class Held:
         chain = replace(chain, fixed=fixed, bounds=bounds)
         if not chain.free.any():
             raise InputError("every parameter is held, so nothing is left to fit; leave one --fix out")
-        return chain, None if theta is None else within(chain, theta)
+        return chain, None if theta is None else clip_to_bounds(chain, theta)
 
     def _values(self, chain: Chain, theta: np.ndarray | None) -> dict[str, float]:
         """The held parameters by name."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import sysid
-from sysid.estimation.fit_from import started
+from sysid.estimation.fit_from import starting_thetas
 from sysid.systems import system
 
 
@@ -22,7 +22,7 @@ def linear(data):
 @pytest.mark.parametrize("maps", [{}, {"input": "saturation"}, {"output": "unit_gain"}, {"input": "polynomial"}])
 def test_the_search_starts_near_the_loss_of_the_linear_model_and_lowers_it(data, linear, maps):
     model = sysid.structures.hammerstein_wiener(nb=2, nf=2, nk=1, **maps)
-    chain, thetas = started(linear, model, data)
+    chain, thetas = starting_thetas(linear, model, data)
     for theta, most in zip(thetas, (1.3, 1.0001), strict=True):  # maps that bend a little, and straight ones
         run = chain.simulate(theta, data.u[:, 0])
         offset = np.mean(data.y[:, 0] - run) if "output" in maps else 0.0  # a unit gain cannot hold the offset

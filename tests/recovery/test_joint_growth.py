@@ -14,7 +14,7 @@ import sysid
 from sysid.base.errors import InputError
 from sysid.blocks import CoastingPlay, Motor
 from sysid.data.record import IOData
-from sysid.estimation.joint_parts import traded
+from sysid.estimation.joint_parts import trade_lag_for_delay
 from sysid.excitations import Staircase, Sweep
 from sysid.joint.growth import MARGIN, Growth, Step, grow_joint
 from sysid.joint.values import joint_values
@@ -300,7 +300,7 @@ def test_lag_and_delay_are_shared_otherwise_and_nothing_else_moves() -> None:
     chain, more, _ = PLANTS["stribeck"]
     theta = theta_of(chain, more)
     lag, delay = (chain.names.index(f"motor.{name}") for name in ("lag", "delay"))
-    points = traded(chain, theta)
+    points = trade_lag_for_delay(chain, theta)
     for point in points:
         assert point[lag] + point[delay] == pytest.approx(theta[lag] + theta[delay], rel=1e-12)
         np.testing.assert_array_equal(np.delete(point, [lag, delay]), np.delete(theta, [lag, delay]))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import sysid
-from sysid.nlarx.choice import choices, preferred
+from sysid.nlarx.choice import choices, choose_size
 from sysid.nlarx.fit import fit_nlarx
 from sysid.nlarx.linearize import findop, findops, tangent
 from sysid.nlarx.model import Network
@@ -161,8 +161,8 @@ def test_a_size_is_judged_on_blocks_that_it_was_not_fitted_to():
 
 def test_a_size_whose_free_run_is_poor_is_out_however_well_it_predicts_one_step():
     tried = (Choice(0, 0.1, 0.9, 2.0), Choice(3, 0.1, 0.6, 1.1), Choice(6, 0.1, 0.5, 1.5), Choice(10, 0.1, 0.4, np.inf))
-    assert preferred(tried).units == 3
-    assert preferred(tuple(replace(c, free=np.inf) for c in tried)).units == 10  # no free run tells them apart
+    assert choose_size(tried).units == 3
+    assert choose_size(tuple(replace(c, free=np.inf) for c in tried)).units == 10  # no free run tells them apart
 
 
 def test_a_free_run_that_leaves_the_data_is_told_with_its_sample_and_what_to_do():
@@ -329,5 +329,5 @@ def test_a_size_that_another_ridge_puts_out_leaves_the_choice_to_a_smaller_one(m
     y = np.tanh(np.convolve(u, [0.0, 0.5, 0.3])[:300]) + 0.1 * rng.standard_normal(300)
     model = nlarx(1, 1, 1, focus="prediction")
     tried = choices(model, sysid.IOData(u, y, 0.1), (1e-2, 1e-4, 0.1), "lm")
-    assert preferred(tried).units == 0
+    assert choose_size(tried).units == 0
     assert found[-1] == (0, 0.1)  # which the last ridge is tried with

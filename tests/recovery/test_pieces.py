@@ -11,7 +11,7 @@ from sysid.blocks import Delay, PiecewiseLinear, Polynomial, TransferFunction
 from sysid.estimation import problem
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
-from sysid.solver.iterate import Linearisation, linearised
+from sysid.solver.iterate import Linearisation, linearise_free
 
 N, ROWS = 997, 128  # the last piece is shorter than the others
 
@@ -141,7 +141,7 @@ def test_a_search_stays_at_its_bounds_in_pieces():
     e = e * 0 + J[:, -4]  # the descent goes up along y1, where the bound is
     blocked = task.blocked(task.start, J.T @ e)
     assert blocked.any()
-    lin, moving = linearised(replace(task, records=(replace(data, y=data.y - 0.0),)), task.start)
+    lin, moving = linearise_free(replace(task, records=(replace(data, y=data.y - 0.0),)), task.start)
     np.testing.assert_array_equal(moving, ~task.blocked(task.start, J.T @ task.linearise(task.start)[0]))
     same(lin, task.linearise(task.start)[0], J[:, moving])
 

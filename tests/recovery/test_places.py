@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sysid.estimation.starts.portfolio import curves
-from sysid.estimation.starts.portfolio.kernels import exchanged, polygon
+from sysid.estimation.starts.portfolio.kernels import exchange_places, polygon
 
 
 def loss(M, y, places, chosen):
@@ -30,7 +30,7 @@ def test_no_place_can_be_exchanged_for_a_better_one(case):
     places, M, y = case
     k, m = len(places), 5
     first = np.linspace(0, k - 1, m).astype(np.int64)
-    found, cost = exchanged(M.T @ M, M.T @ y, places, first, 1e-12, 50, 0.0)
+    found, cost = exchange_places(M.T @ M, M.T @ y, places, first, 1e-12, 50, 0.0)
     assert cost + y @ y == pytest.approx(loss(M, y, places, found), rel=1e-8)
     assert loss(M, y, places, found) < loss(M, y, places, first)
     for turn in range(1, m - 1):
@@ -53,4 +53,4 @@ def test_fewer_places_are_the_best_of_all_choices(case):
         return np.sum(mass * (values - np.interp(places, places[chosen], values[chosen])) ** 2)
 
     best = min(([0, *inner, k - 1] for inner in combinations(range(1, k - 1), 3)), key=away)
-    np.testing.assert_array_equal(curves.fewer(places, values, mass, 5), places[best])
+    np.testing.assert_array_equal(curves.thin_places(places, values, mass, 5), places[best])

@@ -14,9 +14,9 @@ from sysid.block.block import StaticBlock
 from sysid.blocks import PiecewiseLinear, Polynomial, Saturation, SigmoidNetwork
 from sysid.estimation.starts.portfolio import curves
 from sysid.estimation.starts.portfolio.curves import as_block
-from sysid.estimation.starts.portfolio.kernels import exchanged, polygon
+from sysid.estimation.starts.portfolio.kernels import exchange_places, polygon
 from sysid.estimation.starts.portfolio.screen import MEMBERS, Screen
-from sysid.estimation.starts.portfolio.two_filters import picked
+from sysid.estimation.starts.portfolio.two_filters import choose_roots
 
 
 def test_a_curve_of_hats_is_the_least_squares_solution():
@@ -25,10 +25,10 @@ def test_a_curve_of_hats_is_the_least_squares_solution():
     y = np.sin(2 * x) + 0.1 * rng.standard_normal(900)
     basis = np.column_stack([np.interp(x, at, row) for row in np.eye(6)])
     wanted = np.linalg.lstsq(basis, y, rcond=None)[0]
-    values, loss = curves.fitted(x, y, at)
+    values, loss = curves.fit_curve(x, y, at)
     np.testing.assert_allclose(values, wanted, atol=2e-4)  # the weight of the bends is 1e-6
     assert loss == pytest.approx(np.mean((y - basis @ wanted) ** 2), rel=1e-4)
-    np.testing.assert_allclose(curves.columns(x, at), basis, atol=1e-12)
+    np.testing.assert_allclose(curves.hat_functions(x, at), basis, atol=1e-12)
 
 
 def test_fewer_places_are_the_best_of_all_choices():
@@ -39,7 +39,7 @@ def test_fewer_places_are_the_best_of_all_choices():
         return np.sum(mass * (values - np.interp(at, at[list(chosen)], values[list(chosen)])) ** 2)
 
     best = min(((0, *inner, 10) for inner in itertools.combinations(range(1, 10), 3)), key=cost)
-    np.testing.assert_array_equal(curves.fewer(at, values, mass, 5), at[list(best)])
+    np.testing.assert_array_equal(curves.thin_places(at, values, mass, 5), at[list(best)])
 
 
 @pytest.mark.parametrize("seed", often(5, 2))
@@ -59,7 +59,7 @@ def test_exchange_ends_where_no_single_place_improves_and_beats_chance(seed):
     values, cost = polygon(G, h, places, first, 0.0)
     np.testing.assert_allclose(values, direct(first)[0], rtol=1e-8)
     assert cost == pytest.approx(direct(first)[1], rel=1e-9)
-    found, cost = exchanged(G, h, places, first, 0.0, 50, 0.0)
+    found, cost = exchange_places(G, h, places, first, 0.0, 50, 0.0)
     assert cost == pytest.approx(direct(found)[1], rel=1e-9)
     for turn, i in itertools.product(range(1, m - 1), range(1, k - 1)):
         if i not in found:
@@ -120,12 +120,12 @@ def test_filters_without_poles_are_found(structure, orders):
 def test_poles_are_divided_with_pairs_kept_together():
     a, b, c = 0.5 + 0.3j, 0.8 + 0.1j, -0.2 + 0.6j
     roots = np.array([a, a.conjugate(), b, b.conjugate(), c, c.conjugate()])
-    for mine, others in picked(roots, 2):
+    for mine, others in choose_roots(roots, 2):
         assert len(mine) == 2
         assert len(others) == 4
         assert abs(np.poly(mine).imag).max() < 1e-12
-    assert len(picked(roots, 2)) == 3
-    for mine, others in picked(roots, 3):  # no way without breaking a pair
+    assert len(choose_roots(roots, 2)) == 3
+    for mine, others in choose_roots(roots, 3):  # no way without breaking a pair
         assert len(mine) == len(others) == 3
         assert abs(np.poly(mine).imag).max() < 1e-12
         assert abs(np.poly(others).imag).max() < 1e-12

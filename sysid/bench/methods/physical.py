@@ -11,7 +11,7 @@ from sysid.blocks import Motor
 from sysid.data.gain_variants import gain_variants
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.joint_parts import lifted
+from sysid.estimation.joint_parts import lift_theta
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.profile import first_state
 from sysid.joint.growth import grow_joint
@@ -51,7 +51,7 @@ def emps_joint(train: IOData, seed: int = 0) -> Fit:
         for motor in (bare, replace(bare, periodic=EMPS_WAVES, period=high - low))
     ]
     first = fit_chain(models[0], data, starts=3, seed=seed)
-    return fit_chain(models[1], data, start=lifted(first.model, first.theta, models[1], {}), seed=seed)
+    return fit_chain(models[1], data, start=lift_theta(first.model, first.theta, models[1], {}), seed=seed)
 
 
 def emps_profile(train: IOData, seed: int = 0) -> Fit:

@@ -4,7 +4,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
-from sysid.estimation.starts._shared import Start, within
+from sysid.estimation.starts._shared import Start, clip_to_bounds
 from sysid.estimation.starts.drives import Drives
 from sysid.estimation.starts.joint import Joint
 from sysid.estimation.starts.matrix import Matrix
@@ -38,5 +38,5 @@ def starts(chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray
     """
     for start in TABLE.values():
         if start.applies(chain):
-            return [within(chain, theta) for theta in start.starts(chain, data, count, seed)]
+            return [clip_to_bounds(chain, theta) for theta in start.starts(chain, data, count, seed)]
     raise InputError("this chain has no automatic start; give fit() a start of one value for each parameter")

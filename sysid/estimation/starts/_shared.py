@@ -44,10 +44,10 @@ def generators(count: int, seed: int) -> list[np.random.Generator]:
     return [np.random.default_rng([seed, k]) for k in range(1, count)]
 
 
-def within(chain: Chain, theta: np.ndarray) -> np.ndarray:
+def clip_to_bounds(chain: Chain, theta: np.ndarray) -> np.ndarray:
     """theta within the chain's bounds, with fixed parameters at their values."""
-    inside = np.clip(theta, *chain.limits)
-    return np.array([chain.fixed.get(name, value) for name, value in zip(chain.names, inside, strict=True)])
+    clipped_theta = np.clip(theta, *chain.limits)
+    return np.array([chain.fixed.get(name, value) for name, value in zip(chain.names, clipped_theta, strict=True)])
 
 
 def start_maps(
@@ -60,13 +60,13 @@ def start_maps(
     for b in blocks:
         if not isinstance(b, StaticBlock):
             raise InputError(f"block {b.role!r} has no automatic start in this place; give fit() a start")
-        part = _shifted(b, b.straight(x) if straight else b.start(x), x, target)
+        part = _shift_output(b, b.straight(x) if straight else b.start(x), x, target)
         theta[chain.index(b)] = part
         x = b.output(part, x)
     return x
 
 
-def _shifted(block: StaticBlock, theta: np.ndarray, x: np.ndarray, target: np.ndarray) -> np.ndarray:
+def _shift_output(block: StaticBlock, theta: np.ndarray, x: np.ndarray, target: np.ndarray) -> np.ndarray:
     """theta changed along the block's output shift, if it has one, so that the mean output equals the target's mean."""
     for s in block.symmetries(theta):
         if s.out_shift == 1.0 and s.in_shift == 0.0:
@@ -77,10 +77,10 @@ def _shifted(block: StaticBlock, theta: np.ndarray, x: np.ndarray, target: np.nd
 
 def output_error_start(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Parameters of a linear block (p,) for w, y (N,): the best of several linear starts after output error each."""
-    return polished(linear, denominators(linear, w, y), w, y)
+    return best_output_error(linear, denominators(linear, w, y), w, y)
 
 
-def polished(linear: TransferFunction, raw: list[np.ndarray], w: np.ndarray, y: np.ndarray) -> np.ndarray:
+def best_output_error(linear: TransferFunction, raw: list[np.ndarray], w: np.ndarray, y: np.ndarray) -> np.ndarray:
     options, best, best_cost = Options(max_iterations=30, tolerance=0.1), np.zeros(linear.n_parameters), np.inf
     for f in raw:
         theta = np.zeros(linear.n_parameters)
@@ -105,8 +105,8 @@ def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iteratio
     f, x, best, best_cost = np.zeros(nf), y, np.zeros(nf), np.inf
     for _ in range(iterations):
         wf, yf, xf = np.empty_like(w), np.empty_like(w), np.empty_like(w)
-        for signal, filtered in ((w, wf), (y, yf), (x, xf)):
-            all_pole(f, signal, filtered)
+        for signal, out in ((w, wf), (y, yf), (x, xf)):
+            all_pole(f, signal, out)
         inputs = [_delay(wf, nk + i) for i in range(nb)]
         regressors = np.column_stack([-_delay(yf, j + 1) for j in range(nf)] + inputs)
         instruments = np.column_stack([-_delay(xf, j + 1) for j in range(nf)] + inputs)
@@ -134,7 +134,7 @@ def denominators(
     If sampling is much faster than the dynamics, all poles are close to 1; poles of a decimated record are converted
     to the full rate.
     """
-    found = [refined_iv(linear.nb, linear.nf, linear.nk, w, y)]
+    candidates = [refined_iv(linear.nb, linear.nf, linear.nk, w, y)]
     for thin in rates:
         n = len(w) // thin
         if linear.nf == 0 or n < 20 * (linear.nb + linear.nf):
@@ -144,8 +144,8 @@ def denominators(
         poles = np.roots(np.concatenate([[1.0], slow])).astype(complex)
         # A pole on the negative real axis is the alias of none; it becomes a fast one.
         poles = np.where((poles.real <= 0) & (np.abs(poles.imag) < 1e-12), 1e-3, poles)
-        found.append(monic(poles ** (1.0 / thin)))
-    return found
+        candidates.append(monic(poles ** (1.0 / thin)))
+    return candidates
 
 
 def same_poles(linear: TransferFunction, a: np.ndarray, b: np.ndarray) -> bool:

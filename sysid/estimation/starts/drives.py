@@ -35,8 +35,8 @@ class Drives(Start):
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
         belt = next(b for b in chain.blocks if isinstance(b, TransferFunction))
         zeros = {name: BELT_GAIN / belt.nb for name in chain.names if name.startswith("belt.b")}
-        own = OWN | zeros
-        first = np.array([own.get(name, 0.0) for name in chain.names])
-        held = np.array([name.startswith(("belt.f", "sensor")) or name == "drive.gain" for name in chain.names])
-        spread = np.where(held, 0.0, SPREAD)
+        values = OWN | zeros
+        first = np.array([values.get(name, 0.0) for name in chain.names])
+        fixed_scale = np.array([name.startswith(("belt.f", "sensor")) or name == "drive.gain" for name in chain.names])
+        spread = np.where(fixed_scale, 0.0, SPREAD)
         return [first, *(first * np.exp(spread * rng.normal(size=len(first))) for rng in generators(count, seed))]

@@ -8,8 +8,8 @@ from scipy.optimize import lsq_linear
 from sysid.block.block import Block
 from sysid.blocks import Compliance, Motor, Play, TravelMap
 from sysid.data.record import IOData
-from sysid.estimation.joint_parts import apart, free_run_cost, motor_of
-from sysid.estimation.starts._shared import Start, longest, within
+from sysid.estimation.joint_parts import differ_in_motor, free_run_cost, motor_of
+from sysid.estimation.starts._shared import Start, clip_to_bounds, longest
 from sysid.model.chain import Chain
 
 _TRIED = 150  # candidates a start that is asked for
@@ -45,36 +45,40 @@ class Joint(Start):
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
         record = longest(data)
-        seen = _read(record.u[:, 0], record.y[:, 0])
+        properties = _read(record.u[:, 0], record.y[:, 0])
         rng = np.random.default_rng([seed, 7])
-        draws = [_draw(chain, seen, rng, k) for k in range(_TRIED * count)]
-        draws += [_filled(chain, found, seen, rng) for found in _balanced(chain, seen) for _ in range(_AROUND)]
-        costs = np.array([free_run_cost(chain, theta, seen.u, seen.y) for theta in draws])
+        draws = [_draw(chain, properties, rng, k) for k in range(_TRIED * count)]
+        draws += [
+            _fill_values(chain, motor, properties, rng)
+            for motor in _balance_candidates(chain, properties)
+            for _ in range(_AROUND)
+        ]
+        costs = np.array([free_run_cost(chain, theta, properties.u, properties.y) for theta in draws])
         order = np.argsort(costs, kind="stable")
-        chosen: list[np.ndarray] = []
+        distinct: list[np.ndarray] = []
         for k in order:
-            if all(apart(chain, draws[k], other) for other in chosen):
-                chosen.append(draws[k])
-            if len(chosen) == count:
+            if all(differ_in_motor(chain, draws[k], earlier) for earlier in distinct):
+                distinct.append(draws[k])
+            if len(distinct) == count:
                 break
-        return chosen + [draws[k] for k in order[: count - len(chosen)]]
+        return distinct + [draws[k] for k in order[: count - len(distinct)]]
 
 
-def _balanced(chain: Chain, seen: _Record) -> list[dict[str, float]]:
+def _balance_candidates(chain: Chain, properties: _Record) -> list[dict[str, float]]:
     """The motor by its voltage balance where its position is the output but for the ends of a play or a spring."""
     motor = motor_of(chain)
-    behind = chain.blocks[chain.blocks.index(motor) + 1 :]
-    if motor is not chain.blocks[0] or not all(isinstance(b, Play | Compliance) for b in behind) or seen.sign < 0:
+    blocks = chain.blocks[chain.blocks.index(motor) + 1 :]
+    if motor is not chain.blocks[0] or not all(isinstance(b, Play | Compliance) for b in blocks) or properties.sign < 0:
         return []
-    return balances(motor, seen.u, seen.y, (seen.low, seen.high))
+    return balances(motor, properties.u, properties.y, (properties.low, properties.high))
 
 
-def _filled(chain: Chain, found: dict[str, float], seen: _Record, rng: np.random.Generator) -> np.ndarray:
+def _fill_values(chain: Chain, values: dict[str, float], properties: _Record, rng: np.random.Generator) -> np.ndarray:
     """A candidate with these values of the motor."""
-    theta, motor = _draw(chain, seen, rng, 1), motor_of(chain)
-    part = dict(zip([slot.name for slot in motor.slots()], chain.part(theta, motor), strict=True)) | found
+    theta, motor = _draw(chain, properties, rng, 1), motor_of(chain)
+    part = dict(zip([slot.name for slot in motor.slots()], chain.part(theta, motor), strict=True)) | values
     theta[chain.index(motor)] = [part[slot.name] for slot in motor.slots()]
-    return within(chain, theta)
+    return clip_to_bounds(chain, theta)
 
 
 def _read(u: np.ndarray, y: np.ndarray) -> _Record:
@@ -93,72 +97,74 @@ def _read(u: np.ndarray, y: np.ndarray) -> _Record:
     )
 
 
-def _draw(chain: Chain, seen: _Record, rng: np.random.Generator, k: int) -> np.ndarray:
+def _draw(chain: Chain, properties: _Record, rng: np.random.Generator, k: int) -> np.ndarray:
     """One candidate; the first is the simplest."""
     theta = np.zeros(len(chain.names))
-    ends = _ends(chain, seen, rng)
+    ends = _ends(chain, properties, rng)
     mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
-    values = _physics(seen, ends, mapped, None if k == 0 else rng)
+    values = _physics(properties, ends, mapped, None if k == 0 else rng)
     span = max(abs(ends[1] - ends[0]), 1e-12)
     for b in chain.blocks:
-        theta[chain.index(b)] = _values(b, values, ends, span, seen)
+        theta[chain.index(b)] = _values(b, values, ends, span, properties)
         if isinstance(b, Compliance) and k:
             theta[chain.index(b).start : chain.index(b).start + 2] = np.exp(rng.uniform(*np.log(_LINKS)))
-    return within(chain, theta)
+    return clip_to_bounds(chain, theta)
 
 
-def _ends(chain: Chain, seen: _Record, rng: np.random.Generator) -> tuple[float, float]:
+def _ends(chain: Chain, properties: _Record, rng: np.random.Generator) -> tuple[float, float]:
     """Outputs at the motor's lower and upper end."""
     if chain.block("sensor") is None:
-        return (seen.low, seen.high) if seen.sign > 0 else (seen.high, seen.low)
+        return (properties.low, properties.high) if properties.sign > 0 else (properties.high, properties.low)
     # What a sensor shows says little of where the ends are: try either side of zero.
-    reach = max(abs(seen.low), abs(seen.high))
+    reach = max(abs(properties.low), abs(properties.high))
     share = rng.uniform(0.0, 1.0) if rng.random() < 0.8 else 1.0
     return (-reach * share, reach) if rng.random() < 0.5 else (-reach, reach * share)
 
 
 def _physics(
-    seen: _Record, ends: tuple[float, float], mapped: bool, rng: np.random.Generator | None
+    properties: _Record, ends: tuple[float, float], mapped: bool, rng: np.random.Generator | None
 ) -> dict[str, float]:
     """The motor's parameters by name, drawn with `rng`; its position is in strokes if a travel map follows."""
     way = ends[1] - ends[0] or 1.0
-    first = float(seen.y[: max(1, min(3, len(seen.y)))].mean())
+    first = float(properties.y[: max(1, min(3, len(properties.y)))].mean())
     friction, tilt, load, haste, lag, stick, delay, creep = 0.15, 0.0, 0.0, 1.0, 0.5, 0.2, 0.2, 0.03
     if rng is not None:
         friction = np.exp(rng.uniform(np.log(0.01), np.log(0.7)))
         tilt, load = rng.uniform(-0.4, 0.4), rng.normal() * 0.1
         haste = np.exp(0.15 * rng.normal())
-        lag = np.exp(rng.uniform(np.log(0.1), np.log(max(3.0, len(seen.y) / 400))))
+        lag = np.exp(rng.uniform(np.log(0.1), np.log(max(3.0, len(properties.y) / 400))))
         stick, delay = rng.uniform(0.0, 0.6), rng.uniform(0.0, 1.0)
         creep = np.exp(rng.uniform(*np.log([0.003, 0.3])))
-    dry = friction * seen.volts
-    left = max(seen.volts - dry, 0.05 * seen.volts)  # of the volts, for speed
-    gain = seen.speed / left / (abs(way) if mapped else 1.0) * haste
+    dry = friction * properties.volts
+    rest = max(properties.volts - dry, 0.05 * properties.volts)  # of the volts, for speed
+    gain = properties.speed / rest / (abs(way) if mapped else 1.0) * haste
     return {
-        "gain": gain if mapped or seen.sign > 0 else 1e-6,
+        "gain": gain if mapped or properties.sign > 0 else 1e-6,
         "lag": lag,
         "rise": dry * (1.0 + tilt),
         "fall": dry * (1.0 - tilt),
         "stick": dry * stick,
         "stick_down": dry * stick,
-        "stick_speed": gain * seen.volts * creep,
-        "load0": load * seen.volts,
+        "stick_speed": gain * properties.volts * creep,
+        "load0": load * properties.volts,
         "loss": 0.1,
-        **({} if mapped or rng is None else _drawn_load(seen, way, rng)),
+        **({} if mapped or rng is None else _drawn_load(properties, way, rng)),
         "delay": delay,
-        "lower": 0.0 if mapped else seen.low,
-        "upper": 1.0 if mapped else seen.high,
+        "lower": 0.0 if mapped else properties.low,
+        "upper": 1.0 if mapped else properties.high,
         "x0": float(np.clip((first - ends[0]) / way, 0.0, 1.0)) if mapped else first,
     }
 
 
-def _drawn_load(seen: _Record, way: float, rng: np.random.Generator) -> dict[str, float]:
+def _drawn_load(properties: _Record, way: float, rng: np.random.Generator) -> dict[str, float]:
     """A load over the position; that of a mapped motor begins flat."""
-    waves = {name: 0.3 * seen.volts * rng.normal() for name in ("sine1", "cosine1")}
-    return waves | {"load1": seen.volts * rng.uniform(0.0, 1.0) ** 2 / max(abs(way), 1e-12)}
+    waves = {name: 0.3 * properties.volts * rng.normal() for name in ("sine1", "cosine1")}
+    return waves | {"load1": properties.volts * rng.uniform(0.0, 1.0) ** 2 / max(abs(way), 1e-12)}
 
 
-def _values(b: Block, values: dict[str, float], ends: tuple[float, float], span: float, seen: _Record) -> np.ndarray:
+def _values(
+    b: Block, values: dict[str, float], ends: tuple[float, float], span: float, properties: _Record
+) -> np.ndarray:
     if isinstance(b, Motor):
         return np.array([values.get(slot.name, 0.0) for slot in b.slots()])
     if isinstance(b, TravelMap):
@@ -169,7 +175,7 @@ def _values(b: Block, values: dict[str, float], ends: tuple[float, float], span:
         part = b.start(np.zeros(1))
         part[0] = 0.005 * span
         return part
-    return b.start(seen.u if b.role == "driver" else seen.y)
+    return b.start(properties.u if b.role == "driver" else properties.y)
 
 
 def balances(motor: Motor, u: np.ndarray, y: np.ndarray, ends: tuple[float, float]) -> list[dict[str, float]]:
@@ -179,13 +185,13 @@ def balances(motor: Motor, u: np.ndarray, y: np.ndarray, ends: tuple[float, floa
     by the direction + the mean of the load. Windows beside an end of the record's range are left out where the motor
     has a stop there.
     """
-    found = []
-    for late in _DELAYS if motor.delayed else (0,):
+    motors = []
+    for delay in _DELAYS if motor.delayed else (0,):
         for W in sorted({max(4, len(y) // count) for count in _WINDOWS}):
-            one = _balance(motor, u[: len(u) - late], y[late:], W, ends)
-            if one is not None:
-                found.append(one | {"delay": float(late), "x0": float(y[0])})
-    return found
+            values = _balance(motor, u[: len(u) - delay], y[delay:], W, ends)
+            if values is not None:
+                motors.append(values | {"delay": float(delay), "x0": float(y[0])})
+    return motors
 
 
 def _balance(motor: Motor, u: np.ndarray, y: np.ndarray, W: int, ends: tuple[float, float]) -> dict[str, float] | None:
@@ -195,7 +201,7 @@ def _balance(motor: Motor, u: np.ndarray, y: np.ndarray, W: int, ends: tuple[flo
         return None
     smooth = np.convolve(y, np.ones(len(k)) / len(k), "same")
     v = np.convolve(y, k[::-1] / np.sum(k**2), "same")
-    up, down = (v > 0.0).astype(float), (v < 0.0).astype(float)
+    rising, falling = (v > 0.0).astype(float), (v < 0.0).astype(float)
     loads = _loads(motor, smooth)
     edges = np.arange(half, len(y) - half, W)
 
@@ -203,7 +209,7 @@ def _balance(motor: Motor, u: np.ndarray, y: np.ndarray, W: int, ends: tuple[flo
         total = np.concatenate([[0.0], np.cumsum(x)])
         return np.diff(total[edges]) / W
 
-    A = np.column_stack([np.diff(v[edges]) / W, *map(means, (v, up, -down, *loads.values()))])
+    A = np.column_stack([np.diff(v[edges]) / W, *map(means, (v, rising, -falling, *loads.values()))])
     b, inner = means(u), np.ones(len(edges) - 1, dtype=bool)
     margin = _NEAR * (ends[1] - ends[0])
     if "lower" in motor.ends:
@@ -230,6 +236,6 @@ def _balance(motor: Motor, u: np.ndarray, y: np.ndarray, W: int, ends: tuple[flo
 
 def _loads(motor: Motor, y: np.ndarray) -> dict[str, np.ndarray]:
     """The load over the position, by its coefficients; a constant load is a difference between the frictions."""
-    found = {f"load{i}": (y - motor.at) ** i for i in range(1, motor.load)}
+    loads = {f"load{i}": (y - motor.at) ** i for i in range(1, motor.load)}
     waves = {"s": np.sin, "c": np.cos}
-    return found | {name: waves[name[0]](int(name[-1]) * motor.turn * y) for name in motor.waves}
+    return loads | {name: waves[name[0]](int(name[-1]) * motor.turn * y) for name in motor.waves}

@@ -34,21 +34,21 @@ class Matrix(Start):
                 theta[start + part.start : start + part.stop] = output_error_start(entry, W[:, i], shares[i])
         x = Chain(chain.blocks[: k + 1]).outputs(theta[: chain.index(matrix).stop], record.u)
         _start_channels(chain, theta, chain.blocks[k + 1 :], x + (record.y - x).mean(axis=0), x)
-        found = [theta]
+        points = [theta]
         for rng in draws:
             fresh = theta.copy()
             for b in chain.blocks[:k] + chain.blocks[k + 1 :]:
                 fresh[chain.index(b)] = b.vary(theta[chain.index(b)], rng)
-            found.append(fresh)
-        return found
+            points.append(fresh)
+        return points
 
 
 def _shares(W: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
     """Contribution of each input (columns of W (N, nu)) to y (N,), by one least-squares fit of finite responses."""
     N, nu = W.shape
     length = max(2, min(80, N // (4 * nu)))
-    lagged = [np.concatenate([np.zeros(k), W[: N - k, i]]) for i in range(nu) for k in range(length)]
-    regressors = np.column_stack(lagged)
+    columns = [np.concatenate([np.zeros(k), W[: N - k, i]]) for i in range(nu) for k in range(length)]
+    regressors = np.column_stack(columns)
     response = np.linalg.lstsq(regressors, y, rcond=1e-10)[0]
     return [regressors[:, i * length : (i + 1) * length] @ response[i * length : (i + 1) * length] for i in range(nu)]
 
@@ -62,11 +62,11 @@ def _start_channels(
             raise InputError(f"block {b.role!r} has no automatic start in this place; give fit() a start")
         part = chain.index(b)
         columns = []
-        for i, (own, m) in enumerate(b.parts()):
+        for i, (place, m) in enumerate(b.parts()):
             assert isinstance(m, StaticBlock)
             local = Chain((m,))
             piece = np.zeros(m.n_parameters)
             columns.append(start_maps(local, piece, (m,), np.ascontiguousarray(x[:, i]), target[:, i]))
-            theta[part.start + own.start : part.start + own.stop] = piece
+            theta[part.start + place.start : part.start + place.stop] = piece
         x = np.column_stack(columns)
     return x

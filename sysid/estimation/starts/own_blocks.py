@@ -22,8 +22,8 @@ class OwnBlocks(Start):
         for block in chain.blocks:
             parts.append(block.start(x))
             x = block.output(parts[-1], x)
-        varied = [
+        variations = [
             [block.vary(part, rng) for block, part in zip(chain.blocks, parts, strict=True)]
             for rng in generators(count, seed)
         ]
-        return [np.concatenate(each) for each in (parts, *varied)]
+        return [np.concatenate(thetas) for thetas in (parts, *variations)]

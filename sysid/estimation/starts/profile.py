@@ -40,8 +40,8 @@ def _from_balance(chain: Chain, data: IOData) -> np.ndarray:
     assert isinstance(block, ProfiledMotor)
     best, least = block.start(data.u[:, 0]), np.inf
     N = max(data.lengths)
-    for late, W in product(_DELAYS if block.delayed else (0,), sorted({max(4, N // count) for count in _WINDOWS})):
-        theta, cost = _balance(block, data, W, late), 0.0
+    for delay, W in product(_DELAYS if block.delayed else (0,), sorted({max(4, N // count) for count in _WINDOWS})):
+        theta, cost = _balance(block, data, W, delay), 0.0
         for e in reversed(data.experiments):  # the first experiment's state stays
             theta[-2:] = first_state(e.y[:, 0])
             cost += float(np.sum((e.y[:, 0] - chain.simulate(theta, e.u[:, 0])) ** 2))
@@ -59,11 +59,11 @@ def first_state(y: np.ndarray, n: int = _STATE) -> tuple[float, float]:
     return float(c[2]), float(c[1])
 
 
-def _balance(block: ProfiledMotor, data: IOData, W: int, late: int) -> np.ndarray:
+def _balance(block: ProfiledMotor, data: IOData, W: int, delay: int) -> np.ndarray:
     rows, sides = [], []
     for e in data.experiments:
-        if 4 * W + late <= e.N:
-            A, b = _windows(block, e.u[: e.N - late, 0], e.y[late:, 0], W)
+        if 4 * W + delay <= e.N:
+            A, b = _windows(block, e.u[: e.N - delay, 0], e.y[delay:, 0], W)
             rows.append(A)
             sides.append(b)
     A, b = np.concatenate(rows), np.concatenate(sides)
@@ -74,8 +74,8 @@ def _balance(block: ProfiledMotor, data: IOData, W: int, late: int) -> np.ndarra
     plain = np.linalg.lstsq(A / scale, b, rcond=1e-9)[0]
     free[:3] = 1e-3 * np.maximum(np.abs(plain[:3]), 1e-3 * np.abs(plain).max())
     with np.errstate(over="ignore", invalid="ignore"):  # its steps towards bounds that are far away
-        found = lsq_linear(A / scale, b, (free, np.inf)).x / scale
-    return block.repair(np.concatenate([found, [float(late)] if block.delayed else [], [0.0, 0.0]]))
+        values = lsq_linear(A / scale, b, (free, np.inf)).x / scale
+    return block.repair(np.concatenate([values, [float(delay)] if block.delayed else [], [0.0, 0.0]]))
 
 
 def _windows(block: ProfiledMotor, u: np.ndarray, y: np.ndarray, W: int) -> tuple[np.ndarray, np.ndarray]:
@@ -84,14 +84,14 @@ def _windows(block: ProfiledMotor, u: np.ndarray, y: np.ndarray, W: int) -> tupl
     k = np.arange(-half, half + 1)
     v = np.convolve(y, k[::-1] / np.sum(k**2), "same")
     ends = np.arange(half, len(y) - half, W)
-    up, down = (v > 0).astype(float), (v < 0).astype(float)
+    rising, falling = (v > 0).astype(float), (v < 0).astype(float)
     s = (y - block.ends[0]) * block.density
     if block.periodic:
         s = np.abs((s[:, None] - np.arange(block.knots) + 0.5 * block.knots) % block.knots - 0.5 * block.knots).T
     else:
         s = np.abs(np.clip(s, 0.0, block.knots - 1.0) - np.arange(block.knots)[:, None])
     hats = np.maximum(1.0 - s, 0.0)
-    columns = [v * up, v * down, *(hat * up for hat in hats), *(-hat * down for hat in hats)]
+    columns = [v * rising, v * falling, *(hat * rising for hat in hats), *(-hat * falling for hat in hats)]
 
     def means(x: np.ndarray) -> np.ndarray:
         total = np.concatenate([[0.0], np.cumsum(x)])

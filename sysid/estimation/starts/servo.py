@@ -7,7 +7,7 @@ import numpy as np
 from sysid.block.block import Block
 from sysid.blocks import Play, ServoMotor
 from sysid.data.record import IOData
-from sysid.estimation.joint_parts import apart, free_run_cost, motor_of
+from sysid.estimation.joint_parts import differ_in_motor, free_run_cost, motor_of
 from sysid.estimation.starts._shared import Start, longest
 from sysid.model.chain import Chain
 
@@ -35,29 +35,29 @@ class Servo(Start):
         draws = [_draw(chain, u, goal, y, rate, delay, None if k == 0 else rng) for k in range(_TRIED * count)]
         costs = np.array([free_run_cost(chain, theta, u, y) for theta in draws])
         order = np.argsort(costs, kind="stable")
-        chosen: list[int] = []
+        numbers: list[int] = []
         for k in order:
-            if all(apart(chain, draws[k], draws[j]) for j in chosen):
-                chosen.append(int(k))
-            if len(chosen) == count:
+            if all(differ_in_motor(chain, draws[k], draws[j]) for j in numbers):
+                numbers.append(int(k))
+            if len(numbers) == count:
                 break
-        chosen += [int(k) for k in order if k not in chosen][: count - len(chosen)]
-        return [draws[k] for k in chosen]
+        numbers += [int(k) for k in order if k not in numbers][: count - len(numbers)]
+        return [draws[k] for k in numbers]
 
 
 def _first_order(goal: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Rate [1/sample] and delay [samples] of the first-order lag from goal to y with the smallest error."""
-    best, found = np.inf, (0.1, 0.0)
+    best, best_pair = np.inf, (0.1, 0.0)
     for rate, delay in product(_RATES, _DELAYS):
-        late = np.concatenate([np.full(delay, goal[0]), goal[: len(goal) - delay]])
+        target_delayed = np.concatenate([np.full(delay, goal[0]), goal[: len(goal) - delay]])
         run, decay, value = np.empty_like(y), float(np.exp(-rate)), float(y[0])
-        for t, target in enumerate(late):
+        for t, target in enumerate(target_delayed):
             run[t] = value
             value = target + (value - target) * decay
         cost = float(np.sum((y - run) ** 2))
         if cost < best:
-            best, found = cost, (float(rate), float(delay))
-    return found
+            best, best_pair = cost, (float(rate), float(delay))
+    return best_pair
 
 
 def _draw(
@@ -91,14 +91,24 @@ def _physics(
     assert isinstance(motor, ServoMotor)
     fastest = float(np.quantile(np.abs(np.diff(y)), 0.99)) or 1e-9
     limit = chain.fixed.get(f"{motor.role}.limit", 1.0)
-    reserve, haste, friction, tilt, load, lag, stick, damping, late = 1.3, 1.0, 0.05, 0.0, 0.0, 1.0, 0.2, 0.3, 0.0
+    reserve, haste, friction, tilt, load, lag, stick, damping, delay_error = (
+        1.3,
+        1.0,
+        0.05,
+        0.0,
+        0.0,
+        1.0,
+        0.2,
+        0.3,
+        0.0,
+    )
     if rng is not None:
         reserve = float(np.exp(rng.uniform(*np.log([0.8, 5.0]))))
         haste = float(np.exp(rng.uniform(*np.log([0.5, 4.0]))))
         friction = float(np.exp(rng.uniform(*np.log([0.005, 0.3]))))
         tilt, load = rng.uniform(-0.3, 0.3), 0.15 * rng.normal()
         lag = float(np.exp(rng.uniform(*np.log([0.1, 1.5]))))
-        stick, damping, late = rng.uniform(0.0, 0.6), rng.uniform(0.0, 1.0), rng.uniform(-0.5, 1.5)
+        stick, damping, delay_error = rng.uniform(0.0, 0.6), rng.uniform(0.0, 1.0), rng.uniform(-0.5, 1.5)
     gain = reserve * fastest / limit
     kp = chain.fixed.get(f"{motor.role}.kp", haste * rate / gain)
     if f"{motor.role}.kp" in chain.fixed and rng is None:
@@ -121,7 +131,7 @@ def _physics(
         "stick_speed": 0.03 * fastest,
         "load1": load * limit / span,
         "loss": 0.1,
-        "delay": max(delay + late, 0.0),
+        "delay": max(delay + delay_error, 0.0),
         "lower": float(y.min()) - 0.1 * span,
         "upper": float(y.max()) + 0.1 * span,
         "x0": float(y[: min(3, len(y))].mean()),

@@ -7,10 +7,10 @@ from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.starts._shared import (
     Start,
+    best_output_error,
     denominators,
     generators,
     longest,
-    polished,
     same_poles,
     solve_linear,
     start_maps,
@@ -38,21 +38,22 @@ class SingleLinear(Start):
         u, y = record.u[:, 0], record.y[:, 0]
         coarse = chain.coarser()
         if coarse is None:
-            return _around(chain, u, y, draws)
+            return _start_points(chain, u, y, draws)
         # Most starts go by way of the coarse maps; the last ones do not, for where that way leads astray.
         direct = count // 3
-        found = [
-            chain.refine(coarse, _few_steps(coarse, theta, u, y)) for theta in _around(coarse, u, y, draws[direct:])
+        points = [
+            chain.refine(coarse, _few_steps(coarse, theta, u, y))
+            for theta in _start_points(coarse, u, y, draws[direct:])
         ]
-        return found + (_around(chain, u, y, draws[: direct - 1]) if direct else [])
+        return points + (_start_points(chain, u, y, draws[: direct - 1]) if direct else [])
 
 
-def _around(chain: Chain, u: np.ndarray, y: np.ndarray, draws: list[np.random.Generator]) -> list[np.ndarray]:
+def _start_points(chain: Chain, u: np.ndarray, y: np.ndarray, draws: list[np.random.Generator]) -> list[np.ndarray]:
     """One start more than random draws: linear models for the first half, then variations of them."""
     count = len(draws) + 1
-    found = linear_starts(chain, u, y)[: 1 + count // 2]
-    return found + [
-        _variation(chain, found[k % len(found)], u, y, rng) for k, rng in enumerate(draws[len(found) - 1 :])
+    points = linear_starts(chain, u, y)[: 1 + count // 2]
+    return points + [
+        _variation(chain, points[k % len(points)], u, y, rng) for k, rng in enumerate(draws[len(points) - 1 :])
     ]
 
 
@@ -71,24 +72,24 @@ def linear_starts(chain: Chain, u: np.ndarray, y: np.ndarray) -> list[np.ndarray
     """
     linear = chain.linear
     theta = np.zeros(len(chain.names))
-    before = chain.blocks[: chain.blocks.index(linear)]
-    w = start_maps(chain, theta, before, u, u - u.mean())
+    maps_before = chain.blocks[: chain.blocks.index(linear)]
+    w = start_maps(chain, theta, maps_before, u, u - u.mean())
     level, aim = w - w.mean(), y - y.mean()
     raw = denominators(linear, level, aim)
-    parts = [polished(linear, raw, level, aim)]
+    parts = [best_output_error(linear, raw, level, aim)]
     for f in raw:
         part = np.zeros(linear.n_parameters)
         part[linear.nb : linear.nb + linear.nf] = f
         solve_linear(linear, part, level, aim)
-        if not any(same_poles(linear, part, other) for other in parts):
+        if not any(same_poles(linear, part, earlier) for earlier in parts):
             parts.append(part)
-    found = []
+    points = []
     for part in parts:
         full = theta.copy()
         full[chain.index(linear)] = part
         _finish(chain, full, w, y)
-        found.append(full)
-    return found
+        points.append(full)
+    return points
 
 
 def _finish(chain: Chain, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> None:
@@ -100,8 +101,8 @@ def _finish(chain: Chain, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> No
     J = np.empty((len(w), linear.n_parameters))
     x = linear.propagate(part, w, J, 0)
     impulses = J[:, linear.nb + linear.nf :]
-    after = chain.blocks[chain.blocks.index(linear) + 1 :]
-    can_shift = any(b.n_parameters for b in after)
+    maps_after = chain.blocks[chain.blocks.index(linear) + 1 :]
+    can_shift = any(b.n_parameters for b in maps_after)
     columns = np.column_stack([impulses, np.ones(len(w))]) if can_shift else impulses
     offset = 0.0
     if columns.shape[1] and np.all(np.isfinite(columns)) and np.all(np.isfinite(x)):
@@ -110,7 +111,7 @@ def _finish(chain: Chain, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> No
         offset = float(solution[n]) if can_shift else 0.0
     theta[chain.index(linear)] = part
     x = linear.output(part, w)
-    start_maps(chain, theta, after, x, x + offset)
+    start_maps(chain, theta, maps_after, x, x + offset)
 
 
 def _variation(chain: Chain, first: np.ndarray, u: np.ndarray, y: np.ndarray, rng: np.random.Generator) -> np.ndarray:

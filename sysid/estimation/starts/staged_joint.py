@@ -12,7 +12,7 @@ import numpy as np
 from sysid.blocks import CoastingPlay, Motor, Play
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lifted, motor_of, plainer, without_play
+from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lift_theta, motor_of, plainer, without_play
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.starts._shared import Start
 from sysid.estimation.starts.joint import Joint
@@ -40,14 +40,14 @@ class StagedJoint(Start):
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
         plain, middle = plainer(chain), without_play(chain)
         assert plain is not None
-        found = _best(plain, Joint().starts(plain, data, _TRIED, seed), data)
+        theta = _best(plain, Joint().starts(plain, data, _TRIED, seed), data)
         if middle != plain:
             names = tuple(name for name in FRICTIONS if getattr(motor_of(chain), name, False))
-            points = [lifted(plain, found, middle, more) for more in friction_starts(names, plain, found, data)]
-            found = _best(middle, points, data)
+            points = [lift_theta(plain, theta, middle, part) for part in friction_starts(names, plain, theta, data)]
+            theta = _best(middle, points, data)
         if middle is chain:
-            return [found]
-        return [lifted(middle, found, chain, more) for more in play_starts(chain, middle, found, data)[:count]]
+            return [theta]
+        return [lift_theta(middle, theta, chain, part) for part in play_starts(chain, middle, theta, data)[:count]]
 
 
 def _best(chain: Chain, points: list[np.ndarray], data: IOData) -> np.ndarray:
@@ -72,31 +72,31 @@ def play_starts(chain: Chain, middle: Chain, theta: np.ndarray, data: IOData) ->
     problem = replace(problem, theta0=problem.thetas(iterate(problem, problem.start, LevenbergMarquardt(), _STEPS).p))
     e, J = problem.linearise(problem.start)
     Q = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0]
-    left = e - Q @ (Q.T @ e)
+    residuals = e - Q @ (Q.T @ e)
     runs = list(zip(problem.theta0, problem.records, strict=True))
-    shown = [middle.through(row, r.u[:, 0], 0, k) for row, r in runs]
-    plain = [middle.through(row, x, k, None) for (row, _), x in zip(runs, shown, strict=True)]
-    low, high = min(x.min() for x in shown), max(x.max() for x in shown)
-    ranked = []
+    inputs = [middle.through(row, r.u[:, 0], 0, k) for row, r in runs]
+    plain = [middle.through(row, x, k, None) for (row, _), x in zip(runs, inputs, strict=True)]
+    low, high = min(x.min() for x in inputs), max(x.max() for x in inputs)
+    rows = []
     for part in _links(low, high) if isinstance(play, CoastingPlay) else _widths(high - low):
-        moved = []
-        for (row, r), x, y in zip(runs, shown, plain, strict=True):
+        changes = []
+        for (row, r), x, y in zip(runs, inputs, plain, strict=True):
             z = play.output(np.array(part), x)
             change = middle.through(row, z, k, None) - y
-            moved.append(change if r.missing is None else change[r.observed[:, 0]])
-        cost, share = _judged(np.concatenate(moved), left, Q)
-        ranked.append((cost, (share * part[0], *part[1:])))
-    ranked.sort(key=lambda row: row[0])
+            changes.append(change if r.missing is None else change[r.observed[:, 0]])
+        cost, share = _best_share(np.concatenate(changes), residuals, Q)
+        rows.append((cost, (share * part[0], *part[1:])))
+    rows.sort(key=lambda row: row[0])
     names = [f"{play.role}.{slot.name}" for slot in play.slots()]
-    return [dict(zip(names, part, strict=True)) for _, part in ranked]
+    return [dict(zip(names, part, strict=True)) for _, part in rows]
 
 
-def _judged(change: np.ndarray, left: np.ndarray, Q: np.ndarray) -> tuple[float, float]:
+def _best_share(change: np.ndarray, residuals: np.ndarray, Q: np.ndarray) -> tuple[float, float]:
     """Cost of the residuals after subtraction of the best share of `change`, and that share."""
     change = change - Q @ (Q.T @ change)
     size = float(change @ change)
-    share = float(np.clip(change @ left / size, 0.2, 5.0)) if size > 0.0 else 1.0
-    return float(np.sum((left - share * change) ** 2)), share
+    share = float(np.clip(change @ residuals / size, 0.2, 5.0)) if size > 0.0 else 1.0
+    return float(np.sum((residuals - share * change) ** 2)), share
 
 
 def _widths(reach: float) -> Iterator[tuple[float, ...]]:
@@ -111,7 +111,7 @@ def _links(low: float, high: float) -> Iterator[tuple[float, ...]]:
     for drag in _DRAGS:
         yield width, 0.0, drag * width, 0.0, 0.0
     for share in _HANGS:
-        at = low + share * (high - low)
+        hang = low + share * (high - low)
         for slope in (_PULL * width / half, -_PULL * width / half):
             for hold in _HOLDS:
-                yield width, 0.0, hold * half * abs(slope), -slope * at, slope
+                yield width, 0.0, hold * half * abs(slope), -slope * hang, slope

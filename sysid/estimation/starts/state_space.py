@@ -25,22 +25,24 @@ class StateSpaces(Start):
 
     The weights from features to states begin at zero, so that every start is the linear model; the first step of a
     search then is the least-squares fit of these weights to what the linear model leaves. Of several draws, the best
-    after a few steps are the starts. Every second one takes its steps as a predictor first, see `_predicted`.
+    after a few steps are the starts. Every second one takes its steps as a predictor first, see `_search_as_predictor`.
     """
 
     blocks = (StateSpace,)
 
     def suits(self, chain: Chain) -> bool:
-        first, *others = chain.blocks
-        return isinstance(first, StateSpace) and all(isinstance(b, StaticBlock) for b in others)
+        first, *maps = chain.blocks
+        return isinstance(first, StateSpace) and all(isinstance(b, StaticBlock) for b in maps)
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
         block = chain.blocks[0]
         assert isinstance(block, StateSpace)
-        u0, us, y0, ys = block.scales()
-        on_scale = IOData((data.u - u0) / us, (data.y - y0) / ys, data.Ts, missing=data.missing, lengths=data.lengths)
-        linear, own = linear_state_space(block.nx, on_scale)
-        plain, m = block.split(np.zeros(block.n_parameters)), linear.split(own)
+        u0, u_scale, y0, y_scale = block.scales()
+        on_scale = IOData(
+            (data.u - u0) / u_scale, (data.y - y0) / y_scale, data.Ts, missing=data.missing, lengths=data.lengths
+        )
+        linear, theta_linear = linear_state_space(block.nx, on_scale)
+        plain, m = block.split(np.zeros(block.n_parameters)), linear.split(theta_linear)
         first = block.joined(plain._replace(A=m.A, B=m.B, C=m.C, D=m.D, d=m.d, x0=m.x0))
         theta = np.zeros(len(chain.names))
         theta[chain.index(block)] = first
@@ -50,30 +52,30 @@ class StateSpaces(Start):
             start_maps(chain, theta, chain.blocks[1:], x, e.y[:, 0])
         if not block.features:
             return [theta]
-        drawn = []
+        points = []
         for k, rng in enumerate([np.random.default_rng([seed, 0]), *generators(_DRAWN * count, seed)]):
-            fresh, varied = theta.copy(), block.vary(first, rng)
+            fresh, part = theta.copy(), block.vary(first, rng)
             if k % 2 and len(chain.blocks) == 1 and not block.degree:
-                varied = _predicted(block, varied, on_scale)
-            fresh[chain.index(block)] = varied
-            drawn.append(fresh)
+                part = _search_as_predictor(block, part, on_scale)
+            fresh[chain.index(block)] = part
+            points.append(fresh)
         if not block.units:
-            return drawn[:1]
-        return _ahead(chain, theta, drawn, data)[:count]
+            return points[:1]
+        return _rank_by_search(chain, theta, points, data)[:count]
 
 
-def _ahead(chain: Chain, linear: np.ndarray, drawn: list[np.ndarray], data: IOData) -> list[np.ndarray]:
+def _rank_by_search(chain: Chain, linear: np.ndarray, candidates: list[np.ndarray], data: IOData) -> list[np.ndarray]:
     """The drawn starts after a few iterations over the beginning of the record, the best first.
 
     The network's prior has a weight of a tenth of what the linear model leaves: with all of it most networks stay 0.
     """
     short = data.experiments[0].select(0, min(data.experiments[0].N, _SHORT))
-    left = float(np.std(short.y - chain.outputs(linear, short.u)))
-    found = [_steps(chain, theta, short, chain.free, 0.1 * left) for theta in drawn]
-    return [theta for _, theta in sorted(found, key=lambda pair: pair[0])]
+    error = float(np.std(short.y - chain.outputs(linear, short.u)))
+    searches = [_steps(chain, theta, short, chain.free, 0.1 * error) for theta in candidates]
+    return [theta for _, theta in sorted(searches, key=lambda pair: pair[0])]
 
 
-def _predicted(block: StateSpace, theta: np.ndarray, data: IOData) -> np.ndarray:
+def _search_as_predictor(block: StateSpace, theta: np.ndarray, data: IOData) -> np.ndarray:
     """theta (P,) after steps as a predictor, x(t+1) = ... + K (y - C x - ...), whose K then goes to zero in steps.
 
     Its errors do not add up over time, so that its cost has fewer valleys than that of a free run (Ljung, System
@@ -81,7 +83,7 @@ def _predicted(block: StateSpace, theta: np.ndarray, data: IOData) -> np.ndarray
     state space with the output as a further input; data are on the block's scale.
     """
     short = data.experiments[0].select(0, min(data.experiments[0].N, _SHORT))
-    seen = IOData(np.column_stack([short.u, short.y]), short.y, short.Ts, missing=short.missing)
+    predictor_data = IOData(np.column_stack([short.u, short.y]), short.y, short.Ts, missing=short.missing)
     wide = replace(block, nu=block.nu + block.ny, u_centre=(), u_scale=(), y_centre=(), y_scale=())
     chain, m = Chain((wide,)), block.split(theta)
     moving, K = np.ones(wide.n_parameters, dtype=bool), np.zeros((block.nx, block.ny))
@@ -98,10 +100,10 @@ def _predicted(block: StateSpace, theta: np.ndarray, data: IOData) -> np.ndarray
         moves = moving.copy()
         if share < _HELD[0]:
             moves[wide.places["B"]] = np.tile(np.arange(wide.nu) < block.nu, block.nx)
-        cost, found = _steps(chain, wide.repair(wide.joined(start)), seen, moves, 0.05)
+        cost, theta_end = _steps(chain, wide.repair(wide.joined(start)), predictor_data, moves, 0.05)
         if not np.isfinite(cost):
             return theta
-        w = wide.split(found)
+        w = wide.split(theta_end)
         L = w.B[:, block.nu :]
         K = L if share == _HELD[0] else K
         F = w.F if block.readout else np.zeros((block.ny, block.features))
@@ -128,28 +130,28 @@ def linear_state_space(nx: int, data: IOData) -> tuple[StateSpace, np.ndarray]:
     block = StateSpace(nx, 0, nu=data.u.shape[1], ny=data.y.shape[1], role="linear")
     chain, best, least = Chain((block,)), block.start(data.u[:, 0]), np.inf
     for A, C in _candidates(nx, data):
-        theta = _completed(block, A, C, data)
+        theta = _complete(block, A, C, data)
         if not block.admissible(theta):
             continue
         problem = ChainProblem(chain, with_initial_states(chain, theta, data), data.experiments, chain.free)
         out = iterate(problem, problem.start, LevenbergMarquardt(), _POLISH)
         if out.cost < least:
             best, least = problem.thetas(out.p)[0], out.cost
-    return block, normalised(block, best, data)
+    return block, normalise_states(block, best, data)
 
 
-def normalised(block: StateSpace, theta: np.ndarray, data: IOData) -> np.ndarray:
+def normalise_states(block: StateSpace, theta: np.ndarray, data: IOData) -> np.ndarray:
     """theta (P,) of a linear block in coordinates in which the states have covariance 1 over the record."""
     m = block.split(theta)
     states = StateSpace(block.nx, 0, nu=block.nu, ny=block.nx, role="states")
-    bare = states.split(np.zeros(states.n_parameters))
-    X = Chain((states,)).outputs(states.joined(bare._replace(A=m.A, B=m.B, C=np.eye(block.nx), x0=m.x0)), data.u)
+    zero = states.split(np.zeros(states.n_parameters))
+    X = Chain((states,)).outputs(states.joined(zero._replace(A=m.A, B=m.B, C=np.eye(block.nx), x0=m.x0)), data.u)
     if not np.all(np.isfinite(X)):
         return theta
     _, s, Vt = np.linalg.svd(X / np.sqrt(len(X)), full_matrices=False)
     s = np.maximum(s, 1e-6 * max(s[0], 1e-300))
-    T, back = Vt / s[:, None], Vt.T * s
-    return block.joined(m._replace(A=T @ m.A @ back, B=T @ m.B, C=m.C @ back, x0=T @ m.x0))
+    T, inverse = Vt / s[:, None], Vt.T * s
+    return block.joined(m._replace(A=T @ m.A @ inverse, B=T @ m.B, C=m.C @ inverse, x0=T @ m.x0))
 
 
 def subspace(nx: int, data: IOData, rows: int, canonical: bool) -> tuple[np.ndarray, np.ndarray] | None:
@@ -170,24 +172,24 @@ def subspace(nx: int, data: IOData, rows: int, canonical: bool) -> tuple[np.ndar
     middle, low = R[sizes[1] :, sizes[0] : sizes[1]], R[sizes[1] :, sizes[0] :]
     weight = np.eye(len(low))
     if canonical:
-        left, s, _ = np.linalg.svd(low, full_matrices=False)
+        vectors, s, _ = np.linalg.svd(low, full_matrices=False)
         keep = s > 1e-9 * s[0]
-        weight = (left[:, keep] / s[keep]) @ left[:, keep].T
+        weight = (vectors[:, keep] / s[keep]) @ vectors[:, keep].T
     U, s, _ = np.linalg.svd(weight @ middle, full_matrices=False)
     if len(s) < nx or not s[nx - 1] > 0.0:
         return None
-    seen = (np.linalg.pinv(weight) if canonical else weight) @ (U[:, :nx] * np.sqrt(s[:nx]))
-    return np.linalg.lstsq(seen[:-ny], seen[ny:], rcond=None)[0], seen[:ny]
+    observability = (np.linalg.pinv(weight) if canonical else weight) @ (U[:, :nx] * np.sqrt(s[:nx]))
+    return np.linalg.lstsq(observability[:-ny], observability[ny:], rcond=None)[0], observability[:ny]
 
 
 def _candidates(nx: int, data: IOData) -> list[tuple[np.ndarray, np.ndarray]]:
-    found = []
+    pairs = []
     horizons = sorted({min(nx + 2, _WIDEST), min(2 * nx + 6, _WIDEST), _WIDEST})
     for rows in horizons:
         for canonical in (False, True):
             pair = subspace(nx, data, rows, canonical)
             if pair is not None:
-                found.append((_stable(pair[0]), pair[1]))
+                pairs.append((_stable(pair[0]), pair[1]))
     if data.u.shape[1] == data.y.shape[1] == 1:
         e = max(data.experiments, key=lambda e: e.N)
         u, y = e.u[:, 0] - e.u.mean(), e.y[:, 0] - e.y.mean()
@@ -199,11 +201,11 @@ def _candidates(nx: int, data: IOData) -> list[tuple[np.ndarray, np.ndarray]]:
             if np.all(np.isfinite(theta)):
                 A = np.eye(nx, k=-1)
                 A[0] = -f
-                found.append((_stable(A), (b[1:] - b[0] * f)[None, :]))
-    return found
+                pairs.append((_stable(A), (b[1:] - b[0] * f)[None, :]))
+    return pairs
 
 
-def _completed(block: StateSpace, A: np.ndarray, C: np.ndarray, data: IOData) -> np.ndarray:
+def _complete(block: StateSpace, A: np.ndarray, C: np.ndarray, data: IOData) -> np.ndarray:
     """theta (P,) with B, D, d and the initial state by least squares over the longest experiment, for given A and C."""
     e = max(data.experiments, key=lambda e: e.N)
     theta = block.joined(block.split(np.zeros(block.n_parameters))._replace(A=A, C=C))
@@ -222,8 +224,8 @@ def _stable(A: np.ndarray) -> np.ndarray:
     size = np.abs(values)
     if size.max() <= 1.0:
         return A
-    inside = np.where(size > 1.0, values / np.maximum(size, 1e-300) ** 2, values)
-    return np.real(vectors @ np.diag(inside) @ np.linalg.pinv(vectors))
+    mirrored_values = np.where(size > 1.0, values / np.maximum(size, 1e-300) ** 2, values)
+    return np.real(vectors @ np.diag(mirrored_values) @ np.linalg.pinv(vectors))
 
 
 def _hankel(X: np.ndarray, rows: int) -> np.ndarray:

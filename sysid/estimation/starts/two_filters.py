@@ -28,53 +28,53 @@ class TwoFilters(Start):
         record, draws = longest(data), generators(count, seed)
         u, y = record.u[:, 0], record.y[:, 0]
         (_, first), (_, second) = chain.dynamics
-        whole = TransferFunction(first.nb + second.nb - 1, first.nf + second.nf, first.nk + second.nk)
-        poles = whole.poles(output_error_start(whole, u - u.mean(), y - y.mean()))
+        series = TransferFunction(first.nb + second.nb - 1, first.nf + second.nf, first.nk + second.nk)
+        poles = series.poles(output_error_start(series, u - u.mean(), y - y.mean()))
         deals = _deals(poles, first.nf)
-        found = []
+        points = []
         for k in range(len(draws) + 1):
-            mine = deals[k % len(deals)]
+            first_numbers = deals[k % len(deals)]
             rng = draws[k - 1] if k >= len(deals) else None
-            found.append(_dealt(chain, poles, mine, u, y, rng))
-        return found
+            points.append(_start_of_division(chain, poles, first_numbers, u, y, rng))
+        return points
 
 
 def _deals(poles: np.ndarray, n: int) -> list[tuple[int, ...]]:
     """Ways to choose n of the poles with complex pairs kept together; any n poles if there is no such way."""
-    whole = []
-    for mine in itertools.combinations(range(len(poles)), n):
-        picked = poles[list(mine)]
-        if np.abs(np.imag(np.poly(picked))).max() < 1e-9:
-            whole.append(mine)
-    return whole or [tuple(range(n))]
+    real_subsets = []
+    for subset in itertools.combinations(range(len(poles)), n):
+        chosen_poles = poles[list(subset)]
+        if np.abs(np.imag(np.poly(chosen_poles))).max() < 1e-9:
+            real_subsets.append(subset)
+    return real_subsets or [tuple(range(n))]
 
 
-def _dealt(
+def _start_of_division(
     chain: Chain,
     poles: np.ndarray,
-    mine: tuple[int, ...],
+    first_numbers: tuple[int, ...],
     u: np.ndarray,
     y: np.ndarray,
     rng: np.random.Generator | None,
 ) -> np.ndarray:
     (at_first, first), (at_second, second) = chain.dynamics
     theta = np.zeros(len(chain.names))
-    before = chain.blocks[: chain.blocks.index(first)]
-    u = start_maps(chain, theta, before, u, u - u.mean())
-    others = [i for i in range(len(poles)) if i not in mine]
+    maps_before = chain.blocks[: chain.blocks.index(first)]
+    u = start_maps(chain, theta, maps_before, u, u - u.mean())
+    second_numbers = [i for i in range(len(poles)) if i not in first_numbers]
     part = np.zeros(first.n_parameters)
-    F = np.concatenate([[1.0], monic(poles[list(mine)])])
+    F = np.concatenate([[1.0], monic(poles[list(first_numbers)])])
     part[first.nb : first.nb + first.nf] = F[1:]
     part[0] = F.sum() if abs(F.sum()) > 1e-9 else 1.0  # gain 1, so that the map between sees the scale of u
     theta[at_first] = part
     x = first.output(part, u)
-    between = chain.blocks[chain.blocks.index(first) + 1 : chain.blocks.index(second)]
-    x = start_maps(chain, theta, between, x, x - x.mean())
+    maps_between = chain.blocks[chain.blocks.index(first) + 1 : chain.blocks.index(second)]
+    x = start_maps(chain, theta, maps_between, x, x - x.mean())
     if rng is not None:
-        for b in (*before, *between):
+        for b in (*maps_before, *maps_between):
             theta[chain.index(b)] = b.vary(theta[chain.index(b)], rng)
     part = np.zeros(second.n_parameters)
-    part[second.nb : second.nb + second.nf] = monic(poles[others])
+    part[second.nb : second.nb + second.nf] = monic(poles[second_numbers])
     solve_linear(second, part, x, y)
     theta[at_second] = part
     return theta

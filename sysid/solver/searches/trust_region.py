@@ -17,10 +17,10 @@ class TrustRegion:
     name = "trust_region"
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
-        return within_radius(lin, attempt, memory, options, within, self.name)
+        return within_radius(lin, attempt, memory, options, shortest_step, self.name)
 
 
-def within(lin: Linearisation, radius: float) -> np.ndarray:
+def shortest_step(lin: Linearisation, radius: float) -> np.ndarray:
     """Minimum of the linear model (P,) among steps no longer than `radius` in columns of unit norm."""
     uz, s, _ = lin.svd
     full = lin.gauss_newton(lin.noise_floor)

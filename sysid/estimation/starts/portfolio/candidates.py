@@ -48,74 +48,80 @@ def starting_points(
     turn: int,
     count: int,
     curvature: float,
-    known: np.ndarray | None = None,
+    theta_best: np.ndarray | None = None,
 ) -> list[StartingPoint]:
     """The best points of a round, the best first.
 
-    `count` limits how many candidates are searched; `known` (P,) is the best of earlier rounds.
+    `count` limits how many candidates are searched; `theta_best` (P,) is the best of earlier rounds.
 
     A single one comes from the linear models alone and goes through one rung: the quick look.
     """
     rng = np.random.default_rng([seed, turn])
     part = record if record.N <= LONGEST else record.select(0, LONGEST)
     if len(chain.dynamics) == 2:
-        ranked = _distinct(two_filters.splits(chain, part, rng, turn, count > 1, known), min(count, _LADDER[0][0]))
-        field = [two_filters.begun(chain, c, part) for c in ranked]
+        chosen_candidates = _distinct(
+            two_filters.splits(chain, part, rng, turn, count > 1, theta_best), min(count, _LADDER[0][0])
+        )
+        field = [two_filters.surrogate_of_split(chain, c, part) for c in chosen_candidates]
     else:
-        ranked = _distinct(candidates(chain, part, rng, turn, count > 1), min(count, _LADDER[0][0]))
-        field = [surrogate_of(chain, c, part) for c in ranked]
+        chosen_candidates = _distinct(candidates(chain, part, rng, turn, count > 1), min(count, _LADDER[0][0]))
+        field = [surrogate_of(chain, c, part) for c in chosen_candidates]
     for width, knots, steps in _LADDER if count > 1 else _LADDER[1:2]:
         knots = max(4, min(knots, part.N // 25))
-        field = [s.relaid(part, knots).searched(part, steps, curvature) for s in field[: min(width, count)]]
+        field = [s.lay_places(part, knots).search(part, steps, curvature) for s in field[: min(width, count)]]
         field.sort(key=lambda s: s.loss)
-    told = _told_apart(field) if len(movable_maps(chain)) == sum(map(is_map, chain.blocks)) else [(s, 1) for s in field]
-    found = [StartingPoint(s.turned(chain, part), s.member, n) for s, n in told if np.isfinite(s.loss)]
-    if turn == 0 and count > 1 and len(told) and len(movable_maps(chain)) < sum(map(is_map, chain.blocks)):
+    optima = (
+        _distinct_optima(field)
+        if len(movable_maps(chain)) == sum(map(is_map, chain.blocks))
+        else [(s, 1) for s in field]
+    )
+    points = [StartingPoint(s.to_chain(chain, part), s.member, n) for s, n in optima if np.isfinite(s.loss)]
+    if turn == 0 and count > 1 and len(optima) and len(movable_maps(chain)) < sum(map(is_map, chain.blocks)):
         # A map with a shape of its own may not come near to a free curve; then the search begins at the identity.
-        found += [StartingPoint(theta, "identity", 1) for theta in starts(chain, record, _PLAIN, seed)]
-    return found
+        points += [StartingPoint(theta, "identity", 1) for theta in starts(chain, record, _PLAIN, seed)]
+    return points
 
 
-def _distinct(found: list, count: int) -> list:
-    kept: list = []
-    for c in sorted(found, key=lambda c: c.loss):
-        if all(abs(np.corrcoef(c.signal, other.signal)[0, 1]) < _ALIKE for other in kept):
-            kept.append(c)
-            if len(kept) == count:
+def _distinct(pool: list, count: int) -> list:
+    distinct: list = []
+    for c in sorted(pool, key=lambda c: c.loss):
+        if all(abs(np.corrcoef(c.signal, rival.signal)[0, 1]) < _ALIKE for rival in distinct):
+            distinct.append(c)
+            if len(distinct) == count:
                 break
-    return kept
+    return distinct
 
 
-def _told_apart(field: list[Surrogate]) -> list[tuple[Surrogate, int]]:
+def _distinct_optima(field: list[Surrogate]) -> list[tuple[Surrogate, int]]:
     """One of those that came to the same loss, with their number."""
-    kept: list[tuple[Surrogate, int]] = []
+    optima: list[tuple[Surrogate, int]] = []
     for s in field:
         if not np.isfinite(s.loss):
             continue
-        if kept and s.loss <= _SAME * kept[-1][0].loss:
-            kept[-1] = (kept[-1][0], kept[-1][1] + 1)
+        if optima and s.loss <= _SAME * optima[-1][0].loss:
+            optima[-1] = (optima[-1][0], optima[-1][1] + 1)
         else:
-            kept.append((s, 1))
-    return kept
+            optima.append((s, 1))
+    return optima
 
 
 def candidates(chain: Chain, record: IOData, rng: np.random.Generator, turn: int, draw: bool) -> list[Candidate]:
     """Candidates of one round, unsorted; later rounds only draw."""
     linear = chain.linear
     screen = screen_of(chain, record)
-    found: list[Candidate] = []
+    pool: list[Candidate] = []
     for name, member in MEMBERS.items():
         if (name in _QUICK or draw) and (turn == 0 or name == "drawn"):
             for f in member(screen, linear, rng):
-                found += screen.candidates(name, f)
-    return found
+                pool += screen.candidates(name, f)
+    return pool
 
 
 def screen_of(chain: Chain, record: IOData) -> Screen:
     """What all candidates of a record share."""
     k = chain.blocks.index(chain.linear)
-    before, behind = any(map(is_map, chain.blocks[:k])), any(map(is_map, chain.blocks[k + 1 :]))
-    return Screen(record.u[:, 0], record.y[:, 0], chain.linear.nb, chain.linear.nk, before, behind)
+    map_before, map_behind = any(map(is_map, chain.blocks[:k])), any(map(is_map, chain.blocks[k + 1 :]))
+    return Screen(record.u[:, 0], record.y[:, 0], chain.linear.nb, chain.linear.nk, map_before, map_behind)
 
 
 def surrogate_of(chain: Chain, c: Candidate, record: IOData) -> Surrogate:
@@ -128,9 +134,9 @@ def surrogate_of(chain: Chain, c: Candidate, record: IOData) -> Surrogate:
     for i in range(k):
         if is_map(blocks[i]):
             assert c.curve is not None
-            at = curves.places(x, len(c.curve[0]))
-            blocks[i] = line(at, blocks[i].role)
-            parts.append(np.interp(at, *c.curve))
+            knots = curves.places(x, len(c.curve[0]))
+            blocks[i] = line(knots, blocks[i].role)
+            parts.append(np.interp(knots, *c.curve))
     if not screen.behind:
         gain = float(np.cov(w, screen.y)[0, 1] / (w.var() or 1.0))
         b, w = gain * b, gain * w
@@ -142,7 +148,7 @@ def surrogate_of(chain: Chain, c: Candidate, record: IOData) -> Surrogate:
     parts.append(part)
     for i in range(k + 1, len(blocks)):
         if is_map(blocks[i]):
-            at = curves.places(w, 8)
-            blocks[i] = line(at, blocks[i].role)
-            parts.append(curves.fitted(w, screen.y, at)[0])
+            knots = curves.places(w, 8)
+            blocks[i] = line(knots, blocks[i].role)
+            parts.append(curves.fit_curve(w, screen.y, knots)[0])
     return Surrogate(Chain(tuple(blocks), structure=chain.structure), np.concatenate(parts), member=c.member)

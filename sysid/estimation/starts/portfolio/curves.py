@@ -33,31 +33,31 @@ def places(x: np.ndarray, count: int) -> np.ndarray:
     return 0.5 * even + 0.5 * quantiles
 
 
-def within(x: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For x (N,): the place (N,) of `at` (k,) before it, and how far it is towards the next (N,), 0 to 1 inside."""
-    i = np.clip(np.searchsorted(at, x) - 1, 0, len(at) - 2)
-    return i, (x - at[i]) / (at[i + 1] - at[i])
+def cell_of(x: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For x (N,): the place (N,) of `knots` (k,) before it, and how far it is towards the next (N,), 0 to 1 inside."""
+    i = np.clip(np.searchsorted(knots, x) - 1, 0, len(knots) - 2)
+    return i, (x - knots[i]) / (knots[i + 1] - knots[i])
 
 
-def columns(x: np.ndarray, at: np.ndarray) -> np.ndarray:
+def hat_functions(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
     """The hat functions (N, k) at x (N,): a curve is a sum of them, weighted by its values at the places."""
-    i, r = within(x, at)
-    H = np.zeros((len(x), len(at)))
+    i, r = cell_of(x, knots)
+    H = np.zeros((len(x), len(knots)))
     rows = np.arange(len(x))
     H[rows, i], H[rows, i + 1] = 1.0 - r, r
     return H
 
 
-def fitted(x: np.ndarray, y: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, float]:
+def fit_curve(x: np.ndarray, y: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, float]:
     """Values (k,) of the curve of least squares from x to y (N,), and its mean squared error."""
-    i, r = within(x, at)
-    k, s = len(at), 1.0 - r
-    near, far = np.bincount(i, s * s, k), np.bincount(i + 1, r * r, k)
+    i, r = cell_of(x, knots)
+    k, s = len(knots), 1.0 - r
+    diagonal_left, diagonal_right = np.bincount(i, s * s, k), np.bincount(i + 1, r * r, k)
     cross = np.bincount(i, s * r, k)[:-1]
-    A = np.diag(near + far) + np.diag(cross, 1) + np.diag(cross, -1)
+    A = np.diag(diagonal_left + diagonal_right) + np.diag(cross, 1) + np.diag(cross, -1)
     h = np.bincount(i, s * y, k) + np.bincount(i + 1, r * y, k)
     bend = np.zeros((k - 2, k))
-    width = np.diff(at) / (at[-1] - at[0])
+    width = np.diff(knots) / (knots[-1] - knots[0])
     for j in range(k - 2):
         bend[j, j : j + 3] = 1.0 / width[j], -1.0 / width[j] - 1.0 / width[j + 1], 1.0 / width[j + 1]
     A += _FEW * len(x) / k**3 * bend.T @ bend + 1e-12 * len(x) * np.eye(k)
@@ -69,37 +69,37 @@ def fitted(x: np.ndarray, y: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, fl
     return values, float(e @ e) / len(e)
 
 
-def fewer(at: np.ndarray, values: np.ndarray, mass: np.ndarray, count: int) -> np.ndarray:
-    """`count` of the places `at` (k,): the polygon through them is nearest to the curve, weighed by `mass` (k,).
+def thin_places(knots: np.ndarray, values: np.ndarray, sample_mass: np.ndarray, count: int) -> np.ndarray:
+    """`count` of the places `knots` (k,) whose polygon is nearest to the curve, weighed by `sample_mass` (k,).
 
     Shortest path over the chords between two places each (Bellman 1961, Comm. ACM 4): the exact best choice.
     """
-    k = len(at)
+    k = len(knots)
     if k <= count:
-        return at
+        return knots
     from sysid.estimation.starts.portfolio.kernels import chords
 
-    cost = chords(np.ascontiguousarray(at), np.ascontiguousarray(values), np.ascontiguousarray(mass))
-    best, back = np.full((count, k), np.inf), np.zeros((count, k), dtype=int)
+    cost = chords(np.ascontiguousarray(knots), np.ascontiguousarray(values), np.ascontiguousarray(sample_mass))
+    best, previous = np.full((count, k), np.inf), np.zeros((count, k), dtype=int)
     best[0, 0] = 0.0
     for m in range(1, count):
         total = best[m - 1][:, None] + cost
-        back[m], best[m] = total.argmin(axis=0), total.min(axis=0)
-    chosen = [k - 1]
+        previous[m], best[m] = total.argmin(axis=0), total.min(axis=0)
+    path = [k - 1]
     for m in range(count - 1, 0, -1):
-        chosen.append(int(back[m, chosen[-1]]))
-    return at[chosen[::-1]]
+        path.append(int(previous[m, path[-1]]))
+    return knots[path[::-1]]
 
 
-def mass(x: np.ndarray, at: np.ndarray) -> np.ndarray:
+def sample_mass(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
     """Samples of x (N,) around each place (k,)."""
-    i, r = within(x, at)
+    i, r = cell_of(x, knots)
     r = np.clip(r, 0.0, 1.0)
-    return np.bincount(i, 1.0 - r, len(at)) + np.bincount(i + 1, r, len(at))
+    return np.bincount(i, 1.0 - r, len(knots)) + np.bincount(i + 1, r, len(knots))
 
 
 @dataclass(frozen=True)
-class Mapped:
+class NearestMap:
     """theta (p,): curve(x) is about `behind` times the map at `before` x. The filters beside it take the gains."""
 
     theta: np.ndarray
@@ -107,28 +107,28 @@ class Mapped:
     behind: float = 1.0
 
 
-def as_block(block: StaticBlock, at: np.ndarray, values: np.ndarray, mass: np.ndarray) -> Mapped:
-    """The map nearest to the curve `values` (k,) at the places `at` (k,), weighed by `mass` (k,)."""
+def as_block(block: StaticBlock, knots: np.ndarray, values: np.ndarray, sample_mass: np.ndarray) -> NearestMap:
+    """The map nearest to the curve `values` (k,) at the places `knots` (k,), weighed by `sample_mass` (k,)."""
     if isinstance(block, PiecewiseLinear) and block.free_knots:
-        places = _apart(fewer(at, values, mass, block.knots), block.knots)
-        return Mapped(np.concatenate([places, np.interp(places, at, values)]))
-    x = np.linspace(at[0], at[-1], 8 * len(at))
-    y = np.interp(x, at, values)
-    weight = np.sqrt(np.interp(x, at, mass) + 0.02 * mass.max())
+        places = _spread_places(thin_places(knots, values, sample_mass, block.knots), block.knots)
+        return NearestMap(np.concatenate([places, np.interp(places, knots, values)]))
+    x = np.linspace(knots[0], knots[-1], 8 * len(knots))
+    y = np.interp(x, knots, values)
+    weight = np.sqrt(np.interp(x, knots, sample_mass) + 0.02 * sample_mass.max())
     rising = float(np.sum(weight * (x - x.mean()) * (y - y.mean()))) >= 0.0
-    best, best_cost = Mapped(block.start(x)), np.inf
+    best, best_cost = NearestMap(block.start(x)), np.inf
     rng = np.random.default_rng(0)
     for turn in range(_TRIES):
         for sign in (1.0, -1.0) if turn == 0 else (1.0 if rising else -1.0,):
-            found, cost = _nearest(block, x, y, weight, sign, rng if turn else None)
+            candidate, cost = _nearest(block, x, y, weight, sign, rng if turn else None)
             if cost < best_cost:
-                best, best_cost = found, cost
+                best, best_cost = candidate, cost
     return best
 
 
 def _nearest(
     block: StaticBlock, x: np.ndarray, y: np.ndarray, weight: np.ndarray, sign: float, rng: np.random.Generator | None
-) -> tuple[Mapped, float]:
+) -> tuple[NearestMap, float]:
     """One search over the map's parameters, the gains before and behind it, and an offset that others must take."""
     gain = float(np.ptp(y) / (np.ptp(x) or 1.0)) or 1.0
     theta = block.start(x)
@@ -138,19 +138,21 @@ def _nearest(
     low = np.array([s.lower for s in slots] + [-np.inf] * 3)
     high = np.array([s.upper for s in slots] + [np.inf] * 3)
     # What the map can do by itself stays as it is.
-    own = block.symmetries(theta)
-    turned = np.array(
+    symmetries = block.symmetries(theta)
+    needed_gains = np.array(
         [
-            not any(s.in_scale for s in own),  # alone, or together with the output's: then the gain behind is enough
-            not any(s.out_scale and not s.in_scale for s in own),
-            not any(s.out_shift and not s.in_shift for s in own),
+            not any(
+                s.in_scale for s in symmetries
+            ),  # alone, or together with the output's: then the gain behind is enough
+            not any(s.out_scale and not s.in_scale for s in symmetries),
+            not any(s.out_shift and not s.in_shift for s in symmetries),
         ]
     )
-    moving = np.concatenate([np.ones(n, dtype=bool), turned])
-    first = np.concatenate([theta, [1.0, sign * gain if turned[1] else 1.0, 0.0]])
+    moving = np.concatenate([np.ones(n, dtype=bool), needed_gains])
+    first = np.concatenate([theta, [1.0, sign * gain if needed_gains[1] else 1.0, 0.0]])
     first = np.clip(first, low + 1e-12, high - 1e-12)
 
-    def whole(p: np.ndarray) -> np.ndarray:
+    def full_vector(p: np.ndarray) -> np.ndarray:
         full = first.copy()
         full[moving] = p
         if not block.admissible(full[:n]):
@@ -158,7 +160,7 @@ def _nearest(
         return full
 
     def error(p: np.ndarray) -> np.ndarray:
-        full = whole(p)
+        full = full_vector(p)
         with np.errstate(over="ignore", invalid="ignore"):
             e = weight * (full[n + 1] * block.output(full[:n], full[n] * x) + full[n + 2] - y)
         return np.where(np.isfinite(e), e, 1e6 * (np.abs(y).max() + 1.0))
@@ -167,21 +169,21 @@ def _nearest(
         with np.errstate(all="ignore"):  # values near the limits of numbers end the search, they do not warn
             out = least_squares(error, first[moving], bounds=(low[moving], high[moving]), x_scale="jac", max_nfev=60)
     except (ValueError, np.linalg.LinAlgError):
-        return Mapped(theta, 1.0, gain * sign), np.inf
-    full = whole(out.x)
-    return Mapped(full[:n], float(full[n]), float(full[n + 1])), float(out.cost)
+        return NearestMap(theta, 1.0, gain * sign), np.inf
+    full = full_vector(out.x)
+    return NearestMap(full[:n], float(full[n]), float(full[n + 1])), float(out.cost)
 
 
-def _apart(places: np.ndarray, count: int) -> np.ndarray:
+def _spread_places(places: np.ndarray, count: int) -> np.ndarray:
     """Exactly `count` places, the widest gaps halved, and none nearer to the next than a map admits."""
-    found = list(places)
-    while len(found) < count:
-        k = int(np.argmax(np.diff(found)))
-        found.insert(k + 1, 0.5 * (found[k] + found[k + 1]))
-    at, gap = np.array(found), 0.011 * (found[-1] - found[0])
+    rows = list(places)
+    while len(rows) < count:
+        k = int(np.argmax(np.diff(rows)))
+        rows.insert(k + 1, 0.5 * (rows[k] + rows[k + 1]))
+    knots, gap = np.array(rows), 0.011 * (rows[-1] - rows[0])
     for k in range(1, count):
-        at[k] = max(at[k], at[k - 1] + gap)
-    return at
+        knots[k] = max(knots[k], knots[k - 1] + gap)
+    return knots
 
 
 @dataclass(frozen=True)
@@ -193,7 +195,7 @@ class Surrogate:
     loss: float = np.inf
     member: str = ""
 
-    def searched(self, record: IOData, iterations: int, curvature: float) -> "Surrogate":
+    def search(self, record: IOData, iterations: int, curvature: float) -> "Surrogate":
         """After some steps of Levenberg-Marquardt; `curvature` as in `Objective`."""
         problem = ChainProblem(self.chain, self.theta[None, :], (record,), self.chain.free)
         e = problem.residual(problem.start)
@@ -205,22 +207,22 @@ class Surrogate:
         e = problem.bare.residual(out.p)
         return replace(self, theta=theta, loss=float(e @ e) / len(e) if e is not None else np.inf)
 
-    def relaid(self, record: IOData, knots: int) -> "Surrogate":
+    def lay_places(self, record: IOData, knots: int) -> "Surrogate":
         """The same curves with `knots` places each, laid on the signals of this record."""
         signals = self.chain.signals(self.theta, record.u[:, 0])
         blocks, parts = list[Block](), list[np.ndarray]()
         for block, x in zip(self.chain.blocks, signals, strict=False):
             part = self.chain.part(self.theta, block)
             if is_map(block):
-                at = places(x, knots)
-                blocks.append(line(at, block.role))
-                parts.append(block.output(part, at))
+                new_knots = places(x, knots)
+                blocks.append(line(new_knots, block.role))
+                parts.append(block.output(part, new_knots))
             else:
                 blocks.append(block)
                 parts.append(part)
         return replace(self, chain=replace(self.chain, blocks=tuple(blocks)), theta=np.concatenate(parts))
 
-    def turned(self, chain: Chain, record: IOData) -> np.ndarray:
+    def to_chain(self, chain: Chain, record: IOData) -> np.ndarray:
         """theta (P,) of the real chain, whose maps come as near to these curves as they can.
 
         A map behind the last filter is fitted to the signal that really reaches it: a map before it may lack an
@@ -233,20 +235,20 @@ class Surrogate:
             if is_map(block):
                 assert isinstance(block, PiecewiseLinear)
                 assert isinstance(real, StaticBlock)
-                at, values = np.array(block.at), parts[k]
+                knots, values = np.array(block.at), parts[k]
                 if k and k + 1 == len(parts):
-                    at = places(x, len(at))
-                    values = fitted(x, record.y[:, 0], at)[0]
-                    seen = x
+                    knots = places(x, len(knots))
+                    values = fit_curve(x, record.y[:, 0], knots)[0]
+                    signal = x
                 else:
-                    seen = inner[k]
-                found = as_block(real, at, values, mass(seen, at))
-                parts[k] = found.theta
+                    signal = inner[k]
+                nearest = as_block(real, knots, values, sample_mass(signal, knots))
+                parts[k] = nearest.theta
                 if k > 0:
-                    parts[k - 1] = _scaled(chain.blocks[k - 1], parts[k - 1], found.before)
-                    x = x * found.before
+                    parts[k - 1] = _scale_output(chain.blocks[k - 1], parts[k - 1], nearest.before)
+                    x = x * nearest.before
                 if k + 1 < len(parts):
-                    parts[k + 1] = _gained(chain.blocks[k + 1], parts[k + 1], found.behind)
+                    parts[k + 1] = _scale_input(chain.blocks[k + 1], parts[k + 1], nearest.behind)
             x = real.output(parts[k], x)
         return np.concatenate(parts)
 
@@ -256,12 +258,12 @@ def is_map(block: object) -> bool:
     return isinstance(block, StaticBlock) and block.n_parameters > 0
 
 
-def line(at: np.ndarray, role: str) -> PiecewiseLinear:
+def line(knots: np.ndarray, role: str) -> PiecewiseLinear:
     """A piecewise linear map whose places are fixed."""
-    return PiecewiseLinear(len(at), free_knots=False, at=tuple(at.tolist()), role=role)
+    return PiecewiseLinear(len(knots), free_knots=False, at=tuple(knots.tolist()), role=role)
 
 
-def _scaled(block, part: np.ndarray, gain: float) -> np.ndarray:
+def _scale_output(block, part: np.ndarray, gain: float) -> np.ndarray:
     """Parameters of a filter whose output is `gain` times as large, initial state included."""
     part = part.copy()
     part[: block.nb] *= gain
@@ -269,7 +271,7 @@ def _scaled(block, part: np.ndarray, gain: float) -> np.ndarray:
     return part
 
 
-def _gained(block, part: np.ndarray, gain: float) -> np.ndarray:
+def _scale_input(block, part: np.ndarray, gain: float) -> np.ndarray:
     """Parameters of a filter for an input that is 1 / `gain` times as large."""
     part = part.copy()
     part[: block.nb] *= gain

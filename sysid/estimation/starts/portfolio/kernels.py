@@ -35,7 +35,7 @@ def polygon(G, h, places, chosen, ridge):
 
 
 @kernel
-def exchanged(G, h, places, chosen, ridge, sweeps, least):
+def exchange_places(G, h, places, chosen, ridge, sweeps, least):
     """`chosen` (m,) after moving one inner place at a time to where the minimum of `polygon` is lowest."""
     m = chosen.shape[0]
     best_set = chosen.copy()
@@ -49,7 +49,7 @@ def exchanged(G, h, places, chosen, ridge, sweeps, least):
                 if s != turn:
                     others[n] = best_set[s]
                     n += 1
-            place = added(G, h, places, others, ridge)
+            place = best_addition(G, h, places, others, ridge)
             if place < 0 or place == best_set[turn]:
                 continue
             trial = np.empty(m, dtype=np.int64)
@@ -65,7 +65,7 @@ def exchanged(G, h, places, chosen, ridge, sweeps, least):
 
 
 @kernel
-def added(G, h, places, others, ridge):
+def best_addition(G, h, places, others, ridge):
     """The place that lowers the minimum of `polygon` most beside `others` (n,), -1 if none does.
 
     One more place adds one tent between its neighbours to the curves: a regression that grows by one column.

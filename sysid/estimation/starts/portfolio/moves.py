@@ -29,7 +29,7 @@ _POLES_DRAWN, _POLES_VARIED = 20, 10  # pole sets drawn, and varied from the pre
 _FLAT = 0.1  # of the mean slope: flatter parts of a map say little of what is before them
 
 
-def relaid(
+def move_breakpoints(
     chain: Chain, theta: np.ndarray, record: IOData, near: bool = False, gain: float = 0.003
 ) -> np.ndarray | None:
     """theta (P,) with the break points of one map laid again, or None if none promises a loss lower by `gain` of it.
@@ -39,26 +39,26 @@ def relaid(
     """
     if not movable_maps(chain) or chain.channels != (1, 1):
         return None
-    fine, values = _refined(chain, theta, record, near)
+    fine, values = _refine_curves(chain, theta, record, near)
     e, J = ChainProblem(fine, values[None, :], (record,), fine.free).linearise(np.zeros(len(values)))
     least, best, fresh = gain * float(e @ e), 0.0, None
-    others = np.concatenate([np.arange(*fine.index(b).indices(len(values))) for b in fine.blocks if not is_map(b)])
+    filter_rows = np.concatenate([np.arange(*fine.index(b).indices(len(values))) for b in fine.blocks if not is_map(b)])
     if not np.all(np.isfinite(J)):
         return None
     for block in movable_maps(chain):
-        own = fine.index(fine.blocks[chain.blocks.index(block)])
+        place = fine.index(fine.blocks[chain.blocks.index(block)])
         places = np.array(fine.blocks[chain.blocks.index(block)].at)  # type: ignore[attr-defined]
-        lin = _damped(e, J, others, own)
-        n = len(others)
-        M, z = lin.R[n:, n:], lin.z[n:] + lin.R[n:, n:] @ values[own]
-        found = _laid(M, z, places, theta[chain.index(block)][: block.knots], least)
-        if found is None or found[0] <= best:
+        lin = _damped_problem(e, J, filter_rows, place)
+        n = len(filter_rows)
+        M, z = lin.R[n:, n:], lin.z[n:] + lin.R[n:, n:] @ values[place]
+        best_polygon = _best_polygon(M, z, places, theta[chain.index(block)][: block.knots], least)
+        if best_polygon is None or best_polygon[0] <= best:
             continue
-        best, fresh = found[0], theta.copy()
-        fresh[chain.index(block)] = found[1]
-        change = np.interp(places, found[1][: block.knots], found[1][block.knots :]) - values[own]
+        best, fresh = best_polygon[0], theta.copy()
+        fresh[chain.index(block)] = best_polygon[1]
+        change = np.interp(places, best_polygon[1][: block.knots], best_polygon[1][block.knots :]) - values[place]
         step = np.zeros(len(values))
-        step[others] = solve_triangular(lin.R[:n, :n], lin.z[:n] - lin.R[:n, n:] @ change)
+        step[filter_rows] = solve_triangular(lin.R[:n, :n], lin.z[:n] - lin.R[:n, n:] @ change)
         step = fine.basis @ step
         for b, f in zip(chain.blocks, fine.blocks, strict=True):
             if not is_map(b):
@@ -70,95 +70,98 @@ def relaid(
     return fresh
 
 
-def _damped(e: np.ndarray, J: np.ndarray, others: np.ndarray, own: slice) -> Linearisation:
-    """The loss in the parameters `others` (n,), damped, and then those of one map."""
-    A = np.column_stack([J[:, others], J[:, own]])
+def _damped_problem(e: np.ndarray, J: np.ndarray, rows: np.ndarray, place: slice) -> Linearisation:
+    """The loss in the parameters `rows` (n,), damped, and then those of one map."""
+    A = np.column_stack([J[:, rows], J[:, place]])
     size = np.linalg.norm(A, axis=0)
-    damping = np.zeros((len(others), A.shape[1]))
-    np.fill_diagonal(damping, np.sqrt(_DAMPING) * np.where(size > 0, size, 1.0)[: len(others)])
-    return Linearisation.of(np.concatenate([e, np.zeros(len(others))]), np.concatenate([A, damping]))
+    damping = np.zeros((len(rows), A.shape[1]))
+    np.fill_diagonal(damping, np.sqrt(_DAMPING) * np.where(size > 0, size, 1.0)[: len(rows)])
+    return Linearisation.of(np.concatenate([e, np.zeros(len(rows))]), np.concatenate([A, damping]))
 
 
-def _refined(chain: Chain, theta: np.ndarray, record: IOData, near: bool) -> tuple[Chain, np.ndarray]:
+def _refine_curves(chain: Chain, theta: np.ndarray, record: IOData, near: bool) -> tuple[Chain, np.ndarray]:
     """The chain with its curves at many fixed places, among them the present break points, and its parameters."""
     signals = chain.signals(theta, record.u[:, 0])
     blocks, parts = list[Block](), list[np.ndarray]()
     for block, x in zip(chain.blocks, signals, strict=False):
         part = chain.part(theta, block)
         if block in movable_maps(chain):
-            own = part[: block.knots]
+            breakpoints = part[: block.knots]
             low, high = float(x.min()), float(x.max())
-            at = np.concatenate([_close(own) if near else curves.places(x, _FINE), own, [low, high]])
-            at = at[(at >= low) & (at <= high)]
-            order = np.argsort(at, kind="stable")
-            at = at[order]
-            at = at[np.concatenate([[True], np.diff(at) > 1e-3 * (high - low)])]
-            blocks.append(line(at, block.role))
-            parts.append(block.output(part, at))
+            knots = np.concatenate([_close(breakpoints) if near else curves.places(x, _FINE), breakpoints, [low, high]])
+            knots = knots[(knots >= low) & (knots <= high)]
+            order = np.argsort(knots, kind="stable")
+            knots = knots[order]
+            knots = knots[np.concatenate([[True], np.diff(knots) > 1e-3 * (high - low)])]
+            blocks.append(line(knots, block.role))
+            parts.append(block.output(part, knots))
         else:
             blocks.append(block)
             parts.append(part)
     return Chain(tuple(blocks), structure=chain.structure), np.concatenate(parts)
 
 
-def _close(own: np.ndarray) -> np.ndarray:
+def _close(breakpoints: np.ndarray) -> np.ndarray:
     """Places around break points (knots,), at shares of the gaps beside them."""
-    gap = np.diff(own)
-    return np.concatenate([own[1:-1] + side * share for share in _SHARES for side in (gap[1:], -gap[:-1])])
+    gap = np.diff(breakpoints)
+    return np.concatenate([breakpoints[1:-1] + side * share for share in _SHARES for side in (gap[1:], -gap[:-1])])
 
 
-def _laid(
-    J: np.ndarray, z: np.ndarray, places: np.ndarray, now: np.ndarray, least: float
+def _best_polygon(
+    J: np.ndarray, z: np.ndarray, places: np.ndarray, breakpoints: np.ndarray, least: float
 ) -> tuple[float, np.ndarray] | None:
     """What is won, and break points with values (2 knots,), of the polygon that is best in |z - J v|^2.
 
     None if less than `least` is won.
     """
-    from sysid.estimation.starts.portfolio.kernels import exchanged, polygon
+    from sysid.estimation.starts.portfolio.kernels import exchange_places, polygon
 
     G, h = J.T @ J, J.T @ z
     k, ridge = len(places), 1e-10 * float(np.diag(G).mean())
     G = G + ridge * np.eye(k)
-    if k <= len(now) or not ridge > 0.0:
+    if k <= len(breakpoints) or not ridge > 0.0:
         return None
-    present = _nearest(places, now)
+    present = _nearest(places, breakpoints)
     start = polygon(G, h, places, present, ridge)[1]
     curve = np.linalg.lstsq(G, h, rcond=1e-10)[0]
     if start + float(h @ curve) < least:  # not even a curve without corners wins that much
         return None
-    ways = [present, _nearest(places, curves.fewer(places, curve, np.diag(G), len(now)))]
+    ways = [present, _nearest(places, curves.thin_places(places, curve, np.diag(G), len(breakpoints)))]
     ways += [
-        _nearest(places, np.linspace(places[0], places[-1], len(now))),
-        np.linspace(0, k - 1, len(now)).astype(int),
+        _nearest(places, np.linspace(places[0], places[-1], len(breakpoints))),
+        np.linspace(0, k - 1, len(breakpoints)).astype(int),
     ]
     rng = np.random.default_rng(0)
-    ways += [np.concatenate([[0], np.sort(rng.choice(k - 2, len(now) - 2, False)) + 1, [k - 1]]) for _ in range(_DRAWN)]
-    best, chosen = start, present
+    ways += [
+        np.concatenate([[0], np.sort(rng.choice(k - 2, len(breakpoints) - 2, False)) + 1, [k - 1]])
+        for _ in range(_DRAWN)
+    ]
+    best, best_choice = start, present
     for way in ways:
-        found, cost = exchanged(G, h, places, way.astype(np.int64), ridge, _SWEEPS, 0.1 * least)
+        choice, cost = exchange_places(G, h, places, way.astype(np.int64), ridge, _SWEEPS, 0.1 * least)
         if cost < best:
-            best, chosen = cost, found
+            best, best_choice = cost, choice
     if start - best < least:
         return None
-    values = polygon(G, h, places, chosen, ridge)[0]
-    at = places[chosen]
-    gap = 0.011 * (at[-1] - at[0])
-    for j in range(1, len(at)):
-        at[j] = max(at[j], at[j - 1] + gap)
-    return start - best, np.concatenate([at, np.interp(at, places[chosen], values)])
+    values = polygon(G, h, places, best_choice, ridge)[0]
+    knots = places[best_choice]
+    gap = 0.011 * (knots[-1] - knots[0])
+    for j in range(1, len(knots)):
+        knots[j] = max(knots[j], knots[j - 1] + gap)
+    return start - best, np.concatenate([knots, np.interp(knots, places[best_choice], values)])
 
 
-def _nearest(places: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Numbers (m,) of different places nearest to `wanted` (m,); both ends are among them."""
-    k, m = len(places), len(wanted)
-    chosen = {0, k - 1, *(int(np.argmin(np.abs(places - x))) for x in wanted[1:-1])}
-    spare = [i for i in range(k) if i not in chosen]
-    while len(chosen) < m:
-        chosen.add(spare.pop(len(spare) // 2))
-    return np.array(sorted(chosen), dtype=np.int64)
+def _nearest(places: np.ndarray, targets: np.ndarray) -> np.ndarray:
+    """Numbers (m,) of different places nearest to `targets` (m,); both ends are among them."""
+    k, m = len(places), len(targets)
+    numbers = {0, k - 1, *(int(np.argmin(np.abs(places - x))) for x in targets[1:-1])}
+    spare = [i for i in range(k) if i not in numbers]
+    while len(numbers) < m:
+        numbers.add(spare.pop(len(spare) // 2))
+    return np.array(sorted(numbers), dtype=np.int64)
 
 
-def alternatives(
+def pole_alternatives(
     chain: Chain, theta: np.ndarray, record: IOData, rng: np.random.Generator, count: int
 ) -> list[np.ndarray]:
     """Up to `count` points theta (P,), each with other poles of one filter, the likeliest first."""
@@ -166,26 +169,26 @@ def alternatives(
     e = record.y[:, 0] - signals[-1]
     if not np.all(np.isfinite(e)):
         return []
-    found: list[tuple[float, np.ndarray]] = []
+    pool: list[tuple[float, np.ndarray]] = []
     for k, block in enumerate(chain.blocks):
         if not isinstance(block, TransferFunction) or not block.nf:
             continue
         if any(isinstance(b, TransferFunction) for b in chain.blocks[k + 1 :]):
             continue  # what its output should be is hidden behind another filter
-        target = signals[k + 1] + _through(chain, theta, k, signals[k + 1], e)
-        found += _of(chain, theta, block, signals[k], target, rng)
-    found.sort(key=lambda pair: pair[0])
-    kept: list[np.ndarray] = []
-    for _, point in found:
-        others = [theta, *kept]
-        if all(not _same(chain, point, other) for other in others):
-            kept.append(point)
-            if len(kept) == count:
+        target = signals[k + 1] + _input_correction(chain, theta, k, signals[k + 1], e)
+        pool += _filter_alternatives(chain, theta, block, signals[k], target, rng)
+    pool.sort(key=lambda pair: pair[0])
+    distinct: list[np.ndarray] = []
+    for _, point in pool:
+        rivals = [theta, *distinct]
+        if all(not _same(chain, point, rival) for rival in rivals):
+            distinct.append(point)
+            if len(distinct) == count:
                 break
-    return kept
+    return distinct
 
 
-def _through(chain: Chain, theta: np.ndarray, k: int, w: np.ndarray, e: np.ndarray) -> np.ndarray:
+def _input_correction(chain: Chain, theta: np.ndarray, k: int, w: np.ndarray, e: np.ndarray) -> np.ndarray:
     """What would have to be added to w (N,), the output of block k, to take away the errors e (N,)."""
     if k + 1 == len(chain.blocks):
         return e
@@ -195,7 +198,7 @@ def _through(chain: Chain, theta: np.ndarray, k: int, w: np.ndarray, e: np.ndarr
     return e * slope / (slope**2 + least**2)
 
 
-def _of(
+def _filter_alternatives(
     chain: Chain,
     theta: np.ndarray,
     block: TransferFunction,
@@ -205,11 +208,11 @@ def _of(
 ) -> list[tuple[float, np.ndarray]]:
     """Losses and points with other poles of one filter from x to target (N,), its B and initial state solved for."""
     part = chain.part(theta, block)
-    tried = denominators(block, x - x.mean(), target - target.mean())
-    tried += [np.real(np.poly(block.stretched(part, rng)))[1:] for _ in range(_POLES_VARIED)]
-    tried += [random_poles(block.nf, len(x), rng) for _ in range(_POLES_DRAWN)]
-    found = []
-    for f in tried:
+    denominators_tried = denominators(block, x - x.mean(), target - target.mean())
+    denominators_tried += [np.real(np.poly(block.stretched(part, rng)))[1:] for _ in range(_POLES_VARIED)]
+    denominators_tried += [random_poles(block.nf, len(x), rng) for _ in range(_POLES_DRAWN)]
+    pool = []
+    for f in denominators_tried:
         F = np.concatenate([[1.0], f])
         with np.errstate(over="ignore", invalid="ignore"):
             g, h = lfilter([1.0], F, x), lfilter([1.0], F, np.eye(1, len(x))[0])
@@ -218,12 +221,12 @@ def _of(
         A = np.column_stack(columns)
         if not np.all(np.isfinite(A)):
             continue
-        own = np.linalg.lstsq(A, target, rcond=1e-10)[0]
+        solution = np.linalg.lstsq(A, target, rcond=1e-10)[0]
         fresh = theta.copy()
-        fresh[chain.index(block)] = np.concatenate([own[: block.nb], f, own[block.nb :]])
+        fresh[chain.index(block)] = np.concatenate([solution[: block.nb], f, solution[block.nb :]])
         if block.admissible(chain.part(fresh, block)):
-            found.append((float(np.mean((target - A @ own) ** 2)), fresh))
-    return found
+            pool.append((float(np.mean((target - A @ solution) ** 2)), fresh))
+    return pool
 
 
 def _same(chain: Chain, a: np.ndarray, b: np.ndarray) -> bool:

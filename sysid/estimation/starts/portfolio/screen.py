@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from sysid.base.poles import mirrored, monic
 from sysid.blocks import TransferFunction
-from sysid.estimation.starts._shared import denominators, polished
+from sysid.estimation.starts._shared import best_output_error, denominators
 from sysid.estimation.starts.portfolio import curves
 
 _INPUT, _OUTPUT = 6, 12  # places of the curves that rank
@@ -49,7 +49,7 @@ class Screen:
     models: list[np.ndarray] = field(default_factory=list, repr=False)
 
     @cached_property
-    def skipped(self) -> int:
+    def n_initial(self) -> int:
         """Samples at the beginning that are not judged: the initial state is not known."""
         return min(50, len(self.u) // 20)
 
@@ -60,33 +60,33 @@ class Screen:
         return self.models
 
     @cached_property
-    def at(self) -> np.ndarray:
+    def knots(self) -> np.ndarray:
         """Places of the input curve (k,)."""
         return curves.places(self.u, _INPUT)
 
     @cached_property
     def target(self) -> np.ndarray:
         """The judged output with mean 0 and standard deviation 1."""
-        y = self.y[self.skipped :]
+        y = self.y[self.n_initial :]
         return (y - y.mean()) / (y.std() or 1.0)
 
     @cached_property
     def inputs(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Curves to try before the filter: none, and the size of the deviation where the chain has an input map."""
-        u, at = self.u, curves.places(self.u, 9)
+        u, knots = self.u, curves.places(self.u, 9)
         middle = float(np.median(u))
-        return [(u - u.mean(), at - u.mean()), (np.abs(u - middle), np.abs(at - middle))][: 1 + self.before]
+        return [(u - u.mean(), knots - u.mean()), (np.abs(u - middle), np.abs(knots - middle))][: 1 + self.before]
 
     def candidates(self, member: str, f: np.ndarray) -> list[Candidate]:
         """Everything that least squares gives for the poles of F = 1 + f1 z^-1 + ... (f (nf,))."""
-        found = []
+        pool = []
         for x, values in self.inputs if self.behind else self.inputs[:1]:
             X = self.lags(f, x)
-            for b in self.directions(X) if self.behind else [_solved(X[self.skipped :], self.target)]:
-                found.append(self._judged(member, b, f, X @ b, (curves.places(self.u, 9), values)))
+            for b in self.directions(X) if self.behind else [_solve(X[self.n_initial :], self.target)]:
+                pool.append(self._rate(member, b, f, X @ b, (curves.places(self.u, 9), values)))
         if self.before:
-            found.append(self._hammerstein(member, f))
-        return [c for c in found if c is not None]
+            pool.append(self._hammerstein(member, f))
+        return [c for c in pool if c is not None]
 
     def lags(self, f: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Columns (N, nb): x (N, ) through 1/F, delayed."""
@@ -101,32 +101,32 @@ class Screen:
         A map that folds hides its argument from the linear regression; the second-order term keeps it (Li 1992, J. Am.
         Stat. Assoc. 87, principal Hessian directions).
         """
-        X = X[self.skipped :]
-        found = [_solved(X, self.target)]
+        X = X[self.n_initial :]
+        vectors = [_solve(X, self.target)]
         if self.nb == 1:
             return [np.ones(1)]
-        centred = X - X.mean(axis=0)
+        deviations = X - X.mean(axis=0)
         try:
             root = np.linalg.inv(
-                np.linalg.cholesky(np.cov(centred.T) + 1e-12 * np.trace(np.cov(centred.T)) * np.eye(self.nb))
+                np.linalg.cholesky(np.cov(deviations.T) + 1e-12 * np.trace(np.cov(deviations.T)) * np.eye(self.nb))
             )
         except np.linalg.LinAlgError:
-            return found
-        Z = centred @ root.T
+            return vectors
+        Z = deviations @ root.T
         i, j = np.triu_indices(self.nb)
-        c = _solved(np.column_stack([np.ones(len(Z)), Z, Z[:, i] * Z[:, j]]), self.target)[1 + self.nb :]
+        c = _solve(np.column_stack([np.ones(len(Z)), Z, Z[:, i] * Z[:, j]]), self.target)[1 + self.nb :]
         Q = np.zeros((self.nb, self.nb))
         Q[i, j] = c / np.where(i == j, 1.0, 2.0)
         Q = np.where(np.eye(self.nb) > 0, Q, Q + Q.T)
         size, axes = np.linalg.eigh(Q)
         order = np.argsort(-np.abs(size))[:_DIRECTIONS]
-        return found + [root.T @ axes[:, k] for k in order]
+        return vectors + [root.T @ axes[:, k] for k in order]
 
     def _hammerstein(self, member: str, f: np.ndarray) -> Candidate | None:
         """B and the input curve from one regression over both, made of rank one and then improved in turns."""
         A = self.hat_lags(f)
-        n, k = self.nb, len(self.at)
-        part = A[self.skipped :]
+        n, k = self.nb, len(self.knots)
+        part = A[self.n_initial :]
         G, h = part.T @ part, part.T @ self.target
         G += 1e-9 * np.trace(G) / len(G) * np.eye(len(G))
         try:
@@ -139,33 +139,33 @@ class Screen:
                 c = np.linalg.solve(np.einsum("ikjl,i,j->kl", G4, b, b), b @ h.reshape(n, k))
         except np.linalg.LinAlgError:
             return None
-        return self._judged(member, b, f, A @ np.outer(b, c).ravel(), (self.at, c))
+        return self._rate(member, b, f, A @ np.outer(b, c).ravel(), (self.knots, c))
 
     def hat_lags(self, f: np.ndarray) -> np.ndarray:
         """Columns (N, nb k) of the input's hat functions through 1/F, delayed; those of one lag stand together."""
-        H = lfilter([1.0], np.concatenate([[1.0], f]), curves.columns(self.u, self.at), axis=0)
+        H = lfilter([1.0], np.concatenate([[1.0], f]), curves.hat_functions(self.u, self.knots), axis=0)
         lags = []
         for i in range(self.nk, self.nk + self.nb):
-            shifted = np.zeros_like(H)
-            shifted[i:] = H[: len(H) - i]
-            lags.append(shifted)
+            column = np.zeros_like(H)
+            column[i:] = H[: len(H) - i]
+            lags.append(column)
         return np.concatenate(lags, axis=1)
 
-    def _judged(
+    def _rate(
         self, member: str, b: np.ndarray, f: np.ndarray, w: np.ndarray, curve: tuple[np.ndarray, np.ndarray]
     ) -> Candidate | None:
-        judged = w[self.skipped :]
-        if not np.all(np.isfinite(judged)) or np.ptp(judged) <= 1e-12 * (np.abs(judged).max() + 1e-300):
+        signal = w[self.n_initial :]
+        if not np.all(np.isfinite(signal)) or np.ptp(signal) <= 1e-12 * (np.abs(signal).max() + 1e-300):
             return None
         if self.behind:
-            loss = curves.fitted(judged, self.target, curves.places(judged, _OUTPUT))[1]
+            loss = curves.fit_curve(signal, self.target, curves.places(signal, _OUTPUT))[1]
         else:
-            loss = float(np.var(self.target - judged))
-        scale = 1.0 if not self.behind else 1.0 / judged.std()
+            loss = float(np.var(self.target - signal))
+        scale = 1.0 if not self.behind else 1.0 / signal.std()
         return Candidate(member, loss, b * scale, f, curve if self.before else None, w * scale)
 
 
-def _solved(X: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _solve(X: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(X, y, rcond=1e-10)[0]
 
 
@@ -177,7 +177,7 @@ def approximation(screen: Screen, linear: TransferFunction, rng: np.random.Gener
 def output_error(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:
     """The same after output error, whose poles may describe a curve in place of the dynamics."""
     u, y = screen.u - screen.u.mean(), screen.y - screen.y.mean()
-    yield polished(linear, screen.linear_models(linear), u, y)[linear.nb : linear.nb + linear.nf]
+    yield best_output_error(linear, screen.linear_models(linear), u, y)[linear.nb : linear.nb + linear.nf]
 
 
 def curved_input(screen: Screen, linear: TransferFunction, rng: np.random.Generator) -> Found:
@@ -188,12 +188,12 @@ def curved_input(screen: Screen, linear: TransferFunction, rng: np.random.Genera
     """
     if not screen.before:
         return
-    f, y, target = np.zeros(linear.nf), screen.y - screen.y.mean(), screen.skipped
+    f, y, target = np.zeros(linear.nf), screen.y - screen.y.mean(), screen.n_initial
     past = np.column_stack([_delayed(y, j + 1) for j in range(linear.nf)]) if linear.nf else np.empty((len(y), 0))
     for k in range(_PASSES):
         F = np.concatenate([[1.0], f])
-        own = -lfilter([1.0], F, past, axis=0) if linear.nf else past
-        A = np.column_stack([own, screen.hat_lags(f)])[target:]
+        regressors = -lfilter([1.0], F, past, axis=0) if linear.nf else past
+        A = np.column_stack([regressors, screen.hat_lags(f)])[target:]
         fresh = np.linalg.lstsq(A, lfilter([1.0], F, y)[target:], rcond=1e-9)[0][: linear.nf]
         fresh = mirrored(fresh)
         if k in (3, _PASSES - 1) or np.allclose(fresh, f, rtol=0, atol=1e-4):
@@ -229,11 +229,11 @@ def ringing(screen: Screen, linear: TransferFunction, rng: np.random.Generator) 
     for n in (linear.nf, linear.nf + 2):
         past = np.column_stack([_delayed(y, j + 1) for j in range(n)])[n:]
         poles = np.roots(np.concatenate([[1.0], -np.linalg.lstsq(past, y[n:], rcond=1e-9)[0]])).astype(complex)
-        for turned in (
+        for variants in (
             poles,
             np.where(np.abs(poles.imag) > 1e-9, np.sqrt(np.abs(poles)) * np.sqrt(poles / np.abs(poles)), poles),
         ):
-            pairs = turned[turned.imag > 1e-9]
+            pairs = variants[variants.imag > 1e-9]
             for z in pairs[np.argsort(-np.abs(pairs))][:2]:
                 rest = random_poles(linear.nf - 2, len(y), rng)
                 yield np.convolve([1.0, -2.0 * z.real, min(abs(z), 0.999) ** 2], np.concatenate([[1.0], rest]))[1:]
@@ -261,7 +261,7 @@ def _low_pass(x: np.ndarray, T: float) -> np.ndarray:
 
 def _axes(X: np.ndarray, screen: Screen) -> list[np.ndarray]:
     """Signals along the main axes of the quadratic regression of the output on X (N, m), and along its linear part."""
-    X = X[screen.skipped :]
+    X = X[screen.n_initial :]
     X = X - X.mean(axis=0)
     U, s, _ = np.linalg.svd(X, full_matrices=False)
     Z = U[:, s > 1e-6 * s[0]] * np.sqrt(len(X))

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from sysid.base.poles import monic
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.starts._shared import denominators, polished
+from sysid.estimation.starts._shared import best_output_error, denominators
 from sysid.estimation.starts.portfolio import curves
 from sysid.estimation.starts.portfolio.curves import Surrogate, is_map, line
 from sysid.estimation.starts.portfolio.screen import Candidate, Screen, curved_input, even_part, random_poles
@@ -46,56 +46,58 @@ class Split:
 
 
 def splits(
-    chain: Chain, record: IOData, rng: np.random.Generator, turn: int, draw: bool, known: np.ndarray | None
+    chain: Chain, record: IOData, rng: np.random.Generator, turn: int, draw: bool, theta_best: np.ndarray | None
 ) -> list[Split]:
-    """Candidates of one round, unsorted; `known` (P,) is the best so far, whose poles and zeros are divided again."""
+    """Candidates of one round, unsorted; poles and zeros of `theta_best` (P,), the best so far, are divided again."""
     u, y = record.u[:, 0] - record.u[:, 0].mean(), record.y[:, 0]
     (_, first), (_, second) = chain.dynamics
-    whole = TransferFunction(first.nb + second.nb - 1, first.nf + second.nf, first.nk + second.nk)
+    series = TransferFunction(first.nb + second.nb - 1, first.nf + second.nf, first.nk + second.nk)
     linear: list[tuple[str, np.ndarray]] = []
     if turn == 0:
         aim = y - y.mean()
-        raw = denominators(whole, u, aim)
-        linear = [("output_error", polished(whole, raw, u, aim))]
-        linear += [("approximation", _with_zeros(whole, f, u, aim)) for f in raw]
-    elif known is not None:
-        linear = [("divided_again", _product(chain, known))]
-    found: list[Split] = []
+        raw = denominators(series, u, aim)
+        linear = [("output_error", best_output_error(series, raw, u, aim))]
+        linear += [("approximation", _with_zeros(series, f, u, aim)) for f in raw]
+    elif theta_best is not None:
+        linear = [("divided_again", _product(chain, theta_best))]
+    pool: list[Split] = []
     for member, theta in linear:
-        for b, f, other in _dealt(whole, theta, first, rng):
-            found += _rest(member, first, second, b, f, u, y, other)
-    for member, f in _others(u, y, first, second, rng, turn) if draw else ():
+        for b, f, second_poles in _divide_roots(series, theta, first, rng):
+            pool += _rest(member, first, second, b, f, u, y, second_poles)
+    for member, f in _unmodelled_poles(u, y, first, second, rng, turn) if draw else ():
         for b in _numerators(first, rng):
-            found += _rest(member, first, second, b, f, u, y, None)
-    return found
+            pool += _rest(member, first, second, b, f, u, y, None)
+    return pool
 
 
 def _product(chain: Chain, theta: np.ndarray) -> np.ndarray:
     """Numerator and denominator of both filters in series."""
-    (one, first), (two, second) = chain.dynamics
-    (b1, f1, _), (b2, f2, _) = first.split(theta[one]), second.split(theta[two])
+    (first_part, first), (second_part, second) = chain.dynamics
+    (b1, f1, _), (b2, f2, _) = first.split(theta[first_part]), second.split(theta[second_part])
     F = np.convolve(np.concatenate([[1.0], f1]), np.concatenate([[1.0], f2]))
     return np.concatenate([np.convolve(b1, b2), F[1:]])
 
 
-def begun(chain: Chain, split: Split, record: IOData) -> Surrogate:
+def surrogate_of_split(chain: Chain, split: Split, record: IOData) -> Surrogate:
     """The chain with a middle of straight lines that a split describes."""
     y = record.y[:, 0]
     (_, first), (_, second) = chain.dynamics
     middle = next(b for b in chain.blocks if is_map(b))
-    at, curve = curves.places(split.w, _PLACES), split.rest.curve
+    knots, curve = curves.places(split.w, _PLACES), split.rest.curve
     assert curve is not None
-    values = np.interp(at, *curve)
-    one, two = np.zeros(first.n_parameters), np.zeros(second.n_parameters)
-    one[: first.nb], one[first.nb : first.nb + first.nf] = split.b, split.f
+    values = np.interp(knots, *curve)
+    theta_first, theta_second = np.zeros(first.n_parameters), np.zeros(second.n_parameters)
+    theta_first[: first.nb], theta_first[first.nb : first.nb + first.nf] = split.b, split.f
     gain = float(np.cov(split.rest.signal, y)[0, 1] / (split.rest.signal.var() or 1.0))
-    two[: second.nb], two[second.nb : second.nb + second.nf] = gain * split.rest.b, split.rest.f
+    theta_second[: second.nb], theta_second[second.nb : second.nb + second.nf] = gain * split.rest.b, split.rest.f
     F1, B1 = 1.0 + split.rest.f.sum(), gain * split.rest.b.sum()
-    if abs(B1) > 1e-9 * np.abs(two).max():
+    if abs(B1) > 1e-9 * np.abs(theta_second).max():
         values = values + float(np.mean(y - gain * split.rest.signal)) * F1 / B1
-    blocks = tuple(line(at, b.role) if b is middle else b for b in chain.blocks)
+    blocks = tuple(line(knots, b.role) if b is middle else b for b in chain.blocks)
     return Surrogate(
-        Chain(blocks, structure=chain.structure), np.concatenate([one, values, two]), member=split.rest.member
+        Chain(blocks, structure=chain.structure),
+        np.concatenate([theta_first, values, theta_second]),
+        member=split.rest.member,
     )
 
 
@@ -120,56 +122,58 @@ def _rest(
         choices = [poles] if poles is not None else list(curved_input(screen, second, np.random.default_rng(0)))
     except np.linalg.LinAlgError:
         return []
-    rest = [c for other in choices for c in screen.candidates(member, other)]
+    rest = [c for denominator in choices for c in screen.candidates(member, denominator)]
     best = min(rest, key=lambda c: c.loss, default=None)
     return [] if best is None else [Split(b, f, w, best)]
 
 
-def _with_zeros(whole: TransferFunction, f: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _with_zeros(series: TransferFunction, f: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Parameters of the linear model with the poles of f and the numerator of least squares."""
     g = lfilter([1.0], np.concatenate([[1.0], f]), u)
-    X = np.column_stack([np.concatenate([np.zeros(k), g[: len(g) - k]]) for k in range(whole.nk, whole.nk + whole.nb)])
+    X = np.column_stack(
+        [np.concatenate([np.zeros(k), g[: len(g) - k]]) for k in range(series.nk, series.nk + series.nb)]
+    )
     return np.concatenate([np.linalg.lstsq(X, y, rcond=1e-10)[0], f])
 
 
-def _dealt(
-    whole: TransferFunction, theta: np.ndarray, first: TransferFunction, rng: np.random.Generator
+def _divide_roots(
+    series: TransferFunction, theta: np.ndarray, first: TransferFunction, rng: np.random.Generator
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """b and f of the first filter, and f of the second, for divisions of poles and zeros with pairs kept together."""
-    poles = np.roots(np.concatenate([[1.0], theta[whole.nb : whole.nb + whole.nf]])).astype(complex)
-    zeros = np.roots(theta[: whole.nb]).astype(complex)
-    ways = list(itertools.product(picked(poles, first.nf), picked(zeros, min(first.nb - 1, len(zeros)))))
+    poles = np.roots(np.concatenate([[1.0], theta[series.nb : series.nb + series.nf]])).astype(complex)
+    zeros = np.roots(theta[: series.nb]).astype(complex)
+    ways = list(itertools.product(choose_roots(poles, first.nf), choose_roots(zeros, min(first.nb - 1, len(zeros)))))
     if len(ways) > _SPLITS:
         ways = [ways[k] for k in rng.choice(len(ways), _SPLITS, replace=False)]
-    for (mine, others), (own, _) in ways:
+    for (first_poles, second_poles), (first_zeros, _) in ways:
         b = np.zeros(first.nb)
-        b[: len(own) + 1] = np.real(np.poly(own)) if len(own) else 1.0
-        yield b, monic(mine), monic(others)
+        b[: len(first_zeros) + 1] = np.real(np.poly(first_zeros)) if len(first_zeros) else 1.0
+        yield b, monic(first_poles), monic(second_poles)
 
 
-def picked(roots: np.ndarray, n: int) -> list[tuple[np.ndarray, np.ndarray]]:
+def choose_roots(roots: np.ndarray, n: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Ways to choose n of the roots, pairs kept together; a pair becomes two real roots where there is no way."""
     for _ in range(2):
         real = [np.array([z]) for z in roots if abs(z.imag) < 1e-12]
         pairs = [np.array([z, z.conjugate()]) for z in roots if z.imag >= 1e-12]
-        groups, found = real + pairs, []
+        groups, choices = real + pairs, []
         for m in range(len(groups) + 1):
-            for mine in itertools.combinations(range(len(groups)), m):
-                if sum(len(groups[k]) for k in mine) == n:
-                    own = [groups[k] for k in mine]
-                    others = [g for k, g in enumerate(groups) if k not in mine]
+            for subset in itertools.combinations(range(len(groups)), m):
+                if sum(len(groups[k]) for k in subset) == n:
+                    subset_roots = [groups[k] for k in subset]
+                    rest = [g for k, g in enumerate(groups) if k not in subset]
                     empty = np.empty(0, dtype=complex)
-                    found.append((np.concatenate([empty, *own]), np.concatenate([empty, *others])))
-            if len(found) > 4 * _SPLITS:
+                    choices.append((np.concatenate([empty, *subset_roots]), np.concatenate([empty, *rest])))
+            if len(choices) > 4 * _SPLITS:
                 break
-        if found:
-            return found
+        if choices:
+            return choices
         slowest = max(pairs, key=lambda pair: abs(pair[0]))
         roots = np.concatenate([*real, *(p for p in pairs if p is not slowest), np.abs(slowest) * [1.0, 0.9]])
     return [(roots[:n], roots[n:])]
 
 
-def _others(
+def _unmodelled_poles(
     u: np.ndarray,
     y: np.ndarray,
     first: TransferFunction,
