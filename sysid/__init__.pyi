@@ -38,7 +38,7 @@ from .channels.signals import Signals as Signals
 from .data.record import IOData as IOData
 from .diagnosis.advice import Advice as Advice, advise as advise
 from .diagnosis.delays import delay as delay
-from .diagnosis.higher_order import higher_order_tests as higher_order_tests
+from .diagnosis.residuals import higher_order_tests as higher_order_tests
 from .diagnosis.residuals import residual_tests as residual_tests
 from .estimation.fit_from import fit_from as fit_from
 from .estimation.objective import Objective as Objective

@@ -10,7 +10,7 @@ from sysid.channels.clock import digits_of_a_day, unit_of_clock
 from sysid.channels.column import column_of, label, numbers, parse_header, unit_in_brackets
 from sysid.channels.conversion import COUNTS, Conversion, convert, is_time, seconds
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Clock, brief
-from sysid.data.overflow import overflowed
+from sysid.data.magnitudes import overflow_mask
 from sysid.data.table import Table
 
 
@@ -148,7 +148,7 @@ def channel_values(table: Table, channel: Channel, entry: str, fill: bool) -> tu
     value = sign (scale x + offset); x is the number, as a signed word, through the adc's line, times another column.
     """
     x = numbers(table, channel.column, f"{entry}.column", fill)
-    bad = overflowed(x)
+    bad = overflow_mask(x)
     if bad.any():
         rest = f" (and {int(bad.sum()) - 1} more like it)" if bad.sum() > 1 else ""
         raise _error(

@@ -11,8 +11,7 @@ from sysid.base.errors import InputError
 from sysid.channels.conversion import COUNTS, convert, is_time
 from sysid.channels.mapping import brief, closest
 from sysid.channels.time_words import ANYWHERE
-from sysid.data.spelling import is_like_a_number, why_no_number
-from sysid.data.table import LARGEST, Table, Texts, is_number
+from sysid.data.table import LARGEST, Table, Texts, explain_non_number, is_like_a_number, is_number
 from sysid.formats import unit_in
 
 RISING = 0.9  # of the steps of a clock; the others are repeated stamps, wraps, faults
@@ -231,6 +230,6 @@ def misspelt_number(table: Table, numeric: Container[str], single: str = "") -> 
             continue
         for k in map(int, np.flatnonzero(np.isnan(soft_numbers(table, name)))[:FEW]):
             if is_like_a_number(cells[k]):
-                sentence = why_no_number(cells[k], name, table.decimal)
+                sentence = explain_non_number(cells[k], name, table.decimal)
                 return f"{table.place} {table.rows[j][k]}, column {name!r}: {sentence}"
     return ""

@@ -1,4 +1,4 @@
-"""Preprocessing: means removed and halves (the 'quick start' of the paper's section III.B), and re-exports.
+"""Preprocessing: means, halves (the 'quick start' of the paper's section III.B), gain variants, and re-exports.
 
 Trends with kinks are in `sysid.data.trends`, filters in `sysid.data.filters`, other rates in `sysid.data.resampling`,
 outliers in `sysid.data.outliers`, missing data in `sysid.data.missing`, an angle's wraps in `sysid.data.wraps`. Each
@@ -7,8 +7,10 @@ returns a sentence that says what it did.
 
 from dataclasses import replace
 
+import numpy as np
+
 from sysid.base.checks import checked
-from sysid.base.errors import unknown
+from sysid.base.errors import InputError, unknown
 from sysid.data.filters import butterworth
 from sysid.data.missing import fill, record
 from sysid.data.outliers import hampel, outliers
@@ -52,11 +54,25 @@ def quick_start(data: IOData, split: float = 0.5, kind: str = "mean") -> tuple[I
     return detrend(data, kind).split(split)
 
 
+def gain_variants(data: IOData, share: float) -> IOData:
+    """The record three times, its input multiplied by 1 - share, 1 and 1 + share, as experiments of one fit.
+
+    A chain that integrates accumulates every error of its friction, and friction and gain change from day to day by
+    more than one record shows. Among models that explain the record equally well, a fit to all three prefers the one
+    whose free run is least sensitive to both. Take `share` from the scatter of a model fitted to parts of the record.
+    Covariances and criteria of such a fit count every sample three times.
+    """
+    if not 0.0 < share < 1.0:
+        raise InputError(f"share is {share}; give the expected scatter of the gain between 0 and 1, for example 0.03")
+    return IOData.merge(*(replace(data, u=factor * data.u) for factor in np.array([1.0 - share, 1.0, 1.0 + share])))
+
+
 __all__ = [
     "Trend",
     "butterworth",
     "detrend",
     "fill",
+    "gain_variants",
     "hampel",
     "outliers",
     "quick_start",

@@ -1,17 +1,121 @@
-"""Table: the columns of a file as they were read; a column becomes numbers only when it is used."""
+"""Table: the columns of a file as they were read; a column becomes numbers only when it is used, and a cell
+that is none is explained.
+"""
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.base import tables
 from sysid.base.errors import InputError, unknown
-from sysid.data.spelling import why_no_number
-from sysid.data.texts import Texts, is_number
 
+if TYPE_CHECKING:
+    import polars
+
+THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([,.'\u2019 \u00a0\u202f])\d{3})(?:\1\d{3})*(?:(?!\1)[.,]\d*)?")
+FORTRAN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+")
+UNITS = "[mkuµμ]?V|[muµμ]?A|°|º|deg|Grad|m?rad|%|[mnuµμ]?s|sec|rpm|1/min|[mc]?Nm?|[cmk]?m|Hz|kHz|counts?|ticks?"
+WITH_UNIT = re.compile(rf"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*({UNITS})")
+NUMBER_LETTERS = re.compile(r"[+-]?[.,]?\d[\d.,]{0,40}")
+# In small letters:
+SPREADSHEET_ERRORS = ("#n/a", "#div/0!", "#value!", "#ref!", "#name?", "#num!", "#null!")
+LONGEST_CELL = 40  # letters of a cell that is looked at, and shown
+CHUNK = 1 << 16  # cells that are Python strings at a time
 LARGEST = 1e100  # squares of it still fit a float64, sums of squares of a million of them too
+
+
+def explain_non_number(cell: str, column: str, decimal: str = ".") -> str:
+    """What stands in a cell of `column` that is no number, and what to do."""
+    text, short = cell.strip(), cell if len(cell) <= LONGEST_CELL else cell[: LONGEST_CELL - 3] + "..."
+    found = f"found {short!r}"
+    if text == column.strip():
+        return (
+            f"{found}, the header again: where two logs stand in one file, split it there into two (qpal identify "
+            "takes several); where the time goes on, remove the row"
+        )
+    if text.lower() in SPREADSHEET_ERRORS:
+        return f"{found}, an error of a spreadsheet; empty the cell, which is then a missing value"
+    if len(text) <= LONGEST_CELL and (unit := WITH_UNIT.fullmatch(text)):
+        return f"{found}, a number with its unit; write numbers alone: {unit[1]!r} belongs into the header"
+    correction = _correct_spelling(text, decimal) if is_number_otherwise_spelled(text) else ""
+    return f"{found}, which is not a number; correct the cell{correction}"
+
+
+def _correct_spelling(text: str, decimal: str) -> str:
+    """How a number is written that other programs spell with thousands marks or with the exponent of Fortran."""
+    if FORTRAN.fullmatch(text):
+        return f": write {text.upper().replace('D', 'e')}"
+    parted = THOUSANDS.fullmatch(text)
+    assert parted is not None
+    number = text.replace(parted[1], "").replace(",", ".").rstrip(".").replace(".", decimal)
+    return f": write numbers without thousands marks, {number} if that is meant"
+
+
+def is_like_a_number(text: str) -> bool:
+    """Whether a text that is no number was meant as one: it is spelled as one, or has the letters of one."""
+    return is_number_otherwise_spelled(text) or NUMBER_LETTERS.fullmatch(text.strip()) is not None
+
+
+def is_number_otherwise_spelled(text: str) -> bool:
+    """Whether a text that is no number stands for one beyond doubt: with thousands marks, a unit, or as in Fortran."""
+    text = text.strip()
+    return len(text) <= LONGEST_CELL and any(form.fullmatch(text) for form in (FORTRAN, THOUSANDS, WITH_UNIT))
+
+
+class Texts(Sequence[str]):
+    """Texts (n,) that polars holds; each is made a Python string when it is asked for."""
+
+    def __init__(self, series: "polars.Series") -> None:
+        self._series = series
+
+    def __len__(self) -> int:
+        return len(self._series)
+
+    def __getitem__(self, k: Any) -> Any:
+        return self._series[k].to_list() if isinstance(k, slice) else self._series[int(k)]
+
+    def __iter__(self) -> Iterator[str]:
+        for start in range(0, len(self), CHUNK):
+            yield from self._series[start : start + CHUNK].to_list()
+
+    def taken(self, rows: np.ndarray) -> "Texts":
+        """The texts of some rows (m,)."""
+        return Texts(self._series.gather(rows))
+
+    def numbers(self, decimal: str = ".") -> np.ndarray:
+        """The cells (n,) as float64 as Python reads them; nan for one that is no number."""
+        import polars
+
+        tables.check_fork()
+        texts = self._series
+        if decimal == ",":
+            texts = texts.str.replace_all(",", ".", literal=True)
+        texts = texts.str.strip_chars()
+        values = texts.cast(polars.Float64, strict=False)
+        odd = values.is_null()
+        found = values.to_numpy(writable=True)
+        if odd.any():  # empty, no number, or one that Python alone reads, such as digits of other alphabets
+            others = {text: number for text in texts.filter(odd).unique() if (number := _float_of(text)) is not None}
+            if others:
+                places = np.flatnonzero(odd.to_numpy())
+                found[places] = [others.get(texts[int(k)], np.nan) for k in places]
+        return found
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell is a number (nan and inf count, although they are not usable)."""
+    return _float_of(text) is not None
+
+
+def _float_of(text: str) -> float | None:
+    try:
+        return None if "_" in text else float(text)
+    except ValueError:
+        return None
 
 
 @dataclass(frozen=True)
@@ -96,7 +200,4 @@ class Table:
             raise self.error(j, k, "found an empty cell; remove the row or fill it") from None
         if not is_number(cell):
             shown = self.columns[j][k]  # as the file has it
-            raise self.error(j, k, why_no_number(shown, self.names[j], self.decimal)) from None
-
-
-__all__ = ["LARGEST", "Table", "Texts", "is_number"]
+            raise self.error(j, k, explain_non_number(shown, self.names[j], self.decimal)) from None

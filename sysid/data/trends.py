@@ -1,4 +1,4 @@
-"""Trends: means, resting levels, straight lines or lines with kinks, removed from a record and restored."""
+"""Trends: means, resting levels, straight lines or lines with kinks, removed and restored; other offsets."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -140,3 +140,24 @@ def _sentence(data: IOData, y: np.ndarray, kind: str, breaks: tuple[int, ...]) -
 
 def _list(values: np.ndarray, unit: str) -> str:
     return ", ".join(f"{v:.4g}" for v in values) + (f" {unit}" if unit else "")
+
+
+def with_offsets(data: IOData, u_offset: np.ndarray | None, y_offset: np.ndarray | None) -> IOData:
+    """The record with u (N, nu) and y (N, ny) counted from these offsets (nu,), (ny,); u + u_offset stays what it is.
+
+    The record itself, bit for bit, if it is counted from them already, or if they are None (unknown).
+    """
+    if u_offset is None or y_offset is None:
+        return data
+    du, dy = data.u_offset - u_offset, data.y_offset - y_offset
+    if not (du.any() or dy.any()):
+        return data
+    return replace(data, u=data.u + du, y=data.y + dy, u_offset=u_offset, y_offset=y_offset)
+
+
+def restore_offsets(y: np.ndarray, own: IOData, data: IOData) -> np.ndarray:
+    """Outputs y (N, ny) or (N,) of the record `own` at the level of `data`, from which `counted_from` made it."""
+    if own is data:
+        return y
+    dy = own.y_offset - data.y_offset
+    return y + (dy if y.ndim == 2 else dy[0])

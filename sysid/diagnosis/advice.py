@@ -17,9 +17,8 @@ from sysid.data.outliers import hampel
 from sysid.data.record import IOData
 from sysid.diagnosis import signals
 from sysid.diagnosis.finding import LEVEL, Advice, aprbs, channel
-from sysid.diagnosis.jumps import NO_VALUE, stands_for_none, wraps
-from sysid.diagnosis.relation import between
-from sysid.diagnosis.still import constant, stuck
+from sysid.diagnosis.relation import advise_relation
+from sysid.diagnosis.signals import NO_VALUE, constant_warning, missing_code, stuck_warning, wrap_warning
 from sysid.diagnosis.whitening import Whitened, free_run, nonlinearity, whiten
 
 LEAST = 40  # samples for each signal that the tests need
@@ -39,14 +38,14 @@ def advise(data: IOData) -> tuple[Advice, ...]:
     """
     check_magnitudes(data)
     with one_blas_thread():
-        wrapped = {j: jump for j in range(data.y.shape[1]) if (jump := wraps(data, j)) is not None}
+        wrapped = {j: jump for j in range(data.y.shape[1]) if (jump := wrap_warning(data, j)) is not None}
         found = list(wrapped.values())  # first: they are in the way of all others
         found += [a for i in range(data.u.shape[1]) for a in _input(data, i)]
         for j in range(data.y.shape[1]):
-            if (still := constant(data, "y", j)) is not None:
+            if (still := constant_warning(data, "y", j)) is not None:
                 found.append(still)
                 continue
-            if (still := stuck(data, j)) is not None:
+            if (still := stuck_warning(data, j)) is not None:
                 found.insert(0, still)
             white = whiten(data, j)
             own = list(_output(data, j, white, jumps=j in wrapped))
@@ -55,13 +54,13 @@ def advise(data: IOData) -> tuple[Advice, ...]:
                 found += [] if not np.ptp(data.u, axis=0).any() else [_too_little(data, j)]
             else:
                 stopped = any(a.topic == "rest" and a.severity != "fine" for a in own)
-                found += [_at_stops(a) if stopped else a for a in between(data, j, white)]
+                found += [_at_stops(a) if stopped else a for a in advise_relation(data, j, white)]
     return tuple(found)
 
 
 def _input(data: IOData, i: int) -> Iterator[Advice]:
     name, u = channel(data, "u", i), data.u[:, i]
-    if (still := constant(data, "u", i)) is not None:
+    if (still := constant_warning(data, "u", i)) is not None:
         yield still
         return
     order = signals.persistence(u)
@@ -98,7 +97,7 @@ def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -
     noise = _noise(y, white)
     straight = white is not None and bend is not None and bend.p_value >= LEVEL
     odd = _odd(data, j, white)
-    none = stands_for_none(data.y[:, j], odd)
+    none = missing_code(data.y[:, j], odd)
     if odd.any():  # an isolated spike, or a number that stands for none, is no end of the output's range
         y = data.y[data.observed[:, j] & ~odd, j]
         y = y if none is None else y[y != none]

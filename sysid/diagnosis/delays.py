@@ -1,13 +1,227 @@
-"""The delay from an input to an output of a record, before any model."""
+"""The delay from an input to an output of a record, before any model, and its interval.
+
+Joint tests of the lags say whether there is a response at all. Its delay comes from low-order models: for every delay,
+B/F of a few orders is fitted, and delays whose best model is much less likely are out. Rough models to begin with come
+from the regression's coefficients and their covariance (weighted null-space fitting, Galrinho, Rojas and Hjalmarsson,
+IEEE Transactions on Automatic Control 64(7), 2019).
+"""
 
 from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular, toeplitz
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
-from sysid.diagnosis import response
-from sysid.diagnosis.whitening import whiten
+from sysid.diagnosis import delays
+from sysid.diagnosis.low_order import Model, Profile, pieces
+from sysid.diagnosis.whitening import Whitened, joint_test, orthonormal_columns, robust_covariance, wald_p_value, whiten
+
+ORDERS = ((1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 1), (3, 2), (3, 3), (4, 1), (4, 2), (4, 3))  # nf, nb
+LONGEST_DELAY = 24  # longest delay that is tried
+_CERTAIN, _LATER_DELAYS = 1e-10, 3  # p-value of a response within the first lags, and how many later delays are tried
+_LEADERS, _ROUNDS = 3, 2
+_HOPELESS = 60.0  # difference of criteria after which delays further away are not tried
+_NEW = 1e-8  # part of a lag that later lags leave, below which it adds nothing
+_POLES = (0.9,)  # a further pole to begin with
+_REFINED = 3  # passes that follow the weights
+_RIDGE = 1e-7  # of a column's norm: coefficients that the input does not determine are free, not zero
+
+
+@dataclass(frozen=True)
+class Delay:
+    """Delay nk in samples and its interval low..high; nk is None if no lag has an effect.
+
+    `p` is the probability that chance explains all lags together. With feedback, lag 0 may come from the controller and
+    not from the plant. `models` are the likely models, best first.
+    """
+
+    nk: int | None
+    low: int
+    high: int
+    p: float
+    models: tuple[Model, ...] = ()
+
+
+def delay_from_input(white: Whitened, i: int = 0, level: float = 0.01) -> Delay:
+    """Delay from input i. `level` is the chance that an input without effect is found to have one."""
+    ps = _nested_p_values(white, i)
+    p = min(1.0, 2.0 * min(float(ps[-1]), _p_value_of_averages(white, i)))
+    if p >= level:
+        return Delay(None, 0, len(ps) - 1, p)
+    sure = np.flatnonzero(ps < _CERTAIN)
+    latest = min(int(sure[0]) + _LATER_DELAYS if len(sure) else LONGEST_DELAY, LONGEST_DELAY)
+    models = _models(white, i, latest)
+    likely = tuple(m for m in models if m.criterion <= models[0].criterion + _criterion_difference(level))
+    lags = [m.nk for m in likely]
+    if not _is_adequate(models[0], white):  # then only lags that have an effect for certain bound the delay
+        lags.append(int(np.argmax(ps < level)) if np.any(ps < level) else latest)
+    return Delay(models[0].nk, min(lags), max(lags), p, likely)
+
+
+def _is_adequate(m: Model, white: Whitened) -> bool:
+    """Whether a low-order model leaves hardly more than the whole regression."""
+    e = white.regression.e
+    return m.variance <= 1.1 * float(e @ e) / max(len(e) - white.X.shape[1], 1)
+
+
+def _p_value_of_averages(white: Whitened, i: int) -> float:
+    """p-value of the hypothesis that input i has no effect, from a few averages over its lags.
+
+    A test of all lags spreads over as many directions; a plant's response is mostly in few.
+    """
+    own = white.lags(i)
+    k = np.arange(own.stop - own.start)
+    averages = white.X[:, own] @ np.column_stack([np.exp(-k / tau) for tau in (1.0, 4.0, 16.0)])
+    others = np.delete(white.X, np.r_[own], axis=1)
+    Q = orthonormal_columns(others)
+    return joint_test(Q, averages, white.y - Q @ (Q.T @ white.y)).p
+
+
+def _criterion_difference(level: float) -> float:
+    """Difference of criteria at which one model is 1/level times as likely as the other."""
+    return -2.0 * float(np.log(level))
+
+
+def _nested_p_values(white: Whitened, i: int) -> np.ndarray:
+    """p-values (p + 1,) of the hypotheses that lags 0..k of input i together have no effect, given the later ones."""
+    own = white.lags(i)
+    lags = np.arange(own.stop - 1, own.start - 1, -1)  # the last lag first, so that the first ones are last in Q
+    others = np.setdiff1d(np.arange(white.X.shape[1]), lags)
+    X = np.column_stack([white.X[:, others], white.X[:, lags]])
+    norm = np.linalg.norm(X, axis=0)
+    Q, R = np.linalg.qr(X / np.where(norm > 0, norm, 1.0))
+    new = np.abs(np.diag(R)) > _NEW
+    s = Q.T @ white.y
+    left = white.y - Q[:, new] @ s[new]
+    covariance = robust_covariance(Q[:, new], Q, left)
+    freedom, ps = len(left) - int(new.sum()), np.ones(len(lags))
+    for k in range(len(lags)):
+        own = np.flatnonzero(new[-1 - k :]) + X.shape[1] - 1 - k
+        if len(own):
+            ps[k] = wald_p_value(s[own], covariance[np.ix_(own, own)], freedom)
+    return ps
+
+
+def _models(white: Whitened, i: int, latest: int) -> list[Model]:
+    """Models of all delays 0..latest and of several orders, best first."""
+    rough = _rough_models(white, i, latest)
+    if white.data.u.shape[1] > 1:
+        return rough
+    parts = pieces(white.data, i, white.output)
+    if not parts:
+        return rough
+    profile = Profile(parts)
+    nk, latest = rough[0].nk, min(latest, len(parts[0].u) // 10)
+    near = {len(m.f): [m.f] for m in reversed(rough)}
+    for _ in range(_ROUNDS):  # the colour of the errors follows the model, the orders the delay
+        tried = _models_at_delay(profile, nk, near)
+        profile.whiten(tried[0])
+        near = {len(m.f): [m.f] for m in reversed(tried)}
+        found = {(m.nk, len(m.f), len(m.b)): m for m in _models_at_delay(profile, nk, near)}
+        for m in sorted(found.values(), key=_criterion)[:_LEADERS]:
+            _sweep_delays(profile, m, latest, found)
+        for m in sorted(found.values(), key=_criterion)[:_LEADERS]:
+            for k in range(1, min(len(m.b), latest - m.nk + 1)):  # leading zeros of b are delay
+                key = (m.nk + k, len(m.f), len(m.b) - k)
+                found.setdefault(key, profile.model(*key, m.f))
+        models = sorted(found.values(), key=_criterion)
+        nk, near = models[0].nk, {len(m.f): [m.f] for m in reversed(models)}
+    return models
+
+
+def _models_at_delay(profile: Profile, nk: int, near: dict[int, list[np.ndarray]]) -> list[Model]:
+    """The best model of every pair of orders at one delay, best first; those of more poles begin at fewer, too."""
+    found: list[Model] = []
+    for nf in sorted({nf for nf, _ in ORDERS}):
+        fewer = [m.f for m in sorted(found, key=_criterion) if len(m.f) == nf - 1][:1] or [np.zeros(nf - 1)]
+        starts = near.get(nf, []) + [np.convolve(np.r_[1.0, fewer[0]], [1.0, -z])[1:] for z in _POLES]
+        widest = max(nb for n, nb in ORDERS if n == nf)
+        best = min((profile.model(nk, nf, widest, f) for f in starts), key=_criterion)
+        found.append(best)
+        found += [profile.model(nk, nf, nb, best.f) for n, nb in ORDERS if n == nf and nb < widest]
+    return sorted(found, key=_criterion)
+
+
+def _sweep_delays(profile: Profile, m: Model, latest: int, found: dict[tuple[int, int, int], Model]) -> None:
+    """Models of the same orders at all other delays, each from its neighbour."""
+    for way in (range(m.nk - 1, -1, -1), range(m.nk + 1, latest + 1)):
+        f = m.f
+        for k in way:
+            key = (k, len(m.f), len(m.b))
+            if key not in found:
+                found[key] = profile.model(k, len(m.f), len(m.b), f)
+            f = found[key].f
+            if found[key].criterion > m.criterion + _HOPELESS:
+                break
+
+
+def _criterion(m: Model) -> float:
+    return m.criterion
+
+
+def _rough_models(white: Whitened, i: int, latest: int) -> list[Model]:
+    """The same from the coefficients of the regression alone."""
+    p = white.order
+    norm = np.linalg.norm(white.X, axis=0)
+    norm = np.where(norm > 0, norm, 1.0)
+    n = len(norm)
+    R = np.linalg.qr(np.vstack([white.X / norm, _RIDGE * np.eye(n)]), mode="r")
+    e = white.regression.e
+    freedom = max(len(e) - n, 1)
+    half = solve_triangular(R, np.eye(n), trans="T") / norm * np.sqrt(float(e @ e) / freedom)
+    c = solve_triangular(R, solve_triangular(R, white.X.T @ white.y / norm, trans="T")) / norm
+    lags = white.lags(i)
+    own = np.r_[1 : p + 1, lags.start : lags.stop]
+    half = np.asarray(np.linalg.qr(half[:, own], mode="r"))
+    a, g = np.concatenate([[1.0], -c[1 : p + 1]]), c[lags]
+    found = []
+    for nf, nb in ((1, 2), (2, 2), (3, 2), (4, 3)) if white.data.u.shape[1] == 1 else ORDERS:
+        if nf + nb > p:
+            continue
+        for nk in range(min(latest, p + 1 - nb) + 1):
+            b, f, cost = _fit_null_space(a, g, half, nk, nb, nf)
+            if np.isfinite(cost):
+                found.append((nk, b, f, cost, nf + nb))
+    if not found:
+        return [Model(latest, np.zeros(1), np.zeros(0), 0.0, np.inf)]
+    # Coefficients of a linear model of a nonlinear plant scatter more than their covariance says.
+    excess = max(1.0, min(cost / max(p + 1 - d, 1) for *_, cost, d in found))
+    price = float(np.log(len(e)))
+    models = [Model(nk, b, f, cost / excess + price * d, 0.0) for nk, b, f, cost, d in found]
+    return sorted(models, key=lambda m: m.criterion)
+
+
+def _fit_null_space(
+    a: np.ndarray, g: np.ndarray, half: np.ndarray, nk: int, nb: int, nf: int
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """b (nb,), f (nf,) of F G = q^-nk B A and the weighted square of what is left; half'half is the covariance."""
+    p = len(a) - 1
+    columns = [-_delayed(g, j) for j in range(1, nf + 1)] + [_delayed(a, nk + j) for j in range(nb)]
+    Phi = np.column_stack(columns)
+    b, f, cost = np.zeros(nb), np.zeros(nf), np.inf
+    for _ in range(_REFINED):
+        F, B = np.zeros(p + 1), np.zeros(p + 1)
+        F[0], F[1 : nf + 1] = 1.0, f
+        B[nk : nk + nb] = b
+        low = np.zeros(p + 1)
+        low[0] = F[0]
+        TF, TB = toeplitz(F, low), toeplitz(B, np.r_[B[0], np.zeros(p)])
+        root = np.linalg.qr(half[:, p:] @ TF.T + half[:, :p] @ TB[:, 1:].T, mode="r")
+        try:
+            W = solve_triangular(root, np.column_stack([g, Phi]), trans="T")
+            x = np.linalg.lstsq(W[:, 1:], W[:, 0], rcond=None)[0]
+        except (np.linalg.LinAlgError, ValueError):
+            return b, f, np.inf
+        left = W[:, 0] - W[:, 1:] @ x
+        f, b, cost = x[:nf], x[nf:], float(left @ left)
+    return b, f, cost
+
+
+def _delayed(x: np.ndarray, k: int) -> np.ndarray:
+    return np.concatenate([np.zeros(min(k, len(x))), x[: max(len(x) - k, 0)]])
 
 
 @dataclass(frozen=True)
@@ -50,5 +264,5 @@ def delay(data: IOData, input: int = 0, output: int = 0, level: float = 0.99) ->
         white = whiten(data, output)
         if white is None:
             raise InputError(f"{data.N} samples are too few, or constant, to see a delay; record more")
-        found = response.delay(white, input, 1.0 - level)
+        found = delays.delay_from_input(white, input, 1.0 - level)
     return DelayEstimate(found.nk, found.low, found.high, found.p, data.Ts, level)

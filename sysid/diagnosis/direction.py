@@ -5,7 +5,7 @@ from scipy.signal import lfilter
 
 from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
-from sysid.diagnosis.response import delay
+from sysid.diagnosis.delays import delay_from_input
 from sysid.diagnosis.whitening import whiten
 
 WINDOWS = (5, 20, 80)  # samples; short ones for fast plants, long ones for slow plants and delays
@@ -39,7 +39,7 @@ def confirmed(data: IOData, way: int) -> bool:
     """
     with one_blas_thread():
         white = whiten(data)
-        models = () if white is None else delay(white).models
+        models = () if white is None else delay_from_input(white).models
     with np.errstate(over="ignore", invalid="ignore"):
         ends = [lfilter(np.r_[np.zeros(m.nk), m.b], np.r_[1.0, m.f], np.ones(_HORIZON))[-1] for m in models]
     return bool(ends) and all(end * way > 0.0 for end in ends)

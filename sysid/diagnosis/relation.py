@@ -6,8 +6,8 @@ import numpy as np
 
 from sysid.data.record import IOData
 from sysid.diagnosis import signals
+from sysid.diagnosis.delays import Delay, delay_from_input
 from sysid.diagnosis.finding import LEVEL, Advice, aprbs, channel
-from sysid.diagnosis.response import Delay, delay
 from sysid.diagnosis.whitening import Whitened, bent_effect, drift, drift_size, feedback, nonlinearity
 
 _DRIFT = 0.3  # standard deviations of the output over the record; less hardly moves a fit
@@ -16,12 +16,12 @@ _TOGETHER = 0.7  # correlation of columns that nobody suspects
 _FAST = 0.1  # cycles per sample: slower inputs do not show what happens within three samples
 
 
-def between(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
+def advise_relation(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
     """Findings on one output together with the inputs."""
     y, nk = channel(data, "y", j), 1
     for i in range(data.u.shape[1]):
         u = channel(data, "u", i)
-        d = delay(white, i, LEVEL)
+        d = delay_from_input(white, i, LEVEL)
         nk = nk if d.nk is None else d.nk
         yield _no_lag(u, y, d, data, white, i) if d.nk is None else _delay(u, y, d, d.nk)
         yield _feedback(u, y, feedback(white, i))
@@ -85,8 +85,8 @@ def _no_lag(u: str, y: str, d: Delay, data: IOData, white: Whitened, i: int) -> 
 
 
 def _delay(u: str, y: str, d: Delay, nk: int) -> Advice:
-    between = "" if d.low == d.high else f", {d.low} to {d.high} with 99 % confidence"
-    sentence = f"{y} responds to {u} after {nk} sample(s){between} (p = {d.p:.2g} without any response)"
+    advise_relation = "" if d.low == d.high else f", {d.low} to {d.high} with 99 % confidence"
+    sentence = f"{y} responds to {u} after {nk} sample(s){advise_relation} (p = {d.p:.2g} without any response)"
     if nk == 0:
         action = "if the plant has direct feedthrough, use nk=0; otherwise a controller responds within the sample"
         return Advice("delay", sentence, 0.0, action, "note", (d.low, d.high), *_orders(0))

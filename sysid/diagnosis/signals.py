@@ -1,10 +1,24 @@
-"""Properties of a single signal: order of excitation, number of levels, rests at the extremes, converter step."""
+"""Single signals: excitation, levels, rests, converter step; jumps as they were logged; signals that do not move."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-_ROWS = 20_000  # samples used for the order of excitation
+from sysid.base.quantities import display_quantity
+from sysid.data.record import IOData
+from sysid.data.wraps import unwrapped
+from sysid.diagnosis.finding import Advice, channel
+
+_PERSISTENCE_SAMPLES = 20_000  # samples used for the order of excitation
+WRAPS = "wraps"
+COUNTER_BITS = (8, 16, 24, 32)  # bits of counters, which begin again at 0
+ENCODER_COUNTS = (1000.0, 1024.0, 2000.0, 2048.0, 3600.0, 4000.0, 4096.0, 8192.0, 16384.0)  # counts of a turn
+NO_VALUE = "as a number that stands for none"
+MAP_FILE = "MAP.toml"
+_FAR_RANGES = 5.0  # ranges of the other samples that lie between these and a number that stands for none
+STUCK_SHARE = 0.3  # of the record, for which an output stands still
+MIDDLE, COVERED = (0.25, 0.75), (0.1, 0.9)  # quantiles of an input, between those that it has meanwhile
 
 
 def persistence(u: np.ndarray, highest: int = 50) -> int:
@@ -13,7 +27,7 @@ def persistence(u: np.ndarray, highest: int = 50) -> int:
     The order is the rank of the lag matrix, so a sum of m sines has exactly 2 m (Ljung, System Identification,
     definition 13.2). A singular value below 1e-4 of the largest counts as zero.
     """
-    x = np.asarray(u, dtype=float).ravel()[:_ROWS]
+    x = np.asarray(u, dtype=float).ravel()[:_PERSISTENCE_SAMPLES]
     x = x - x.mean()
     highest = min(highest, len(x) // 3)
     if highest < 1 or not x.any():
@@ -97,3 +111,100 @@ def reaches(u: np.ndarray, frequency: float) -> bool:
     power = np.abs(np.fft.rfft(x, axis=0)) ** 2
     above = np.fft.rfftfreq(len(x)) > frequency
     return bool(np.any(power[above].sum(axis=0) > 0.01 * power.sum(axis=0)))
+
+
+def wrap_warning(data: IOData, j: int) -> Advice | None:
+    """The warning about output j if it jumps by a turn or as a counter that begins again; None if it does not."""
+    name = channel(data, "y", j)
+    unit, whole = data.y_unit, not np.any(data.y[:, j] % 1.0)
+    missing = None if data.missing is None else data.missing[:, [j]]
+    if missing is not None and missing.any():
+        return None
+    angles = {"rad": (2.0 * math.pi,), "deg": (360.0,), "°": (360.0,)}
+    turns = angles.get(unit, tuple(2.0**bits for bits in COUNTER_BITS) + ENCODER_COUNTS if whole else ())
+    for turn in turns:
+        y = [e.y[:, j] for e in data.experiments]
+        if max(float(np.ptp(part)) for part in y) < 0.7 * turn:
+            continue
+        parts = [unwrapped(IOData(e.u, e.y[:, j], e.Ts), turn) for e in data.experiments]
+        count = sum(part.count for part in parts)
+        if not count:
+            continue
+        times = "once" if count == 1 else f"{count} times"
+        bits = next((bits for bits in COUNTER_BITS if turn == 2.0**bits), 0)
+        if bits and unit not in angles:
+            said = f"{name} is a counter of {bits} bits that passes 0 {times}, not an output that jumps"
+            if all(_is_signed_counter(a, b.data.y[:, 0], turn) for a, b in zip(y, parts, strict=True)):
+                todo = f"write the mapping, set signed = {bits} in its [[output]], and give it with --map"
+                return Advice(WRAPS, said, count, todo, "warning", command=("info", "--write-map", MAP_FILE))
+        else:
+            said = f"{name} jumps {times} by a turn of {turn:.4g} {unit or 'counts'}, as a sensor within one turn does"
+        todo = "log the angle over turns, or undo the wraps in Python before the fit"
+        return Advice(WRAPS, said, count, todo, "warning", call="sysid.data.wraps.unwrapped(data).data")
+    return None
+
+
+def _is_signed_counter(y: np.ndarray, whole: np.ndarray, turn: float) -> bool:
+    """Whether a counter as a signed word has no jump: it then is the unwrapped one but for whole turns."""
+    offset = np.where(y >= 0.5 * turn, y - turn, y) - whole
+    return bool(np.ptp(offset) == 0)
+
+
+def missing_code(y: np.ndarray, found: np.ndarray) -> float | None:
+    """The number that all found samples (N,) have, if it lies far outside the others, as -9999 does; else None."""
+    odd, sound = np.unique(y[found]), y[~found]
+    if len(odd) != 1 or not len(sound) or found.sum() < 2:
+        return None
+    away = max(float(sound.min()) - odd[0], odd[0] - float(sound.max()))
+    return float(odd[0]) if away > _FAR_RANGES * float(np.ptp(sound)) else None
+
+
+def constant_warning(data: IOData, which: str, k: int) -> Advice | None:
+    """The warning about input ("u") or output ("y") k if all its samples are one number; None if it moves."""
+    values, unit = (data.u[:, k], data.u_unit) if which == "u" else (data.y[:, k], data.y_unit)
+    if np.ptp(values) != 0.0:
+        return None
+    said = f"{channel(data, which, k)} is {_value_in_words(float(values[0]), unit)} in all {data.N} samples"
+    why = (
+        "it excites nothing, so the record shows no model"
+        if which == "u"
+        else "a sensor that does not read, or a plant that did not move"
+    )
+    todo = f"record again while the {'input' if which == 'u' else 'output'} moves, or choose another column"
+    return Advice("data", f"{said}: {why}", float(data.N), todo, "warning")
+
+
+def stuck_warning(data: IOData, j: int) -> Advice | None:
+    """The warning about output j if it has one and the same reading for a large part of the record while an input
+    goes on to both sides, so that an end stop would be left; None if it does not."""
+    y = data.y[:, j]
+    edges = np.flatnonzero(np.concatenate([[True], np.diff(y) != 0.0, [True]]))
+    runs = np.diff(edges)
+    longest = int(np.argmax(runs))
+    first, n = int(edges[longest]), int(runs[longest])
+    at = np.arange(data.N)
+    during = (at >= first) & (at < first + n)
+    if n < STUCK_SHARE * data.N or during.all() or len(data.lengths) > 1 or not data.observed[during, j].all():
+        return None
+    low, high = np.quantile(data.u, MIDDLE, axis=0)
+    now_low, now_high = np.quantile(data.u[during], COVERED, axis=0)
+    if not np.any((now_low < low) & (high < now_high)):
+        return None
+    start, stop = first * data.Ts, (first + n) * data.Ts
+    share = 100.0 * n / data.N
+    place = _value_in_words(float(y[first]), data.y_unit)
+    sentence = (
+        f"{channel(data, 'y', j)} stands at {place} from {start:.4g} s to {stop:.4g} s, "
+        f"{share:.0f} % of the record, while the input moves: a sensor that died, or a plant that stuck"
+    )
+    end = first + n >= data.N
+    kept = (0.0, start) if end or first >= data.N - first - n else (stop, data.N * data.Ts)
+    span = f"{kept[0]:.4g}:{kept[1]:.4g}" if end or kept[0] == 0.0 else f"{kept[0]:.4g}:"
+    return Advice(
+        "data", sentence, share, "use the part in which it moves", "warning", command=("identify", "--range", span)
+    )
+
+
+def _value_in_words(value: float, unit: str) -> str:
+    q = display_quantity("", unit)
+    return f"{value * q.factor:.4g} {q.unit}".rstrip()

@@ -2,7 +2,9 @@
 
 A high-order ARX model whitens the output noise of any linear system, also of an integrating one (Ljung, System
 Identification, 2nd ed. 1999, sections 10.3 and 16.5). What further columns explain of its errors is then tested
-jointly, see `joint`.
+jointly. Such a test works in the space of the samples: columns that are nearly combinations of others (lags of an input
+without power at high frequencies) have no coefficients worth the name, but the directions that they add are orthonormal
+and the projection of the errors on them is as well determined as any.
 """
 
 from dataclasses import dataclass
@@ -13,8 +15,9 @@ from scipy.signal import lfilter, lfiltic
 from scipy.special import fdtrc
 
 from sysid.data.record import IOData
-from sysid.diagnosis.joint import Directions, joint, span
 
+_NEW_DIRECTION = 1e-6  # part of a column that is left after the others, below which it adds nothing
+_LEVERAGE = 0.5  # largest that counts: rows that determine their own value have no error to judge by
 ORDERS = (2, 4, 8, 12, 16, 24, 32, 48)
 LONGEST = 20_000  # samples; with more, the tests reject every model
 _SLOWNESS = 1e-4  # p-value of errors that are slow: a drift leaves a little of itself in them
@@ -22,6 +25,66 @@ _LOOP = 0.01  # least share of the error's variance that is feedback
 _SLOW = 20  # cosines beside a line
 _BENT = 3  # lags of the input that a nonlinear effect is sought at
 _LEAST = 30  # rows that a test needs beyond the number of coefficients
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Orthonormal directions U (M, k), the errors' projections s (k,) and p, how likely chance is; share of e'e."""
+
+    U: np.ndarray
+    s: np.ndarray
+    p: float
+    share: float
+
+
+def orthonormal_columns(X: np.ndarray) -> np.ndarray:
+    """Orthonormal columns (M, r) that span X (M, n)."""
+    U, s, _ = np.linalg.svd(X / _column_norms(X), full_matrices=False)
+    return np.asarray(U[:, s > 1e-10 * s[0]])
+
+
+def joint_test(Q: np.ndarray, extra: np.ndarray, e: np.ndarray) -> Directions:
+    """Test of the columns `extra` (M, k) beyond the orthonormal Q (M, r), for the errors e (M,) without them."""
+    extra = extra - extra.mean(axis=0)
+    left = extra / _column_norms(extra)
+    for _ in range(2):  # twice is enough (Kahan, in Parlett 1980)
+        left = left - Q @ (Q.T @ left)
+    U, size, _ = np.linalg.svd(left, full_matrices=False)
+    U = U[:, size > _NEW_DIRECTION]
+    return Directions(U, U.T @ e, p_value(Q, U, e), float(np.sum((U.T @ e) ** 2)) / (float(e @ e) or 1.0))
+
+
+def p_value(Q: np.ndarray, U: np.ndarray, e: np.ndarray) -> float:
+    """Probability that chance alone gives U'e (k,) as large, for errors e after the orthonormal Q (M, r)."""
+    if not U.shape[1] or not np.any(e):
+        return 1.0
+    s = U.T @ e
+    return wald_p_value(s, robust_covariance(np.hstack([Q, U]), U, e - U @ s), len(e) - Q.shape[1] - U.shape[1])
+
+
+def robust_covariance(Q: np.ndarray, U: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """Covariance (k, k) of U'e for errors `left` after the orthonormal Q (M, r), which holds U.
+
+    Robust to errors whose size changes along the record (White 1980, in the form HC3 of MacKinnon and White 1985).
+    """
+    leverage = np.minimum(np.sum(Q**2, axis=1), _LEVERAGE)
+    half = U * (left / (1.0 - leverage))[:, None]
+    return np.asarray(half.T @ half)
+
+
+def wald_p_value(s: np.ndarray, covariance: np.ndarray, freedom: int) -> float:
+    """Probability that chance alone gives s (k,) of this covariance (k, k) as large (F)."""
+    values, vectors = np.linalg.eigh(covariance)
+    keep = values > 1e-8 * max(values[-1], 1e-300)
+    m = int(keep.sum())
+    if freedom < 1 or not m:
+        return 1.0
+    return float(fdtrc(m, freedom, float(np.sum((vectors[:, keep].T @ s) ** 2 / values[keep])) / m))
+
+
+def _column_norms(X: np.ndarray) -> np.ndarray:
+    norm = np.linalg.norm(X, axis=0)
+    return np.asarray(np.where(norm > 0, norm, 1.0))
 
 
 @dataclass(frozen=True)
@@ -53,14 +116,14 @@ class Whitened:
     @cached_property
     def basis(self) -> np.ndarray:
         """Orthonormal columns (M, r) that span X."""
-        return span(self.X)
+        return orthonormal_columns(self.X)
 
     def added(self, extra: np.ndarray, use: np.ndarray | None = None) -> Directions:
         """The joint test of further columns (M, k) over the rows `use`."""
         if use is None or use.all():
-            return joint(self.basis, extra, self.regression.e)
-        Q, y = span(self.X[use]), self.y[use]
-        return joint(Q, extra[use], y - Q @ (Q.T @ y))
+            return joint_test(self.basis, extra, self.regression.e)
+        Q, y = orthonormal_columns(self.X[use]), self.y[use]
+        return joint_test(Q, extra[use], y - Q @ (Q.T @ y))
 
     def shifted(self, i: int, ahead: int) -> tuple[np.ndarray, np.ndarray]:
         """Input i `ahead` samples after each row's own (M,), and which rows have that sample."""

@@ -14,8 +14,8 @@ from sysid.base.errors import InputError
 from sysid.base.files import json_value
 from sysid.base.parallel import one_blas_thread
 from sysid.blocks import StateSpace
-from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
+from sysid.data.trends import restore_offsets, with_offsets
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.free_run import FreeRun, autoregression, divergence, forecast, free_run, run_from_rest
 from sysid.estimation.origin import FitMethods, Origin, check_channels, check_same_kind
@@ -78,7 +78,7 @@ class Fit(FitMethods):
         """
         if isinstance(data, IOData):
             levelled = self.own_level(data)
-            y = counted_back(np.concatenate([self._run(e, n_init).y for e in levelled.experiments]), levelled, data)
+            y = restore_offsets(np.concatenate([self._run(e, n_init).y for e in levelled.experiments]), levelled, data)
         else:
             u = np.asarray(data, dtype=float)
             y = run_from_rest(self.model, self.theta, u)
@@ -100,7 +100,7 @@ class Fit(FitMethods):
         for record, run in zip(levelled.experiments, runs, strict=True):
             columns = zip((record.y - run).T, noise, record.observed.T, strict=True)
             predictions.append(run + np.column_stack([forecast(v, a, horizon, observed) for v, a, observed in columns]))
-        y = counted_back(np.concatenate(predictions), levelled, data)
+        y = restore_offsets(np.concatenate(predictions), levelled, data)
         return y[:, 0] if self.model.channels[1] == 1 else y
 
     @checked
@@ -110,7 +110,7 @@ class Fit(FitMethods):
         Raises InputError for a record of another sampling time, in other units or with other channels.
         """
         self._same_kind(data)
-        return counted_from(data, self.u_offset, self.y_offset)
+        return with_offsets(data, self.u_offset, self.y_offset)
 
     @checked
     def fit_percent(self, data: IOData, n_init: int | None = None) -> float:

@@ -9,7 +9,7 @@ from sysid.base.checks import checked
 from sysid.base.files import write_text
 from sysid.block.writing import Code, number
 from sysid.export import closed_form
-from sysid.export.wired import AnyFit, Offset, channels, wired
+from sysid.export.program import AnyFit, Offset, channel_counts, program
 from sysid.model.wiring import Layer, Unit, identifier, whole
 
 
@@ -31,8 +31,8 @@ def source(fit: AnyFit, name: str = "model", u_offset: Offset = None, y_offset: 
     without a formula.
     """
     identifier(name)
-    whole_fit = wired(fit, "c", u_offset, y_offset)
-    n_in, n_out = channels(fit)
+    whole_fit = program(fit, "c", u_offset, y_offset)
+    n_in, n_out = channel_counts(fit)
     codes = whole_fit.codes
     fields = [_field(unit, code) for unit, code in codes.items() if code.state] or ["    char none;"]
     starts = [_start(unit, code) for unit, code in codes.items() if code.start]
@@ -81,12 +81,12 @@ def _function(name: str, unit: str, code: Code) -> str:
     return "\n".join([f"static double {name}_{unit}({state}double x)", "{", *tables, *body, "}"])
 
 
-def _step(name: str, wired: tuple[Layer, ...], codes: dict[str, Code], u0: np.ndarray, y0: np.ndarray) -> str:
+def _step(name: str, program: tuple[Layer, ...], codes: dict[str, Code], u0: np.ndarray, y0: np.ndarray) -> str:
     single = len(u0) == len(y0) == 1
     signals = ["u" if single else f"u[{i}]" for i in range(len(u0))]
     lines = []
     signals = [f"{u} - ({number(o)})" if o else u for u, o in zip(signals, u0, strict=True)]
-    for k, layer in enumerate(wired, 1):
+    for k, layer in enumerate(program, 1):
         unit = whole(layer)
         if unit is not None:
             place = f"s->{unit.name}, " if codes[unit.name].state else ""

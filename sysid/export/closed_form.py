@@ -7,8 +7,7 @@ from sysid.base.checks import checked
 from sysid.block.block import StaticBlock
 from sysid.block.writing import Writer
 from sysid.estimation.result import Fit
-from sysid.export import network
-from sysid.export.wired import AnyFit, Offset, levels
+from sysid.export.program import AnyFit, Offset, level_offsets, network_equations
 from sysid.model.wiring import layers, whole, written
 from sysid.nlarx.result import NlarxFit
 
@@ -23,7 +22,7 @@ def text(fit: AnyFit, digits: int | None = 6, u_offset: Offset = None, y_offset:
     """
     lines = [f"{fit.model.structure}, one sample every {fit.Ts:g} s", *_levels(fit, digits, u_offset, y_offset)]
     if isinstance(fit, NlarxFit):
-        return "\n".join([*lines, "", *network.equations(fit, digits)]) + "\n"
+        return "\n".join([*lines, "", *network_equations(fit, digits)]) + "\n"
     wired = layers(fit.model, fit.theta)
     names, signals = _signals(fit), _channels("u", fit.model.channels[0])
     for block, layer, name in zip(fit.model.blocks, wired, names, strict=True):
@@ -49,7 +48,7 @@ def text(fit: AnyFit, digits: int | None = 6, u_offset: Offset = None, y_offset:
 def _levels(fit: AnyFit, digits: int | None, u_offset: Offset, y_offset: Offset) -> list[str]:
     """What has to be taken off the input before the formulas, and put on the output behind them."""
     w, lines = Writer("", "", digits), []
-    u0, y0 = levels(fit, u_offset, y_offset)
+    u0, y0 = level_offsets(fit, u_offset, y_offset)
     for name, value in zip(_channels("u", len(u0)), u0, strict=True):
         lines += [f"{name} = {w.sum([(1.0, 'input'), (-float(value), '')])}"] if value else []
     for name, value in zip(_channels("y", len(y0)), y0, strict=True):

@@ -11,7 +11,7 @@ from sysid.base.files import write_text
 from sysid.block.writing import Code, number
 from sysid.export import closed_form
 from sysid.export.matlab_text import PICK, RESERVED, matlab
-from sysid.export.wired import AnyFit, Offset, Wired, channels, wired
+from sysid.export.program import AnyFit, Offset, Program, channel_counts, program
 from sysid.model.wiring import Unit, identifier, whole
 
 TAKEN = RESERVED | {"break", "continue", "else", "elseif", "for", "if", "return", "try", "while", PICK}
@@ -35,7 +35,7 @@ def source(fit: AnyFit, name: str = "model", u_offset: Offset = None, y_offset: 
     identifier(name)
     if name in TAKEN:
         raise InputError(f"{name!r} has a meaning in MATLAB; give another name")
-    found, (n_in, n_out) = wired(fit, "python", u_offset, y_offset), channels(fit)
+    found, (n_in, n_out) = program(fit, "python", u_offset, y_offset), channel_counts(fit)
     form = closed_form.text(fit, u_offset=u_offset, y_offset=y_offset).rstrip().split("\n")
     states = [_state(unit, code) for unit, code in found.codes.items() if code.state]
     parts = [
@@ -90,7 +90,7 @@ def _function(unit: str, code: Code) -> str:
     return "\n".join([head, *tables, *(f"    {line}" for line in matlab(code.body)), "end"])
 
 
-def _steps(name: str, found: Wired) -> list[str]:
+def _steps(name: str, found: Program) -> list[str]:
     signals = [_less(f"u({i})", offset) for i, offset in enumerate(found.u_offset, 1)]
     lines: list[str] = []
     for k, layer in enumerate(found.layers, 1):

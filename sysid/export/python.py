@@ -9,7 +9,7 @@ from sysid.base.checks import checked
 from sysid.base.files import write_text
 from sysid.block.writing import Code, number
 from sysid.export import closed_form
-from sysid.export.wired import AnyFit, Offset, channels, wired
+from sysid.export.program import AnyFit, Offset, channel_counts, program
 from sysid.model.wiring import Layer, Unit, whole
 
 
@@ -29,8 +29,8 @@ def source(fit: AnyFit, u_offset: Offset = None, y_offset: Offset = None) -> str
     knows it. Run as a program it reads u from standard input, one sample per line, and prints y. Raises InputError for
     a block without a formula.
     """
-    whole_fit = wired(fit, "python", u_offset, y_offset)
-    n_in, n_out = channels(fit)
+    whole_fit = program(fit, "python", u_offset, y_offset)
+    n_in, n_out = channel_counts(fit)
     codes, form = whole_fit.codes, closed_form.text(fit, u_offset=u_offset, y_offset=y_offset)
     comment = "\n".join(f"# {line}".rstrip() for line in form.rstrip().split("\n"))
     states = [_state(unit, code) for unit, code in codes.items() if code.state]
@@ -95,11 +95,11 @@ def _function(unit: str, code: Code) -> str:
     return f"def _{unit}({'s, ' if code.state else ''}x{tables}):\n{body}"
 
 
-def _step(wired: tuple[Layer, ...], codes: dict[str, Code], u0: np.ndarray, y0: np.ndarray) -> list[str]:
+def _step(program: tuple[Layer, ...], codes: dict[str, Code], u0: np.ndarray, y0: np.ndarray) -> list[str]:
     signals = ["u"] if len(u0) == 1 else [f"u[{i}]" for i in range(len(u0))]
     signals = [f"{u} - ({number(o)})" if o else u for u, o in zip(signals, u0, strict=True)]
     lines = []
-    for k, layer in enumerate(wired, 1):
+    for k, layer in enumerate(program, 1):
         unit = whole(layer)
         if unit is not None:
             lines.append(f"        x{k} = {_call(unit, codes[unit.name], '[' + ', '.join(signals) + ']')}")

@@ -9,9 +9,9 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.evidence import noise_of
-from sysid.joint.limits import end_of, falling, stops_met
-from sysid.joint.rate import at_rate, rated, response
+from sysid.joint.evidence import reading_noise, stop_tests
+from sysid.joint.physics import travel_of
+from sysid.joint.sampling import chain_at_rate, response_samples, theta_at_rate
 from sysid.model.chain import Chain
 
 LONGEST = 2**16  # samples of one way from end to end
@@ -32,6 +32,7 @@ SHORT_OF = 0.9  # of the way seen: where the joint may meet no end
 _SEEN = 6.0  # standard deviations of a reading that a pulse moves a joint by
 _RESTED = 8  # times lag and delay: a rest that shows an end
 _STICK = 0.7  # of the friction in motion: what a fit says of friction at rest beyond it is not believed
+_BEYOND_RECORD = 0.3  # of the way seen: how far outside a stop may be that the joint may run into
 
 
 @dataclass
@@ -62,11 +63,11 @@ class Course:
         `to_stops`: the joint may run into a stop each way, also where `data` shows none. Raises InputError if the joint
         does not move under these limits.
         """
-        chain, motor = rated(fit.model, fit.Ts / Ts), motor_of(fit.model)
+        chain, motor = chain_at_rate(fit.model, fit.Ts / Ts), motor_of(fit.model)
         seen = chain.signals(fit.theta, data.u)[chain.blocks.index(motor) + 1]
         shown = stops_met(fit, data)
-        ends = tuple(end_of(fit, way, seen, shown[way], to_stops) for way in (-1, 1))
-        theta = at_rate(fit.model, fit.theta, fit.Ts / Ts)
+        ends = tuple(planned_end(fit, way, seen, shown[way], to_stops) for way in (-1, 1))
+        theta = theta_at_rate(fit.model, fit.theta, fit.Ts / Ts)
         theta[chain.names.index(f"{motor.role}.v0")] = 0.0
         course = cls(
             chain,
@@ -74,8 +75,8 @@ class Course:
             Ts,
             (ends[0], ends[1]),
             {way: met or to_stops for way, met in shown.items()},
-            falling(fit),
-            noise_of(data),
+            output_falls(fit),
+            reading_noise(data),
         )
         for way in (-1, 1):
             course.tops[way] = course._top(way, top, strike)
@@ -122,7 +123,7 @@ class Course:
         if not self.met[way]:
             self.hold(level, round(min(part, 1.0) * self._until(way, level, SHORT_OF, self._share())))
             return
-        rests = round(_RESTED * response(self.chain, self.theta)) if part >= LONG else 0
+        rests = round(_RESTED * response_samples(self.chain, self.theta)) if part >= LONG else 0
         self.hold(level, max(2, round(part * self._until(way, level, ARRIVED))) + rests)
 
     def go(self, place: float, way: int = 1) -> None:
@@ -170,7 +171,7 @@ class Course:
     @property
     def step(self) -> int:
         """Samples after which a joint shows whether it started."""
-        return max(2, int(np.ceil(_SHOWN * response(self.chain, self.theta))))
+        return max(2, int(np.ceil(_SHOWN * response_samples(self.chain, self.theta))))
 
     def reverse(self, way: int, share: float) -> None:
         """`level(way, share)` that moves the joint from rest to rest by `MOVE` of the way, and a short rest."""
@@ -307,3 +308,30 @@ class Course:
 
     def _run(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         return np.asarray(self.chain.simulate(theta, u)).ravel()
+
+
+def output_falls(fit: Fit) -> bool:
+    """Whether the output falls as the motor's position rises."""
+    travel = travel_of(fit.model)
+    if travel is None:
+        return False
+    low, high = fit.model.part(fit.theta, travel)[:2]
+    return bool(high < low)
+
+
+def stops_met(fit: Fit, data: IOData) -> dict[int, bool]:
+    """Whether the record shows a stop, by the motor's way."""
+    shown, falls = stop_tests(fit, data), output_falls(fit)
+    lower, upper = (name in shown and shown[name].met for name in ("end_low", "end_high"))
+    return {-1: upper, 1: lower} if falls else {-1: lower, 1: upper}
+
+
+def planned_end(fit: Fit, way: int, seen: np.ndarray, met: bool, to_stops: bool) -> float:
+    """Position of the motor up to which the course is planned."""
+    motor = motor_of(fit.model)
+    name = "upper" if way > 0 else "lower"
+    stop = motor.value(fit.model.part(fit.theta, motor), name) if name in motor.ends else way * np.inf
+    farthest, whole = way * float((way * seen).max()), float(np.ptp(seen))
+    if met or (to_stops and 0.0 <= way * (stop - farthest) <= _BEYOND_RECORD * whole):
+        return float(stop)
+    return farthest + way * (_BEYOND_RECORD * whole if to_stops else 0.0)

@@ -20,8 +20,8 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import is_joint, lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.joint.course import LONG, TOPS, Course
-from sysid.joint.outlook import beyond, shortfalls, unmet, weak
-from sysid.joint.rate import MOST, times_faster
+from sysid.joint.outlook import distant_prediction, shortfalls, unseen_ends, weak_inputs
+from sysid.joint.sampling import LONGEST_DELAY, rate_needed
 from sysid.joint.values import JointValue, in_unit, joint_values
 
 TARGETS = {
@@ -36,10 +36,10 @@ REVERSALS = 6  # of the drive at each place, to and fro
 SLOW = (0.2, 0.5)  # shares of the largest level, in turn: at one speed a backlash looks like a delay
 # Pairs of ways from end to end: the share of the largest level, and the time as a share of the way's own, from and to.
 # Some rest long at the end, some are turned on the way, and some just after they arrive, where a jam shows.
-RESTED, TURNED, SHORT = (LONG, 1.6), (0.4, 0.9), (1.02, 1.12)
+RESTING, TURNING, ARRIVING = (LONG, 1.6), (0.4, 0.9), (1.02, 1.12)
 PAIRS = (
-    ((1.0, *RESTED), (0.85, *SHORT), (0.7, *TURNED), (0.65, *RESTED)),
-    ((0.8, *RESTED), (0.95, *SHORT), (0.55, *TURNED), (0.9, *RESTED)),
+    ((1.0, *RESTING), (0.85, *ARRIVING), (0.7, *TURNING), (0.65, *RESTING)),
+    ((0.8, *RESTING), (0.95, *ARRIVING), (0.55, *TURNING), (0.9, *RESTING)),
 )
 GUESSED_PLAY = 0.01  # of the way: width of a backlash that the first fit does not have
 
@@ -130,7 +130,7 @@ def design(
         if value is not None and not 0.0 < value < np.inf:
             raise InputError(f"{name} is {value}; give a positive number, or leave it out")
     top = float(np.abs(data.u).max()) if volts is None else volts
-    work = _Work(Course.of(fit, data, top, strike, _sampling(fit, Ts), to_stops), np.random.default_rng([seed, 14]))
+    work = _Plan(Course.of(fit, data, top, strike, _sampling(fit, Ts), to_stops), np.random.default_rng([seed, 14]))
     for k in range(len(PLACES)):
         for name in TARGETS:
             if name in targets:
@@ -138,7 +138,7 @@ def design(
     course = work.course
     u, y = course.inputs(), course.outputs()
     wanted = [name for target in targets for name in TARGETS[target]]
-    now, (then, notes) = joint_values(fit, data=data), _then(fit, data, course, targets, complete)
+    now, (then, notes) = joint_values(fit, data=data), _expected_values(fit, data, course, targets, complete)
     return Design(
         targets,
         u,
@@ -150,9 +150,9 @@ def design(
         in_unit(then, data.y_unit),
         (data.u_unit, data.y_unit),
         (
-            *unmet(course, data),
-            *beyond(course, y, data),
-            *weak(course, data.u_unit),
+            *unseen_ends(course, data),
+            *distant_prediction(course, y, data),
+            *weak_inputs(course, data.u_unit),
             *notes,
             *shortfalls(wanted, now, then, course.Ts),
         ),
@@ -160,7 +160,7 @@ def design(
 
 
 @dataclass
-class _Work:
+class _Plan:
     """A course that grows, and its phases."""
 
     course: Course
@@ -173,7 +173,7 @@ class _Work:
         self.phases.append(Phase(name, start, self.course.N, why))
 
 
-def _ends(work: _Work, k: int) -> None:
+def _add_strokes(work: _Plan, k: int) -> None:
     """From end to end at different levels."""
     course, rng = work.course, work.rng
 
@@ -186,7 +186,7 @@ def _ends(work: _Work, k: int) -> None:
     work.phase("ends", "from end to end at different levels", run)
 
 
-def _breakaway(work: _Work, k: int) -> None:
+def _add_pulses(work: _Plan, k: int) -> None:
     """Rising pulses from rest, up and down in turn, each series in the direction in which the joint came."""
     course = work.course
 
@@ -203,7 +203,7 @@ def _breakaway(work: _Work, k: int) -> None:
     work.phase("breakaway", "pulses from rest, each a little larger, until the joint starts", run)
 
 
-def _backlash(work: _Work, k: int) -> None:
+def _add_reversals(work: _Plan, k: int) -> None:
     """Slow reversals."""
     course = work.course
 
@@ -217,15 +217,15 @@ def _backlash(work: _Work, k: int) -> None:
     work.phase("backlash", "slow reversals: the drive crosses the backlash before the link follows", run)
 
 
-_PARTS = {"ends": _ends, "breakaway": _breakaway, "backlash": _backlash}
+_PARTS = {"ends": _add_strokes, "breakaway": _add_pulses, "backlash": _add_reversals}
 
 
 def _sampling(fit: Fit, Ts: float | None) -> float:
     """Sampling time [s] of the next record."""
     if Ts is None:
-        return fit.Ts / times_faster(fit)
+        return fit.Ts / rate_needed(fit)
     motor = motor_of(fit.model)
-    least = fit.Ts * max(1.0 / MOST, motor.value(fit.model.part(fit.theta, motor), "delay") / LONGEST)
+    least = fit.Ts * max(1.0 / LONGEST_DELAY, motor.value(fit.model.part(fit.theta, motor), "delay") / LONGEST)
     if not least <= Ts <= fit.Ts:
         raise InputError(
             f"the sampling time of the next record is {Ts:g} s; give {least:.3g} to {fit.Ts:g} s, that of the first"
@@ -233,7 +233,7 @@ def _sampling(fit: Fit, Ts: float | None) -> float:
     return Ts
 
 
-def _then(
+def _expected_values(
     fit: Fit, data: IOData, course: Course, targets: tuple[str, ...], complete: bool
 ) -> tuple[tuple[JointValue, ...], list[str]]:
     """The values from a simulated record of the experiment."""
@@ -250,11 +250,11 @@ def _then(
         said = f"{width * size.factor:.3g} {size.unit}".rstrip()
         notes.append(f"no backlash is known yet; the prediction has one of {said}, to test whether it would show")
     noise = np.sqrt(fit.criteria.mse) * np.random.default_rng(0).standard_normal(len(u))
-    record = _named(IOData(u, y + noise, course.Ts), data)
+    record = _with_names(IOData(u, y + noise, course.Ts), data)
     again = fit_chain(chain, record, start=np.array(theta), search="lm")
     return joint_values(again, data=record, complete=complete), notes
 
 
-def _named(record: IOData, like: IOData) -> IOData:
+def _with_names(record: IOData, like: IOData) -> IOData:
     """The record with the names and units of another."""
     return replace(record, u_name=like.u_name, y_name=like.y_name, u_unit=like.u_unit, y_unit=like.y_unit)

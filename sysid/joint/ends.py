@@ -12,8 +12,8 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.joint import Joint
+from sysid.joint.holdout import holdout_errors, is_harmful
 from sysid.joint.parts import PARTS
-from sysid.joint.unseen import free_runs, harms
 from sysid.model.chain import Chain
 from sysid.selection.folds import Fold
 from sysid.solver.iterate import Options
@@ -28,10 +28,14 @@ WORDS = {
     "both": "both end stops",
 }
 _SCREENING = Options(max_iterations=40)
-_OWN = 1  # starts of its own for a joint with fewer stops, besides the optimum with both
+_OWN_STARTS = 1  # starts of its own for a joint with fewer stops, besides the optimum with both
 _DOUBT = 20.0  # margins of BIC within which a joint without stops gets more starts
-_ALIKE = 0.5  # of BIC a sample: twice the logarithm of the error's ratio, within which joints are nearly as good
-_CLEAR = 5.0  # margins beyond which a stop need not show on unseen folds: one that is struck once is in one fold alone
+_NEARLY_AS_GOOD = (
+    0.5  # of BIC a sample: twice the logarithm of the error's ratio, within which joints are nearly as good
+)
+_CLEAR_MARGINS = (
+    5.0  # margins beyond which a stop need not show on unseen folds: one that is struck once is in one fold alone
+)
 
 
 @dataclass(frozen=True)
@@ -56,17 +60,17 @@ def variant(chain: Chain, which: str, low: float, high: float) -> Chain:
         fewer if b is motor else b for b in chain.blocks if which != "straight" or not isinstance(b, TravelMap)
     )
     scale = {"lower": {"map.high": high}, "upper": {"map.low": low}, "none": {"map.low": low, "map.high": high}}
-    return sub(chain, blocks, scale[which] if which in scale and _mapped(chain) else {})
+    return sub(chain, blocks, scale[which] if which in scale and _has_travel_map(chain) else {})
 
 
-def as_given(fit: Fit) -> Ends:
+def present_ends(fit: Fit) -> Ends:
     """The end stops that the fitted joint has, without a choice."""
     if motor_of(fit.model).stops:
         return Ends("both", fit, {})
-    return Ends("none" if _mapped(fit.model) else "straight", fit, {})
+    return Ends("none" if _has_travel_map(fit.model) else "straight", fit, {})
 
 
-def chosen_ends(
+def choose_ends(
     both: Fit,
     data: IOData,
     cut: IOData,
@@ -85,13 +89,13 @@ def chosen_ends(
     turns, curved = "turns" in parts, "stribeck" in parts
     chain = both.model
     if not motor_of(chain).stops:
-        return as_given(both)
-    low, high = _outputs(both)
+        return present_ends(both)
+    low, high = _end_outputs(both)
     fits = {"both": both}
     for which in ENDS:
-        if which == "both" or (which == "straight" and not (_mapped(chain) and low < high)):
+        if which == "both" or (which == "straight" and not (_has_travel_map(chain) and low < high)):
             continue
-        other = _fitted(variant(chain, which, low, high), both, data, cut, _OWN, options)
+        other = _fit_variant(variant(chain, which, low, high), both, data, cut, _OWN_STARTS, options)
         if other is not None:
             fits[which] = other
     bare = [name for name in fits if not ENDS[name]]
@@ -99,29 +103,35 @@ def chosen_ends(
         return Ends("both", both, {"both": float(both.criteria.bic)})
     if min(fits[name].criteria.bic for name in bare) < both.criteria.bic + _DOUBT * margin:
         for name in bare:
-            other = _fitted(fits[name].model, fits[name], data, cut, 3 * _OWN, {**options, "seed": options["seed"] + 1})
+            other = _fit_variant(
+                fits[name].model, fits[name], data, cut, 3 * _OWN_STARTS, {**options, "seed": options["seed"] + 1}
+            )
             fits[name] = min((fits[name], other or fits[name]), key=lambda fit: fit.criteria.bic)
     cost = {name: margin * (ENDS[name] + (name != "straight")) for name in fits}
     price = {name: fit.criteria.bic + cost[name] for name, fit in fits.items()}
     if turns and "straight" in fits:
-        price["straight"] = min(price["straight"], _with("turns", fits["straight"], cut, options))
-    near = [name for name in fits if price[name] < min(price.values()) + max(_DOUBT * margin, _ALIKE * data.N)]
+        price["straight"] = min(price["straight"], _bic_with_part("turns", fits["straight"], cut, options))
+    near = [name for name in fits if price[name] < min(price.values()) + max(_DOUBT * margin, _NEARLY_AS_GOOD * data.N)]
     if curved and len(near) > 1:
         for name in near:
-            price[name] = min(price[name], _with("stribeck", fits[name], cut, options) + cost[name])
+            price[name] = min(price[name], _bic_with_part("stribeck", fits[name], cut, options) + cost[name])
     which = min(price, key=lambda name: price[name])
     free = min(bare, key=lambda name: price[name])
-    if ENDS[which] and pair and price[free] < price[which] + _CLEAR * margin:
-        seen = {name: free_runs(fits[name].model, fits[name].theta, pair) for name in (free, which)}
-        if harms(seen[free], seen[which], float(np.sqrt(both.criteria.mse))):
+    if ENDS[which] and pair and price[free] < price[which] + _CLEAR_MARGINS * margin:
+        seen = {name: holdout_errors(fits[name].model, fits[name].theta, pair) for name in (free, which)}
+        if is_harmful(seen[free], seen[which], float(np.sqrt(both.criteria.mse))):
             which = free
     return Ends(which, fits[which], {name: float(fit.criteria.bic) for name, fit in fits.items()})
 
 
-def _fitted(chain: Chain, known: Fit, data: IOData, cut: IOData, own: int, options: dict[str, Any]) -> Fit | None:
+def _fit_variant(chain: Chain, known: Fit, data: IOData, cut: IOData, own: int, options: dict[str, Any]) -> Fit | None:
     """From a known optimum, and from starts of its own where the stops are gone; None if every one of them diverges."""
     free = not motor_of(chain).stops
-    points = [lift_theta(known.model, known.theta, chain, {})] if _mapped(chain) or not _mapped(known.model) else []
+    points = (
+        [lift_theta(known.model, known.theta, chain, {})]
+        if _has_travel_map(chain) or not _has_travel_map(known.model)
+        else []
+    )
     points += Joint().starts(chain, data, own, options["seed"]) if free or not points else []
     try:
         return fit_chain(chain, cut, start=np.array(points), options=_SCREENING, **options)
@@ -129,7 +139,7 @@ def _fitted(chain: Chain, known: Fit, data: IOData, cut: IOData, own: int, optio
         return None
 
 
-def _with(part: str, fit: Fit, data: IOData, options: dict[str, Any]) -> float:
+def _bic_with_part(part: str, fit: Fit, data: IOData, options: dict[str, Any]) -> float:
     """BIC with this part; infinite where the joint cannot have it."""
     found = PARTS[part].added(fit, data)
     try:
@@ -140,11 +150,11 @@ def _with(part: str, fit: Fit, data: IOData, options: dict[str, Any]) -> float:
         return np.inf
 
 
-def _mapped(chain: Chain) -> bool:
+def _has_travel_map(chain: Chain) -> bool:
     return any(isinstance(b, TravelMap) for b in chain.blocks)
 
 
-def _outputs(fit: Fit) -> tuple[float, float]:
+def _end_outputs(fit: Fit) -> tuple[float, float]:
     """Outputs at the lower and upper stop."""
     for b in fit.model.blocks:
         part = fit.model.part(fit.theta, b)

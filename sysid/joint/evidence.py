@@ -13,28 +13,28 @@ import numpy as np
 from sysid.base.quantities import display_quantity, number
 from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.data.record import IOData
+from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.rate import response, times_faster
-from sysid.joint.value_physics import ends_of, travel_of
-from sysid.joint.value_record import Started, StopTest, noise_level, starts_from_rest, stop_test
-from sysid.joint.value_spread import FAR, Spread, spread_of
-from sysid.joint.value_starts import Breakaway, breakaway
+from sysid.joint.breakaway import Breakaway, RestStart, breakaway, starts_from_rest
+from sysid.joint.physics import ends_of, travel_of
+from sysid.joint.sampling import rate_needed, response_samples
+from sysid.joint.spread import END_REACH, Spread, spread_of
+from sysid.joint.stops import StopTest, noise_level, stop_test
 from sysid.model.chain import Chain
-from sysid.uncertainty.initial_sensitivity import with_initial_state
 
 STARTS = 2  # from rest in one direction, under a slowly rising voltage
 CROSSINGS = 6  # of the backlash, both ways together
-_BROAD = 0.125  # of the friction at rest: a wider standard uncertainty does not determine a break-away
-_CLEAR = 0.15  # of the backlash: a wider standard uncertainty of the fit does not determine it
+_BREAKAWAY_PRECISION = 0.125  # of the friction at rest: a wider standard uncertainty does not determine a break-away
+_BACKLASH_PRECISION = 0.15  # of the backlash: a wider standard uncertainty of the fit does not determine it
 _SIDE = 0.4  # of the backlash from its middle: the link lies against this side
-_TOLD = 0.5  # of lag and delay together: a wider standard deviation of one does not tell it from the other
-_TOGETHER = -0.9  # a correlation of lag and delay below it leaves only their sum
+_TIME_PRECISION = 0.5  # of lag and delay together: a wider standard deviation of one does not tell it from the other
+_LARGEST_CORRELATION = -0.9  # a correlation of lag and delay below it leaves only their sum
 PULSES = "qpal design --for breakaway FILE"
 
 
 @dataclass(frozen=True)
-class Shown:
+class ValueEvidence:
     """Whether the record determines a value, one plain sentence why (not), and what was counted."""
 
     determined: bool
@@ -49,9 +49,9 @@ class Evidence:
     A value without an entry needs nothing but information. `breakaway`: what the starts add to the model's, by name.
     """
 
-    values: Mapping[str, Shown]
+    values: Mapping[str, ValueEvidence]
     stops: Mapping[str, StopTest]
-    starts: tuple[Started, ...]
+    starts: tuple[RestStart, ...]
     noise: float
     breakaway: Mapping[str, Breakaway]
 
@@ -67,8 +67,8 @@ class Evidence:
 def evidence(fit: Fit, data: IOData, spread: Spread | None = None) -> Evidence:
     """What the estimation record `data` shows of the values of an actuated joint `fit`.
 
-    end_low, end_high: see `sysid.joint.value_record.stop_test`. breakaway_up, breakaway_down: at least `STARTS` starts
-    from rest that a slowly rising voltage brackets (see `sysid.joint.value_starts`), and a standard uncertainty of 12 %
+    end_low, end_high: see `sysid.joint.stops.stop_test`. breakaway_up, breakaway_down: at least `STARTS` starts
+    from rest that a slowly rising voltage brackets (see `sysid.joint.breakaway`), and a standard uncertainty of 12 %
     of the friction at most. backlash: at least `CROSSINGS` of the model's link from side to side, and a standard
     uncertainty of 15 % at most in the fit. time_constant and delay: neither is told from their sum if Ts is longer than
     it, or if their correlation in the information matrix, their uncertainty or a limit says so. `spread` spares its
@@ -76,18 +76,18 @@ def evidence(fit: Fit, data: IOData, spread: Spread | None = None) -> Evidence:
     """
     chain, theta = fit.model, fit.theta
     spread = spread_of(fit, data, 0.95) if spread is None else spread
-    noise, links, stops = noise_of(data), _links(chain, theta, data), stop_tests(fit, data)
-    found = {name: _of_stop(test, data.y_unit or "y", name) for name, test in stops.items()}
+    noise, links, stops = reading_noise(data), _link_crossings(chain, theta, data), stop_tests(fit, data)
+    found = {name: _stop_evidence(test, data.y_unit or "y", name) for name, test in stops.items()}
     readable = chain.block("sensor") is None and not isinstance(motor_of(chain), ServoMotor)
-    starts = tuple(starts_from_rest(data, noise, _every(fit))) if readable else ()
+    starts = tuple(starts_from_rest(data, noise, _response_step(fit))) if readable else ()
     added = {}
     for name, way in (("breakaway_up", 1), ("breakaway_down", -1)):
         added[name] = breakaway(fit, data, starts, way, spread)
-        found[name] = _of_starts(added[name].count, added[name].share, "up" if way > 0 else "down")
+        found[name] = _start_evidence(added[name].count, added[name].share, "up" if way > 0 else "down")
     if links is not None:
-        found["backlash"] = _of_crossings(fit, *links, _play_uncertainty(fit, spread))
+        found["backlash"] = _crossing_evidence(fit, *links, _play_uncertainty(fit, spread))
     if motor_of(chain).delayed:
-        found["time_constant"] = found["delay"] = _of_times(fit, spread)
+        found["time_constant"] = found["delay"] = _time_evidence(fit, spread)
     return Evidence(found, stops, starts, noise, added)
 
 
@@ -100,10 +100,10 @@ def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
     chain, theta = fit.model, fit.theta
     places = _places(chain, theta, data)
     drives, noise = _drives(chain, theta, data, places), float(np.median([noise_level(y) for y in places]))
-    every = _every(fit)
+    every = _response_step(fit)
     drives, places = ([a[::every] for a in each] for each in (drives, places))
     seen = max(float(y.max()) for y in places) - min(float(y.min()) for y in places)
-    slack, found = min(_width(chain, theta), FAR * seen), {}
+    slack, found = min(_play_width(chain, theta), END_REACH * seen), {}
     for name, way, at in zip(("end_low", "end_high"), (-1.0, 1.0), ends_of(chain, theta), strict=True):
         if np.isfinite(at):
             found[name] = stop_test(drives, places, every * data.Ts, at, noise, way, slack)
@@ -113,9 +113,9 @@ def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
     return found
 
 
-def _every(fit: Fit) -> int:
+def _response_step(fit: Fit) -> int:
     """Samples in which lag and delay pass, at least 1: what a record shows of rests does not change faster."""
-    return max(1, round(response(fit.model, fit.theta)))
+    return max(1, round(response_samples(fit.model, fit.theta)))
 
 
 def _drives(chain: Chain, theta: np.ndarray, data: IOData, places: list[np.ndarray]) -> list[np.ndarray]:
@@ -128,7 +128,7 @@ def _drives(chain: Chain, theta: np.ndarray, data: IOData, places: list[np.ndarr
     return [chain.through(theta, u, 0, k) - place for u, place in zip(inputs, places, strict=True)]
 
 
-def noise_of(data: IOData) -> float:
+def reading_noise(data: IOData) -> float:
     """Standard deviation of a reading [y]."""
     return float(np.median([noise_level(record.y[:, 0]) for record in data.experiments]))
 
@@ -139,29 +139,29 @@ def _places(chain: Chain, theta: np.ndarray, data: IOData) -> list[np.ndarray]:
     if sensor is None:
         return [record.y[:, 0] for record in data.experiments]
     k = chain.blocks.index(sensor)
-    return [chain.through(row, record.u[:, 0], 0, k) for row, record in _runs(chain, theta, data)]
+    return [chain.through(row, record.u[:, 0], 0, k) for row, record in _experiment_runs(chain, theta, data)]
 
 
-def _runs(chain: Chain, theta: np.ndarray, data: IOData) -> list[tuple[np.ndarray, IOData]]:
+def _experiment_runs(chain: Chain, theta: np.ndarray, data: IOData) -> list[tuple[np.ndarray, IOData]]:
     """theta with the initial state of each experiment, and the experiment."""
     return [
-        (theta if k == 0 else with_initial_state(chain, theta, record), record)
+        (theta if k == 0 else estimate_initial(chain, theta, record), record)
         for k, record in enumerate(data.experiments)
     ]
 
 
-def _width(chain: Chain, theta: np.ndarray) -> float:
+def _play_width(chain: Chain, theta: np.ndarray) -> float:
     play = next((b for b in chain.blocks if isinstance(b, Play | CoastingPlay)), None)
     return 0.0 if play is None else float(chain.part(theta, play)[0])
 
 
-def _links(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[int, int] | None:
+def _link_crossings(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[int, int] | None:
     """How often the model's link crosses its backlash upward and downward; None without a backlash."""
     play = next((b for b in chain.blocks if isinstance(b, Play | CoastingPlay)), None)
     if play is None:
         return None
-    k, width, counts = chain.blocks.index(play), _width(chain, theta), [0, 0]
-    for row, record in _runs(chain, theta, data):
+    k, width, counts = chain.blocks.index(play), _play_width(chain, theta), [0, 0]
+    for row, record in _experiment_runs(chain, theta, data):
         x = chain.through(row, record.u[:, 0], 0, k)
         share = (play.output(chain.part(row, play), x) - x) / max(width, 1e-300)
         sides = np.sign(share[np.abs(share) > _SIDE])
@@ -170,53 +170,55 @@ def _links(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[int, int] | N
     return counts[0], counts[1]
 
 
-def _of_stop(test: StopTest, unit: str, name: str) -> Shown:
+def _stop_evidence(test: StopTest, unit: str, name: str) -> ValueEvidence:
     counts = {"rests": len(test.visits), "arrivals": test.arrivals, "farthest": test.farthest}
     if test.met:
-        return Shown(True, f"the joint rests against it {len(test.visits)} times", counts)
+        return ValueEvidence(True, f"the joint rests against it {len(test.visits)} times", counts)
     as_shown = display_quantity(name, unit)
     place = f"{number(test.farthest * as_shown.factor, 4)} {as_shown.unit}".rstrip()
-    return Shown(False, f"not reached: beyond {place} ({test.why})", counts)
+    return ValueEvidence(False, f"not reached: beyond {place} ({test.why})", counts)
 
 
-def _of_starts(count: int, share: float, way: str) -> Shown:
+def _start_evidence(count: int, share: float, way: str) -> ValueEvidence:
     counts = {"slow_starts": count, "uncertainty": share}
     said = f"{count or 'no'} {way}ward start{'' if count == 1 else 's'} from rest under a slowly rising voltage"
     if count < STARTS:
-        return Shown(
+        return ValueEvidence(
             False, f"{said}, but {STARTS} that agree are needed: record rising pulses from rest ({PULSES})", counts
         )
     if not np.isfinite(share):
-        return Shown(False, f"{said} contradict the model: record rising pulses from rest ({PULSES})", counts)
-    if share > _BROAD:
+        return ValueEvidence(False, f"{said} contradict the model: record rising pulses from rest ({PULSES})", counts)
+    if share > _BREAKAWAY_PRECISION:
         leave = f"{said} leave it uncertain by {100.0 * share:.0f} % of the friction"
-        return Shown(False, f"{leave}: record rising pulses from rest ({PULSES})", counts)
-    return Shown(True, said, counts)
+        return ValueEvidence(False, f"{leave}: record rising pulses from rest ({PULSES})", counts)
+    return ValueEvidence(True, said, counts)
 
 
-def _of_crossings(fit: Fit, up: int, down: int, std: float) -> Shown:
+def _crossing_evidence(fit: Fit, up: int, down: int, std: float) -> ValueEvidence:
     counts = {"crossings_up": up, "crossings_down": down, "uncertainty": std}
     if up + down < CROSSINGS:
         why = f"crossings by the link: {up + down}, but {CROSSINGS} are needed: reverse slowly where its weight"
-        return Shown(False, f"{why} changes sides (qpal design --for backlash FILE)", counts)
-    if not std <= _CLEAR:
+        return ValueEvidence(False, f"{why} changes sides (qpal design --for backlash FILE)", counts)
+    if not std <= _BACKLASH_PRECISION:
         size = f"{100 * std:.0f} % of it" if std < 10.0 else "larger than itself"
         why = f"its standard uncertainty is {size}: what the link does on its way across looks like lag and friction"
-        return Shown(False, f"{why}; {_faster(fit, 'and reverse slowly')} (qpal design --for backlash FILE)", counts)
-    return Shown(True, f"the link crosses it {up + down} times", counts)
+        return ValueEvidence(
+            False, f"{why}; {_record_advice(fit, 'and reverse slowly')} (qpal design --for backlash FILE)", counts
+        )
+    return ValueEvidence(True, f"the link crosses it {up + down} times", counts)
 
 
 def _play_uncertainty(fit: Fit, spread: Spread) -> float:
     """Standard uncertainty of the backlash in the fit, as a share of it."""
-    std = spread.std(lambda theta: _width(fit.model, theta))
-    return std / max(_width(fit.model, fit.theta), 1e-300) if np.isfinite(std) else np.inf
+    std = spread.std(lambda theta: _play_width(fit.model, theta))
+    return std / max(_play_width(fit.model, fit.theta), 1e-300) if np.isfinite(std) else np.inf
 
 
-def _of_times(fit: Fit, spread: Spread) -> Shown:
+def _time_evidence(fit: Fit, spread: Spread) -> ValueEvidence:
     """Whether lag and delay are told apart: by the sampling time, their limits, correlation and uncertainty."""
     chain, motor, Ts = fit.model, motor_of(fit.model), fit.Ts
     at = [chain.names.index(f"{motor.role}.{part}") for part in ("lag", "delay")]
-    std = [spread.std(partial(_entry, i)) for i in at]
+    std = [spread.std(partial(_theta_entry, i)) for i in at]
     cov = spread.noise.covariance_of(np.eye(len(chain.names))[at])
     size = float(np.sqrt(cov[0, 0] * cov[1, 1]))
     r, both = float(cov[0, 1]) / size if size > 0.0 else 0.0, float(fit.theta[at].sum())
@@ -231,21 +233,21 @@ def _of_times(fit: Fit, spread: Spread) -> Shown:
         why = f"the {held[0]} of the fit is at the limit of its range, so only its sum with the other is known"
     elif not np.all(np.isfinite(std)):
         why = "the record has no information on the share of time constant and delay in their sum"
-    elif r < _TOGETHER:
+    elif r < _LARGEST_CORRELATION:
         why = f"an error of the time constant looks like one of the delay (correlation {r:.2f})"
-    elif max(std) > _TOLD * both / 2:
+    elif max(std) > _TIME_PRECISION * both / 2:
         k = int(np.argmax(std))
         why = f"the standard uncertainty of the {names[k]} alone is {std[k] * Ts:.2g} s, of {both * Ts:.2g} s together"
     else:
-        return Shown(True, f"correlation {r:.2f}", counts)
-    return Shown(False, f"{why}; {_faster(fit, 'to tell them apart')}", counts)
+        return ValueEvidence(True, f"correlation {r:.2f}", counts)
+    return ValueEvidence(False, f"{why}; {_record_advice(fit, 'to tell them apart')}", counts)
 
 
-def _entry(i: int, theta: np.ndarray) -> float:
+def _theta_entry(i: int, theta: np.ndarray) -> float:
     return float(theta[i])
 
 
-def _faster(fit: Fit, purpose: str) -> str:
+def _record_advice(fit: Fit, purpose: str) -> str:
     """What to do for a quicker motion than the record resolves."""
-    times = times_faster(fit)
+    times = rate_needed(fit)
     return f"sample {times} times faster {purpose}" if times > 1 else f"record longer {purpose}"

@@ -15,17 +15,12 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lift_theta, shake_theta
 from sysid.estimation.result import Fit
 from sysid.estimation.starts import starts as make_starts
-from sysid.joint.clock import Clock
-from sysid.joint.coarse import coarse, factor
 from sysid.joint.ends import WORDS as ENDS_IN_WORDS
-from sysid.joint.ends import Ends, as_given, chosen_ends
-from sysid.joint.nearby import SHAKES, beside, better
-from sysid.joint.parts import PARTS, is_plain
-from sysid.joint.pruning import pruned, remaining
-from sysid.joint.rate import at_rate, rated
-from sysid.joint.rounds import MARGIN, Step, rounds
-from sysid.joint.stretches import in_stretches
-from sysid.joint.unseen import free_runs, unseen_folds
+from sysid.joint.ends import Ends, choose_ends, present_ends
+from sysid.joint.holdout import holdout_errors, holdout_folds
+from sysid.joint.parts import PARTS, is_plain, prune, remaining_parts
+from sysid.joint.rounds import MARGIN, SHAKES, Clock, Step, grow_rounds, refine_from, search_nearby
+from sysid.joint.sampling import chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
 from sysid.model.chain import Chain
 from sysid.selection.folds import Fold
 from sysid.solver.iterate import Options
@@ -36,10 +31,10 @@ if TYPE_CHECKING:
 
 WORDS = {name: part.words for name, part in PARTS.items()}
 _ROUNDS = 4  # at most, of the last search, as long as each lowers BIC by MARGIN
-_WAYS = 2  # starts anew, at most, to come to the same joint
-_BETTER = 1.0  # of BIC, less than which is the same optimum reached to another tolerance
-_NEARBY = "places nearby were searched"
-_LOST = 3.0  # points of fit on unseen parts that a warning speaks of
+_CONFIRMATIONS = 2  # starts anew, at most, to come to the same joint
+_SAME_OPTIMUM = 1.0  # of BIC, less than which is the same optimum reached to another tolerance
+_NEARBY_SEARCH = "places nearby were searched"
+_UNSEEN_LOSS = 3.0  # points of fit on unseen parts that a warning speaks of
 
 
 @dataclass(frozen=True, repr=False)
@@ -67,11 +62,11 @@ class Growth(Shown):
     @property
     def parts(self) -> tuple[str, ...]:
         """Names of the parts that the joint has."""
-        return remaining(tuple(step.part for step in self.steps if step.kept), self.dropped)
+        return remaining_parts(tuple(step.part for step in self.steps if step.kept), self.dropped)
 
     def stayed(self, step: Step) -> bool:
         """Whether the part of a step was kept in its round, and the grown joint has the whole of it."""
-        return step.kept and remaining((step.part,), self.dropped) == (step.part,)
+        return step.kept and remaining_parts((step.part,), self.dropped) == (step.part,)
 
     def sentence(self) -> str:
         """The parts kept, in words."""
@@ -81,7 +76,9 @@ class Growth(Shown):
                 "No part other than dry friction and a position-dependent load improves BIC enough on this record."
                 + stops
             )
-        steps = [(name, step.bic) for step in self.steps if step.kept for name in remaining((step.part,), self.dropped)]
+        steps = [
+            (name, step.bic) for step in self.steps if step.kept for name in remaining_parts((step.part,), self.dropped)
+        ]
         kept = [f"{WORDS[name]} (BIC {bic:.0f})" for name, bic in steps]
         doubt = "".join(
             f" The record does not tell {WORDS[kept]} from {WORDS[other]}." for kept, other in self.undecided
@@ -115,7 +112,7 @@ class Growth(Shown):
 
 
 @dataclass(frozen=True)
-class _Rough:
+class _ThinRecord:
     """The record with k samples as one, and that in stretches."""
 
     whole: IOData
@@ -158,10 +155,10 @@ def grow_joint(
     options: dict[str, Any] = {"search": search, "seed": seed, "progress": progress}
     # A motor that does not suit runs away.
     with one_blas_thread(), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        return _grown(chain.scaled(data.u, data.y), data, starts, names, options, Clock(seconds))
+        return _grow(chain.scaled(data.u, data.y), data, starts, names, options, Clock(seconds))
 
 
-def _grown(
+def _grow(
     chain: Chain, data: IOData, starts: int, names: tuple[str, ...], options: dict[str, Any], clock: Clock
 ) -> Growth:
     """Ends and parts on the record in stretches, of a long one with fewer samples; then the whole record.
@@ -169,36 +166,39 @@ def _grown(
     The plain joint and the fit to the whole record are made whatever the time, so that there is a result.
     """
     timed = {**options, "progress": clock.hears(options["progress"])}
-    k = factor(data, chain)
-    rough = coarse(data, k)
-    cut, pair = in_stretches(rough, chain), unseen_folds(data)
-    short = unseen_folds(cut)
-    both = _plain(chain, rough, cut, starts, options)
+    k = thinning_factor(data, chain)
+    rough = thin(data, k)
+    cut, pair = cut_at_rests(rough, chain), holdout_folds(data)
+    short = holdout_folds(cut)
+    both = _fit_plain(chain, rough, cut, starts, options)
     known = (both, rough, cut, short, MARGIN, timed, names)
-    ends = clock.within("its end stops were chosen", chosen_ends, as_given(both), *known)
+    ends = clock.within("its end stops were chosen", choose_ends, present_ends(both), *known)
     # Over stretches a search seldom stops beside its optimum.
-    plain = clock.within(_NEARBY, beside, ends.fit, ends.fit, cut, timed) if cut is rough else ends.fit
-    fit, steps, undecided = rounds(plain, cut, short, names, timed, clock)
+    plain = clock.within(_NEARBY_SEARCH, search_nearby, ends.fit, ends.fit, cut, timed) if cut is rough else ends.fit
+    fit, steps, undecided = grow_rounds(plain, cut, short, names, timed, clock)
     kept = tuple(step.part for step in steps if step.kept)
     first = float(ends.fit.criteria.bic)
     try:
-        whole = _over(fit, data, k, options)
+        whole = _fit_whole_record(fit, data, k, options)
     except InputError:  # it runs away over the whole record, which stretches do not show
-        whole, steps, kept = fit_chain(rated(ends.fit.model, k), data, starts=starts, **options), (), ()
-    fit = clock.within(_NEARBY, beside, whole, whole, data, timed, kept)
+        whole, steps, kept = fit_chain(chain_at_rate(ends.fit.model, k), data, starts=starts, **options), (), ()
+    fit = clock.within(_NEARBY_SEARCH, search_nearby, whole, whole, data, timed, kept)
     uncut: tuple[Fit, tuple[str, ...]] = fit, ()
-    fit, dropped = clock.within("parts were left out again", pruned, uncut, fit, data, kept, MARGIN, timed)
-    left = remaining(kept, dropped)
+    fit, dropped = clock.within("parts were left out again", prune, uncut, fit, data, kept, MARGIN, timed)
+    left = remaining_parts(kept, dropped)
     for turn in range(_ROUNDS):
-        bic, fit = fit.criteria.bic, clock.within(_NEARBY, beside, fit, fit, data, timed, left if turn else ())
+        bic, fit = (
+            fit.criteria.bic,
+            clock.within(_NEARBY_SEARCH, search_nearby, fit, fit, data, timed, left if turn else ()),
+        )
         if fit.criteria.bic > bic - MARGIN:
             break
     doubts = tuple((a, b) for a, b in undecided if b not in kept and a in left)
     growth = Growth(fit, first, steps, ends=ends.which, dropped=dropped, undecided=doubts)
-    return _checked(growth, ends, data, _Rough(rough, cut, k), pair, starts, timed, clock)
+    return _confirm(growth, ends, data, _ThinRecord(rough, cut, k), pair, starts, timed, clock)
 
 
-def _plain(chain: Chain, data: IOData, cut: IOData, starts: int, options: dict[str, Any]) -> Fit:
+def _fit_plain(chain: Chain, data: IOData, cut: IOData, starts: int, options: dict[str, Any]) -> Fit:
     """The plain joint, from starts that the whole record gives."""
     if cut is data:
         return fit_chain(chain, data, starts=starts, **options)
@@ -206,16 +206,16 @@ def _plain(chain: Chain, data: IOData, cut: IOData, starts: int, options: dict[s
     return fit_chain(chain, cut, start=np.array(points), **options)
 
 
-def _over(fit: Fit, data: IOData, k: int, options: dict[str, Any]) -> Fit:
+def _fit_whole_record(fit: Fit, data: IOData, k: int, options: dict[str, Any]) -> Fit:
     """The fit, with k samples as one, over the whole record."""
-    return fit_chain(rated(fit.model, k), data, start=at_rate(fit.model, fit.theta, k)[None], **options)
+    return fit_chain(chain_at_rate(fit.model, k), data, start=theta_at_rate(fit.model, fit.theta, k)[None], **options)
 
 
-def _checked(
+def _confirm(
     growth: Growth,
     ends: Ends,
     data: IOData,
-    rough: _Rough,
+    rough: _ThinRecord,
     pair: tuple[Fold, ...],
     starts: int,
     options: dict[str, Any],
@@ -223,11 +223,11 @@ def _checked(
 ) -> Growth:
     """The growth with what independent starts and unseen parts say of it."""
     fit, agreed, ways = growth.fit, 1, 0
-    for k in range(1, _WAYS + 1):
+    for k in range(1, _CONFIRMATIONS + 1):
         ways += 1
         try:
             again = (fit, ends, data, rough, starts, {**options, "seed": options["seed"] + 1000 * k})
-            other = clock.within("other starts confirmed it", _another, None, *again)
+            other = clock.within("other starts confirmed it", _fit_again, None, *again)
         except (InputError, np.linalg.LinAlgError):  # no start gives a valid model
             continue
         if other is None:
@@ -237,28 +237,28 @@ def _checked(
             agreed += 1
         elif gap < 0.0:
             agreed = 1
-        if gap < -_BETTER:
+        if gap < -_SAME_OPTIMUM:
             fit = other
         if agreed > 1:
             break
-    seen = free_runs(fit.model, fit.theta, pair).percent if pair else float("nan")
+    seen = holdout_errors(fit.model, fit.theta, pair).percent if pair else float("nan")
     growth = replace(growth, fit=fit, agreed=agreed, unseen_percent=seen, stopped=clock.sentence())
     growth.fit.remember(data)
     return replace(growth, warnings=tuple(_warnings(growth, data, ways)))
 
 
-def _another(fit: Fit, ends: Ends, data: IOData, rough: _Rough, starts: int, options: dict[str, Any]) -> Fit:
+def _fit_again(fit: Fit, ends: Ends, data: IOData, rough: _ThinRecord, starts: int, options: dict[str, Any]) -> Fit:
     """The same chain from a plain joint that was found from other starts."""
     bare, cut = ends.fit.model, rough.cut
-    found = _plain(bare, rough.whole, cut, starts, options)
-    chain, theta = rated(fit.model, 1.0 / rough.k), at_rate(fit.model, fit.theta, 1.0 / rough.k)
+    found = _fit_plain(bare, rough.whole, cut, starts, options)
+    chain, theta = chain_at_rate(fit.model, 1.0 / rough.k), theta_at_rate(fit.model, fit.theta, 1.0 / rough.k)
     own = set(chain.names) - set(bare.names)
     grown = {name: float(v) for name, v in zip(chain.names, theta, strict=True) if name in own}
     rng = np.random.default_rng(options["seed"])
     base = lift_theta(bare, found.theta, chain, grown)
     points = [base, *(np.clip(shake_theta(chain, base, rng), *chain.limits) for _ in range(SHAKES - 1))]
     run = fit_chain(chain, cut, start=base[None], options=Options(max_iterations=1), **options)
-    return _over(better(run, points, cut, options), data, rough.k, options)
+    return _fit_whole_record(refine_from(run, points, cut, options), data, rough.k, options)
 
 
 def _warnings(growth: Growth, data: IOData, ways: int) -> list[str]:
@@ -269,7 +269,7 @@ def _warnings(growth: Growth, data: IOData, ways: int) -> list[str]:
         )
     y = data.y[data.observed[:, 0], 0]
     seen = 100.0 * (1.0 - float(np.sqrt(fit.criteria.mse)) / max(float(np.std(y)), 1e-300))
-    if growth.unseen_percent < seen - _LOST:
+    if growth.unseen_percent < seen - _UNSEEN_LOSS:
         said.append(
             f"on parts of the record that the joint was not fitted to, its fit is {growth.unseen_percent:.1f} % "
             f"instead of {seen:.1f} %: the record does not show often enough what decides its motion (arrivals at "

@@ -11,8 +11,8 @@ from sysid.joint.course import Course
 from sysid.joint.values import JointValue
 
 _ADVICE = re.compile(r"[:;] (?:record|reverse|sample) ")
-_WORSE = 1.3  # times the interval of the first record
-_STRONG = 1.7  # of the friction in motion: inputs that start most joints
+_WIDER = 1.3  # times the interval of the first record
+_STRONG_INPUT = 1.7  # of the friction in motion: inputs that start most joints
 _WORDS = {
     **{"end_low": "the lower end", "end_high": "the upper end", "speed_per_volt": "the speed per volt"},
     **{"breakaway_up": "the break-away voltage up", "breakaway_down": "the break-away voltage down"},
@@ -20,7 +20,7 @@ _WORDS = {
 }
 
 
-def unmet(course: Course, data: IOData) -> list[str]:
+def unseen_ends(course: Course, data: IOData) -> list[str]:
     """One sentence for each end that the first record does not show, and that the input therefore keeps away from."""
     found = []
     y, unit = data.y, display_quantity("", data.y_unit or "")
@@ -49,8 +49,8 @@ def shortfalls(names: Iterable[str], now: Sequence[JointValue], then: Sequence[J
         if name.startswith("end_") and not (old and old.determined):
             continue  # see `unmet`
         if new is None or not new.determined:
-            missing.append(_WORDS[name] + _reason(name, after))
-        elif _width(new) > _WORSE * (_width(old) if old else np.inf):
+            missing.append(_WORDS[name] + _missing_reason(name, after))
+        elif _width(new) > _WIDER * (_width(old) if old else np.inf):
             worse.append(_WORDS[name])
     found = []
     if missing:
@@ -63,12 +63,12 @@ def shortfalls(names: Iterable[str], now: Sequence[JointValue], then: Sequence[J
     return found
 
 
-def weak(course: Course, unit: str) -> list[str]:
+def weak_inputs(course: Course, unit: str) -> list[str]:
     """A sentence if the largest inputs may not start a joint with much friction at rest."""
     middle, friction = course.band
     largest = f"{number(-course.tops[-1], 3)} and {number(course.tops[1], 3)} {unit}".rstrip()
     share = min((course.tops[way] - way * middle) / friction for way in (1, -1))
-    if share >= _STRONG:
+    if share >= _STRONG_INPUT:
         return []
     return [
         f"the largest inputs, {largest}, are only {share:.2f} times the friction in motion (beside the load): a joint "
@@ -76,7 +76,7 @@ def weak(course: Course, unit: str) -> list[str]:
     ]
 
 
-def beyond(course: Course, y: np.ndarray, data: IOData) -> list[str]:
+def distant_prediction(course: Course, y: np.ndarray, data: IOData) -> list[str]:
     """A sentence if the predicted y (N,) leaves the range of `data` by more than the range itself."""
     low, high, unit = float(data.y.min()), float(data.y.max()), display_quantity("", data.y_unit or "")
     far = float(y[np.argmax(np.abs(y - 0.5 * (low + high)))])
@@ -88,7 +88,7 @@ def beyond(course: Course, y: np.ndarray, data: IOData) -> list[str]:
     ]
 
 
-def _reason(name: str, values: Mapping[str, JointValue]) -> str:
+def _missing_reason(name: str, values: Mapping[str, JointValue]) -> str:
     """Why a value is not determined, in brackets, without what to record next; '' if nothing is told."""
     found = values.get(name) or values.get(name.replace("breakaway", "moving_friction"))
     why = found.why.removeprefix("break-away is not determined: ") if found else ""

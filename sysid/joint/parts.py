@@ -1,4 +1,4 @@
-"""Parts that a joint may grow: for each, the chain with it and the starting points of its search."""
+"""Parts of a joint: for each, the chain with it and the starting points of its search, and the chain without it."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -6,22 +6,26 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.errors import InputError
 from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor, Play, TravelMap
 from sysid.data.record import IOData
+from sysid.data.wraps import DEGREES
+from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.staged_joint import play_starts
 from sysid.model.chain import Chain
+from sysid.solver.iterate import Options
 
-_TRIED = 3  # of the plays that promise most, how many are tried
-DEGREES = ("deg", "°", "degree", "degrees")
-SHOWN = (0.25, 20.0)  # turns of a record that may show such a load
+_PLAYS_TRIED = 3  # of the plays that promise most, how many are tried
+TURNS_NEEDED = (0.25, 20.0)  # turns of a record that may show such a load
 _SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 # Of the speed that friction in motion takes, which friction at rest keeps at the least. What falls within a part of a
 # sample makes derivatives that grow without limit, and no record shows it.
 _CREEP = 0.02
 Candidate = tuple[Chain, np.ndarray]
+_PRUNING_SEARCH = Options(max_iterations=20)
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,7 @@ def is_plain(chain: Chain) -> bool:
     return bool(motors) and not richer and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks)
 
 
-def more(fit: Fit, data: IOData, names: tuple[str, ...]) -> Iterator[tuple[str, Chain, np.ndarray]]:
+def chains_with_another(fit: Fit, data: IOData, names: tuple[str, ...]) -> Iterator[tuple[str, Chain, np.ndarray]]:
     """Every chain with one more part than the fit, with starting points (K, P)."""
     for name in names:
         found = PARTS[name].added(fit, data)
@@ -78,7 +82,7 @@ def more(fit: Fit, data: IOData, names: tuple[str, ...]) -> Iterator[tuple[str, 
             yield name, *found
 
 
-def again(name: str, fit: Fit, data: IOData) -> list[np.ndarray]:
+def restart_points(name: str, fit: Fit, data: IOData) -> list[np.ndarray]:
     """First values of a part that the fit has, beside its other values."""
     options = PARTS[name].options
     if not options:
@@ -90,7 +94,7 @@ def again(name: str, fit: Fit, data: IOData) -> list[np.ndarray]:
 
 def _with_friction(fit: Fit, data: IOData, options: tuple[str, ...]) -> Candidate | None:
     chain, motor = fit.model, motor_of(fit.model)
-    if any(getattr(motor, option, True) or not _possible(motor, option, options) for option in options):
+    if any(getattr(motor, option, True) or not _is_possible(motor, option, options) for option in options):
         return None
     switched: dict[str, Any] = dict.fromkeys(options, True)
     if "stribeck" in options:
@@ -109,7 +113,7 @@ def _with_friction(fit: Fit, data: IOData, options: tuple[str, ...]) -> Candidat
     return grown, np.array([lift_theta(chain, fit.theta, grown, point) for point in points])
 
 
-def _possible(motor: Motor, option: str, options: tuple[str, ...]) -> bool:
+def _is_possible(motor: Motor, option: str, options: tuple[str, ...]) -> bool:
     needs: dict[str, Callable[[Motor], bool]] = {
         "loss": lambda m: bool(m.load or m.periodic),
         "jams": lambda m: bool(m.stops),
@@ -122,7 +126,7 @@ def _with_waves(fit: Fit, data: IOData, waves: int) -> Candidate | None:
     """A load periodic in the angle, of a motor whose position is the angle itself."""
     chain, motor = fit.model, motor_of(fit.model)
     period = 360.0 if data.y_unit in DEGREES else 2.0 * np.pi
-    least, most = (share * period for share in SHOWN)
+    least, most = (share * period for share in TURNS_NEEDED)
     mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
     if mapped or motor.periodic or not least < np.ptp(data.y) < most:
         return None
@@ -151,6 +155,78 @@ def _with_play(fit: Fit, data: IOData, kind: type[Block]) -> Candidate | None:
     grown = sub(bare, (*bare.blocks[:place], kind(role="play"), *bare.blocks[place:]))
     base = lift_theta(chain, fit.theta, bare, {})
     with np.errstate(all="ignore"):  # of a joint that does not move no link can be judged
-        found = play_starts(grown, bare, base, data)[:_TRIED]
+        found = play_starts(grown, bare, base, data)[:_PLAYS_TRIED]
     points = np.array([lift_theta(chain, fit.theta, grown, point) for point in found])
     return (grown, points) if np.all(np.isfinite(points)) else None
+
+
+def remaining_parts(kept: tuple[str, ...], dropped: tuple[str, ...]) -> tuple[str, ...]:
+    """The parts kept without those dropped; of a part that is made of two the other one stays."""
+    found = []
+    for name in kept:
+        own = PARTS[name].options
+        if name in dropped or (own and set(own) <= set(dropped)):
+            continue
+        left = [option for option in own if option not in dropped]
+        found += [name] if len(left) == len(own) else left
+    return tuple(found)
+
+
+def prune(
+    fit: Fit, data: IOData, kept: tuple[str, ...], margin: float, options: dict[str, Any]
+) -> tuple[Fit, tuple[str, ...]]:
+    """The fit without every part whose loss raises BIC by `margin` or less, and the names of these parts.
+
+    Nearly nothing of a joint's error in free run may depend on a part, and yet its value decides the next record: a
+    jam at a stop that no turn of this record falls into, for example.
+    """
+    dropped: tuple[str, ...] = ()
+    while True:
+        fewer = {}
+        for name in remaining_parts(kept, dropped):
+            for single, (chain, points) in chains_without(name, fit):
+                try:
+                    fewer[single] = fit_chain(chain, data, start=points, options=_PRUNING_SEARCH, **options)
+                except (InputError, np.linalg.LinAlgError):
+                    continue
+        best = min(fewer, key=lambda name: fewer[name].criteria.bic, default=None)
+        if best is None or fewer[best].criteria.bic > fit.criteria.bic + margin:
+            return fit, dropped
+        fit, dropped = fewer[best], (*dropped, best)
+
+
+def chains_without(name: str, fit: Fit) -> Iterator[tuple[str, Candidate]]:
+    """The chain without a part and starting points (K, P), or one of each where the part is made of two."""
+    part, chain, motor = PARTS[name], fit.model, motor_of(fit.model)
+    if part.play is not None:
+        yield name, _candidate(fit, tuple(b for b in chain.blocks if not isinstance(b, Play | CoastingPlay)), [{}])
+    for option in part.options:
+        if option == "stribeck" and motor.sided:  # which goes first
+            continue
+        switched: dict[str, Any] = {option: False} | ({"substeps": 1} if option == "stribeck" else {})
+        plainer = replace(motor, **switched)
+        blocks = tuple(plainer if b is motor else b for b in chain.blocks)
+        yield option, _candidate(fit, blocks, _compensating_values(option, fit))
+
+
+def _candidate(fit: Fit, blocks: tuple[Block, ...], points: list[dict[str, float]]) -> Candidate:
+    plainer = sub(fit.model, blocks)
+    return plainer, np.array([lift_theta(fit.model, fit.theta, plainer, point) for point in points])
+
+
+def _compensating_values(option: str, fit: Fit) -> list[dict[str, float]]:
+    """What the other parameters may be without this one: the friction at mid stroke stays."""
+    motor = motor_of(fit.model)
+    p = {**motor.absent, **motor.by_name(fit.model.part(fit.theta, motor))}
+    if option == "loss":
+        lost, load = p["loss"] * abs(p["load0"]), p["load0"]
+        dry = {"rise": p["rise"] + lost + load, "fall": p["fall"] + lost - load, "load0": 0.0}
+        return [{f"{motor.role}.{name}": value for name, value in dry.items()}]
+    if option == "sided":
+        return [
+            {f"{motor.role}.stick": p["stick"] + share * (p["stick_down"] - p["stick"])} for share in (0.2, 0.5, 0.8)
+        ]
+    if option == "stribeck":
+        shares = (0.0, 0.3)
+        return [{f"{motor.role}.{way}": p[way] + share * p["stick"] for way in ("rise", "fall")} for share in shares]
+    return [{}]

@@ -13,12 +13,12 @@ from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.evidence import Evidence, Shown, evidence
-from sysid.joint.value_physics import ends_of, slope_of, travel_of, volts_to_move
-from sysid.joint.value_spread import FAR, Spread, lacking, spread_of, white
+from sysid.joint.evidence import Evidence, ValueEvidence, evidence
+from sysid.joint.physics import ends_of, slope_of, travel_of, volts_to_move
+from sysid.joint.spread import END_REACH, Spread, spread_of, structural_deviation, white_spread
 from sysid.model.chain import Chain
 
-_VAGUE = 0.1  # of a speed, or of the dry friction: a wider standard uncertainty does not determine it
+_LARGEST_DEVIATION = 0.1  # of a speed, or of the dry friction: a wider standard uncertainty does not determine it
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def joint_values(
     Intervals without a record are those of the delta method from the covariance of the fit, which assumes white
     residuals and a complete model. With the record `data` of the fit they allow for coloured residuals (see
     `sysid.uncertainty.information`), for structure that is left in them, and for what every model of a joint lacks (see
-    `sysid.joint.value_spread`); `complete` leaves the last out, for a record of the model itself. A value that the
+    `sysid.joint.spread`); `complete` leaves the last out, for a record of the model itself. A value that the
     record does not bear (see `sysid.joint.evidence`) then has no interval and says why: an end that was not met, a
     backlash that is not crossed. In place of a break-away without starts from rest there is moving_friction_up or
     moving_friction_down [V], and lag_and_delay [s] in place of a time constant and a delay that the record does not
@@ -82,17 +82,17 @@ def joint_values(
     readings = _readings(chain, fit.Ts)
     shown, dry = None, 0.0
     if data is None:
-        plain = white(fit, level)
-        rows = {name: Shown(True) for name in readings}
+        plain = white_spread(fit, level)
+        rows = {name: ValueEvidence(True) for name in readings}
     else:
         plain = spread_of(fit, data, level, halves=not complete)
         if complete:
             plain = replace(plain, lack=0.0)
         shown = evidence(fit, data, plain)
-        readings = _told(readings, shown)
+        readings = _determined_readings(readings, shown)
         dry = 0.5 * abs(readings["coulomb_up"][1](fit.theta) - readings["coulomb_down"][1](fit.theta))
-        rows = {name: _close(name, _row(name, shown), readings, plain, dry) for name in readings}
-    way, factor = _way(chain, fit.theta, data), float(norm.ppf(0.5 + level / 2))
+        rows = {name: _check_precision(name, _evidence_of(name, shown), readings, plain, dry) for name in readings}
+    way, factor = _stroke(chain, fit.theta, data), float(norm.ppf(0.5 + level / 2))
     found = []
     for name, (unit, read, least) in readings.items():
         value, row = read(fit.theta), rows[name]
@@ -100,13 +100,13 @@ def joint_values(
             continue
         half = plain(read)
         if row.determined and not (np.isfinite(half) and half > 0.0):
-            row = Shown(False, "the record has no information on it")
+            row = ValueEvidence(False, "the record has no information on it")
         limits: tuple[float | None, float | None] = (None, None)
         if row.determined:
             off_line, lacks = linearity * _nonlinearity_share(name, value, chain, fit.theta), 0.0
             if shown is not None and not complete:
-                value, lacks = _with_record(name, value, shown, way, fit.Ts, dry)
-                lacks = float(np.hypot(lacks, _side(chain, fit.theta) if name in shown.stops else 0.0))
+                value, lacks = _record_correction(name, value, shown, way, fit.Ts, dry)
+                lacks = float(np.hypot(lacks, _play_half_width(chain, fit.theta) if name in shown.stops else 0.0))
                 half = 0.0 if name in shown.breakaway else half  # which the agreement with the starts includes
             half = float(np.sqrt(half**2 + (factor * off_line) ** 2 + (factor * lacks) ** 2))
             limits = max(value - half, least), value + half
@@ -125,30 +125,32 @@ def in_unit(values: tuple[JointValue, ...], unit: str) -> tuple[JointValue, ...]
     return tuple(replace(v, unit=named(v.unit)) for v in values)
 
 
-def as_read(value: JointValue) -> JointValue:
+def displayed_value(value: JointValue) -> JointValue:
     """The value in the unit of tables, pictures and its own sentence `why`: degrees where the output is in radians."""
     quantity = quantities.display_quantity(value.name, value.unit)
     low, high = (None if limit is None else limit * quantity.factor for limit in (value.low, value.high))
     return replace(value, value=value.value * quantity.factor, low=low, high=high, unit=quantity.unit or value.unit)
 
 
-def _with_record(name: str, value: float, shown: Evidence, way: float, Ts: float, dry: float) -> tuple[float, float]:
+def _record_correction(
+    name: str, value: float, shown: Evidence, way: float, Ts: float, dry: float
+) -> tuple[float, float]:
     """A value with what the record shows of it directly, and its standard uncertainty beyond that of the fit."""
     if name in shown.breakaway:
         return value + shown.breakaway[name].shift, shown.breakaway[name].std
     if name in shown.stops:
         rests = float(np.mean([visit.reading for visit in shown.stops[name].visits]))
-        value = float(np.clip(value, rests - FAR * way, rests + FAR * way))
-    return value, lacking(name, value, way, Ts, dry)
+        value = float(np.clip(value, rests - END_REACH * way, rests + END_REACH * way))
+    return value, structural_deviation(name, value, way, Ts, dry)
 
 
-def _side(chain: Chain, theta: np.ndarray) -> float:
+def _play_half_width(chain: Chain, theta: np.ndarray) -> float:
     """By how much an end is uncertain since a link that coasts may rest on either side of its backlash [y]."""
     play = next((b for b in chain.blocks if isinstance(b, CoastingPlay)), None)
     return 0.0 if play is None else 0.5 * float(chain.part(theta, play)[0])
 
 
-def _way(chain: Chain, theta: np.ndarray, data: IOData | None) -> float:
+def _stroke(chain: Chain, theta: np.ndarray, data: IOData | None) -> float:
     """Way between the ends [y]; what was seen of it for a joint without two stops."""
     low, high = ends_of(chain, theta)
     if np.isfinite(high - low) or data is None:
@@ -213,7 +215,7 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
     return found
 
 
-def _told(readings: dict[str, Reading], shown: Evidence) -> dict[str, Reading]:
+def _determined_readings(readings: dict[str, Reading], shown: Evidence) -> dict[str, Reading]:
     """The readings with moving friction in place of a break-away, and a sum in place of lag and delay, that the record
     does not determine."""
     found = {}
@@ -228,17 +230,19 @@ def _told(readings: dict[str, Reading], shown: Evidence) -> dict[str, Reading]:
     return found
 
 
-def _row(name: str, shown: Evidence) -> Shown:
+def _evidence_of(name: str, shown: Evidence) -> ValueEvidence:
     """Whether a reading is determined, and why."""
     if name.startswith("moving_friction"):
         other = shown.why(name.replace("moving_friction", "breakaway"))
-        return Shown(True, f"break-away is not determined: {other}")
+        return ValueEvidence(True, f"break-away is not determined: {other}")
     if name == "lag_and_delay":
-        return Shown(True, shown.why("delay"))
-    return Shown(shown.determined(name), shown.why(name))
+        return ValueEvidence(True, shown.why("delay"))
+    return ValueEvidence(shown.determined(name), shown.why(name))
 
 
-def _close(name: str, row: Shown, readings: dict[str, Reading], spread: Spread, dry: float) -> Shown:
+def _check_precision(
+    name: str, row: ValueEvidence, readings: dict[str, Reading], spread: Spread, dry: float
+) -> ValueEvidence:
     """The row of a speed or of a friction in motion, not determined where its standard uncertainty is too large.
 
     A load may make the voltage that moves a joint as small as one likes, so it is compared with the dry friction.
@@ -248,12 +252,12 @@ def _close(name: str, row: Shown, readings: dict[str, Reading], spread: Spread, 
         return row
     read = readings[name][1]
     std, least = spread.std(read), dry if volts else abs(read(spread.noise.theta))
-    if not std > _VAGUE * least:
+    if not std > _LARGEST_DEVIATION * least:
         return row
     why = f"its standard uncertainty is {100.0 * std / max(least, 1e-300):.0f} % of {'the friction' if volts else 'it'}"
     apart = ", since halves of the record give other values" if spread.apart(read) >= std else ""
     why = f"{why}{apart}: the model misses part of what the joint does (qpal design FILE)"
-    return Shown(False, f"{why}; {row.why}" if row.why else why, row.counts)
+    return ValueEvidence(False, f"{why}; {row.why}" if row.why else why, row.counts)
 
 
 def _sum(a: Reading, b: Reading) -> Reading:

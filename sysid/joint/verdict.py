@@ -14,7 +14,7 @@ from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
 from sysid.joint.evidence import stop_tests
 from sysid.joint.growth import MARGIN, Growth
-from sysid.joint.unseen import free_runs, unseen_folds
+from sysid.joint.holdout import holdout_errors, holdout_folds
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options
 from sysid.structures import hammerstein_wiener, output_error
@@ -25,15 +25,17 @@ DRY = 0.03  # of the deviation of the input: dry friction of a motor that drives
 # range of the input. Friction of a share of that spring would hold a motor where it is.
 SPRING, HELD = 0.7, 0.15
 _SAME = 1.1  # ratio of errors on unseen parts within which two models are equally good
-_CLEAR = 0.8  # of the general model's error: so much better over the whole record, a joint may drift on unseen parts
+_CLEARLY_BETTER = (
+    0.8  # of the general model's error: so much better over the whole record, a joint may drift on unseen parts
+)
 # Of the general model's error on unseen parts: a joint so much better there is not refused by BIC, which takes the
 # coloured residuals of both as white. A servo drives its motor by the angle, and in that loop a filter of many
 # parameters repeats the record without being the motor.
-_BETTER = 0.8
+_BETTER_UNSEEN = 0.8
 # A joint that follows the record it was fitted to and loses this many times that error on unseen parts, or whose
 # friction no input of the record overcomes, is not determined by it: the record may be a joint's or not.
 _FOLLOWS, _LOSES = 95.0, 3.0
-_STARTS, _STEPS = 2, Options(max_iterations=50)
+_STARTS, _SEARCH = 2, Options(max_iterations=50)
 GENERAL: dict[str, Chain] = {
     "a linear model of order 4": output_error(4, 4, 1),
     "a Hammerstein-Wiener model of order 2": hammerstein_wiener(2, 2, 1),
@@ -86,14 +88,14 @@ def verdict(growth: Growth, data: IOData) -> Verdict:
     record better: neither by BIC over the whole record, unless the joint is clearly better in free run over parts that
     neither was fitted to, nor on these parts.
     """
-    found = _found(growth, data)
+    found = _judge(growth, data)
     friction = found.friction * float(np.std(data.u))
-    stuck = np.isfinite(friction) and friction > float(np.abs(data.u).max()) and not _servo(growth.fit)
+    stuck = np.isfinite(friction) and friction > float(np.abs(data.u).max()) and not _is_servo(growth.fit)
     loses = 100.0 - found.unseen > _LOSES * (100.0 - found.seen)
     return replace(found, undetermined=not found.joint and found.seen >= _FOLLOWS and (stuck or loses))
 
 
-def _found(growth: Growth, data: IOData) -> Verdict:
+def _judge(growth: Growth, data: IOData) -> Verdict:
     fit = growth.fit
     y = data.y[data.observed[:, 0], 0]
     seen = _percent(float(np.sqrt(fit.criteria.mse)), y)
@@ -111,19 +113,19 @@ def _found(growth: Growth, data: IOData) -> Verdict:
             reason=f"the motor that fits it has no dry friction ({100 * friction:.1f} % of the input), as a filter",
         )
     centred = replace(data, u=data.u - data.u.mean(axis=0), y=data.y - y.mean())
-    pair = unseen_folds(centred)
+    pair = holdout_folds(centred)
     for name, chain in GENERAL.items():
-        other = _fitted(chain, centred)
+        other = _fit_general(chain, centred)
         if other is None:
             continue
-        run = free_runs(other.model, other.theta, pair).percent if pair else float("nan")
+        run = holdout_errors(other.model, other.theta, pair).percent if pair else float("nan")
         shown = _percent(float(np.sqrt(other.criteria.mse)), y)
         told = replace(found, general=name, general_seen=shown, general_unseen=run)
-        better = 100.0 - found.unseen < _BETTER * (100.0 - run)
+        better = 100.0 - found.unseen < _BETTER_UNSEEN * (100.0 - run)
         if other.criteria.bic < fit.criteria.bic + MARGIN and not better:
             why = f"{name} explains it as well (fit {shown:.1f} %, the joint {seen:.1f} %)"
             return replace(told, joint=False, reason=why)
-        if 100.0 - found.unseen > _SAME * (100.0 - run) and 100.0 - seen > _CLEAR * (100.0 - shown):
+        if 100.0 - found.unseen > _SAME * (100.0 - run) and 100.0 - seen > _CLEARLY_BETTER * (100.0 - shown):
             why = f"{name} is better where it was not fitted ({run:.1f} %, the joint {found.unseen:.1f} %)"
             return replace(told, joint=False, reason=why)
         found = told if found.general is None or run > found.general_unseen else found
@@ -138,12 +140,12 @@ def _found(growth: Growth, data: IOData) -> Verdict:
 
 def _spring(fit: Fit, data: IOData) -> float:
     """Range of the load over the positions of most samples, as a share of the input's."""
-    if _servo(fit):  # returns to its goal by its loop, not by its load
+    if _is_servo(fit):  # returns to its goal by its loop, not by its load
         return 0.0
     return float(np.ptp(_loads(fit, data))) / max(float(np.ptp(np.quantile(data.u, [0.02, 0.98]))), 1e-300)
 
 
-def _servo(fit: Fit) -> bool:
+def _is_servo(fit: Fit) -> bool:
     """Whether the input is a goal."""
     return isinstance(motor_of(fit.model), ServoMotor)
 
@@ -161,11 +163,11 @@ def _loads(fit: Fit, data: IOData) -> np.ndarray:
     return np.nan_to_num(load, posinf=0.0, neginf=0.0)
 
 
-def _fitted(chain: Chain, data: IOData) -> Fit | None:
+def _fit_general(chain: Chain, data: IOData) -> Fit | None:
     """A general model, from few starts; None where it has no valid fit."""
     try:
         with np.errstate(all="ignore"):
-            return fit_chain(chain, data, starts=_STARTS, options=_STEPS)
+            return fit_chain(chain, data, starts=_STARTS, options=_SEARCH)
     except (InputError, np.linalg.LinAlgError):
         return None
 

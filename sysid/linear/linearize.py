@@ -1,4 +1,4 @@
-"""Linear models of a fit: operating point, tangent there, and the best linear model for an input.
+"""Linear models of a fit: operating point, tangent there, the best linear model for an input, the tangent as a file.
 
 The chain u -> w = f(u) -> x = B/F w -> y = h(x) has the tangent dy = h'(x*) B/F f'(u*) du (Ljung, System Identification
 Toolbox user's guide, on linearising Hammerstein-Wiener models).
@@ -11,13 +11,16 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.blocks import StateSpace as Dynamics
+from sysid.block.writing import number
+from sysid.blocks import StateSpace
 from sysid.estimation.result import Fit
 from sysid.model.tangents import tangent as rational
+from sysid.nlarx import linearize as nlarx_linearize
 from sysid.nlarx.result import NlarxFit
 
 if TYPE_CHECKING:
-    from control import StateSpace, TransferFunction
+    from control import StateSpace as ControlStateSpace
+    from control import TransferFunction
 
 
 @dataclass(frozen=True)
@@ -40,13 +43,13 @@ def findop(fit: Fit, u: float = 0.0, x: float | None = None) -> OperatingPoint:
     """
     model, linear = fit.model, fit.model.linear
     k = model.blocks.index(linear)
-    w, input_slope = _through(fit, 0, k, u)
+    w, input_slope = _static_point(fit, 0, k, u)
     if x is None:
         gain = linear.gain(model.part(fit.theta, linear))
         if not np.isfinite(gain):
             raise InputError("the linear block integrates, so a constant input has no steady state; give x instead")
         x = gain * w
-    y, output_slope = _through(fit, k + 1, len(model.blocks), x)
+    y, output_slope = _static_point(fit, k + 1, len(model.blocks), x)
     return OperatingPoint(float(u), w, float(x), y, input_slope, output_slope)
 
 
@@ -62,11 +65,9 @@ def tangent(fit: Fit | NlarxFit, u: float = 0.0, x: float | None = None) -> "Tra
     import control
 
     if isinstance(fit, NlarxFit):
-        from sysid.nlarx import linearize as nlarx_linearize
-
         return nlarx_linearize.tangent(fit, u)
 
-    if any(isinstance(b, Dynamics) for b in fit.model.blocks):
+    if any(isinstance(b, StateSpace) for b in fit.model.blocks):
         G = rational(fit.model, fit.theta, u)
         return control.tf(np.trim_zeros(G.B, "f"), G.F, fit.Ts)
 
@@ -76,7 +77,7 @@ def tangent(fit: Fit | NlarxFit, u: float = 0.0, x: float | None = None) -> "Tra
     return control.tf(B if len(B) else np.zeros(1), F, fit.Ts)
 
 
-def tangent_ss(fit: Fit, u: float = 0.0, x: float | None = None) -> "StateSpace":
+def tangent_ss(fit: Fit, u: float = 0.0, x: float | None = None) -> "ControlStateSpace":
     """The same as a control.StateSpace in controllable companion form, as the paper's equations (6), (8), (10)."""
     from sysid.base.looks import load
 
@@ -119,7 +120,7 @@ def linapp(fit: Fit, u: np.ndarray) -> "TransferFunction":
     return control.tf(np.trim_zeros(B, "f"), F, fit.Ts)
 
 
-def _through(fit: Fit, start: int, stop: int, value: float) -> tuple[float, float]:
+def _static_point(fit: Fit, start: int, stop: int, value: float) -> tuple[float, float]:
     """Value and slope of the static blocks start..stop-1 at one point."""
     x, J = np.array([float(value)]), np.ones((1, 1))
     for b in fit.model.blocks[start:stop]:
@@ -128,3 +129,92 @@ def _through(fit: Fit, start: int, stop: int, value: float) -> tuple[float, floa
         x = b.propagate(fit.model.part(fit.theta, b), x, wide, 1)
         J = wide[:, :1].copy()
     return float(x[0]), float(J[0, 0])
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """B / F in z^-1 order of `control` (highest power first) at the input u and output y, on the scale of the record.
+
+    `integrates` says that no steady state exists: y is then where the output stands, whatever the input.
+    """
+
+    B: np.ndarray
+    F: np.ndarray
+    Ts: float
+    u: float
+    y: float
+    integrates: bool = False
+
+    def as_dict(self) -> dict[str, Any]:
+        """All values, ready for JSON."""
+        return {**vars(self), "B": self.B.tolist(), "F": self.F.tolist()}
+
+
+def tangent_at(fit: Fit | NlarxFit, u: float | None = None) -> Tangent:
+    """The tangent at the constant input u of the record's scale; by default at the middle of the estimation data's.
+
+    Raises InputError for several inputs or outputs, a chain without one linear block, and an input without a steady
+    state.
+    """
+    if isinstance(fit, Fit) and fit.model.channels != (1, 1):
+        raise InputError(
+            f"the model has {fit.model.channels[0]} input(s) and {fit.model.channels[1]} output(s); a transfer "
+            "function is written for one of each"
+        )
+    if isinstance(fit, Fit):
+        _check_linear(fit)
+    u0, y0 = (0.0 if o is None else float(o[0]) for o in (fit.u_offset, fit.y_offset))
+    own = 0.5 * sum(fit.u_span) if u is None else u - u0
+    integrates = _integrates(fit)
+    if isinstance(fit, NlarxFit):
+        G, y = tangent(fit, own), nlarx_linearize.findop(fit, own).y
+    elif any(isinstance(b, StateSpace) for b in fit.model.blocks):
+        G, y = tangent(fit, own), float(np.ravel(fit.simulate(np.full(5000, own)))[-1])
+    else:
+        G, y = (
+            tangent(fit, own, 0.0 if integrates else None),
+            findop(fit, own, 0.0 if integrates else None).y,
+        )
+    return Tangent(np.array(G.num[0][0]), np.array(G.den[0][0]), fit.Ts, own + u0, y + y0, integrates)
+
+
+def _check_linear(fit: Fit) -> None:
+    n = len(fit.model.dynamics)
+    if n != 1 and not any(isinstance(b, StateSpace) for b in fit.model.blocks):
+        raise InputError(
+            f"a linear model is written of a chain with one transfer function, and {fit.model.structure or 'this one'} "
+            f"has {n or 'none'}; fit such a one to the same log, for example qpal identify LOG --structure output_error"
+        )
+
+
+def _integrates(fit: Fit | NlarxFit) -> bool:
+    if isinstance(fit, NlarxFit) or len(fit.model.dynamics) != 1:
+        return False
+    part, block = fit.model.dynamics[0]
+    return not np.isfinite(block.gain(fit.theta[part]))
+
+
+def tangent_source(found: Tangent, structure: str) -> str:
+    """Text of a Python module that needs python-control: G, and the operating point U0, Y0."""
+    where = "no steady state: the model integrates" if found.integrates else "its steady state"
+    return f'''"""Linear model of {structure} about the input U0 and the output Y0 ({where}).
+
+G takes deviations of the input from U0 and gives deviations of the output from Y0.
+"""
+
+import control
+
+TS = {number(found.Ts)}  # s
+U0 = {number(found.u)}
+Y0 = {number(found.y)}
+G = control.TransferFunction(
+    [{", ".join(number(b) for b in found.B)}],
+    [{", ".join(number(f) for f in found.F)}],
+    TS,
+)
+
+if __name__ == "__main__":
+    print(G)
+    print("poles", control.poles(G))
+    print("DC gain", control.dcgain(G))
+'''

@@ -12,8 +12,8 @@ from sysid.base.checks import checked
 from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
 from sysid.base.files import json_value
-from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData
+from sysid.data.trends import restore_offsets, with_offsets
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.origin import FitMethods, Origin, check_same_kind
 from sysid.estimation.result import Parameter, check_horizon
@@ -79,7 +79,7 @@ class NlarxFit(FitMethods):
         Raises InputError for a record of another sampling time or in other units.
         """
         check_same_kind(data, self.Ts, self.origin)
-        return counted_from(data, self.u_offset, self.y_offset)
+        return with_offsets(data, self.u_offset, self.y_offset)
 
     @checked
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:
@@ -91,7 +91,7 @@ class NlarxFit(FitMethods):
         if isinstance(data, IOData):
             levelled = self.own_level(data)
             runs = [self._run(p.u, p.y, self._first(p, n_init))[0] for p in Piece.of(levelled)]
-            return counted_back(np.concatenate(runs), levelled, data)
+            return restore_offsets(np.concatenate(runs), levelled, data)
         u = np.asarray(data, dtype=float).ravel()
         lag = self.model.lag
         return self._run(np.concatenate([np.zeros(lag), u]), np.zeros(lag + len(u)), lag)[0][lag:]
@@ -105,7 +105,7 @@ class NlarxFit(FitMethods):
         """
         check_horizon(horizon)
         levelled = self.own_level(data)
-        return counted_back(
+        return restore_offsets(
             np.concatenate([self._predict_steps(p, horizon) for p in Piece.of(levelled)]), levelled, data
         )
 

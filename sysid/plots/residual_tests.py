@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base.checks import checked
-from sysid.diagnosis.higher_order import HigherOrderTests
-from sysid.diagnosis.residuals import ResidualTests
+from sysid.diagnosis.residuals import HigherOrderTests, ResidualTests
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Axis, Figure, Panel, Rule, Span, Stems
 

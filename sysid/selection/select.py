@@ -22,13 +22,16 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.parallel import results
 from sysid.data.record import IOData
+from sysid.estimation.fit import fit_chain
+from sysid.estimation.result import Fit
+from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
-from sysid.selection.final import final_fit
 from sysid.selection.folds import Fold, folds
 from sysid.selection.journal import Journal, writing
-from sysid.selection.judge import Effort, Job, from_journal, judge, unchanged
+from sysid.selection.judge import AnyFit, Effort, Job, fitted, from_journal, judge, unchanged
 from sysid.selection.space import ORDERS, Space
 from sysid.selection.table import BLOCKS, SECONDS, Row, Selection, cut, ranked, settings
+from sysid.solver.iterate import Options
 
 _SCREENED = 2000  # samples of each part in the first two rounds
 _LEADERS = 12  # candidates of round 3
@@ -37,7 +40,10 @@ _REACH = 1.5  # times the error of the best, within which another structure is s
 _PERFECT = 99.9  # fit [%] beyond which no other structure has anything to gain
 # Shares of the budget at whose end a round begins no more candidates; the rest is for the fit to all the data.
 _SCREENING, _LEADING, _CLIMBING = 0.45, 0.65, 0.8
-_ONE, _ONE_SCREENED = 0.1, 0.03  # of the budget, for one fit
+_FIT_SHARE, _SCREENED_FIT_SHARE = 0.1, 0.03  # of the budget, for one fit
+_FAR_OFF = 2.0  # times the error on unseen data, above which the fit to all the data has ended in a poor optimum
+_MOST_TRIED = 3  # candidates
+_USUAL_SHARE = 0.6  # of the time, for the fit from the usual starts
 
 
 @checked(deferred=("seconds",))
@@ -68,7 +74,7 @@ def select(
         raise InputError(f"seconds is {seconds}; give a positive number")
     with writing(journal, data, (vars(space), search, seed)) as book:
         work = _Work(folds(data), search, seed, jobs, scheduler, book, progress, time.time(), seconds)
-        judged = _rounds(space, data, work)
+        judged = _judge_rounds(space, data, work)
         rows, chosen = ranked(judged)
         if not np.isfinite(rows[0].fit_percent):
             raise InputError(_none_valid(rows))
@@ -81,15 +87,15 @@ def select(
         return Selection(tuple(rows), chosen, fit, notes, time.time() - work.begun, seconds, len(work.left_out), path)
 
 
-def _rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:
+def _judge_rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:
     """Every candidate with its last row."""
     judged: dict[Recipe, Row] = {}
 
     def take(rows: Sequence[Row]) -> None:
         judged.update({r.candidate: r for r in rows})
 
-    cheap = Effort(1, 50, _ONE_SCREENED * work.seconds)
-    full = Effort(space.starts, 200, _ONE * work.seconds)
+    cheap = Effort(1, 50, _SCREENED_FIT_SHARE * work.seconds)
+    full = Effort(space.starts, 200, _FIT_SHARE * work.seconds)
     grid = space.grid()
     first = [c for c in grid if type(c) in space.kinds or len(space.kinds) > 1]
     tasters = space.tasters(data)
@@ -115,9 +121,9 @@ def _rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:
         if chosen.candidate == smallest and any(r.equal for r in rows if r.candidate == best):
             break  # the last round brought nothing that differs from what was there
         best, smallest = rows[0].candidate, chosen.candidate
-        around = [r.candidate for r in _reached(rows, chosen)]
+        around = [r.candidate for r in _rows_in_reach(rows, chosen)]
         new = [c for c in dict.fromkeys(n for c in around for n in space.beside(c)) if c not in decided]
-        new = [*_beating(judged, decided), *new]
+        new = [*_better_candidates(judged, decided), *new]
         found = work.judge(4 + k, new, full, _CLIMBING)
         decided |= {r.candidate for r in found}
         take(found)
@@ -154,14 +160,14 @@ def _leaders(judged: dict[Recipe, Row]) -> list[Recipe]:
     return found + others[: max(0, _LEADERS - len(found))]
 
 
-def _beating(judged: dict[Recipe, Row], decided: set[Recipe]) -> list[Recipe]:
+def _better_candidates(judged: dict[Recipe, Row], decided: set[Recipe]) -> list[Recipe]:
     """Candidates that had little effort and are nevertheless better than the best of those that had all of it."""
     best = max((judged[c].fit_percent for c in decided), default=-np.inf)
     rows = sorted((r for c, r in judged.items() if c not in decided and r.fit_percent > best), key=_by_fit)
     return [r.candidate for r in rows[:_LEADERS]]
 
 
-def _reached(rows: list[Row], chosen: Row) -> list[Row]:
+def _rows_in_reach(rows: list[Row], chosen: Row) -> list[Row]:
     """The rows around which it goes on: chosen, best, and the best of every structure that is not far behind."""
     if not np.isfinite(rows[0].fit_percent) or not rows[0].whole:
         return []
@@ -232,3 +238,56 @@ class _Work:
         """What the budget left out."""
         words = cut(self.seconds, len(self.left_out))
         return (f"{words}; give it more seconds",) if words else ()
+
+
+def final_fit(
+    rows: Sequence[Row], chosen: Row, data: IOData, search: str, seed: int, effort: Effort
+) -> tuple[Row, AnyFit, tuple[str, ...]]:
+    """The row that is handed over, its fit, and notes on rows that were passed over.
+
+    A search on all the data may end in a poor local optimum: the fits to the parts are starts too, and a candidate
+    whose fit is nevertheless far below its own score on unseen data gives way to the next one.
+    """
+    order = [chosen, *(r for r in rows if r is not chosen and r.whole and np.isfinite(r.fit_percent))]
+    found: list[tuple[float, Row, AnyFit]] = []
+    notes: list[str] = []
+    for row in order[:_MOST_TRIED]:
+        own = row.candidate.scale(data)
+        try:
+            fit = _best_fit(row, own, search, seed, replace(effort, seconds=effort.seconds / (1 + len(found))))
+            percent = _percent(fit, own)
+        except InputError as error:
+            notes.append(f"{row.candidate} was passed over: {error}")
+            continue
+        found.append((percent, row, fit))
+        # The parts are short free runs with initial states of their own, so some difference says nothing.
+        if 100.0 - percent <= _FAR_OFF * (100.0 - row.fit_percent) or percent >= row.fit_percent - 1.0:
+            break
+        notes.append(
+            f"{row.candidate} reaches {percent:.1f} % on all the data and {row.fit_percent:.1f} % on unseen parts: its "
+            "search ended in a local optimum, and the next candidate was tried"
+        )
+    if not found:
+        raise InputError(f"none of the best {_MOST_TRIED} candidates can be fitted to the whole record: {notes[-1]}")
+    _, row, fit = max(found, key=lambda each: each[0])
+    return row, fit, tuple(notes)
+
+
+def _best_fit(row: Row, data: IOData, search: str, seed: int, effort: Effort) -> AnyFit:
+    """The better of a fit from the usual starts and one from the fits to the parts."""
+    model = row.candidate.model()
+    usual = fitted(row.candidate, data, search, seed, replace(effort, seconds=_USUAL_SHARE * effort.seconds))
+    if not isinstance(model, Chain) or not isinstance(usual, Fit) or not row.thetas:
+        return usual
+    method = row.candidate.auto if search == "auto" else search
+    options = Options(max_iterations=effort.iterations, max_seconds=(1.0 - _USUAL_SHARE) * effort.seconds)
+    points = np.array([theta for theta in row.thetas if len(theta) == len(usual.theta)])
+    try:
+        again = fit_chain(model, data, search=method, seed=seed, options=options, start=points)
+    except InputError:
+        return usual
+    return again if again.criteria.loss < usual.criteria.loss else usual
+
+
+def _percent(fit: AnyFit, data: IOData) -> float:
+    return fit.fit_percent(data)

@@ -12,11 +12,11 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
-from sysid.data.offsets import counted_back, counted_from
 from sysid.data.record import IOData, siso
+from sysid.data.trends import restore_offsets, with_offsets
 from sysid.estimation.free_run import resting_theta
+from sysid.estimation.initial_state import estimate_initial
 from sysid.uncertainty.information import Information
-from sysid.uncertainty.initial_sensitivity import initial_state_sensitivity, with_initial_state
 
 Follow = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -120,8 +120,8 @@ def _levels(
     """The record counted from the offsets of the estimation data, and a function that brings outputs (N,) back."""
     if not isinstance(record, IOData):
         return record, lambda y: y
-    given, own = record, counted_from(record, info.data.u_offset, info.data.y_offset)
-    return own, lambda y: counted_back(y, own, given)
+    given, own = record, with_offsets(record, info.data.u_offset, info.data.y_offset)
+    return own, lambda y: restore_offsets(y, own, given)
 
 
 def _sensitivity(
@@ -139,7 +139,7 @@ def _sensitivity(
         if abs(record.Ts - info.Ts) > 1e-6 * info.Ts:
             raise InputError(f"the record is sampled every {record.Ts} s and the fit every {info.Ts} s; resample it")
         n = min(info.n_init if n_init is None else n_init, record.N)
-        theta = with_initial_state(chain, info.theta, record.select(0, n))
+        theta = estimate_initial(chain, info.theta, record.select(0, n))
         J = chain.tangent(theta, u)[1]
         if not initial.any():
             return theta, u, J, np.zeros((len(u), 0))
@@ -166,3 +166,21 @@ def _follow(info: Information, theta: np.ndarray, u: np.ndarray, S: np.ndarray) 
         return theta + step
 
     return drawn
+
+
+def initial_state_sensitivity(J: np.ndarray, initial: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Error propagation of a fitted initial state: T (N, P) = dyhat/dtheta and S (N, n) = dyhat/de of the first n.
+
+    J (N, P) is the free run's Jacobian with the initial states as separate parameters; `initial` (P,) marks them.
+    They solve least squares over the first n samples: to first order dx0 = X+ (e - J dtheta) with X = J[:n, initial].
+    """
+    X = J[:n, initial]
+    back = np.linalg.pinv(X / _column_norms(X), rcond=1e-9) / _column_norms(X)[:, None]
+    T = J - J[:, initial] @ (back @ J[:n])
+    T[:, initial] = 0.0
+    return T, J[:, initial] @ back
+
+
+def _column_norms(X: np.ndarray) -> np.ndarray:
+    norm = np.linalg.norm(X, axis=0)
+    return np.where(norm > 0, norm, 1.0)

@@ -18,11 +18,10 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData, siso
+from sysid.estimation.initial_state import estimate_initial
 from sysid.model.chain import Chain
 from sysid.solver.covariance import cancels
-from sysid.uncertainty.initial_sensitivity import with_initial_state
-from sysid.uncertainty.long_run import long_run_covariance_root
-from sysid.uncertainty.noise_model import NoiseModel
+from sysid.uncertainty.noise_model import NoiseModel, long_run_covariance_root
 
 if TYPE_CHECKING:
     from sysid.estimation.result import Fit
@@ -198,7 +197,7 @@ def _stacked(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[np.ndarray,
     errors, rows, masks, own = [], [], [], 0
     for k, record in enumerate(data.experiments):
         seen = record.observed[:, 0]
-        own_theta = theta if k == 0 else with_initial_state(chain, theta, record)
+        own_theta = theta if k == 0 else estimate_initial(chain, theta, record)
         yhat, J = chain.tangent(own_theta, record.u[:, 0])
         e, J = (record.y[:, 0] - yhat) * seen, J * seen[:, None]
         if k and chain.initial.any():

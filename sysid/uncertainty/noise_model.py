@@ -3,7 +3,8 @@
 Noise that does not depend on the input gives least squares the covariance (J'J)^-1 J' S J (J'J)^-1, S being that of the
 noise. A few coefficients tell S. A fit also takes out the slow part of the noise that its parameters can follow, so the
 residuals look whiter than the noise; the restricted likelihood counts only what no parameter can follow (Cheang and
-Reinsel 2000, J. Am. Stat. Assoc. 95; Harville 1977, J. Am. Stat. Assoc. 72).
+Reinsel 2000, J. Am. Stat. Assoc. 95; Harville 1977, J. Am. Stat. Assoc. 72). The long-run covariance of a fit's scores
+makes a covariance robust to coloured residuals.
 """
 
 from collections.abc import Sequence
@@ -13,9 +14,12 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-_MOST = 8  # coefficients; noise of longer memory is a matter of the bandwidth
-_STEADY = 0.995  # largest partial autocorrelation: beyond it noise is a drift
-_RING = 1e-6  # what is left of the noise's memory where it is cut
+from sysid.base.errors import InputError
+
+_LARGEST_ORDER = 8  # coefficients; noise of longer memory is a matter of the bandwidth
+_LARGEST_PARTIAL = 0.995  # largest partial autocorrelation: beyond it noise is a drift
+_FORGOTTEN = 1e-6  # what is left of the noise's memory where it is cut
+_LARGEST_AUTOCORRELATION = 0.97  # an autocorrelation above this is a drift, for which no bandwidth is sufficient
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class NoiseModel:
     def memory(self) -> int:
         """Samples until the noise has forgotten."""
         r = float(np.abs(np.roots(self.A)).max(initial=0.0))
-        return 0 if r == 0.0 else int(np.ceil(np.log(_RING) / np.log(min(r, 0.9995))))
+        return 0 if r == 0.0 else int(np.ceil(np.log(_FORGOTTEN) / np.log(min(r, 0.9995))))
 
 
 def noise_model(e: np.ndarray, V: np.ndarray, lengths: Sequence[int]) -> NoiseModel:
@@ -59,8 +63,8 @@ def noise_model(e: np.ndarray, V: np.ndarray, lengths: Sequence[int]) -> NoiseMo
 
     The order is that of the least AIC (Akaike 1974), up to 8.
     """
-    most = min(_MOST, min(lengths) // 20)
-    likelihood = _Restricted(_gram(np.column_stack([e, V]), lengths, most), sum(lengths), len(lengths))
+    most = min(_LARGEST_ORDER, min(lengths) // 20)
+    likelihood = _RestrictedLikelihood(_gram(np.column_stack([e, V]), lengths, most), sum(lengths), len(lengths))
     best, chosen, z = likelihood(np.zeros(0)), np.zeros(0), np.zeros(0)
     for p in range(1, most + 1):
         z = minimize(likelihood, np.append(z, 0.0), method="BFGS", options={"gtol": 1e-2, "maxiter": 30}).x
@@ -74,7 +78,7 @@ def noise_model(e: np.ndarray, V: np.ndarray, lengths: Sequence[int]) -> NoiseMo
 
 
 @dataclass(frozen=True)
-class _Restricted:
+class _RestrictedLikelihood:
     """-2 log of the restricted likelihood of an autoregression of n samples in `records` experiments.
 
     The variance is at its best. gram (p + 1, p + 1, c, c) is that of `_gram`.
@@ -89,7 +93,9 @@ class _Restricted:
         if not rest > 0.0:
             return 1e9
         free = self.n - self.gram.shape[2] + 1
-        noise = -np.sum(np.arange(1, len(z) + 1) * np.log1p(-((_STEADY * np.tanh(z)) ** 2)))  # log det of its matrix
+        noise = -np.sum(
+            np.arange(1, len(z) + 1) * np.log1p(-((_LARGEST_PARTIAL * np.tanh(z)) ** 2))
+        )  # log det of its matrix
         return free * float(np.log(rest)) + logdet + self.records * float(noise)
 
     def left(self, A: np.ndarray) -> tuple[float, float]:
@@ -112,7 +118,7 @@ def _coefficients(z: np.ndarray) -> np.ndarray:
     The Levinson-Durbin recursion; Barndorff-Nielsen and Schou 1973, J. Multivariate Analysis 3.
     """
     A = np.ones(1)
-    for r in _STEADY * np.tanh(z):
+    for r in _LARGEST_PARTIAL * np.tanh(z):
         A = np.append(A, 0.0) - r * np.append(0.0, A[::-1])
     return A
 
@@ -140,3 +146,57 @@ def _gram(x: np.ndarray, lengths: Sequence[int], most: int) -> np.ndarray:
 
 def _pieces(x: np.ndarray, lengths: Sequence[int]) -> list[np.ndarray]:
     return np.split(x, np.cumsum(lengths)[:-1])
+
+
+def long_run_covariance_root(
+    e: np.ndarray, V: np.ndarray, lengths: Sequence[int], lags: int | str
+) -> tuple[np.ndarray, int]:
+    """Root R (r, r) with R R' = the covariance of V'e for residuals e (N,) and orthonormal V (N, r), and the lags used.
+
+    lags: those of the Bartlett window over the scores e_t V_t (Newey and West 1987, Econometrica 55). 'auto' first
+    whitens the residuals with an autoregression and gathers V accordingly, then takes Andrews' bandwidth for what
+    is left (prewhitening: Andrews and Monahan 1992, Econometrica 60). The residuals are whitened instead of the scores
+    because a few coefficients describe noise, and the scores of slow and of fast parameters have no common ones. The
+    window covers what the coefficients leave: noise that varies in size, and errors that depend on the input.
+    """
+    if isinstance(lags, str):
+        if lags != "auto":
+            raise InputError(f"lags is {lags!r}; give 'auto', None or a whole number")
+        noise = noise_model(e, V, lengths)
+        G, before = noise.gathered(V, lengths)
+        scores = noise.white(e, lengths)[:, None] * G
+        m = _bandwidth(scores)
+        rows = [_bartlett_root(scores, lengths, m).T, np.sqrt(noise.variance) * before]
+        return np.asarray(np.linalg.qr(np.concatenate(rows), mode="r")).T, m
+    if lags < 0 or int(lags) != lags or lags >= min(lengths):
+        raise InputError(f"lags is {lags!r}; give 'auto', None or a whole number from 0 to {min(lengths) - 1}")
+    return _bartlett_root(e[:, None] * V, lengths, int(lags)), int(lags)
+
+
+def _bartlett_root(scores: np.ndarray, lengths: Sequence[int], lags: int) -> np.ndarray:
+    """R R' = sum_k (1 - |k|/(lags + 1)) sum_t s_t s_{t-k}', for scores s (N, r) of several experiments.
+
+    The triangular window equals the mean of the squared sums over all windows of lags + 1 samples: one pass over the
+    samples, and positive semidefinite by construction.
+    """
+    m, sums, end = lags + 1, [], 0
+    for n in lengths:
+        total = np.concatenate([np.zeros((m, scores.shape[1])), np.cumsum(scores[end : end + n], axis=0)])
+        total = np.concatenate([total, np.repeat(total[-1:], lags, axis=0)])
+        sums.append(total[m:] - total[:-m])
+        end += n
+    R = np.asarray(np.linalg.qr(np.concatenate(sums), mode="r"))
+    return R.T / np.sqrt(m)
+
+
+def _lag_one(scores: np.ndarray) -> np.ndarray:
+    size = np.sum(scores**2, axis=0)
+    r = np.sum(scores[1:] * scores[:-1], axis=0) / np.where(size > 0, size, 1.0)
+    return np.clip(r, -_LARGEST_AUTOCORRELATION, _LARGEST_AUTOCORRELATION)
+
+
+def _bandwidth(scores: np.ndarray) -> int:
+    """1.1447 (a N)^(1/3) with a = mean of 4 r^2 / (1 - r^2)^2 (Andrews 1991, Econometrica 59, equation 6.2)."""
+    r = _lag_one(scores)
+    a = float(np.mean(4.0 * r * r / (1.0 - r * r) ** 2))
+    return min(int(np.ceil(1.1447 * (a * len(scores)) ** (1.0 / 3.0))), len(scores) // 4)

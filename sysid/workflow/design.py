@@ -16,7 +16,7 @@ from sysid.estimation.result import Fit
 from sysid.formats import check_written, write_table
 from sysid.joint.design import Design, design
 from sysid.joint.growth import grow_joint
-from sysid.joint.values import as_read
+from sysid.joint.values import displayed_value
 from sysid.joint.verdict import verdict
 from sysid.structures import ActuatedJoint
 from sysid.workflow.record import Record, read_record
@@ -54,8 +54,8 @@ class Proposal:
             "largest_input_unit": self.design.units[0],
             "fastest": self.design.fastest * self.speed.factor,
             "fastest_unit": self.speed.unit,
-            "now": [vars(as_read(v)) for v in self.design.now],
-            "then": [vars(as_read(v)) for v in self.design.then],
+            "now": [vars(displayed_value(v)) for v in self.design.now],
+            "then": [vars(displayed_value(v)) for v in self.design.then],
             "next": self.command,
             "versions": versions(),
         }

@@ -11,8 +11,7 @@ from sysid.base.errors import InputError
 from sysid.block.block import StaticBlock
 from sysid.blocks import Channels
 from sysid.data.record import IOData
-from sysid.diagnosis.higher_order import HigherOrderTests, higher_order_tests
-from sysid.diagnosis.residuals import ResidualTests, residual_tests
+from sysid.diagnosis.residuals import HigherOrderTests, ResidualTests, higher_order_tests, residual_tests
 from sysid.estimation.result import Fit
 from sysid.fitting import fit as fit_model
 from sysid.joint.growth import grow_joint

@@ -18,7 +18,7 @@ from sysid.channels.reading import Mapping, read_map_of, sample
 from sysid.channels.signals import Signals
 from sysid.data.table import Table
 from sysid.diagnosis.advice import Advice, advise
-from sysid.diagnosis.jumps import MAP
+from sysid.diagnosis.signals import MAP_FILE
 from sysid.formats import TABLE, read_table
 from sysid.workflow.evaluation import check_parts
 from sysid.workflow.plan import Plan
@@ -81,7 +81,7 @@ class Inspection:
         Empty where no command helps: `problem` or `obstacle` then says what does.
         """
         if self.unwritten is not None:
-            return shlex.join(["qpal", "info", str(self.path), *self.unwritten, "--write-map", MAP])
+            return shlex.join(["qpal", "info", str(self.path), *self.unwritten, "--write-map", MAP_FILE])
         if self.obstacle or (self.problem and not self.repairs):
             return ""
         return shlex.join(["qpal", "identify", str(self.path), *self.options])
@@ -242,7 +242,7 @@ def _advice(signals: Signals | None) -> tuple[Advice, ...]:
 
 def _options(given: Given, range: Range, map_path: str | None, needs_map: bool) -> tuple[str, ...]:
     if map_path or needs_map:
-        return ("--map", map_path or MAP)
+        return ("--map", map_path or MAP_FILE)
     words = []
     for option, value in (
         ("--input", given.input),

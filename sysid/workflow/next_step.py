@@ -10,8 +10,8 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.diagnosis.finding import Advice
-from sysid.diagnosis.jumps import NO_VALUE, TOPIC
 from sysid.diagnosis.residuals import POOR, poor
+from sysid.diagnosis.signals import NO_VALUE, WRAPS
 from sysid.model.recipes import Recipe
 from sysid.selection.table import SECONDS
 from sysid.structures import (
@@ -74,7 +74,7 @@ def _as_logged(result: Identification) -> NextStep | None:
     """A record whose output jumps as it was logged: no model describes that."""
     for a in result.advice:
         said, _, how = a.action.rpartition(": ")
-        if a.topic == TOPIC:
+        if a.topic == WRAPS:
             return NextStep(f"{a.sentence}: {said}", how)
         if a.topic == "outliers" and NO_VALUE in a.sentence:
             return NextStep(f"{a.sentence}: empty these cells, which are then missing samples", command(result))

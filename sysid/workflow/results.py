@@ -9,11 +9,10 @@ from sysid.base.files import versions
 from sysid.channels.signals import Signals
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import Advice
-from sysid.diagnosis.higher_order import HigherOrderTests
-from sysid.diagnosis.residuals import ResidualTests
+from sysid.diagnosis.residuals import HigherOrderTests, ResidualTests
 from sysid.estimation.result import Fit
 from sysid.joint.growth import Growth
-from sysid.joint.values import JointValue, as_read
+from sysid.joint.values import JointValue, displayed_value
 from sysid.joint.verdict import Verdict
 from sysid.nlarx.result import NlarxFit
 from sysid.selection.table import Selection
@@ -161,7 +160,7 @@ class Evaluation:
         if self.one_step is not None:
             summary["one_step_fit_percent"] = self.one_step.as_dict()
         if self.values:
-            summary["values"] = [vars(as_read(value)) for value in self.values]
+            summary["values"] = [vars(displayed_value(value)) for value in self.values]
         if self.growth is not None:
             summary["growth"] = self.growth.as_dict()
         if self.joint is not None:

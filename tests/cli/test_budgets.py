@@ -9,9 +9,9 @@ import pytest
 import twin
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
-from sysid.joint import clock as clocks
-from sysid.joint.clock import Clock, Late
+from sysid.joint import rounds as clocks
 from sysid.joint.growth import grow_joint
+from sysid.joint.rounds import Clock, TimeIsUp
 from sysid.solver import iterate
 from sysid.solver.iterate import Options
 from sysid.structures import ActuatedJoint, NonlinearArx, OutputError
@@ -84,7 +84,7 @@ def test_a_stage_that_the_time_ends_gives_what_was_there_and_later_ones_do_not_b
         "growth was stopped after 5 s, before the second and the third: a better joint may exist; give it more time, "
         "for example --seconds 10"
     )
-    with pytest.raises(Late):
+    with pytest.raises(TimeIsUp):
         tell("too late, and of no stage")
     assert Clock().hears(None) is None
     assert Clock().sentence() == ""

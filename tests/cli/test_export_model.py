@@ -13,7 +13,7 @@ import pytest
 import sysid
 from sysid.blocks import TransferFunction
 from sysid.data.preprocess import detrend
-from sysid.linear.written import source, tangent_at
+from sysid.linear.linearize import tangent_at, tangent_source
 from sysid.workflow.saved import export
 from twin.cli import main
 from twin.report import export as report
@@ -97,7 +97,7 @@ def test_a_model_that_integrates_has_a_linear_model_all_the_same():
     found = tangent_at(made(chain, [0.5, -1.0, 0.0]), 2.0)
     assert found.integrates
     assert (found.u, found.y) == (2.0, 0.0)
-    assert "no steady state: the model integrates" in source(found, "output_error")
+    assert "no steady state: the model integrates" in tangent_source(found, "output_error")
 
 
 @pytest.mark.parametrize(

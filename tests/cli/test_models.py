@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import sysid
-from sysid.data.offsets import counted_from
+from sysid.data.trends import with_offsets
 from twin.cli import main
 
 
@@ -22,7 +22,7 @@ def record(N=400, seed=0, Ts=0.1):
 
 def deviations(**options):
     """The record about its working point."""
-    return counted_from(record(**options), np.array([5.0]), np.array([300.0]))
+    return with_offsets(record(**options), np.array([5.0]), np.array([300.0]))
 
 
 @pytest.fixture(scope="module")

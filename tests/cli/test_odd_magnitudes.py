@@ -6,7 +6,7 @@ import pytest
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import advise
-from sysid.diagnosis.higher_order import higher_order_tests
+from sysid.diagnosis.residuals import higher_order_tests
 from sysid.workflow.identification import identify_file
 from sysid.workflow.setting import Setting
 from twin.cli import main, recipes

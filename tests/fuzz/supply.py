@@ -40,7 +40,7 @@ class Supply:
         periodic = sysid.IOData(np.tile(period, 4), 0.5 * np.tile(np.roll(period, 1), 4), 0.1)
         bla = sysid.diagnosis.bla.estimate(periodic, 50)
         tested, shown = fit.residual_tests(data), Run(data, y, 50.0)
-        higher = sysid.diagnosis.higher_order.higher_order_tests(data.y[:, 0] - y, u)
+        higher = sysid.diagnosis.residuals.higher_order_tests(data.y[:, 0] - y, u)
         experiment = twin.Experiment(duration=8.0, Ts=0.1, excitation="steps")
         log = experiment.run()
         board = stepping.step([experiment.prepare()], 0.1, 1.0)[0]

@@ -14,7 +14,7 @@ from sysid import IOData
 from sysid.base.parallel import one_blas_thread
 from sysid.diagnosis import signals
 from sysid.diagnosis.advice import LEVEL, Advice, advise
-from sysid.diagnosis.response import delay
+from sysid.diagnosis.delays import delay_from_input
 from sysid.diagnosis.whitening import drift, feedback, nonlinearity, whiten
 from sysid.excitations import Aprbs, Sweep
 from sysid.systems import system
@@ -84,7 +84,7 @@ def test_false_alarms_on_linear_plants_in_open_loop(plant, excitation):
         alarms["feedback"] += feedback(w) < LEVEL
         alarms["drift"] += drift(w) < LEVEL
         if seed < DELAYS:
-            found = delay(w, level=LEVEL)
+            found = delay_from_input(w, level=LEVEL)
             missed += found.nk is None or not found.low <= nk <= found.high
     assert max(alarms.values()) <= WORST * RUNS, alarms
     assert missed <= 2, missed  # of 40 intervals of 99 %
@@ -101,7 +101,7 @@ def test_delay_is_found(plant, excitation, power):
     for seed in range(DELAYS):
         rng = np.random.default_rng([2, seed])
         u = excitation(rng)
-        hits += delay(whiten(IOData(u, make(u, rng), 1.0))).nk == nk
+        hits += delay_from_input(whiten(IOData(u, make(u, rng), 1.0))).nk == nk
     assert hits >= power * DELAYS - 4 * np.sqrt(power * (1 - power) * DELAYS)
 
 

@@ -6,7 +6,7 @@ import pytest
 import sysid
 from sysid.excitations import Aprbs
 from sysid.uncertainty import intervals
-from sysid.uncertainty.cancelled import CANCELLED
+from sysid.uncertainty.intervals import CANCELLED
 
 
 def record(chain, theta, seed, noise, N=1500):

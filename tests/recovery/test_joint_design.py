@@ -13,7 +13,7 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.result import Fit
 from sysid.joint.course import ALONG, Course
 from sysid.joint.design import Design, design
-from sysid.joint.rate import at_rate, times_faster
+from sysid.joint.sampling import rate_needed, theta_at_rate
 from sysid.joint.values import joint_values
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint, output_error
@@ -136,7 +136,7 @@ def test_no_speed_above_the_one_allowed() -> None:
 
 def test_expected_intervals_are_as_wide_as_estimates_from_such_records_scatter() -> None:
     d, (fit, _) = proposed("ends", "breakaway"), first()
-    begin = at_rate(fit.model, fit.theta, TS / d.Ts)
+    begin = theta_at_rate(fit.model, fit.theta, TS / d.Ts)
     own = fit.model.simulate(begin, d.u).ravel()
     estimates: dict[str, list[float]] = {}
     for seed in range(90):
@@ -162,7 +162,7 @@ def test_a_chain_at_a_shorter_sampling_time_is_the_same_joint(play) -> None:
     levels = np.random.default_rng(3).uniform(-12.0, 12.0, 40)
     u = np.repeat(levels, 120)
     slow = chain.simulate(theta, u).ravel()
-    fast = chain.simulate(at_rate(chain, theta, 5.0), np.repeat(u, 5)).ravel()[::5]
+    fast = chain.simulate(theta_at_rate(chain, theta, 5.0), np.repeat(u, 5)).ravel()[::5]
     assert np.ptp(slow) > 1.5  # from end to end
     far = np.abs(slow - fast)
     # The motor is solved in continuous time; a coasting link meets its sides at samples, up to one of them late.
@@ -185,7 +185,7 @@ def test_the_next_record_is_sampled_so_that_lag_and_delay_last_three_samples() -
     motor = dict(zip(fit.model.names, fit.theta, strict=True))
     lasts = motor["motor.lag"] + motor["motor.delay"]
     assert lasts == pytest.approx(2.1, abs=0.1)
-    assert times_faster(fit) == 2
+    assert rate_needed(fit) == 2
     assert proposed("ends").Ts == TS / 2
     assert design(fit, data, ("backlash",), Ts=TS).Ts == TS
     with pytest.raises(InputError, match=r"sampling time of the next record is 0.1 s; give 0.0025 to 0.05 s"):

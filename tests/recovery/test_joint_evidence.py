@@ -6,8 +6,9 @@ import pytest
 from sysid.blocks import Motor, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
+from sysid.joint.breakaway import starts_from_rest
 from sysid.joint.evidence import CROSSINGS, evidence, stop_tests
-from sysid.joint.value_record import noise_level, starts_from_rest, stop_test
+from sysid.joint.stops import noise_level, stop_test
 from sysid.joint.values import joint_values
 from sysid.solver.covariance import Covariance
 from sysid.structures import actuated_joint, servo_joint

@@ -317,7 +317,7 @@ def test_a_joint_that_runs_away_over_the_whole_record_is_searched_there_without_
     def away(*_: object) -> None:
         raise InputError("none of 1 start(s) gives a valid model")
 
-    monkeypatch.setattr("sysid.joint.growth._over", away)
+    monkeypatch.setattr("sysid.joint.growth._fit_whole_record", away)
     growth = grow_joint(data, parts=("stribeck",), starts=2)
     assert growth.parts == ()
     assert np.all(np.isfinite(growth.fit.simulate(data.u)))

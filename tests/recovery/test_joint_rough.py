@@ -9,11 +9,8 @@ import sysid
 from sysid.blocks import Compliance, Motor
 from sysid.data.record import IOData
 from sysid.excitations import Staircase, Sweep
-from sysid.joint.coarse import ENOUGH, coarse, factor
-from sysid.joint.parts import PARTS
-from sysid.joint.pruning import pruned, remaining
-from sysid.joint.rate import at_rate, rated
-from sysid.joint.stretches import in_stretches
+from sysid.joint.parts import PARTS, prune, remaining_parts
+from sysid.joint.sampling import ENOUGH_SAMPLES, chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
@@ -42,25 +39,25 @@ def fast() -> IOData:
 def test_a_joint_with_fewer_samples_is_the_same_joint(fast: IOData) -> None:
     """Between switches a motor under a held input is solved exactly: its samples lie on one curve at either rate."""
     assert np.ptp(fast.y) == pytest.approx(1.0)  # it meets both stops, and jams there
-    slow = coarse(fast, K)
+    slow = thin(fast, K)
     assert (slow.N, slow.Ts) == (fast.N // K, K * TS)
-    theta = at_rate(JAMS, theta_of(JAMS), 1.0 / K)
+    theta = theta_at_rate(JAMS, theta_of(JAMS), 1.0 / K)
     np.testing.assert_allclose(JAMS.simulate(theta, slow.u), slow.y[:, 0], atol=1e-9)
-    np.testing.assert_allclose(at_rate(JAMS, theta, K), theta_of(JAMS), rtol=1e-12)
+    np.testing.assert_allclose(theta_at_rate(JAMS, theta, K), theta_of(JAMS), rtol=1e-12)
 
 
 def test_fewer_samples_leave_enough_of_the_record_and_of_every_way(fast: IOData) -> None:
     """A joint that crosses in about 120 samples may have fewer; one that crosses in thirty may not."""
-    assert factor(fast, JAMS) == 1
+    assert thinning_factor(fast, JAMS) == 1
     u = fast.u
     slow = IOData(u, JAMS.simulate(theta_of(JAMS, {"gain": 0.001}), u), TS)
-    k = factor(slow, JAMS)
+    k = thinning_factor(slow, JAMS)
     assert k > 1
-    assert slow.N / k >= ENOUGH
-    assert np.abs(np.diff(coarse(slow, k).y[:, 0])).max() < 0.05  # twenty samples from end to end at the fastest
-    assert factor(slow.select(0, 2 * ENOUGH - 1), JAMS) == 1
+    assert slow.N / k >= ENOUGH_SAMPLES
+    assert np.abs(np.diff(thin(slow, k).y[:, 0])).max() < 0.05  # twenty samples from end to end at the fastest
+    assert thinning_factor(slow.select(0, 2 * ENOUGH_SAMPLES - 1), JAMS) == 1
     timed = actuated_joint(motor=Motor(load=1, jams=True), knots=None, play=False, fixed={"motor.delay": 2.7})
-    assert factor(slow, timed) == 1  # a delay in samples would no longer be the one that was given
+    assert thinning_factor(slow, timed) == 1  # a delay in samples would no longer be the one that was given
 
 
 def test_stretches_are_the_record_cut_where_it_rests() -> None:
@@ -72,23 +69,23 @@ def test_stretches_are_the_record_cut_where_it_rests() -> None:
     y = np.tile(ramp, turns // 2)
     u = np.sign(np.diff(y, append=y[-1]))
     data = IOData(u, y, TS)
-    cut = in_stretches(data, JAMS)
+    cut = cut_at_rests(data, JAMS)
     np.testing.assert_array_equal(cut.y, data.y)
     np.testing.assert_array_equal(cut.u, data.u)
     assert len(cut.lengths) > 3
     starts = np.cumsum(cut.lengths)[:-1]
     assert np.all(y[starts - 1] == y[starts])
     assert np.all(y[starts] == y[starts + 1])
-    assert in_stretches(data.select(0, 700), JAMS).lengths == (700,)
+    assert cut_at_rests(data.select(0, 700), JAMS).lengths == (700,)
     sprung = actuated_joint(motor=Motor(load=1), knots=None, play=False, compliance=Compliance())
-    assert in_stretches(data, sprung) is data  # whose spring is bent where it rests
+    assert cut_at_rests(data, sprung) is data  # whose spring is bent where it rests
 
 
 def test_parts_that_were_kept_are_told_without_those_dropped() -> None:
-    assert remaining(("screw", "stribeck", "coasts"), ("jams",)) == ("loss", "stribeck", "coasts")
-    assert remaining(("screw",), ("jams", "loss")) == ()
-    assert remaining(("stribeck", "coasts"), ("coasts",)) == ("stribeck",)
-    assert set(remaining(tuple(PARTS), ())) == set(PARTS)
+    assert remaining_parts(("screw", "stribeck", "coasts"), ("jams",)) == ("loss", "stribeck", "coasts")
+    assert remaining_parts(("screw",), ("jams", "loss")) == ()
+    assert remaining_parts(("stribeck", "coasts"), ("coasts",)) == ("stribeck",)
+    assert set(remaining_parts(tuple(PARTS), ())) == set(PARTS)
 
 
 def test_a_part_that_says_nothing_of_the_record_is_dropped_and_one_that_does_is_not() -> None:
@@ -102,7 +99,7 @@ def test_a_part_that_says_nothing_of_the_record_is_dropped_and_one_that_does_is_
     y = plant.simulate(theta_of(plant, true), u)
     data = IOData(u, y + 0.002 * np.random.default_rng(2).normal(size=len(y)), TS)
     fit = sysid.fit(richer, data, search="lm", start=theta_of(richer, true | {"jam": 20.0}))
-    left, dropped = pruned(fit, data, ("stribeck", "jams"), 30.0, {"search": "lm", "seed": 0, "progress": None})
+    left, dropped = prune(fit, data, ("stribeck", "jams"), 30.0, {"search": "lm", "seed": 0, "progress": None})
     assert dropped == ("jams",)
     assert left.model.names == plant.names
     assert left.criteria.bic <= fit.criteria.bic + 30.0
@@ -114,8 +111,8 @@ def test_bounds_of_speeds_go_with_the_sampling_time_and_those_of_voltages_stay()
     plain = actuated_joint(motor=Motor(load=1, stribeck=True), knots=3, play=False)
     chain = replace(plain, bounds={"motor.stick_speed": (0.002, np.inf), "motor.rise": (0.5, 3.0)})
     theta = np.array([{"motor.stick_speed": 0.003, "motor.rise": 1.0}.get(name, 0.0) for name in chain.names])
-    fast = dict(zip(chain.names, at_rate(chain, theta, 5.0), strict=True))
+    fast = dict(zip(chain.names, theta_at_rate(chain, theta, 5.0), strict=True))
     assert fast["motor.stick_speed"] == pytest.approx(0.0006)
     assert fast["motor.rise"] == 1.0
-    assert rated(chain, 5.0).bounds["motor.stick_speed"] == (pytest.approx(0.0004), np.inf)
-    assert rated(chain, 5.0).bounds["motor.rise"] == (0.5, 3.0)
+    assert chain_at_rate(chain, 5.0).bounds["motor.stick_speed"] == (pytest.approx(0.0004), np.inf)
+    assert chain_at_rate(chain, 5.0).bounds["motor.rise"] == (0.5, 3.0)

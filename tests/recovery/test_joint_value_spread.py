@@ -9,9 +9,10 @@ from sysid.base.criteria import criteria
 from sysid.blocks import Motor
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
+from sysid.joint.breakaway import starts_from_rest
 from sysid.joint.evidence import evidence
-from sysid.joint.value_record import noise_level, starts_from_rest
-from sysid.joint.value_spread import spread_of
+from sysid.joint.spread import spread_of
+from sysid.joint.stops import noise_level
 from sysid.joint.values import joint_values
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop

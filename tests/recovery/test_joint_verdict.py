@@ -91,8 +91,8 @@ def test_bic_alone_refuses_no_joint_that_is_clearly_better_on_unseen_parts(unsee
     error = (100.0 - growth.unseen_percent) / unseen
     criteria = SimpleNamespace(bic=growth.fit.criteria.bic - 1e4, mse=growth.fit.criteria.mse)
     general = SimpleNamespace(model=None, theta=None, criteria=criteria)
-    monkeypatch.setattr(rules, "_fitted", lambda chain, data: general)
-    monkeypatch.setattr(rules, "free_runs", lambda *args: SimpleNamespace(percent=100.0 - error))
+    monkeypatch.setattr(rules, "_fit_general", lambda chain, data: general)
+    monkeypatch.setattr(rules, "holdout_errors", lambda *args: SimpleNamespace(percent=100.0 - error))
     said = verdict(growth, data)
     assert said.joint is is_joint
     assert ("explains it as well" in said.reason) is not is_joint

@@ -9,8 +9,7 @@ import sysid
 from sysid.systems import system
 from sysid.uncertainty import intervals
 from sysid.uncertainty.information import information_at
-from sysid.uncertainty.long_run import long_run_covariance_root
-from sysid.uncertainty.noise_model import NoiseModel, noise_model
+from sysid.uncertainty.noise_model import NoiseModel, long_run_covariance_root, noise_model
 
 
 def colour(memory, N):

@@ -8,7 +8,7 @@ import sysid
 from sysid import IOData
 from sysid.base.errors import InputError
 from sysid.blocks import FrictionLag, Motor, ProfiledMotor
-from sysid.data.gain_variants import gain_variants
+from sysid.data.preprocess import gain_variants
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint, motor_profile
 

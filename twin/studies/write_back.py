@@ -16,8 +16,8 @@ from sysid.excitations.aprbs import Aprbs
 from sysid.export import c, matlab, mjcf, python
 from sysid.fitting import load
 from sysid.joint.growth import grow_joint
-from sysid.linear import written
-from sysid.linear.written import Tangent
+from sysid.linear import linearize
+from sysid.linear.linearize import Tangent
 from sysid.nlarx.result import NlarxFit
 from sysid.workflow.record import read_record
 from twin.fragment import Check, check, put_into
@@ -169,7 +169,7 @@ def _refused(source: Source, way: str, name: str, at: float | None) -> str:
     fit = source.fit
     try:
         if way == "control":
-            written.tangent_at(fit, at)
+            linearize.tangent_at(fit, at)
         elif way == "mjcf":
             _check_mjcf(source, name)
         elif way == "python":
@@ -210,7 +210,7 @@ def write_back(
 ) -> Written:
     """Write the fit to `folder` in each of `ways` ("mjcf", "c", "python", "matlab", "control"); see `sysid.export`.
 
-    `at` is the input of the linear model, see `sysid.linear.written`.
+    `at` is the input of the linear model, see `sysid.linear.linearize`.
     """
     files = []
     scale = 1.0 if torque_per_volt is None else torque_per_volt
@@ -224,8 +224,8 @@ def write_back(
         files.append((matlab.write(fit, folder / f"{name}.m").name, "a MATLAB function, which GNU Octave runs too"))
     tangent = None
     if "control" in ways:
-        tangent = written.tangent_at(fit, at)
-        write_text(folder / f"{name}_control.py", written.source(tangent, fit.model.structure))
+        tangent = linearize.tangent_at(fit, at)
+        write_text(folder / f"{name}_control.py", linearize.tangent_source(tangent, fit.model.structure))
         files.append((f"{name}_control.py", "the linear model at an operating point, as a control.TransferFunction"))
     if "mjcf" not in ways:
         return Written(source, tuple(files), tangent=tangent)

@@ -8,7 +8,7 @@ from sysid.bench.method import Inside, Outcome, Tests
 from sysid.bench.methods.ours import Ours, record
 from sysid.bench.task import Task
 from sysid.blocks import Motor
-from sysid.data.gain_variants import gain_variants
+from sysid.data.preprocess import gain_variants
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lift_theta

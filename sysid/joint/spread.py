@@ -14,10 +14,10 @@ from scipy.stats import norm
 
 from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
+from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.result import Fit
-from sysid.joint.unseen import refitted, unseen_folds
+from sysid.joint.holdout import holdout_folds, refit
 from sysid.uncertainty.information import Information, information
-from sysid.uncertainty.initial_sensitivity import with_initial_state
 from sysid.uncertainty.noise_model import noise_model
 
 # Independent directions of what a joint's model lacks: friction, linkage and backlash repeat their errors with every
@@ -28,12 +28,14 @@ _DIRECTIONS = 10.0
 # of voltages are shares of the friction, at rest for a break-away.
 LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.12, "backlash": 0.15}
 LACKS |= {"speed_per_volt": 0.008}
-FAR = 0.01  # of the travel: how far an end may lie from the rests against it, which the backlash keeps apart
-TIMES = 0.1  # of a sample: the same of a time
-LATE = 0.1  # of a time: what else delays a joint, as a backlash that a model has not, looks like lag
+END_REACH = 0.01  # of the travel: how far an end may lie from the rests against it, which the backlash keeps apart
+TIME_DEVIATION = 0.1  # of a sample: the same of a time
+DELAY_SHARE = 0.1  # of a time: what else delays a joint, as a backlash that a model has not, looks like lag
 _STEP = 1e-6
 _ITERATIONS = 8  # of the fit to a part of the record: it begins at the optimum of the whole
-UNSEEN = 0.005  # of the travel: standard uncertainty of an end, by the side of the backlash on which the link rests
+END_DEVIATION = (
+    0.005  # of the travel: standard uncertainty of an end, by the side of the backlash on which the link rests
+)
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ class Spread:
         return float(np.sqrt(np.mean(off**2))) if len(off) else 0.0
 
 
-def white(fit: Fit, level: float) -> Callable[[Callable[[np.ndarray], float]], float]:
+def white_spread(fit: Fit, level: float) -> Callable[[Callable[[np.ndarray], float]], float]:
     """Half width of an interval of a value that is read from theta, for white residuals; nan if it is undetermined."""
     factor = float(norm.ppf(0.5 + level / 2))
     covariance, known = fit.covariance.cov, np.isfinite(fit.covariance.std()) | ~fit.model.free
@@ -94,7 +96,7 @@ def spread_of(fit: Fit, data: IOData, level: float, halves: bool = True) -> Spre
     much along the parameters as along any other of its `_DIRECTIONS`: with m the structure, |m|^2 = N (mean square of
     the residuals - variance of the noise), a value with gradient g is off by (g' (J'J)^-1 g |m|^2 / directions)^(1/2).
     The variance of the noise is that of the innovations of an autoregression. The halves are those of
-    `sysid.joint.unseen.unseen_folds`; a record that is too short has none, and without `halves`
+    `sysid.joint.holdout.holdout_folds`; a record that is too short has none, and without `halves`
     they are not asked.
     """
     e, plain = residuals(fit, data), information(fit, data, lags=None)
@@ -102,24 +104,24 @@ def spread_of(fit: Fit, data: IOData, level: float, halves: bool = True) -> Spre
     mse, lengths = float(np.mean(all_e**2)), [len(part) for part in e]
     noise = noise_model(all_e, np.zeros((len(all_e), 0)), lengths).variance if mse > 0.0 else 0.0
     lack = np.sqrt(len(all_e) * max(1.0 - noise / mse, 0.0) / _DIRECTIONS) if mse > 0.0 else 0.0
-    refits = tuple(_refitted(fit, fold.estimation) for fold in unseen_folds(data)) if halves else ()
+    refits = tuple(_refit_fold(fit, fold.estimation) for fold in holdout_folds(data)) if halves else ()
     return Spread(information(fit, data, lags="auto"), plain, float(lack), level, refits)
 
 
-def _refitted(fit: Fit, part: IOData) -> np.ndarray:
+def _refit_fold(fit: Fit, part: IOData) -> np.ndarray:
     with one_blas_thread(), np.errstate(all="ignore"):
-        return refitted(fit.model, fit.theta, part, _ITERATIONS)
+        return refit(fit.model, fit.theta, part, _ITERATIONS)
 
 
-def lacking(name: str, value: float, travel: float, Ts: float, dry: float) -> float:
+def structural_deviation(name: str, value: float, travel: float, Ts: float, dry: float) -> float:
     """Standard uncertainty of a value by what every model of a joint lacks; `travel` is the way between the ends.
 
     dry [V]: dry friction. The voltage that moves a joint is as uncertain as that, also where a load makes it small.
     """
     if name.startswith("end_"):
-        return UNSEEN * travel
+        return END_DEVIATION * travel
     if name in ("lag_and_delay", "time_constant", "delay"):
-        return float(np.hypot(TIMES * Ts, LATE * value))
+        return float(np.hypot(TIME_DEVIATION * Ts, DELAY_SHARE * value))
     of = dry if name.startswith(("coulomb", "moving_friction")) else abs(value)
     return next((share for start, share in LACKS.items() if name.startswith(start)), 0.0) * of
 
@@ -138,7 +140,7 @@ def residuals(fit: Fit, data: IOData) -> list[np.ndarray]:
     """Residuals of the free run of each experiment, of its observed samples."""
     found = []
     for k, record in enumerate(data.experiments):
-        theta = fit.theta if k == 0 else with_initial_state(fit.model, fit.theta, record)
+        theta = fit.theta if k == 0 else estimate_initial(fit.model, fit.theta, record)
         e = record.y[:, 0] - fit.model.simulate(theta, record.u[:, 0])
         found.append(e[record.observed[:, 0]])
     return found

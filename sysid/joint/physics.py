@@ -11,9 +11,9 @@ from sysid.blocks.motor import load_at
 from sysid.estimation.joint_parts import motor_of
 from sysid.model.chain import Chain
 
-_LARGEST = 1e3  # [V] within which a driver is inverted
-_REACH = 100.0  # strokes: a stop beyond is none
-_PLACES = 401  # of a travel map that is inverted
+_LARGEST_INPUT = 1e3  # [V] within which a driver is inverted
+_FARTHEST_STOP = 100.0  # strokes: a stop beyond is none
+_MAP_PLACES = 401  # of a travel map that is inverted
 
 
 def travel_of(chain: Chain) -> TravelMap | None:
@@ -29,7 +29,7 @@ def ends_of(chain: Chain, theta: np.ndarray) -> tuple[float, float]:
     if travel is None:
         return (low if np.isfinite(low) else -np.inf), high
     shape = chain.part(theta, travel)
-    angles = [float(travel.output(shape, np.array([x]))[0]) if abs(x) < _REACH else np.nan for x in (low, high)]
+    angles = [float(travel.output(shape, np.array([x]))[0]) if abs(x) < _FARTHEST_STOP else np.nan for x in (low, high)]
     if shape[1] < shape[0]:
         angles.reverse()
     return (-np.inf if np.isnan(angles[0]) else angles[0]), (np.inf if np.isnan(angles[1]) else angles[1])
@@ -51,7 +51,7 @@ def volts_to_move(chain: Chain, theta: np.ndarray, direction: int, static: bool,
     load = float(load_at(motor.at if place is None else place, p, motor))
     stick = p.stick_down if motor.sided and direction < 0 else p.stick
     dry = (p.rise if direction > 0 else p.fall) + (stick if static else 0.0)
-    return through_driver(chain, theta, load + direction * (dry + p.loss * abs(load)))
+    return input_for_volts(chain, theta, load + direction * (dry + p.loss * abs(load)))
 
 
 def breakaway_over_place(chain: Chain, theta: np.ndarray) -> Callable[[float, int], float]:
@@ -59,7 +59,7 @@ def breakaway_over_place(chain: Chain, theta: np.ndarray) -> Callable[[float, in
     travel = travel_of(chain)
     if travel is None:
         return lambda place, way: volts_to_move(chain, theta, way, True, place)
-    strokes = np.linspace(0.0, 1.0, _PLACES)
+    strokes = np.linspace(0.0, 1.0, _MAP_PLACES)
     angles = travel.output(chain.part(theta, travel), strokes)
     falls = angles[-1] < angles[0]
     if falls:
@@ -71,7 +71,7 @@ def breakaway_over_place(chain: Chain, theta: np.ndarray) -> Callable[[float, in
     return volts
 
 
-def through_driver(chain: Chain, theta: np.ndarray, volts: float) -> float:
+def input_for_volts(chain: Chain, theta: np.ndarray, volts: float) -> float:
     """Input [V] at which the driver's output is `volts`; nan if there is none."""
     driver = chain.block("driver")
     if driver is None:
@@ -80,6 +80,6 @@ def through_driver(chain: Chain, theta: np.ndarray, volts: float) -> float:
     def excess(u: float) -> float:
         return float(driver.output(chain.part(theta, driver), np.array([u]))[0]) - volts
 
-    if excess(-_LARGEST) * excess(_LARGEST) > 0:
+    if excess(-_LARGEST_INPUT) * excess(_LARGEST_INPUT) > 0:
         return np.nan
-    return float(brentq(excess, -_LARGEST, _LARGEST))
+    return float(brentq(excess, -_LARGEST_INPUT, _LARGEST_INPUT))

@@ -1,7 +1,8 @@
-"""A nonlinear ARX network as one unit for the exporters: the same text in C99 and Python, and its equations.
+"""A fit as the exporters take it, a program: units with their code, wired from input to output, and offsets of levels.
 
-Its state: the last na outputs and the last nk + nb - 1 inputs, latest first, and 1 after the run has diverged. A new
-run starts from zeros, as `NlarxFit.simulate` does for an input alone.
+A nonlinear ARX network is one unit: the same text in C99 and Python, and its equations. Its state: the last na outputs
+and the last nk + nb - 1 inputs, latest first, and 1 after the run has diverged. A new run starts from zeros, as
+`NlarxFit.simulate` does for an input alone.
 """
 
 from dataclasses import dataclass
@@ -9,30 +10,76 @@ from typing import Any, cast
 
 import numpy as np
 
+from sysid.base.errors import InputError
 from sysid.block.writing import Code, Writer, number
-from sysid.model.wiring import Layer, Unit
+from sysid.estimation.free_run import resting_theta
+from sysid.estimation.result import Fit
+from sysid.model.wiring import Layer, Unit, layers, offsets, written
 from sysid.nlarx.result import NlarxFit
 
-NAME = "network"
+AnyFit = Fit | NlarxFit
+Offset = float | np.ndarray | None
+NETWORK = "network"
 
 
 @dataclass(frozen=True)
-class _Place:
+class Program:
+    """Layers of units, the code of each unit by its name, and what is taken off u (nu,) and put on y (ny,)."""
+
+    layers: tuple[Layer, ...]
+    codes: dict[str, Code]
+    u_offset: np.ndarray
+    y_offset: np.ndarray
+
+
+def program(fit: AnyFit, way: str, u_offset: Offset = None, y_offset: Offset = None) -> Program:
+    """The fit in `way`, "c" or "python"; offsets are those of the fit unless others are given.
+
+    Raises InputError for a block without a formula, and for numbers that are not finite.
+    """
+    u0, y0 = level_offsets(fit, u_offset, y_offset)
+    if isinstance(fit, NlarxFit):
+        if not network_is_finite(fit):
+            raise InputError("a parameter of this model is not finite; fit it again before writing it out")
+        return Program(network_layers(fit), {NETWORK: network_code(fit, way)}, u0, y0)
+    found = layers(fit.model, resting_theta(fit.model, fit.theta))  # the run of `Fit.simulate` for an input alone
+    codes = {u.name: written(u, way)(u.theta) for layer in found for row in layer for u, _ in row}
+    return Program(found, codes, u0, y0)
+
+
+def level_offsets(fit: AnyFit, u_offset: Offset = None, y_offset: Offset = None) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets (nu,) and (ny,): those given, else those of the fit, else zero."""
+    n_in, n_out = channel_counts(fit)
+    own = (fit.u_offset, fit.y_offset)
+    u0, y0 = (0.0 if o is None else o for o in own)
+    return (
+        offsets(u0 if u_offset is None else u_offset, n_in, "u_offset"),
+        offsets(y0 if y_offset is None else y_offset, n_out, "y_offset"),
+    )
+
+
+def channel_counts(fit: AnyFit) -> tuple[int, int]:
+    """Number of inputs and of outputs."""
+    return (1, 1) if isinstance(fit, NlarxFit) else fit.model.channels
+
+
+@dataclass(frozen=True)
+class _NetworkBlock:
     """What the wiring asks of a block."""
 
     channels: tuple[int, int] = (1, 1)
 
 
-def wiring(fit: NlarxFit) -> tuple[Layer, ...]:
+def network_layers(fit: NlarxFit) -> tuple[Layer, ...]:
     """The network as a chain of one unit."""
-    return ((((Unit(NAME, cast(Any, _Place()), fit.theta), 0),),),)
+    return ((((Unit(NETWORK, cast(Any, _NetworkBlock()), fit.theta), 0),),),)
 
 
-def code(fit: NlarxFit, way: str) -> Code:
+def network_code(fit: NlarxFit, way: str) -> Code:
     """Body of the exported function of x in `way`, "c" or "python"."""
     model, network = fit.model, fit.network
     past = model.nk + model.nb - 1 if model.nb else 0
-    lines = (_c if way == "c" else _python)(fit, _regressors(fit), model.na, past)
+    lines = (_network_in_c if way == "c" else _network_in_python)(fit, _regressors(fit), model.na, past)
     tables = {"L": fit.theta[1 : 1 + network.n]}
     if network.units and network.m:
         units = fit.theta[1 + network.n :].reshape(network.units, network.m + 2)
@@ -48,7 +95,7 @@ def _regressors(fit: NlarxFit) -> list[str]:
     return [f"{name} - ({number(mu)})" for name, mu in zip(names, fit.network.mu, strict=True)]
 
 
-def _python(fit: NlarxFit, regressors: list[str], na: int, past: int) -> list[str]:
+def _network_in_python(fit: NlarxFit, regressors: list[str], na: int, past: int) -> list[str]:
     n, m, units = fit.network.n, fit.network.m, fit.network.units
     lines = [
         f"d = [{', '.join(regressors)}]",
@@ -82,7 +129,7 @@ def _python(fit: NlarxFit, regressors: list[str], na: int, past: int) -> list[st
     return [*lines, "return y"]
 
 
-def _c(fit: NlarxFit, regressors: list[str], na: int, past: int) -> list[str]:
+def _network_in_c(fit: NlarxFit, regressors: list[str], na: int, past: int) -> list[str]:
     n, m, units = fit.network.n, fit.network.m, fit.network.units
     lines = [
         f"const double d[{n}] = {{{', '.join(regressors)}}};",
@@ -116,7 +163,7 @@ def _c(fit: NlarxFit, regressors: list[str], na: int, past: int) -> list[str]:
     return [*([] if "x" in " ".join(regressors) or past else ["(void)x;"]), *lines, "return y;"]
 
 
-def equations(fit: NlarxFit, digits: int | None) -> list[str]:
+def network_equations(fit: NlarxFit, digits: int | None) -> list[str]:
     """The network in formulas: regressors, coordinates of the units, output."""
     network, model = fit.network, fit.model
     w = Writer("u", "y", digits)
@@ -138,6 +185,6 @@ def equations(fit: NlarxFit, digits: int | None) -> list[str]:
     return lines
 
 
-def finite(fit: NlarxFit) -> bool:
+def network_is_finite(fit: NlarxFit) -> bool:
     """Whether the network can be written as text."""
     return bool(np.all(np.isfinite(fit.theta)) and np.isfinite(fit.limit))

@@ -15,15 +15,15 @@ from sysid.model.chain import Chain
 from sysid.selection.folds import Fold, folds
 from sysid.solver.iterate import Options
 
-FIRST = 20  # samples that give a free run its initial position
+INITIAL_SAMPLES = 20  # samples that give a free run its initial position
 _ITERATIONS = 8  # of the search on a fold: it begins at the optimum of the whole record
 _CHUNKS = 24  # of the record, each one a vote
-_WORST = 1e100  # error of a free run that diverges
+_DIVERGED = 1e100  # error of a free run that diverges
 _CHANCE = 2.5  # t of a mean over some twenty chunks that chance exceeds once in a hundred
 
 
 @dataclass(frozen=True)
-class Unseen:
+class HoldoutErrors:
     """Errors (M,) of free runs over the unseen part of every fold, and the chunk (M,) that each belongs to."""
 
     errors: np.ndarray
@@ -41,51 +41,52 @@ class Unseen:
         return 100.0 * (1.0 - self.rms / self.spread) if self.spread > 0.0 else np.nan
 
 
-def unseen_folds(data: IOData) -> tuple[Fold, ...]:
+def holdout_folds(data: IOData) -> tuple[Fold, ...]:
     """Two folds that show what the record shows; none for a record that is too short."""
     try:
         pair = folds(data)
     except InputError:
         return ()
-    return tuple(Fold(f.estimation, f.unseen, min(FIRST, min(f.unseen.lengths) // 4)) for f in pair)
+    return tuple(Fold(f.estimation, f.unseen, min(INITIAL_SAMPLES, min(f.unseen.lengths) // 4)) for f in pair)
 
 
-def free_runs(chain: Chain, theta: np.ndarray, pair: tuple[Fold, ...]) -> Unseen:
+def holdout_errors(chain: Chain, theta: np.ndarray, pair: tuple[Fold, ...]) -> HoldoutErrors:
     """The chain fitted to each fold from theta (P,), the optimum of the whole record, and run over the other part."""
     errors, chunks, outputs, begun = [], [], [], 0
     with one_blas_thread(), np.errstate(all="ignore"):
         for fold in pair:
-            own = refitted(chain, theta, fold.estimation, _ITERATIONS)
+            own = refit(chain, theta, fold.estimation, _ITERATIONS)
             judged, y = fold.judged, fold.unseen.y[:, 0]
-            run = np.concatenate([_run(chain, own, e) for e in fold.unseen.experiments])
+            run = np.concatenate([_free_run(chain, own, e) for e in fold.unseen.experiments])
             length = max(1, round(sum(f.unseen.N for f in pair) / _CHUNKS))
             places = np.concatenate([np.arange(n) // length + 1000 * k for k, n in enumerate(fold.unseen.lengths)])
             places, begun = places + begun, begun + int(places.max()) + 1000
             errors.append((y - run)[judged])
             chunks.append(places[judged])
             outputs.append(y[judged])
-    e = np.clip(np.nan_to_num(np.concatenate(errors), nan=_WORST), -_WORST, _WORST)
-    return Unseen(e, np.concatenate(chunks), float(np.std(np.concatenate(outputs))))
+    e = np.clip(np.nan_to_num(np.concatenate(errors), nan=_DIVERGED), -_DIVERGED, _DIVERGED)
+    return HoldoutErrors(e, np.concatenate(chunks), float(np.std(np.concatenate(outputs))))
 
 
-def refitted(chain: Chain, theta: np.ndarray, data: IOData, iterations: int) -> np.ndarray:
+def refit(chain: Chain, theta: np.ndarray, data: IOData, iterations: int) -> np.ndarray:
     """theta (P,) after a few iterations on another record; theta itself where no search is possible there."""
     context = SearchContext(chain, data, Objective(), "lm", Options(max_iterations=iterations).begun(), None)
     rows = [
-        estimate_initial(chain, resting_theta(chain, theta), e.select(0, min(e.N, FIRST))) for e in data.experiments
+        estimate_initial(chain, resting_theta(chain, theta), e.select(0, min(e.N, INITIAL_SAMPLES)))
+        for e in data.experiments
     ]
     problem = set_curvature_weight(context, [context.problem(np.array(rows))])[0]
     outcome = context.iterate(problem, problem.start, context.options)
     return problem.thetas(outcome.p)[0] if np.isfinite(outcome.cost) else theta
 
 
-def _run(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
-    first = data.select(0, min(data.N, FIRST))
+def _free_run(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
+    first = data.select(0, min(data.N, INITIAL_SAMPLES))
     with np.errstate(all="ignore"):
         return chain.outputs(estimate_initial(chain, resting_theta(chain, theta), first), data.u)[:, 0]
 
 
-def harm(plain: Unseen, richer: Unseen, floor: float) -> float:
+def harm(plain: HoldoutErrors, richer: HoldoutErrors, floor: float) -> float:
     """t of the mean change of the logarithm of the error from the plain to the richer joint, over the chunks.
 
     Positive: the richer one is worse. `floor` [unit of y] is the noise, below which an error is none.
@@ -101,6 +102,6 @@ def harm(plain: Unseen, richer: Unseen, floor: float) -> float:
     return float(np.mean(changes)) / (spread / np.sqrt(len(changes)))
 
 
-def harms(plain: Unseen, richer: Unseen, floor: float) -> bool:
+def is_harmful(plain: HoldoutErrors, richer: HoldoutErrors, floor: float) -> bool:
     """Whether the richer joint is worse on unseen parts beyond chance."""
     return harm(plain, richer, floor) > _CHANCE
