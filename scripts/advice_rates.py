@@ -22,7 +22,7 @@ import numpy as np
 from scipy.signal import butter, lfilter, sosfilt
 
 from sysid import IOData, advise, systems
-from sysid.bench.drawing.linear import linear
+from sysid.bench.drawing.plants import draw_filter
 from sysid.bench.drawing.signals import excitation
 from sysid.bench.scenarios.real import RECORDS
 from sysid.blocks import TransferFunction
@@ -80,7 +80,7 @@ CLASSES = {
 def plant(name: str, n: int, rng: np.random.Generator) -> tuple[TransferFunction, np.ndarray]:
     """The plant of a class."""
     if name not in (RESONANT, CRAWLING):
-        return linear(rng, n, int(rng.integers(1, 5)), "linear")[:2]
+        return draw_filter(rng, n, int(rng.integers(1, 5)), "linear")[:2]
     delay = int(rng.integers(0, 5))
     if name == RESONANT:
         z = (1.0 - rng.uniform(0.005, 0.05)) * np.exp(2j * np.pi / rng.uniform(6.0, 60.0) * np.array([1, -1]))

@@ -17,7 +17,6 @@ import polars as pl
 
 from sysid.bench import cell, suites
 from sysid.bench.methods import TABLE as METHODS
-from sysid.bench.runner import run
 from sysid.bench.scenarios import TABLE as FAMILIES
 from sysid.bench.table import Table
 
@@ -32,14 +31,14 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
 
         def runner(name, workers):
-            return lambda: run(cells, Table(Path(folder) / f"{name}.parquet"), workers)
+            return lambda: cell.run_cells(cells, Table(Path(folder) / f"{name}.parquet"), workers)
 
         count, seconds = report_of_100_000_rows()
         print(f"report of {count} rows: {seconds:.1f} s")
         timed(runner("warm", 2))
         rows = []
         for k in range(given.rounds):
-            plain = timed(lambda: [cell.run(each) for each in cells])
+            plain = timed(lambda: [cell.run_cell(each) for each in cells])
             rows.append((plain, timed(runner(f"one-{k}", 1)), timed(runner(f"two-{k}", 2))))
     plain, one, two = np.median(np.array(rows), axis=0)
     share = np.median([b / a - 1 for a, b, _ in rows])

@@ -19,13 +19,12 @@ from unittest.mock import patch
 import numpy as np
 
 from sysid.bench import scenarios, suites
-from sysid.bench.cell import Cell, run
-from sysid.bench.columns import KEY
+from sysid.bench.cell import Cell, run_cell
 from sysid.bench.measures import INTERVALS, SEARCH, SELECTION
 from sysid.bench.methods import OURS
 from sysid.bench.methods import TABLE as METHODS
 from sysid.bench.regression import Verdict, compare
-from sysid.bench.table import Table, read
+from sysid.bench.table import KEY, Table, read
 from sysid.blocks.transfer_function import TransferFunction
 from sysid.selection import select as selecting
 from sysid.uncertainty import information as informing
@@ -103,10 +102,10 @@ def fill(path: Path, todo: list[Cell]) -> None:
     """Run the cells that the table lacks, in this process, where the damage is."""
     table = Table(path)
     with table.writing():
-        done = table.done()
+        done = table.row_keys()
         for cell in todo:
             if cell.key not in done:
-                table.add(run(cell))
+                table.add(run_cell(cell))
                 print(path.stem, *cell.key, file=sys.stderr)
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid.bench.drawing.plants import CHAINS, Plant, chain, scaled
+from sysid.bench.drawing.plants import CHAINS, Plant, draw_chain, scale_gains
 from sysid.bench.drawing.signals import INPUTS, excitation
 from sysid.blocks import PiecewiseLinear
 from sysid.data.record import IOData
@@ -32,7 +32,7 @@ def drawn(structure: str, seed: int) -> tuple[Plant, IOData, float, str]:
     u = excitation(kind, N, rng)
     plant = None
     while plant is None:
-        plant = scaled(chain(structure, N, rng), u)
+        plant = scale_gains(draw_chain(structure, N, rng), u)
     y, snr = plant.run(u), rng.uniform(10.0, 60.0)
     size = float(y.std()) * 10 ** (-snr / 20)
     return plant, IOData(u, y + size * rng.standard_normal(N), 1.0), size**2, f"{plant.given}; {kind} {N}, {snr:.0f} dB"

@@ -13,7 +13,7 @@ import sys
 import numpy as np
 
 from sysid import IOData, fit
-from sysid.bench.drawing.linear import linear
+from sysid.bench.drawing.plants import draw_filter
 from sysid.bench.drawing.signals import excitation
 from sysid.estimation.free_run import resting_theta
 from sysid.estimation.initial_state import estimate_initial
@@ -34,7 +34,7 @@ def errors(seed: int) -> dict[tuple[str, int], tuple[int, float, np.ndarray]]:
     """By beginning and window: order, noise [dB], and the errors [%] from rest, by least squares and as simulated."""
     rng = np.random.default_rng([13, seed])
     order = 1 + seed % 6
-    block, theta, _ = linear(rng, 1000, order, "linear")
+    block, theta, _ = draw_filter(rng, 1000, order, "linear")
     chain = Chain((block,), structure="output_error")
     kind = INPUTS[int(rng.integers(4))]
     u = excitation(kind, 1000, rng)

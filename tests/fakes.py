@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from sysid.bench.columns import COLUMNS
+from sysid.bench.table import COLUMNS
 
 
 def rows(**columns) -> pl.DataFrame:

@@ -1,23 +1,28 @@
-"""One cell of the benchmark: a scenario, a method and a seed become one row of the table."""
+"""A cell of the benchmark: a scenario, a method and a seed become one row of the table, or signals to look at.
+
+`run_cells` fills a table. A run that was stopped or killed continues where it was.
+"""
 
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
+from sysid.base.parallel import results
 from sysid.base.poles import match, pairs
-from sysid.bench.columns import COLUMNS, DIVERGED
 from sysid.bench.method import Method, Outcome
+from sysid.bench.table import COLUMNS, DIVERGED, UNTRIED, Table
 from sysid.bench.task import Family, Task
 
 STEADY = "steady state"  # an extra run over levels, each held until the plant is at rest
 LEVELS = 9
-SETTLED = 1e-4  # what is left of a step when a level ends
+REST = 1e-4  # what is left of a step when a level ends
 LONGEST = 20_000  # samples of a level; a slower plant has no steady state here
 
 
@@ -37,11 +42,34 @@ class Cell:
         return f"{self.family.name}/{self.scenario}", self.method.name, self.seed
 
 
-def run(cell: Cell) -> dict[str, Any]:
+def run_cells(
+    cells: Sequence[Cell],
+    table: Table,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> int:
+    """Run every cell that has no row yet; returns how many were run. Rows without data or environment are run again.
+
+    `workers` are local processes, `scheduler` the address of a Dask scheduler (see `sysid.base.parallel`). Each row is
+    on the disk as soon as its cell ends.
+    """
+    with table.writing():
+        keys = table.row_keys(UNTRIED)
+        todo = [cell for cell in cells if cell.key not in keys]
+        for k, (_, row) in enumerate(results(run_cell, todo, workers, scheduler), 1):
+            table.add(row)
+            if progress is not None:
+                progress(k, len(todo))
+    return len(todo)
+
+
+def run_cell(cell: Cell) -> dict[str, Any]:
     """The row of one cell, with every column; whatever the method does, there is a row."""
     row: dict[str, Any] = {name: None if kind.is_numeric() else "" for name, kind in COLUMNS.items()}
     row |= dict(zip(("scenario", "method", "seed"), cell.key, strict=True))
-    row |= {"budget": cell.seconds, "machine": _machine(), "qpal": _qpal()}
+    machine = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
+    row |= {"budget": cell.seconds, "machine": machine, "qpal": version("qpal")}
     try:
         task = cell.family.make(cell.scenario, cell.seed)
     except InputError as error:
@@ -52,7 +80,7 @@ def run(cell: Cell) -> dict[str, Any]:
         tests[STEADY] = stairs[0], stairs[1][: task.drop]
     outcome = cell.method.solve(task, tests, cell.seconds, cell.seed)
     row |= {"status": outcome.status, "seconds": outcome.seconds, "memory": outcome.memory, "version": outcome.version}
-    details = sound(outcome.details)
+    details = valid_details(outcome.details)
     outcome = replace(outcome, status=_text(outcome.status), details=details)
     row |= {"status": outcome.status, **{name: details.get(name, "") for name in ("stop", "structure")}}
     if outcome.status == "ok":
@@ -60,22 +88,22 @@ def run(cell: Cell) -> dict[str, Any]:
     return {name: None if isinstance(v, float) and not np.isfinite(v) else v for name, v in row.items()}
 
 
-def sound(details: Mapping[str, Any]) -> dict[str, Any]:
+def valid_details(details: Mapping[str, Any]) -> dict[str, Any]:
     """Of what a method tells of itself, the parts that are what the contract says; the others are left out."""
-    found: dict[str, Any] = {name: _text(details[name]) for name in ("stop", "structure") if name in details}
+    valid: dict[str, Any] = {name: _text(details[name]) for name in ("stop", "structure") if name in details}
     try:
         loss = float(details.get("loss"))  # type: ignore[arg-type]
-        found |= {"loss": loss} if np.isfinite(loss) else {}
+        valid |= {"loss": loss} if np.isfinite(loss) else {}
     except (TypeError, ValueError, OverflowError):
         pass
     poles = _numbers(details.get("poles"), 2)
     if poles is not None and np.isfinite(poles).all():
-        found["poles"] = poles
+        valid["poles"] = poles
     claims = details.get("intervals")
     claims = _numbers(claims.get("pole"), 4) if isinstance(claims, Mapping) else None
     if claims is not None and np.isfinite(claims[:, :2]).all():
-        found["intervals"] = claims
-    return found
+        valid["intervals"] = claims
+    return valid
 
 
 def _text(value: Any) -> str:
@@ -118,16 +146,16 @@ def accuracy(task: Task, outcome: Outcome, stairs: tuple[np.ndarray, ...] | None
     truth, out = task.truth, dict[str, Any]()
     if stairs is not None:
         _, y, ends = stairs
-        found = outcome.runs[STEADY][ends]
+        levels = outcome.runs[STEADY][ends]
         scale = float(np.std(np.concatenate([np.asarray(v) for v in truth.y.values()]))) if truth else np.nan
-        out["map_error"] = float(min(np.sqrt(np.mean((found - y[ends]) ** 2)) / scale, 1e6))
+        out["map_error"] = float(min(np.sqrt(np.mean((levels - y[ends]) ** 2)) / scale, 1e6))
     if truth is None or truth.poles is None or "poles" not in outcome.details:
         return out
     poles = outcome.details["poles"] @ np.array([1.0, 1.0j])
     out["pole_error"] = pole_error(poles, truth.poles, task.train.Ts)
     claims = outcome.details.get("intervals", ())
     if len(claims) == len(truth.poles):
-        out |= held(claims, truth.poles)
+        out |= interval_score(claims, truth.poles)
     return out
 
 
@@ -137,7 +165,7 @@ def staircase(task: Task) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     if truth is None or truth.chain is None or truth.theta is None or truth.poles is None or not len(truth.poles):
         return None
     slowest = float(np.abs(truth.poles).max())
-    n = int(np.log(SETTLED) / np.log(slowest)) + 20 if slowest < 1.0 else LONGEST + 1
+    n = int(np.log(REST) / np.log(slowest)) + 20 if slowest < 1.0 else LONGEST + 1
     if n > LONGEST:
         return None
     levels = np.quantile(task.train.u[:, 0], np.linspace(0.02, 0.98, LEVELS))
@@ -147,36 +175,63 @@ def staircase(task: Task) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
 
 def pole_error(poles: np.ndarray, true: np.ndarray, Ts: float) -> float:
     """Largest error of a true pole in the s-plane (see `sysid.base.poles`), 1e6 at most; nan if poles are missing."""
-    found = match(poles, true, Ts)
-    return min(max(pair.s_error for pair in found), 1e6) if len(found) == len(true) > 0 else float("nan")
+    matches = match(poles, true, Ts)
+    return min(max(pair.s_error for pair in matches), 1e6) if len(matches) == len(true) > 0 else float("nan")
 
 
-def held(claims: np.ndarray, true: np.ndarray) -> dict[str, Any]:
+def interval_score(claims: np.ndarray, true: np.ndarray) -> dict[str, Any]:
     """Of intervals [re, im, half axis of re, of im] (n, 4): how many there are, hold, and their median relative width.
 
     Conjugates are counted once, and the imaginary part of a real pole not at all.
     """
     rows = true.imag >= 0.0
-    which, of = pairs(claims[:, 0] + 1j * claims[:, 1], true)
-    order = which[np.argsort(of)]
-    mine, z = claims[order][rows], true[rows]
-    two = z.imag > 0.0
-    off = np.concatenate([np.abs(mine[:, 0] - z.real), np.abs(mine[:, 1] - z.imag)[two]])
-    half = np.concatenate([mine[:, 2], mine[:, 3][two]])
-    share = half / np.abs(1.0 - np.concatenate([z, z[two]]))
-    known = np.isfinite(half)
+    claim_index, true_index = pairs(claims[:, 0] + 1j * claims[:, 1], true)
+    order = claim_index[np.argsort(true_index)]
+    claims, z = claims[order][rows], true[rows]
+    pair = z.imag > 0.0
+    error = np.concatenate([np.abs(claims[:, 0] - z.real), np.abs(claims[:, 1] - z.imag)[pair]])
+    half = np.concatenate([claims[:, 2], claims[:, 3][pair]])
+    share = half / np.abs(1.0 - np.concatenate([z, z[pair]]))
+    finite = np.isfinite(half)
     return {
-        "intervals": int(known.sum()),
-        "held": int((off <= half)[known].sum()),
-        "width": float(np.median(share[known])) if known.any() else None,
+        "intervals": int(finite.sum()),
+        "held": int((error <= half)[finite].sum()),
+        "width": float(np.median(share[finite])) if finite.any() else None,
     }
 
 
-def _machine() -> str:
-    return f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
+@dataclass(frozen=True)
+class Redrawn:
+    """The first test of a task with a method's free run: u, y, run and the noise-free output (N,), if it is known.
+
+    The first `drop` samples are not scored. `given` says what the plant is.
+    """
+
+    scenario: str
+    method: str
+    seed: int
+    Ts: float
+    drop: int
+    unit: str
+    u: np.ndarray
+    y: np.ndarray
+    run: np.ndarray
+    clean: np.ndarray | None
+    given: str
 
 
-def _qpal() -> str:
-    from importlib.metadata import version
+def redraw(family: Family, scenario: str, method: Method, seed: int, seconds: float) -> Redrawn:
+    """Make the task of `scenario` (without the family's name) again and solve it again.
 
-    return version("qpal")
+    Raises InputError if the method has no result this time.
+    """
+    task = family.make(scenario, seed)
+    name, test = next(iter(task.tests.items()))
+    u, y = test.u[:, 0], test.y[:, 0]
+    outcome = method.solve(task, {name: (u, y[: task.drop])}, seconds, seed)
+    label = f"{family.name}/{scenario}"
+    if outcome.status != "ok":
+        raise InputError(f"{method.name} has no result on {label}, seed {seed}: {outcome.status}; draw another row")
+    clean = None if task.truth is None else np.asarray(task.truth.y[name], dtype=float)
+    run, Ts = outcome.runs[name], test.Ts
+    return Redrawn(label, method.name, seed, Ts, task.drop, task.unit, u, y, run, clean, task.given)

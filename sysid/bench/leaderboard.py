@@ -12,8 +12,8 @@ import numpy as np
 import polars as pl
 
 from sysid.base.errors import InputError
-from sysid.bench.columns import BAR, DIVERGED, UNTRIED
 from sysid.bench.statistics import LEVEL, SHIFT, Duel, duel, performance_profile, wilson
+from sysid.bench.table import BAR, DIVERGED, UNTRIED
 
 OWN = "own structure"  # all methods together that are told the structure of a drawn plant
 AT_TRUTH, AT_ORACLE, AT_BEST = "the fit from the truth", "the noise-free output", "the best fit of any method"
@@ -242,3 +242,17 @@ def _of(side: str, name: str) -> str:
 def _shifted(name: str) -> pl.Expr:
     """The shifted geometric mean; `sysid.bench.statistics` has the formula and its source."""
     return (pl.col(name) + SHIFT).log().mean().exp() - SHIFT
+
+
+def worst_to_draw(rows: pl.DataFrame, methods: list[str], count: int) -> list[tuple[str, str, int]]:
+    """The cells with the largest finite gaps of some methods, one a scenario: (scenario, method, seed).
+
+    A gap within the smallest margin is not worth a picture.
+    """
+    mine = rows.filter(pl.col("method").is_in(methods) & (pl.col("gap") > NEAR[0]) & pl.col("ok"))
+    ranked = mine.with_columns(pl.col("gap").clip(-CAP, CAP)).sort(
+        "gap", "scenario", "method", "seed", descending=[True, False, False, False]
+    )
+    first = ranked.unique("scenario", keep="first", maintain_order=True).head(count)
+    cells = first.select("scenario", "method", "seed").rows()
+    return [(scenario, method_of(scenario, method), int(seed)) for scenario, method, seed in cells]

@@ -13,8 +13,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
-from sysid.bench.contract import Data, Model, details_of
-from sysid.bench.memory import peak, start_peak
+from sysid.bench.contract import Data, Model, details_of, peak, start_peak
 from sysid.bench.task import Task
 
 Tests = Mapping[str, tuple[np.ndarray, np.ndarray]]  # inputs (N,) and first outputs (n,) by test

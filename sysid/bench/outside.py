@@ -1,35 +1,137 @@
-"""A method in one file that knows nothing of this library, run in a process and an environment of its own."""
+"""A method in one file that knows nothing of this library, run in a process and an environment of its own.
+
+An environment is a virtual one in the user's cache, made by `python -m venv` and pip.
+"""
 
 import contextlib
+import fcntl
 import json
 import os
+import shutil
 import signal
 import subprocess
+import sys
 import time
 import zipfile
+from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.files import write_text
 from sysid.base.locks import scratch_folder
-from sysid.bench.environments import Environment
 from sysid.bench.method import LIMIT, Outcome, Tests
 from sysid.bench.task import Task
 
-START = 120.0  # seconds that a process may take to import its libraries, before its clock starts
+STAMP, FAILED = "qpal-installed.json", "qpal-failed.txt"
+START = 120.0  # seconds that a process may take to import its libraries, before its clock starts; chosen by hand
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS")
 # JAX has a pool of its own that no variable above reaches.
 XLA = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+
+
+def peer_folder() -> Path:
+    """Where the method files of other libraries are: inside an installed package, or in a checkout."""
+    room = Path(__file__).parent
+    for folder in (room / "peers", room.parents[1] / "scripts" / "peers"):
+        if folder.is_dir():
+            return folder
+    raise FileNotFoundError(f"there is no folder {room / 'peers'} with methods of other libraries; reinstall qpal")
+
+
+def cache_folder() -> Path:
+    """Where the environments are: `$XDG_CACHE_HOME/qpal/peers`, by default under ~/.cache."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "qpal" / "peers"
+
+
+@dataclass(frozen=True)
+class Environment:
+    """The environment called `name`, with what pip is to install there and further options of pip.
+
+    Without requirements it is the interpreter that runs now. `method` is what `qpal bench install` calls it, if that is
+    not its name.
+    """
+
+    name: str
+    requirements: tuple[str, ...]
+    options: tuple[str, ...] = ()
+    method: str = ""
+
+    @property
+    def path(self) -> Path:
+        """Its folder."""
+        return cache_folder() / self.name
+
+    def python(self) -> Path:
+        """Its interpreter. Raises InputError if it is not installed, or was made for other requirements."""
+        if not self.requirements:
+            return Path(sys.executable)
+        if not self._is_current():
+            failed = self.path / FAILED
+            why = f" ({failed.read_text(encoding='utf-8').strip()})" if failed.is_file() else ""
+            raise InputError(f"not installed{why}: run qpal bench install {self.method or self.name}")
+        return self._interpreter()
+
+    def install(self) -> Path:
+        """Make it anew if it is not there or was made for other requirements; returns its interpreter.
+
+        Raises InputError with the last line of pip. `python` says the same until an installation succeeds.
+        """
+        if not self.requirements:
+            return Path(sys.executable)
+        with self._lock():
+            if not self._is_current():
+                shutil.rmtree(self.path, ignore_errors=True)
+                with_pip = find_spec("pip") is None  # else the pip that runs here serves there, which saves seconds
+                self._call([sys.executable, "-m", "venv", str(self.path), *([] if with_pip else ["--without-pip"])])
+                python = str(self._interpreter())
+                pip = [python, "-m", "pip"] if with_pip else [sys.executable, "-m", "pip", "--python", python]
+                quiet = ["--no-input", "--disable-pip-version-check"]
+                self._call([*pip, "install", *quiet, *self.options, *self.requirements])
+                write_text(self.path / STAMP, json.dumps(self._contents()))
+        return self._interpreter()
+
+    def _interpreter(self) -> Path:
+        return self.path / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+
+    def _contents(self) -> list[str]:
+        return [*self.requirements, *self.options, "python {}.{}".format(*sys.version_info)]
+
+    def _is_current(self) -> bool:
+        try:
+            return json.loads((self.path / STAMP).read_text(encoding="utf-8")) == self._contents()
+        except (OSError, ValueError):
+            return False
+
+    def _call(self, command: list[str]) -> None:
+        """Run pip or venv; raises InputError with the line that says why it failed, which stays in the folder."""
+        process = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+        if process.returncode:
+            lines = [line for line in (process.stderr or process.stdout).splitlines() if line.strip()]
+            reasons = [line for line in lines if line.startswith("ERROR:")] or lines or ["no word of the reason"]
+            sentence = f"installation failed: {reasons[-1][:200]}"
+            self.path.mkdir(parents=True, exist_ok=True)
+            write_text(self.path / FAILED, sentence)
+            raise InputError(f"{self.name}: {sentence}")
+
+    @contextlib.contextmanager
+    def _lock(self) -> Iterator[None]:
+        """One process installs at a time; another one waits, and then finds the work done."""
+        cache_folder().mkdir(parents=True, exist_ok=True)
+        with (cache_folder() / f".{self.name}.lock").open("w") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            yield
 
 
 @dataclass(frozen=True)
 class Outside:
     """The method file at `path`; `requirements` are what pip installs for it, `package` says whose version counts.
 
-    `sysid.bench.scaffold.load` reads all of this from the file.
+    `sysid.bench.method_file.load` reads all of this from the file.
     """
 
     name: str
@@ -42,9 +144,9 @@ class Outside:
     @property
     def environment(self) -> Environment:
         """Where it runs; the worker there needs numpy."""
-        needed = (*self.requirements, "numpy") if self.requirements else ()
-        ours = Path(self.path).parent == Path(__file__).with_name("peers")
-        return Environment(self.name, needed, self.options, "" if ours else self.path)
+        requirements = (*self.requirements, "numpy") if self.requirements else ()
+        is_peer = Path(self.path).parent == peer_folder().resolve()
+        return Environment(self.name, requirements, self.options, "" if is_peer else self.path)
 
     def solve(self, task: Task, tests: Tests, seconds: float, seed: int) -> Outcome:
         """See `Method`. Its clock starts after its imports; at `LIMIT` times the budget it is killed."""
@@ -52,8 +154,8 @@ class Outside:
             python = self.environment.python()
             with scratch_folder() as folder:
                 _write(folder / "data.npz", task, tests, seconds, seed)
-                status, took = self._run(python, folder, seconds)
-                return Outcome(status, seconds=took) if status else _read(folder, tests)
+                status, duration = self._run(python, folder, seconds)
+                return Outcome(status, seconds=duration) if status else _read(folder, tests)
         except InputError as error:
             return Outcome(str(error))
         except Exception as error:  # whatever a file of somebody else does, there is a row
@@ -62,42 +164,37 @@ class Outside:
     def _run(self, python: Path, folder: Path, seconds: float) -> tuple[str, float]:
         """Run the worker to its end; a sentence if it did not reach one, and the seconds that it then took."""
         worker = Path(__file__).with_name("worker.py")
-        command = [
-            str(python),
-            "-P",
-            str(worker),
-            str(Path(self.path).resolve()),
-            str(folder),
-            self.package,
-            str(os.getpid()),
-        ]
-        with (folder / "said").open("wb") as said:
+        arguments = map(str, (worker, Path(self.path).resolve(), folder, self.package, os.getpid()))
+        with (folder / "output").open("wb") as output:
             process = subprocess.Popen(
-                command,
+                [str(python), "-P", *arguments],
                 stdin=subprocess.DEVNULL,
-                stdout=said,
-                stderr=said,
+                stdout=output,
+                stderr=output,
                 cwd=folder,
-                env=_surroundings(bool(self.requirements)),
+                env=_variables(bool(self.requirements)),
                 start_new_session=True,  # so that its own children can be killed with it
             )
             try:
-                stopped, took = _wait(process, folder / "began", seconds)
+                failure, duration = _wait(process, folder / "began", seconds)
             finally:
-                _kill(process)
-        if stopped or (folder / "done.json").is_file():
-            return stopped, took
-        code, last = process.returncode, (folder / "said").read_text(encoding="utf-8", errors="replace").split("\n")
-        ended = f"killed by signal {-code}" if code < 0 else f"exit status {code}"
-        return f"crashed: {ended}: {next((line for line in reversed(last) if line.strip()), 'no output')}"[:300], took
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+        if failure or (folder / "done.json").is_file():
+            return failure, duration
+        code, lines = process.returncode, (folder / "output").read_text("utf-8", "replace").split("\n")
+        end = f"killed by signal {-code}" if code < 0 else f"exit status {code}"
+        last = next((line for line in reversed(lines) if line.strip()), "no output")
+        return f"crashed: {end}: {last}"[:300], duration
 
 
-def _wait(process: subprocess.Popen, began: Path, seconds: float) -> tuple[str, float]:
+def _wait(process: subprocess.Popen, clock_file: Path, seconds: float) -> tuple[str, float]:
     """Wait for the end: why it did not come, empty if it did, and seconds since the clock started."""
     start, clock = time.perf_counter(), 0.0
     while process.poll() is None:
         now = time.perf_counter()
-        clock = clock or (now if began.exists() else 0.0)
+        clock = clock or (now if clock_file.exists() else 0.0)
         if clock and now - clock > LIMIT * seconds:
             return f"stopped after {LIMIT * seconds:.0f} s", now - clock
         if not clock and now - start > START:
@@ -106,24 +203,17 @@ def _wait(process: subprocess.Popen, began: Path, seconds: float) -> tuple[str, 
     return "", time.perf_counter() - clock if clock else float("nan")
 
 
-def _kill(process: subprocess.Popen) -> None:
-    """End the process and all that it started."""
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-
-
-def _surroundings(own: bool) -> dict[str, str]:
+def _variables(has_environment: bool) -> dict[str, str]:
     """The environment variables of the child: one thread, and nothing that leads an own environment astray."""
-    found = dict(os.environ) | dict.fromkeys(THREADS, "1") | {"XLA_FLAGS": XLA, "JAX_PLATFORMS": "cpu"}
-    found |= {"PYTHONDONTWRITEBYTECODE": "1", "CUDA_VISIBLE_DEVICES": "", "MPLBACKEND": "Agg"}
-    for name in ("PYTHONPATH", "PYTHONHOME") if own else ():
-        found.pop(name, None)
-    return found
+    variables = dict(os.environ) | dict.fromkeys(THREADS, "1") | {"XLA_FLAGS": XLA, "JAX_PLATFORMS": "cpu"}
+    variables |= {"PYTHONDONTWRITEBYTECODE": "1", "CUDA_VISIBLE_DEVICES": "", "MPLBACKEND": "Agg"}
+    for name in ("PYTHONPATH", "PYTHONHOME") if has_environment else ():
+        variables.pop(name, None)
+    return variables
 
 
 def _write(path: Path, task: Task, tests: Tests, seconds: float, seed: int) -> None:
-    """What the worker reads."""
+    """Write what the worker reads."""
     data = task.data(seconds, seed)
     arrays: dict[str, Any] = {"experiments": len(data.u), "Ts": data.Ts, "seconds": seconds, "seed": data.seed}
     arrays["orders"] = np.array(data.orders or (), dtype=int)

@@ -16,10 +16,10 @@ import numpy as np
 import polars as pl
 
 from sysid.base.errors import InputError
-from sysid.bench.columns import DIVERGED, KEY, UNTRIED
 from sysid.bench.leaderboard import CLAIMED, STOPPED, explained
 from sysid.bench.measures import GROWTH, PLACES, SAME_FIT, TABLE, WIDTH, Measure, fell
 from sysid.bench.statistics import wilson
+from sysid.bench.table import DIVERGED, KEY, UNTRIED
 
 ALARM = 0.01
 FLIPPED = 0.02

@@ -8,9 +8,9 @@ from importlib.metadata import version
 
 from sysid.base.errors import InputError, unknown
 from sysid.bench.cell import Cell
-from sysid.bench.columns import BAR
 from sysid.bench.drawing.plants import CHAINS
 from sysid.bench.method import Method
+from sysid.bench.table import BAR
 from sysid.bench.task import Family
 
 OWN = "own"  # the method that is called as the drawn structure is

@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 import traceback
-from importlib.metadata import PackageNotFoundError, version
+from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -46,44 +46,45 @@ def import_all(path: Path) -> None:
                 importlib.import_module(name)
 
 
-def data_of(contract: ModuleType, given: Any) -> Any:
+def data_of(contract: ModuleType, arrays: Any) -> Any:
     """The `Data` of the contract from the arrays of data.npz."""
-    count = int(given["experiments"])
-    u, y, missing = (tuple(given[f"{name}{k}"] for k in range(count)) for name in ("u", "y", "missing"))
-    orders = tuple(int(n) for n in given["orders"]) or None
-    return contract.Data(u, y, missing, float(given["Ts"]), orders, float(given["seconds"]), int(given["seed"]))
+    count = int(arrays["experiments"])
+    u, y, missing = (tuple(arrays[f"{name}{k}"] for k in range(count)) for name in ("u", "y", "missing"))
+    orders = tuple(int(n) for n in arrays["orders"]) or None
+    return contract.Data(u, y, missing, float(arrays["Ts"]), orders, float(arrays["seconds"]), int(arrays["seed"]))
 
 
 def work(method: Path, folder: Path, package: str) -> dict[str, Any]:
     """Fit and run; the free runs go to runs.npz."""
-    contract, memory = module_at(HERE / "contract.py", "qpal_contract"), module_at(HERE / "memory.py", "qpal_memory")
+    contract = module_at(HERE / "contract.py", "qpal_contract")
     with np.load(folder / "data.npz") as arrays:
-        given = dict(arrays)
-    data = data_of(contract, given)
+        signals = dict(arrays)
+    data = data_of(contract, signals)
     import_all(method)
     fit = module_at(method, "qpal_method").fit
     (folder / "began").touch()
-    memory.start_peak()
-    began = time.perf_counter()
+    contract.start_peak()
+    start = time.perf_counter()
     model = fit(data)
-    seconds, top = time.perf_counter() - began, memory.peak()
+    seconds, top = time.perf_counter() - start, contract.peak()
     runs = {}
-    for k in range(int(given["tests"])):
-        u, first = given[f"test{k}"], given[f"first{k}"]
+    for k in range(int(signals["tests"])):
+        u, first = signals[f"test{k}"], signals[f"first{k}"]
         run = np.asarray(model.simulate(u.copy(), first.copy()), dtype=float).ravel()
         if len(run) != len(u):
             raise ValueError(f"simulate gave {len(run)} samples for {len(u)}")
         runs[f"run{k}"] = run
     np.savez(folder / "runs.npz", **runs)  # type: ignore[arg-type]
-    found = {"details": contract.details_of(model), "seconds": seconds, "memory": top}
-    return found | {"status": "ok", "version": installed(package)}
+    details = contract.details_of(model)
+    version = package_version(package)
+    return {"details": details, "seconds": seconds, "memory": top, "status": "ok", "version": version}
 
 
-def installed(package: str) -> str:
+def package_version(package: str) -> str:
     """The version of a package in this environment, empty if there is none of that name."""
     try:
-        return version(package) if package else ""
-    except (PackageNotFoundError, ValueError):
+        return metadata.version(package) if package else ""
+    except (metadata.PackageNotFoundError, ValueError):
         return ""
 
 
@@ -94,7 +95,6 @@ def plain(value: Any) -> Any:
 
 def end_with_parent(parent: int) -> None:
     """Leave when process `parent`, which started this one, is gone, so that nothing runs on after a kill."""
-
     if os.name != "posix":  # Python itself may stand between the two
         parent = os.getppid()
 
@@ -109,15 +109,14 @@ def end_with_parent(parent: int) -> None:
 def main(method: str, folder: str, package: str, parent: str) -> int:
     """Exit status 0 with a result or a sentence in done.json; `parent` is the process that started this one."""
     end_with_parent(int(parent))
-    where = Path(folder)
     try:
-        found = work(Path(method), where, package)
+        result = work(Path(method), Path(folder), package)
     except NotImplementedError as error:  # how a method says that it does not do this
-        found = {"status": f"refused: {error}"}
+        result = {"status": f"refused: {error}"}
     except Exception as error:
         traceback.print_exc()
-        found = {"status": f"crashed: {type(error).__name__}: {error}"}
-    (where / "done.json").write_text(json.dumps(found, default=plain), encoding="utf-8")
+        result = {"status": f"crashed: {type(error).__name__}: {error}"}
+    (Path(folder) / "done.json").write_text(json.dumps(result, default=plain), encoding="utf-8")
     return 0
 
 

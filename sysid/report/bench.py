@@ -11,8 +11,9 @@ from sysid.base import style
 from sysid.base.errors import InputError
 from sysid.base.files import json_value
 from sysid.bench import leaderboard as boards
-from sysid.bench import shown, words
-from sysid.bench.redraw import Redrawn, worst_to_draw
+from sysid.bench import presentation
+from sysid.bench.cell import Redrawn
+from sysid.bench.leaderboard import worst_to_draw
 from sysid.bench.regression import Verdict
 from sysid.drawing.axes import draw
 from sysid.report import bench_figures as plots
@@ -55,7 +56,7 @@ class Board:
             boards.scenarios(rows),
             boards.worst(boards.worst(rows, EACH), WORST, ("scenario",)),
             boards.untried(table),
-            tuple(words.sentences(rows, board, ours)),
+            tuple(presentation.sentences(rows, board, ours)),
         )
 
 
@@ -109,7 +110,7 @@ def front(board: Board, verdict: Verdict | None, pictures: dict[str, Picture]) -
                 "Largest relative error of a pole in the s-plane, and of the steady state relative to the standard "
                 "deviation of the output, for tasks whose truth is known."
             ],
-            tables=[_grid(board.errors, shown.ERRORS, 2)],
+            tables=[_grid(board.errors, presentation.ERRORS, 2)],
         ),
         _failures(board),
         _scenarios(board, pictures),
@@ -143,13 +144,13 @@ def scenario_pages(board: Board, pictures: dict[str, Picture]) -> list[tuple[str
 def _scenario(
     scenario: str, methods: pl.DataFrame, worst: pl.DataFrame | None, bar: str, picture: Picture | None
 ) -> Page:
-    sections = [Section("Methods", tables=[_grid(methods, shown.METHODS)])]
+    sections = [Section("Methods", tables=[_grid(methods, presentation.METHODS)])]
     if picture is not None:
         sections.append(Section("The worst seed drawn", pictures=[picture]))
     if worst is not None and len(worst):
         top = worst.sort("gap", descending=True).row(0, named=True)
-        repeat = f"Repeat the worst: {words.again(scenario, top['method'], top['seed'], top.get('budget'))}"
-        sections.append(Section("Worst seeds", [repeat], tables=[_grid(worst, shown.WORST, last_text=True)]))
+        repeat = f"Repeat the worst: {presentation.command(scenario, top['method'], top['seed'], top.get('budget'))}"
+        sections.append(Section("Worst seeds", [repeat], tables=[_grid(worst, presentation.WORST, last_text=True)]))
     most = max(row[0] for row in methods.select("n").iter_rows())
     verdict = [f"{most} tasks. The bar is {bar}."]
     return Page(scenario, "a scenario of the identification benchmark", verdict, sections, wide=True)
@@ -157,10 +158,10 @@ def _scenario(
 
 def tables(board: Board) -> str:
     """The tables for README and docs, as Markdown."""
-    parts = ["## Winners\n\n" + shown.markdown(board.winners, shown.WINNERS)]
+    parts = ["## Winners\n\n" + presentation.markdown(board.winners, presentation.WINNERS)]
     for (family,), part in board.board.partition_by("family", as_dict=True, maintain_order=True).items():
-        parts.append(f"## {family}\n\n" + shown.markdown(part))
-    parts.append("## Intervals\n\n" + shown.markdown(board.calibration, shown.CALIBRATION))
+        parts.append(f"## {family}\n\n" + presentation.markdown(part))
+    parts.append("## Intervals\n\n" + presentation.markdown(board.calibration, presentation.CALIBRATION))
     return "\n".join(parts)
 
 
@@ -219,13 +220,13 @@ def _figures(board: Board) -> list[str]:
 def _families(board: Board) -> Section:
     parts = board.board.partition_by("family", as_dict=True, maintain_order=True)
     grids = [
-        _grid(part, shown.LEADERBOARD, caption=f"{family}. Click a heading to sort.", bar=True)
+        _grid(part, presentation.LEADERBOARD, caption=f"{family}. Click a heading to sort.", bar=True)
         for (family,), part in parts.items()
     ]
     return Section(
         "Leaderboard",
-        [*board.sentences, *words.of_the_bar(board.board)],
-        tables=[_grid(board.winners, shown.WINNERS, 3), *grids],
+        [*board.sentences, *presentation.bar_sentences(board.board)],
+        tables=[_grid(board.winners, presentation.WINNERS, 3), *grids],
     )
 
 
@@ -236,8 +237,8 @@ def _intervals(board: Board, figures: Sequence[str]) -> Section:
         "share of those that hold is shown for comparison. Intervals of one fit depend on each other, so the ranges "
         "are somewhat too narrow."
     )
-    grid = _grid(board.calibration, shown.CALIBRATION, 2)
-    return Section("Intervals", [text, *words.of_intervals(board.rows)], tables=[grid], plots=figures)
+    grid = _grid(board.calibration, presentation.CALIBRATION, 2)
+    return Section("Intervals", [text, *presentation.interval_sentences(board.rows)], tables=[grid], plots=figures)
 
 
 def _failures(board: Board) -> Section:
@@ -268,8 +269,8 @@ def _scenarios(board: Board, pictures: dict[str, Picture]) -> Section:
             str(markupsafe.Markup(link).format(FOLDER, file_name(r["scenario"]), r["scenario"])),
             str(r["n"]),
             r["method"],
-            shown.points(r["lost"]),
-            shown.points(r["gap_worst"]),
+            presentation.points(r["lost"]),
+            presentation.points(r["gap_worst"]),
         ]
         for r in frame.iter_rows(named=True)
     ]
@@ -285,7 +286,7 @@ def _changed(verdict: Verdict) -> Section:
 
 def _grid(
     frame: pl.DataFrame,
-    columns: Sequence[shown.Column],
+    columns: Sequence[presentation.Column],
     text: int = 1,
     caption: str = "",
     bar: bool = False,
@@ -297,4 +298,4 @@ def _grid(
         competing = boards.ranked(frame)["method"].to_list()
         quiet = frozenset(k for k, name in enumerate(frame["method"]) if name not in competing)
     headings = [column.heading for column in columns]
-    return Grid(headings, shown.cells(frame, columns), caption, text, quiet, last_text, sortable=True)
+    return Grid(headings, presentation.cells(frame, columns), caption, text, quiet, last_text, sortable=True)

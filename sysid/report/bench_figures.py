@@ -11,9 +11,9 @@ import polars as pl
 
 from sysid.base import style
 from sysid.base.quantities import display_quantity
-from sysid.bench.columns import BAR
+from sysid.bench.cell import Redrawn
 from sysid.bench.leaderboard import CLAIMED, profile
-from sysid.bench.redraw import Redrawn
+from sysid.bench.table import BAR
 from sysid.drawing.figure import Axis, Figure, Item, Line, Panel
 from sysid.drawing.plotly import Plotly, base_layout, side
 

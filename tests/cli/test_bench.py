@@ -128,7 +128,7 @@ def test_a_stopped_run_says_what_is_there(rows, here, capsys, monkeypatch):
             (here / "t.journal").write_text("{}\n")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("sysid.bench.runner.run", stopped)
+    monkeypatch.setattr("sysid.bench.cell.run_cells", stopped)
     arguments = ["run", "--scenario", "stress/short", "--method", "output_error", "--seeds", "1", "--out", "t.parquet"]
     kept = "the rows so far are in t.parquet; the same command goes on from there"
     found = said(arguments, capsys, 130)

@@ -17,12 +17,10 @@ from sysid.base.errors import InputError
 from sysid.base.files import seal
 from sysid.bench import cell, suites
 from sysid.bench.cell import Cell
-from sysid.bench.columns import COLUMNS, KEY
 from sysid.bench.method import Inside
 from sysid.bench.methods import TABLE as METHODS
-from sysid.bench.runner import run
 from sysid.bench.scenarios import TABLE as FAMILIES
-from sysid.bench.table import BELONGS, Table, read
+from sysid.bench.table import BELONGS, COLUMNS, KEY, Table, read
 
 SURE = [name for name in COLUMNS if name not in ("seconds", "memory")]
 QUICK = ["--scenario", "drawn/output_error", "--method", "output_error", "--method", "from_truth", "--first", "5"]
@@ -67,7 +65,7 @@ def test_a_run_that_is_killed_goes_on_without_losing_or_repeating_a_row(tmp_path
             running.wait()
             running.stderr.close()
             kills += 1
-        done = len(Table(path).done())
+        done = len(Table(path).row_keys())
         assert done >= before
         before = done
     rows = read(path)
@@ -82,14 +80,14 @@ def test_a_row_in_journal_and_table_counts_once_and_half_a_line_not_at_all(tmp_p
     table = Table(tmp_path / "t.parquet")
     with table.writing():
         for each in cells(3):
-            table.add(cell.run(each))
+            table.add(cell.run_cell(each))
     rows = table.rows().to_dicts()
     journal = tmp_path / "t.journal"
     newer = rows[1] | {"fit": 12.5}
     journal.write_text(json.dumps(seal(newer, BELONGS)) + "\n" + json.dumps(rows[2] | {"seed": 77})[:-20])
     assert len(table.rows()) == 3  # killed between the table and the end of its journal
     assert table.rows().filter(pl.col("seed") == rows[1]["seed"])["fit"].to_list() == [12.5]
-    assert run(cells(4), Table(table.path), 1) == 1  # as another process would
+    assert cell.run_cells(cells(4), Table(table.path), 1) == 1  # as another process would
     assert len(table.rows()) == 4
     assert not journal.exists()
 
@@ -97,8 +95,8 @@ def test_a_row_in_journal_and_table_counts_once_and_half_a_line_not_at_all(tmp_p
 def test_two_runs_cannot_write_one_table(tmp_path):
     table = Table(tmp_path / "t.parquet")
     with table.writing(), pytest.raises(InputError, match="another run writes"):
-        run(cells(1), Table(tmp_path / "t.parquet"), 1)
-    assert run(cells(1), table, 1) == 1
+        cell.run_cells(cells(1), Table(tmp_path / "t.parquet"), 1)
+    assert cell.run_cells(cells(1), table, 1) == 1
 
 
 def test_files_that_are_no_tables_are_refused(tmp_path):
@@ -138,7 +136,7 @@ def test_whatever_a_method_does_there_is_a_row(tmp_path):
 
     said = []
     for fit in (crash, short, never, wild):
-        row = cell.run(Cell(FAMILIES["drawn"], "output_error", Inside("x", "", fit), 1, 0.1))
+        row = cell.run_cell(Cell(FAMILIES["drawn"], "output_error", Inside("x", "", fit), 1, 0.1))
         assert list(row) == list(COLUMNS)
         said.append((row["status"], row["fit"]))
     assert said[0] == ("crashed: RuntimeError: out of luck", None)
@@ -150,7 +148,7 @@ def test_whatever_a_method_does_there_is_a_row(tmp_path):
 def test_the_executor_gives_the_same_on_two_processes(tmp_path):
     chosen = suites.cells([suites.Part(("drawn/wiener",), ("from_truth", "wiener"), 2)], 20.0, FAMILIES, METHODS, 3)
     for workers in (1, 2):
-        run(chosen, Table(tmp_path / f"{workers}.parquet"), workers)
+        cell.run_cells(chosen, Table(tmp_path / f"{workers}.parquet"), workers)
     assert read(tmp_path / "1.parquet").select(SURE).equals(read(tmp_path / "2.parquet").select(SURE))
 
 
@@ -182,5 +180,5 @@ def _lose_one(tmp_path, address, workers):
         METHODS,
         5,
     )
-    run(chosen, whole, 1)
+    cell.run_cells(chosen, whole, 1)
     assert table.rows().select(SURE).equals(whole.rows().select(SURE))

@@ -14,7 +14,7 @@ from sysid.bench import cell
 from sysid.bench.cell import Cell
 from sysid.bench.contract import Data
 from sysid.bench.method import Inside
-from sysid.bench.methods import ours
+from sysid.bench.methods import library
 from sysid.bench.scenarios import TABLE as FAMILIES
 from sysid.bench.task import Task, Truth
 from sysid.blocks import Saturation, TransferFunction
@@ -68,7 +68,7 @@ def row(by=0.0, poles=(0.8,), details=None):
     def fit(data, task):
         return Shifted(task, by, np.array(poles), details or {})
 
-    return cell.run(Cell(Known(), "lag", Inside("x", "", fit, sees_truth=True), 4, 5.0))
+    return cell.run_cell(Cell(Known(), "lag", Inside("x", "", fit, sees_truth=True), 4, 5.0))
 
 
 def test_errors_of_every_test_and_of_all_samples_together():
@@ -128,7 +128,7 @@ def test_missing_samples_are_not_scored():
 
 
 def test_a_scenario_without_its_records_is_a_row():
-    found = cell.run(Cell(FAMILIES["drawn"], "none", Inside("x", "", abs), 0, 1.0))
+    found = cell.run_cell(Cell(FAMILIES["drawn"], "none", Inside("x", "", abs), 0, 1.0))
     assert found["status"].startswith("no data: unknown scenario")
     assert found["fit"] is None
 
@@ -143,8 +143,7 @@ def test_a_scenario_without_its_records_is_a_row():
 )  # fmt: skip
 def test_what_a_method_says_of_itself_never_ends_a_run(details, tmp_path):
     """The row is there, can be written and read, and keeps what was right."""
-    from sysid.bench.columns import COLUMNS
-    from sysid.bench.table import Table
+    from sysid.bench.table import COLUMNS, Table
 
     found = row(details=details)
     assert found["status"] == "ok"
@@ -173,6 +172,6 @@ def test_a_row_of_auto_tells_that_its_budget_ended_the_search(left, monkeypatch)
         none = Row(OutputError(), 99.0, 3, 1, np.zeros(BLOCKS), True)
         return Selection((none,), none, fit, budget=seconds, left_out=left)
 
-    monkeypatch.setattr(ours, "select", quick)
-    stop = ours.auto(data).details["stop"]
+    monkeypatch.setattr(library, "select", quick)
+    stop = library.auto(data).details["stop"]
     assert (stop == "the budget of 8000 s ended the search before 9 of its candidates") == bool(left)

@@ -100,7 +100,7 @@ def test_every_plant_can_be_found_from_its_true_parameters(seeds):
     lost = []
     for seed in seeds:
         for structure in CHAINS:
-            row = cell.run(Cell(DRAWN, structure, METHODS["from_truth"], 20_000 + seed, 60.0))
+            row = cell.run_cell(Cell(DRAWN, structure, METHODS["from_truth"], 20_000 + seed, 60.0))
             task = DRAWN.make(structure, 20_000 + seed)
             assert row["status"] == "ok"
             clean = task.truth.chain.simulate(task.truth.theta, task.train.u[:, 0])

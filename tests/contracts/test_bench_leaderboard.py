@@ -12,10 +12,11 @@ from fakes import rows, run_of_the_library
 
 from sysid.base.errors import InputError
 from sysid.bench import leaderboard as boards
-from sysid.bench import words
+from sysid.bench import presentation
+from sysid.bench.cell import redraw
+from sysid.bench.leaderboard import worst_to_draw
 from sysid.bench.method import Outcome
-from sysid.bench.redraw import redraw, worst_to_draw
-from sysid.bench.shown import markdown
+from sysid.bench.presentation import markdown
 from sysid.bench.task import Task, Truth
 from sysid.data.record import IOData
 from sysid.report import bench as pages
@@ -111,7 +112,7 @@ def test_methods_that_are_told_the_structure_count_as_one():
     board = boards.leaderboard(boards.scored(told))
     found = {(row["family"], row["method"]): row["n"] for row in board.to_dicts()}
     assert found == {("drawn", boards.OWN): 2, ("drawn", "wiener"): 1, ("drawn-long", boards.OWN): 1}
-    assert "--method nlarx --first 4 --seeds 1" in words.again("drawn/nlarx", boards.OWN, 4)
+    assert "--method nlarx --first 4 --seeds 1" in presentation.command("drawn/nlarx", boards.OWN, 4)
     assert worst_to_draw(boards.scored(told.with_columns(fit=pl.Series([9.0, 9.0, 9.0, 9.0]))), [boards.OWN], 5) == []
     worse = boards.scored(pl.concat([told, rows(scenario=["drawn/wiener"], method=["m"], fit=[99.0])]))
     assert worst_to_draw(worse, [boards.OWN], 5) == [("drawn/wiener", "wiener", 0)]
@@ -160,7 +161,7 @@ def test_the_worst_seed_of_each_scenario(table):
 
 def test_words_say_who_is_first_with_numbers(table):
     scored = boards.scored(table)
-    said = "\n".join(words.sentences(scored, boards.leaderboard(scored), ["ours"]))
+    said = "\n".join(presentation.sentences(scored, boards.leaderboard(scored), ["ours"]))
     assert "f: ours is first. It loses 0.50 points" in said
     assert "over 4 tasks; 50 % of its fits (15 % to 85 %) are within 0.1 point" in said
     assert "ours against peer: 3 won, 0 tied and 1 lost of 4 tasks" in said
@@ -168,7 +169,7 @@ def test_words_say_who_is_first_with_numbers(table):
 
 def test_words_say_plainly_where_a_peer_wins_and_is_faster(table):
     scored = boards.scored(table.with_columns(pl.col("method").replace({"ours": "peer", "peer": "ours"})))
-    said = "\n".join(words.sentences(scored, boards.leaderboard(scored), ["ours"]))
+    said = "\n".join(presentation.sentences(scored, boards.leaderboard(scored), ["ours"]))
     assert "f: peer is first, which is not of this library" in said
     assert "peer is farthest ahead on f/a, seed 1: 79.95 % against no result" in said
     assert "qpal bench run --scenario f/a --method ours.py" in said  # not of the library: a file
@@ -177,9 +178,9 @@ def test_words_say_plainly_where_a_peer_wins_and_is_faster(table):
 
 def test_words_on_intervals_that_hold_too_seldom():
     few = rows(seed=list(range(50)), loss=1.0, noise=1.0, intervals=2, held=1)
-    (said,) = words.of_intervals(boards.scored(few))
+    (said,) = presentation.interval_sentences(boards.scored(few))
     assert "m are too narrow: 50 of 100 hold" in said
-    assert not words.of_intervals(boards.scored(few.with_columns(held=pl.Series([2] * 45 + [1] * 5))))
+    assert not presentation.interval_sentences(boards.scored(few.with_columns(held=pl.Series([2] * 45 + [1] * 5))))
 
 
 def test_markdown_is_a_table_of_the_board(table):

@@ -18,12 +18,10 @@ from scipy.signal import lfilter
 
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
-from sysid.bench.environments import Environment
-from sysid.bench.export import export
-from sysid.bench.outside import Outside
-from sysid.bench.peers import TABLE
-from sysid.bench.scaffold import TEMPLATE, add, load
-from sysid.bench.task import Task, Truth
+from sysid.bench.method_file import add, load
+from sysid.bench.methods import PEERS, TABLE
+from sysid.bench.outside import Environment, Outside, peer_folder
+from sysid.bench.task import Task, Truth, export
 from sysid.data.record import IOData
 from sysid.structures import hammerstein_wiener
 
@@ -234,7 +232,7 @@ def test_a_method_without_its_environment_says_so_in_its_row(tmp_path, monkeypat
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     method = written(tmp_path, "REQUIREMENTS = ['nowhere']\ndef fit(data): ...\n")
     assert solve(method).status == f"not installed: run qpal bench install {tmp_path / 'mine.py'}"
-    assert solve(TABLE["nfoursid"]).status == "not installed: run qpal bench install nfoursid"
+    assert solve(PEERS["nfoursid"]).status == "not installed: run qpal bench install nfoursid"
 
 
 BAD = {
@@ -279,13 +277,13 @@ def test_the_scaffold_overwrites_nothing(tmp_path):
 
 
 def test_every_peer_is_in_the_table_and_says_what_it_is():
-    folder = TEMPLATE.with_name("peers")
-    assert sorted(TABLE) == sorted(p.stem for p in folder.glob("*.py") if p.stem != "__init__")
-    for name, method in TABLE.items():
+    assert set(PEERS) <= set(TABLE)
+    assert len(PEERS) == 6
+    for name, method in PEERS.items():
         assert method.name == name
         assert method.about
         assert method.package
-        assert (folder / f"{name}.py").read_text(encoding="utf-8").isascii()
+        assert (peer_folder() / f"{name}.py").read_text(encoding="utf-8").isascii()
 
 
 def test_forty_lines_find_a_hammerstein_wiener_plant():
@@ -301,7 +299,7 @@ def test_forty_lines_find_a_hammerstein_wiener_plant():
     clean, test = plant(test)[203:], test[203:]  # a record that begins in motion
     train = IOData(u, y + 1e-3 * y.std() * rng.standard_normal(len(u)), 0.1)
     given = Task(train, {"test": IOData(test, clean, 0.1)}, 10, orders=(2, 2, 1))
-    outcome = solve(TABLE["forty_lines"], given=given)
+    outcome = solve(PEERS["forty_lines"], given=given)
     assert outcome.status == "ok"
     run = outcome.runs["test"]
     assert fit_percent(clean[10:], run[10:]) > 97.0

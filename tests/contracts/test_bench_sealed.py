@@ -7,8 +7,7 @@ import pytest
 
 from sysid.base.errors import InputError
 from sysid.base.files import seal
-from sysid.bench.columns import COLUMNS, KEY
-from sysid.bench.table import BELONGS, EVERY, Table, read, write
+from sysid.bench.table import BELONGS, COLUMNS, EVERY, KEY, Table, read, write
 
 
 def row(seed, fit=90.0):
@@ -29,7 +28,7 @@ def table(tmp_path):
 
 
 def seeds(table):
-    return sorted(key[2] for key in table.done())
+    return sorted(key[2] for key in table.row_keys())
 
 
 def lines(table):

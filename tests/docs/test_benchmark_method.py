@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from sysid.bench.contract import Data
-from sysid.bench.scaffold import add, load
+from sysid.bench.method_file import add, load
 from sysid.bench.table import read
 from sysid.bench.task import Task
 from sysid.data.record import IOData

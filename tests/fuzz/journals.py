@@ -11,8 +11,7 @@ import numpy as np
 from fuzz.mutate import damaged, other_values
 from fuzz.runner import WrongError
 from sysid.base.errors import InputError
-from sysid.bench.columns import COLUMNS, KEY
-from sysid.bench.table import Table
+from sysid.bench.table import COLUMNS, KEY, Table
 from sysid.data.record import IOData
 from sysid.selection.journal import Journal
 

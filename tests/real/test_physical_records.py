@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sysid.bench.cell import Cell, run
+from sysid.bench.cell import Cell, run_cell
 from sysid.bench.methods import TABLE
 from sysid.bench.scenarios.real import HELD_OUT, Real, servo_logs
 
@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 
 def row(records, record, method):
     """The row of one method on one record."""
-    return run(Cell(Real(folder=str(records)), record, TABLE[method], 0, 300.0))
+    return run_cell(Cell(Real(folder=str(records)), record, TABLE[method], 0, 300.0))
 
 
 def errors(records, record, method):

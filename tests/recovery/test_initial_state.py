@@ -5,7 +5,7 @@ import pytest
 
 import sysid
 from sysid import IOData
-from sysid.bench.drawing.linear import linear
+from sysid.bench.drawing.plants import draw_filter
 from sysid.bench.drawing.signals import excitation
 from sysid.block.block import StaticBlock
 from sysid.blocks import Custom, PiecewiseLinear, TransferFunction
@@ -49,7 +49,7 @@ def test_the_places_of_a_map_say_how_far_a_state_may_lie():
 def drawn(seed: int, map: StaticBlock | None = None) -> tuple[Chain, np.ndarray, np.ndarray, np.random.Generator]:
     """A plant of order 1 to 6, its parameters, an input of 1500 samples, and the generator."""
     rng = np.random.default_rng([21, seed])
-    block, theta, _ = linear(rng, 1000, 1 + seed % 6, "linear")
+    block, theta, _ = draw_filter(rng, 1000, 1 + seed % 6, "linear")
     if map is not None:
         theta = np.concatenate([theta, map.start(np.linspace(-3.0, 3.0, 7))])
     return Chain((block,) if map is None else (block, map)), theta, excitation("aprbs", 1500, rng), rng

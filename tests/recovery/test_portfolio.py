@@ -8,7 +8,7 @@ from often import often
 
 import sysid
 from sysid import IOData, structures
-from sysid.bench.drawing.plants import chain, scaled
+from sysid.bench.drawing.plants import draw_chain, scale_gains
 from sysid.bench.drawing.signals import excitation
 from sysid.block.block import StaticBlock
 from sysid.blocks import PiecewiseLinear, Polynomial, Saturation, SigmoidNetwork
@@ -157,7 +157,7 @@ def test_a_fit_comes_to_the_loss_of_a_fit_from_the_truth(structure, seeds):
         u = excitation("multisine", 1500, rng)
         plant = None
         while plant is None:
-            plant = scaled(chain(structure, 1500, rng), u)
+            plant = scale_gains(draw_chain(structure, 1500, rng), u)
         y = plant.run(u)
         data = IOData(u, y + y.std() * 10 ** (-rng.uniform(10, 40) / 20) * rng.standard_normal(1500))
         nb, nf, nk = plant.orders

@@ -15,9 +15,8 @@ from twin.cli.output import output_folder, run_folder
 from twin.cli.results import written
 
 if TYPE_CHECKING:
-    from sysid.bench.cell import Cell
+    from sysid.bench.cell import Cell, Redrawn
     from sysid.bench.method import Method as AnyMethod
-    from sysid.bench.redraw import Redrawn
     from sysid.bench.task import Family
 
 Tag = Annotated[str | None, typer.Option("--tag", metavar="NAME", help="what to run: quick, standard or full")]
@@ -66,7 +65,7 @@ def add_file(text: str, into: "dict[str, AnyMethod]") -> str:
     """The name of a method; one that a file holds is added to `into`."""
     if not text.endswith(".py") and os.sep not in text:
         return text
-    from sysid.bench.scaffold import load
+    from sysid.bench.method_file import load
     from sysid.bench.suites import OWN, PEERS
 
     method = load(text)
@@ -121,7 +120,7 @@ def selected_cells(
 
 def cell_redrawer(records: Path | None) -> "Callable[[str, str, int], Redrawn]":
     """Solves a cell of the table again, by the names in its row."""
-    from sysid.bench.redraw import redraw as again
+    from sysid.bench.cell import redraw as again
     from sysid.bench.suites import SUITES
 
     known, every = all_families(records), all_methods()
@@ -170,7 +169,7 @@ def run(
     as_json: options.Json = False,
 ) -> None:
     """Run methods over scenarios into a table, a row each. A run that was stopped continues where it was."""
-    from sysid.bench.runner import run as run_cells
+    from sysid.bench.cell import run_cells
     from sysid.bench.table import Table as Results
 
     cells = selected_cells(tag, scenario, method, seeds, first, budget, records)
@@ -208,8 +207,7 @@ def report(
     as_json: options.Json = False,
 ) -> None:
     """Write the leaderboard of a table; against an earlier one, exit with 1 if something got worse beyond noise."""
-    from sysid.bench.methods import OURS
-    from sysid.bench.peers import TABLE as PEERS
+    from sysid.bench.methods import OURS, PEERS
     from sysid.bench.regression import compare
     from sysid.bench.table import read
     from sysid.report import bench as page
@@ -247,9 +245,9 @@ def show(records: Records = None, as_json: options.Json = False) -> None:
 
 def add(name: Annotated[str, typer.Argument(metavar="NAME", help="of your method, for example my_arx")]) -> None:
     """Write a method file to begin with, NAME.py in this folder. It runs as it is."""
-    from sysid.bench.scaffold import add as write
+    from sysid.bench.method_file import add as write
 
-    path = write(name)
+    path = write(name, methods=chosen.methods())
     written(path)
     print(f"{path} is a method that runs as it is. Edit its fit, then:")
     print(f"Next: qpal bench run --method {path} --scenario 'textbook/*' --out runs/{name}.parquet")
@@ -290,8 +288,8 @@ def export(
     out: Annotated[str, typer.Option("--out", metavar="DIR", help="a new folder")] = "runs/scenario",
 ) -> None:
     """Write a scenario's data as CSV, and what is known of its plant as JSON."""
-    from sysid.bench.export import check_empty
-    from sysid.bench.export import export as write
+    from sysid.bench.task import check_empty
+    from sysid.bench.task import export as write
 
     family, name = find_scenario(scenario, records)
     if seed < 0:

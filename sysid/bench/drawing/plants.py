@@ -1,10 +1,9 @@
-"""Whole plants drawn at random: chains of a structure, and a nonlinear recursion that is no chain."""
+"""Plants drawn at random: linear filters, chains of a structure, and a nonlinear recursion that is no chain."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.bench.drawing.linear import linear
 from sysid.bench.drawing.maps import MAPS
 from sysid.block.block import Block, StaticBlock
 from sysid.blocks import TransferFunction
@@ -23,6 +22,9 @@ MOST = 4  # poles
 LEAST = 0.15  # standard deviation behind a map relative to that before it: below, hardly anything comes through
 ROLES = {"NL": ("input", "linear"), "LN": ("linear", "output"), "NLN": ("input", "linear", "output")}
 ROLES |= {"L": ("linear",), "LNL": ("linear1", "middle", "linear2")}
+KINDS = ("real", "complex", "clustered", "near the circle", "negative")
+SINGLE = ("real", "negative")  # kinds of a single pole
+SLOWEST = 60.0  # samples of the longest time constant, and a tenth of the record at most
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ class Recursion:
         return out
 
 
-def chain(structure: str, N: int, rng: np.random.Generator) -> Plant:
+def draw_chain(structure: str, N: int, rng: np.random.Generator) -> Plant:
     """A plant of the structure, without a scale yet; both filters of a Wiener-Hammerstein have the same orders."""
     letters = CHAINS[structure]
     nf = int(rng.integers(1, (MOST if letters.count("L") == 1 else MOST // 2) + 1))
@@ -88,7 +90,7 @@ def chain(structure: str, N: int, rng: np.random.Generator) -> Plant:
             blocks.append(replace(drawn, role=role))
             words.append(f"{role} map {name}")
         else:
-            block, theta, kind = linear(rng, N, nf, role, nb=orders and orders[0], nk=orders and 0)
+            block, theta, kind = draw_filter(rng, N, nf, role, nb=orders and orders[0], nk=orders and 0)
             blocks.append(block)
             orders = orders or (block.nb, block.nf, block.nk)
             words.append(f"{nf} pole(s), {kind}, nb {block.nb}, nk {block.nk}")
@@ -97,7 +99,7 @@ def chain(structure: str, N: int, rng: np.random.Generator) -> Plant:
     return Plant(Chain(tuple(blocks), structure=structure), np.concatenate(parts), orders, "; ".join(words))
 
 
-def scaled(plant: Plant, u: np.ndarray) -> Plant | None:
+def scale_gains(plant: Plant, u: np.ndarray) -> Plant | None:
     """The plant with the gains of its linear blocks such that each gives a standard deviation of 1 under u (N,).
 
     None if a map lets hardly anything through.
@@ -116,7 +118,7 @@ def scaled(plant: Plant, u: np.ndarray) -> Plant | None:
     return Plant(plant.chain, theta, plant.orders, plant.given)
 
 
-def recursion(rng: np.random.Generator) -> Recursion:
+def draw_recursion(rng: np.random.Generator) -> Recursion:
     """A stable recursion: |a1| + |a2| + |e| below 1 is not needed for its linear part, whose poles lie within 0.9."""
     p = rng.uniform(0.3, 0.85, 2)
     a = (float(p.sum()), float(-p.prod()))
@@ -124,3 +126,49 @@ def recursion(rng: np.random.Generator) -> Recursion:
     size = rng.uniform(0.1, 0.5) * room * rng.choice([-1.0, 1.0])
     b, d = rng.uniform(0.5, 2.0) * room, rng.uniform(-0.5, 0.5) * room
     return Recursion(a, float(b), float(rng.uniform(0.7, 3.0)), float(d), float(size))
+
+
+def draw_filter(
+    rng: np.random.Generator, N: int, nf: int, role: str, nb: int | None = None, nk: int | None = None
+) -> tuple[TransferFunction, np.ndarray, str]:
+    """A transfer function, its parameters from rest (P,), and the kind of its poles, for records of N samples.
+
+    Of nf poles one pair is of the drawn kind, the others are real. B has up to three coefficients (nb) and its zeros
+    within 1.5 of the origin, the delay nk is up to 4 samples; the steady-state gain is 1 in size.
+    """
+    slowest = min(SLOWEST, N / 10)
+    kind = str(rng.choice(KINDS if nf > 1 else SINGLE))
+    z = _pair(kind, rng, slowest)[:nf]
+    z = np.concatenate([z, [_real(rng, slowest) for _ in range(nf - len(z))]])
+    nb = int(rng.integers(1, min(nf + 1, 3) + 1)) if nb is None else nb
+    delay = int(rng.integers(0, 5)) if nk is None else nk
+    f, b = np.real(np.poly(z))[1:], np.atleast_1d(np.real(np.poly(_zeros(rng, nb - 1))))
+    b = b * (1.0 + f.sum()) / b.sum() * rng.choice([-1.0, 1.0])
+    block = TransferFunction(nb, nf, delay, role=role)
+    return block, np.concatenate([b, f, np.zeros(block.n_state)]), kind
+
+
+def _real(rng: np.random.Generator, slowest: float) -> complex:
+    return complex(np.exp(-1.0 / np.exp(rng.uniform(np.log(1.5), np.log(slowest)))))
+
+
+def _pair(kind: str, rng: np.random.Generator, slowest: float) -> np.ndarray:
+    """Two poles of the kind; one for a negative pole."""
+    if kind == "real":
+        return np.array([_real(rng, slowest), _real(rng, slowest)])
+    if kind == "negative":
+        return np.array([-rng.uniform(0.3, 0.85) + 0j])
+    if kind == "clustered":
+        first = _real(rng, slowest)
+        return np.array([first, 1.0 - (1.0 - first) * rng.uniform(1.02, 1.2)])
+    radius = np.exp(-1.0 / rng.uniform(0.5, 1.0) / slowest) if kind == "near the circle" else rng.uniform(0.4, 0.95)
+    angle = rng.uniform(0.05, 0.6) * np.pi
+    return radius * np.exp(1j * np.array([angle, -angle]))
+
+
+def _zeros(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Real zeros, or a complex pair; none nearer than 0.1 to z = 1, where the gain would vanish."""
+    if count == 2 and rng.random() < 0.5:
+        at = rng.uniform(0.2, 1.3) * np.exp(1j * rng.uniform(0.15, 0.9) * np.pi)
+        return np.array([at, at.conjugate()])
+    return rng.uniform(-1.5, 0.9, count).astype(complex)

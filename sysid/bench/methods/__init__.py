@@ -1,11 +1,16 @@
-"""Methods of the benchmark: one file each, and one line in `TABLE`; several of one kind may share a file."""
+"""Methods of the benchmark by name; several of one kind may share a file.
+
+A method of this library is a file here and a line in `TABLE`. A method of another library is a file of
+`sysid.bench.outside.peer_folder`, which stands alone and imports no `sysid`.
+"""
 
 from sysid.bench.method import Method
-from sysid.bench.methods.from_truth import METHOD as FROM_TRUTH
-from sysid.bench.methods.ours import METHODS
+from sysid.bench.method_file import load
+from sysid.bench.methods.library import FROM_TRUTH, METHODS
 from sysid.bench.methods.physical import METHODS as PHYSICAL
-from sysid.bench.peers import TABLE as PEERS
+from sysid.bench.outside import Outside, peer_folder
 
 GENERAL = tuple(method.name for method in METHODS)  # of this library, for any record
 OURS = (*GENERAL, *(method.name for method in PHYSICAL))  # with those that are made for one record
+PEERS: dict[str, Outside] = {path.stem: load(path) for path in sorted(peer_folder().glob("*.py"))}
 TABLE: dict[str, Method] = {**{method.name: method for method in (FROM_TRUTH, *METHODS, *PHYSICAL)}, **PEERS}

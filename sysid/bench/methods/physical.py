@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from sysid.bench.contract import Data
 from sysid.bench.method import Inside, Outcome, Tests
-from sysid.bench.methods.ours import Ours, record
+from sysid.bench.methods.library import LibraryModel, record
 from sysid.bench.task import Task
 from sysid.blocks import Motor
 from sysid.data.preprocess import gain_variants
@@ -102,11 +102,11 @@ class OnRecord:
         """See `Method`."""
         if task.given.partition(":")[0] != self.only:
             return Outcome(f"refused: {self.name} is a model of the record real/{self.only} alone; run it there")
-        return Inside(self.name, self.about, self._fitted).solve(task, tests, seconds, seed)
+        return Inside(self.name, self.about, self._fit_record).solve(task, tests, seconds, seed)
 
-    def _fitted(self, data: Data) -> Ours:
+    def _fit_record(self, data: Data) -> LibraryModel:
         train = record(data)
-        return Ours(self.fit(train, data.seed), train, (0.0, 0.0))
+        return LibraryModel(self.fit(train, data.seed), train, (0.0, 0.0))
 
 
 METHODS = (

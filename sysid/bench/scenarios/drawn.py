@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.base.errors import unknown
-from sysid.bench.drawing.plants import CHAINS, RECURSION, Plant, Recursion, chain, recursion, scaled
+from sysid.bench.drawing.plants import CHAINS, RECURSION, Plant, Recursion, draw_chain, draw_recursion, scale_gains
 from sysid.bench.drawing.signals import INPUTS, NOISES, excitation, noise
 from sysid.bench.task import Task, Truth
 from sysid.data.record import IOData
@@ -59,8 +59,8 @@ def _plant(kind: str, excited: str, N: int, rng: np.random.Generator) -> tuple[P
     """A plant through which the input comes, and the input (N,)."""
     u = excitation(excited, N, rng)
     if kind == RECURSION:
-        return recursion(rng), u
+        return draw_recursion(rng), u
     while True:
-        plant = scaled(chain(kind, N, rng), u)
+        plant = scale_gains(draw_chain(kind, N, rng), u)
         if plant is not None:
             return plant, u

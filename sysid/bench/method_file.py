@@ -3,6 +3,7 @@
 import ast
 import importlib.util
 import keyword
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +14,18 @@ from sysid.bench.outside import Outside
 TEMPLATE = Path(__file__).with_name("template.py")
 
 
-def add(name: str, folder: str | Path = ".") -> Path:
+def add(name: str, folder: str | Path = ".", methods: Collection[str] = ()) -> Path:
     """Write the method file `name`.py, which runs as it is, into a folder.
 
-    Raises InputError for a name that is no Python name, and for a file that is there already.
+    Raises InputError for a name that is no Python name, that one of `methods` or a module has, and for a file that is
+    there already.
     """
-    from sysid.bench.methods import TABLE
-
     if not name.isidentifier() or keyword.iskeyword(name):
         raise InputError(f"{name!r} is no name for a method; use letters, digits and _, for example my_arx")
     path = Path(folder) / f"{name}.py"
     if path.exists():
         raise InputError(f"{path} exists already; choose another name, or edit it: qpal bench run --method {path}")
-    if name in TABLE or name in ("own", "peers") or importlib.util.find_spec(name) is not None:
+    if name in methods or name in ("own", "peers") or importlib.util.find_spec(name) is not None:
         raise InputError(f"{name} is the name of a method or module that is there; choose another, such as my_{name}")
     return write_text(path, TEMPLATE.read_text(encoding="utf-8"))
 
@@ -48,7 +48,7 @@ def load(path: str | Path) -> Outside:
     _check_fit(tree, file)
     _check_imports(tree, file)
     requirements, options = (_strings(tree, name, file) for name in ("REQUIREMENTS", "PIP_OPTIONS"))
-    first = _name_of(requirements[0]) if requirements else ""
+    first = _package_of(requirements[0]) if requirements else ""
     package = _constant(tree, "PACKAGE", first)
     if not isinstance(package, str):
         raise InputError(f"PACKAGE in {file} is {package!r}; give the name of one package as a string")
@@ -57,19 +57,19 @@ def load(path: str | Path) -> Outside:
 
 
 def _check_fit(tree: ast.Module, file: Path) -> None:
-    """A function `fit` that one argument suffices for."""
-    found = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "fit"]
-    if not found:
+    """Raises InputError unless there is a function `fit` that one argument suffices for."""
+    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "fit"]
+    if not functions:
         raise InputError(f"{file} has no function fit(data); see a file that has: qpal bench add my_arx")
-    given = found[-1].args
-    needed = len(given.posonlyargs) + len(given.args) - len(given.defaults)
-    alone = sum(default is None for default in given.kw_defaults)
-    if needed > 1 or alone or not (given.posonlyargs or given.args or given.vararg):
+    arguments = functions[-1].args
+    required = len(arguments.posonlyargs) + len(arguments.args) - len(arguments.defaults)
+    keywords = sum(default is None for default in arguments.kw_defaults)
+    if required > 1 or keywords or not (arguments.posonlyargs or arguments.args or arguments.vararg):
         raise InputError(f"fit in {file} takes other arguments; it gets one, the data: def fit(data)")
 
 
 def _check_imports(tree: ast.Module, file: Path) -> None:
-    """No import of this library: the environment of the method does not have it."""
+    """Raises InputError for an import of this library, which the environment of the method does not have."""
     for node in ast.walk(tree):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
         if isinstance(node, ast.ImportFrom):
@@ -96,13 +96,13 @@ def _constant(tree: ast.Module, name: str, default: Any) -> Any:
 
 
 def _strings(tree: ast.Module, name: str, file: Path) -> tuple[str, ...]:
-    found = _constant(tree, name, [])
-    if not isinstance(found, (list, tuple)) or not all(isinstance(each, str) for each in found):
+    values = _constant(tree, name, [])
+    if not isinstance(values, (list, tuple)) or not all(isinstance(value, str) for value in values):
         raise InputError(f'{name} in {file} must be a plain list of strings, for example {name} = ["scipy>=1.13"]')
-    return tuple(found)
+    return tuple(values)
 
 
-def _name_of(requirement: str) -> str:
+def _package_of(requirement: str) -> str:
     """sysidentpy of 'sysidentpy[all]>=0.5 ; python_version > "3"'."""
     end = next((k for k, c in enumerate(requirement) if not (c.isalnum() or c in "-_.")), len(requirement))
     return requirement[:end]

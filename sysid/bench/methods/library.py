@@ -1,4 +1,7 @@
-"""The structures of this library, with the orders that the scenario tells and otherwise their defaults."""
+"""The structures of this library, with the orders that the scenario tells and otherwise their defaults; and the bar.
+
+The bar is a search of the true structure that begins at the true parameters. It sees what no method may see.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,6 +12,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.bench.contract import Data
 from sysid.bench.method import Inside
+from sysid.bench.task import Task
 from sysid.blocks import Polynomial
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
@@ -28,7 +32,7 @@ SHARE = 0.8  # of the time for the searches, which begin after the starts and en
 
 
 @dataclass(frozen=True)
-class Ours:
+class LibraryModel:
     """A fit as the contract wants it; `zero` (2,) are the means of u and y that were taken away before the fit."""
 
     fit: Fit | NlarxFit
@@ -43,8 +47,8 @@ class Ours:
         if not len(y_init):
             return self.fit.simulate(u - u0) + y0
         y = np.concatenate([y_init, np.full(len(u) - len(y_init), y_init[-1])])
-        own = IOData(u - u0, y - y0, self.fit.Ts, u_offset=np.array([u0]), y_offset=np.array([y0]))
-        return self.fit.simulate(own, len(y_init)) + y0
+        data = IOData(u - u0, y - y0, self.fit.Ts, u_offset=np.array([u0]), y_offset=np.array([y0]))
+        return self.fit.simulate(data, len(y_init)) + y0
 
     @property
     def poles(self) -> np.ndarray | None:
@@ -54,14 +58,14 @@ class Ours:
     @property
     def details(self) -> dict[str, Any]:
         """See `sysid.bench.contract.Model`."""
-        found: dict[str, Any] = {"stop": self.cut or self.fit.stop.reason, "loss": self.fit.criteria.mse}
+        details: dict[str, Any] = {"stop": self.cut or self.fit.stop.reason, "loss": self.fit.criteria.mse}
         if isinstance(self.fit, Fit):
-            found["structure"] = f"{self.chosen or self.fit.model.structure}, d {self.fit.criteria.d}"
-            found["intervals"] = {"pole": _claims(self.fit, self.data)}
-        return found
+            details["structure"] = f"{self.chosen or self.fit.model.structure}, d {self.fit.criteria.d}"
+            details["intervals"] = {"pole": _pole_intervals(self.fit, self.data)}
+        return details
 
 
-def _claims(fit: Fit, data: IOData) -> list[list[float]]:
+def _pole_intervals(fit: Fit, data: IOData) -> list[list[float]]:
     """Pole intervals as the contract wants them, robust where the residuals are coloured; none if there are none."""
     try:
         coloured = not fit.residual_tests(data).white
@@ -80,7 +84,7 @@ def record(data: Data) -> IOData:
     return IOData.merge(*(IOData(u, y, data.Ts, missing=m[:, None]) for u, y, m in parts))
 
 
-def about_means(raw: IOData) -> tuple[IOData, tuple[float, float]]:
+def remove_means(raw: IOData) -> tuple[IOData, tuple[float, float]]:
     """The record less the means of u and of the measured y, and these."""
     u0, y0 = float(raw.u.mean()), float(raw.y[raw.observed].mean())
     parts = (
@@ -96,42 +100,54 @@ def offset_error(nb: int, nf: int, nk: int) -> Chain:
     return wiener(nb, nf, nk, output=Polynomial(degree=1), fixed={"output.c1": 1.0})
 
 
-def fitted(model: Callable[[int, int, int], Chain | Nlarx], absolute: bool = False) -> Callable[[Data], Ours]:
+def fit_method(
+    model: Callable[[int, int, int], Chain | Nlarx], absolute: bool = False
+) -> Callable[[Data], LibraryModel]:
     """A method of the contract that fits model(nb, nf, nk); signals keep their zero if `absolute`."""
 
-    def method(data: Data) -> Ours:
+    def method(data: Data) -> LibraryModel:
         raw = record(data)
-        own, zero = (raw, (0.0, 0.0)) if absolute else about_means(raw)
+        centred, zero = (raw, (0.0, 0.0)) if absolute else remove_means(raw)
         chain = model(*(data.orders or ORDERS))
         usual = 100 if isinstance(chain, Nlarx) else Options().max_iterations
         options = Options(max_iterations=usual, max_seconds=SHARE * data.seconds)
-        return Ours(fit(chain, own, seed=data.seed, options=options), own, zero)
+        return LibraryModel(fit(chain, centred, seed=data.seed, options=options), centred, zero)
 
     return method
 
 
-def auto(data: Data) -> Ours:
+def auto(data: Data) -> LibraryModel:
     """The structure search, on one core; it sees no orders."""
     raw = record(data)
-    own, zero = about_means(raw)
-    found = select(own, seed=data.seed, jobs=1, seconds=SHARE * data.seconds)
-    words = str(found.chosen.candidate), found.cut
-    if found.chosen.candidate.zero:  # a structure whose zero means something, such as no voltage: fitted to raw
-        return Ours(found.fit, raw, (0.0, 0.0), *words)
-    return Ours(found.fit, own, zero, *words)
+    centred, zero = remove_means(raw)
+    selection = select(centred, seed=data.seed, jobs=1, seconds=SHARE * data.seconds)
+    words = str(selection.chosen.candidate), selection.cut
+    if selection.chosen.candidate.zero:  # a structure whose zero means something, such as no voltage: fitted to raw
+        return LibraryModel(selection.fit, raw, (0.0, 0.0), *words)
+    return LibraryModel(selection.fit, centred, zero, *words)
+
+
+def from_truth(data: Data, task: Task) -> LibraryModel:
+    """The optimum near the truth. Raises InputError for a scenario whose plant is no chain."""
+    truth = task.truth
+    if truth is None or truth.chain is None:
+        raise InputError("the plant of this scenario is no chain, so no search can begin at its parameters")
+    raw = record(data)
+    return LibraryModel(fit(truth.chain, raw, start=truth.theta), raw, (0.0, 0.0))
 
 
 METHODS = (
-    Inside("output_error", "linear output error with a free offset", fitted(offset_error, absolute=True)),
-    Inside("hammerstein", "Hammerstein, ten free break points", fitted(hammerstein)),
-    Inside("wiener", "Wiener, ten free break points", fitted(wiener)),
-    Inside("hammerstein_wiener", "Hammerstein-Wiener, ten free break points a map", fitted(hammerstein_wiener)),
-    Inside("wiener_hammerstein", "Wiener-Hammerstein, ten free break points", fitted(wiener_hammerstein)),
+    Inside("output_error", "linear output error with a free offset", fit_method(offset_error, absolute=True)),
+    Inside("hammerstein", "Hammerstein, ten free break points", fit_method(hammerstein)),
+    Inside("wiener", "Wiener, ten free break points", fit_method(wiener)),
+    Inside("hammerstein_wiener", "Hammerstein-Wiener, ten free break points a map", fit_method(hammerstein_wiener)),
+    Inside("wiener_hammerstein", "Wiener-Hammerstein, ten free break points", fit_method(wiener_hammerstein)),
     Inside(
         "nlarx",
         "nonlinear ARX fitted to its free run",
-        fitted(lambda nb, nf, nk: nlarx(na=nf, nb=nb, nk=nk, focus="simulation")),
+        fit_method(lambda nb, nf, nk: nlarx(na=nf, nb=nb, nk=nk, focus="simulation")),
     ),
-    Inside("actuated_joint", "motor, stops and linkage", fitted(lambda *_: actuated_joint(), absolute=True)),
+    Inside("actuated_joint", "motor, stops and linkage", fit_method(lambda *_: actuated_joint(), absolute=True)),
     Inside("auto", "structure search without orders", auto),
 )
+FROM_TRUTH = Inside("from_truth", "the true structure, begun at the truth: the bar", from_truth, sees_truth=True)
