@@ -1,13 +1,20 @@
-"""The story of docs/calibrate.md: a stand-in's captures, `qpal calibrate`, and the pictures of its report."""
+"""The story of docs/calibrate.md: a stand-in's captures, `qpal calibrate`, and the pictures of its report.
+
+python scripts/calibration_page.py
+"""
 
 import json
 import os
+import sys
 import tempfile
 from pathlib import Path
 
-import standin
-
 from twin.cli import main
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+
+import standin  # noqa: E402
 
 JOINT, SEED = "thigh", 7
 SHOWN = {"overlay-3": "held-out", "residuals": "residuals", "correlation": "correlation"}
@@ -27,3 +34,7 @@ def story(docs: Path) -> None:
             print(value["name"], "true", true[value["name"]], "found", value["low"], value["value"], value["high"])
         for figure, name in SHOWN.items():
             (docs / f"calibrate-{name}.png").write_bytes(Path(f"run/figures/{figure}.png").read_bytes())
+
+
+if __name__ == "__main__":
+    story(ROOT / "docs")

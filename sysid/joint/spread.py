@@ -24,7 +24,7 @@ from sysid.uncertainty.noise_model import noise_model
 # movement, so their number does not grow with the record.
 _DIRECTIONS = 10.0
 # Standard uncertainty, as a share of the value, that every joint model leaves even where its residuals are white,
-# because other parameters make up for what it lacks: found on drawn legs of the twin (scripts/drawn_joints.py). Those
+# because other parameters make up for what it lacks: found on drawn legs of the twin (the study drawn_joints). Those
 # of voltages are shares of the friction, at rest for a break-away.
 LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.12, "backlash": 0.15}
 LACKS |= {"speed_per_volt": 0.008}

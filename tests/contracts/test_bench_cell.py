@@ -103,12 +103,12 @@ def test_pole_error_in_the_s_plane():
 
 def test_intervals_count_a_pair_once_and_a_real_pole_by_its_real_part():
     claims = np.array([[0.71, -0.2, 0.005, 0.1], [0.9, 0.0, 0.01, 0.0], [0.71, 0.2, 0.005, 0.1]])
-    found = cell.held(claims, POLES)
+    found = cell.interval_score(claims, POLES)
     assert (found["intervals"], found["held"]) == (3, 2)  # the real part of the pair misses by 0.01
     assert found["width"] == pytest.approx(
         np.median([0.01 / 0.1, 0.005 / np.hypot(0.3, 0.2), 0.1 / np.hypot(0.3, 0.2)])
     )
-    assert cell.held(np.array([[0.9, 0, np.nan, 0]]), np.array([0.9 + 0j]))["intervals"] == 0
+    assert cell.interval_score(np.array([[0.9, 0, np.nan, 0]]), np.array([0.9 + 0j]))["intervals"] == 0
     claimed = row(details={"intervals": {"pole": [[0.81, 0.0, 0.02, 0.0]]}})
     assert (claimed["intervals"], claimed["held"]) == (1, 1)
 

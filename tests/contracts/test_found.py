@@ -101,9 +101,11 @@ def test_a_start_of_two_filters_of_which_one_has_no_pole(nf, nf2):
     assert sysid.fit(chain, data, starts=2).fit_percent(data) > 80.0
 
 
-def test_a_motor_profile_in_far_apart_units_ends_in_a_sentence():
+def test_a_motor_profile_in_far_apart_units_ends_in_a_sentence(monkeypatch):
     """Warnings are errors in tests: the bounded least squares of its start multiplied zero by infinity."""
-    place = Path(__file__).parents[2] / "scripts" / "random_fits.py"
+    scripts = Path(__file__).parents[2] / "scripts"
+    monkeypatch.syspath_prepend(scripts)
+    place = scripts / "studies" / "random_fits.py"
     spec = importlib.util.spec_from_file_location("random_fits", place)
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)

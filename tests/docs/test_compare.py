@@ -1,4 +1,4 @@
-"""docs/compare.md: its table is one of scripts/verdicts.py, its definitions are the code's, its pictures exist."""
+"""docs/compare.md: its table is one of scripts/studies/verdicts.py, its definitions are the code's, its pictures exist."""
 
 import re
 import runpy
@@ -21,7 +21,7 @@ def rows(after: str) -> list[list[str]]:
 
 def test_the_table_of_verdicts_adds_up():
     names, hits, total = [*TABLE, NOTHING], 0, 0
-    found = rows("<!-- verdicts: made by scripts/verdicts.py -->")
+    found = rows("<!-- verdicts: made by scripts/studies/verdicts.py -->")
     assert [row[0].replace(" ", "_") for row in found] == names
     for k, row in enumerate(found):
         counts = [0 if cell == "–" else int(cell) for cell in row[1 : 1 + len(names)]]
@@ -32,11 +32,12 @@ def test_the_table_of_verdicts_adds_up():
     assert hits >= 0.9 * total
 
 
-def test_the_table_is_what_the_script_makes():
-    script = runpy.run_path(str(ROOT / "scripts" / "verdicts.py"), run_name="verdicts")
+def test_the_table_is_what_the_script_makes(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    script = runpy.run_path(str(ROOT / "scripts" / "studies" / "verdicts.py"), run_name="verdicts")
     one = {"effect": "load", "named": "friction", "departure": 1.0}
     two = {"effect": "load", "named": "load", "departure": 0.5}
-    (line,) = script["markdown"]([one, two]).splitlines()[2:]
+    (line,) = script["table"]([one, two]).splitlines()[2:]
     cells = [cell.strip() for cell in line.strip("|").split("|")]
     assert cells == ["load", "1", "–", "–", "–", "1", "–", "–", "–", "1 of 2", "0.50 to 1.00"]
 

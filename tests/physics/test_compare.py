@@ -194,7 +194,7 @@ def test_stand_ins_are_visible_and_repeat():
 
 @pytest.mark.slow
 def test_verdicts_on_stand_ins():
-    """What scripts/verdicts.py counts with QPAL_FULL=1, else one stand-in."""
+    """What scripts/studies/verdicts.py counts with QPAL_FULL=1, else one stand-in."""
     tasks = [(effect, 1000 + k) for effect in TABLE for k in range(6)] if FULL else [("backlash", 1000)]
     effects = tuple(TABLE) if FULL else ("backlash", "delay")
     hits = [explain(trials_of(stand_in(*task).log), effects=effects).first == task[0] for task in tasks]

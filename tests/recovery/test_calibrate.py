@@ -194,7 +194,7 @@ def test_a_capture_with_garbled_lines_is_the_log(tmp_path):
 @pytest.mark.long
 @pytest.mark.slow
 def test_intervals_hold_although_the_twin_lacks_effects(seeds):
-    """Stand-ins with effects that the twin lacks; scripts/calibration.py counts more of them."""
+    """Stand-ins with effects that the twin lacks; scripts/studies/calibration.py counts more of them."""
     held = []
     everywhere = [(joint, seed) for seed in seeds[: len(seeds) // 12] for joint in twin.JOINTS]
     for joint, seed in everywhere if len(seeds) > 12 else everywhere[:1]:

@@ -247,7 +247,7 @@ def add(name: Annotated[str, typer.Argument(metavar="NAME", help="of your method
     """Write a method file to begin with, NAME.py in this folder. It runs as it is."""
     from sysid.bench.method_file import add as write
 
-    path = write(name, methods=chosen.methods())
+    path = write(name, methods=all_methods())
     written(path)
     print(f"{path} is a method that runs as it is. Edit its fit, then:")
     print(f"Next: qpal bench run --method {path} --scenario 'textbook/*' --out runs/{name}.parquet")

@@ -1,6 +1,6 @@
 """Free runs from a fitted initial state beside runs from rest, over plants, windows, noise and how a record begins.
 
-python scripts/initial_windows.py [PLANTS] [FIRST_SEED]
+python scripts/study.py initial_windows [--seeds 0:120]
 
 Each plant (output error of order 1 to 6) is fitted to one record and run over others that begin at rest, in the middle
 of an experiment, or at a constant level. The first `window` outputs give the initial state; the error counts after
@@ -8,9 +8,11 @@ them, over 200 samples, as a share [%] of the standard deviation of the noise-fr
 free run against the noise-free output). The mean over plants of (error - error from rest) must not be positive.
 """
 
-import sys
+import argparse
+from typing import Any
 
 import numpy as np
+from study import Study, markdown
 
 from sysid import IOData, fit
 from sysid.bench.drawing.plants import draw_filter
@@ -41,7 +43,7 @@ def errors(seed: int) -> dict[tuple[str, int], tuple[int, float, np.ndarray]]:
     clean = chain.simulate(theta, u)
     level = float(rng.uniform(10.0, 60.0))
     noise = float(clean.std()) * 10 ** (-level / 20)
-    found = fit(chain, record(chain, theta, u, noise, rng), starts=2)
+    fitted = fit(chain, record(chain, theta, u, noise, rng), starts=2)
     rows = {}
     for begin in BEGINS:
         u = excitation(kind, 2000, rng)
@@ -54,38 +56,43 @@ def errors(seed: int) -> dict[tuple[str, int], tuple[int, float, np.ndarray]]:
         data = IOData(u, clean + noise * rng.standard_normal(len(u)), 1.0)
         for window in WINDOWS:
             after = slice(window, window + SCORED)
-            rest = chain.simulate(resting_theta(chain, found.theta), u)
-            plain = chain.simulate(estimate_initial(chain, found.theta, data.select(0, window)), u)
-            ours = found.simulate(data, n_init=window)
+            rest = chain.simulate(resting_theta(chain, fitted.theta), u)
+            plain = chain.simulate(estimate_initial(chain, fitted.theta, data.select(0, window)), u)
+            ours = fitted.simulate(data, n_init=window)
             shares = [float(np.sqrt(np.mean((y - clean)[after] ** 2))) / size for y in (rest, plain, ours)]
             rows[begin, window] = order, level, 100 * np.array(shares)
     return rows
 
 
-def main(plants: int, first: int) -> None:
-    """Print the table by beginning and window, and the worst class of order and noise."""
-    runs = [errors(seed) for seed in range(first, first + plants)]
-    print(f"{plants} plants, seeds {first} to {first + plants - 1}; errors in % of the output, after the window")
-    print("| begins | window | rest | least squares | simulate | mean excess over rest | std. error | largest |")
-    print("| :-- | --: | --: | --: | --: | --: | --: | --: |")
+def score(case: tuple[int], options: argparse.Namespace) -> dict[str, Any]:
+    """See `errors`; a list of each beginning and window."""
+    rows = errors(*case)
+    return {"errors": [[*key, order, level, *shares] for key, (order, level, shares) in rows.items()]}
+
+
+def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> str:
+    """The table by beginning and window, and the worst class of order and noise."""
+    plants, seeds = len(rows), [row["case"][0] for row in rows]
+    runs = [{(begin, window): rest for begin, window, *rest in row["errors"]} for row in rows]
+    headings = ["begins", "window", "rest", "least squares", "simulate"]
+    headings += ["mean excess over rest", "std. error", "largest"]
+    cells = []
     for begin in BEGINS:
         for window in WINDOWS:
-            e = np.array([run[begin, window][2] for run in runs])
-            excess = e[:, 2] - e[:, 0]
-            mean = e.mean(axis=0)
-            print(
-                f"| {begin} | {window} | {mean[0]:.3g} | {mean[1]:.3g} | {mean[2]:.3g} | {excess.mean():+.3f} | "
-                f"{excess.std() / np.sqrt(plants):.3f} | {excess.max():+.2f} |"
-            )
-    print("\nMean excess over rest by order and by noise, all windows:")
+            e = np.array([run[begin, window][2:] for run in runs])
+            excess, mean = e[:, 2] - e[:, 0], e.mean(axis=0)
+            spread = excess.std() / np.sqrt(plants)
+            cells.append([begin, window, *(f"{m:.3g}" for m in mean), f"{excess.mean():+.3f}", f"{spread:.3f}"])
+            cells[-1].append(f"{excess.max():+.2f}")
+    lines = [f"{plants} plants, seeds {seeds[0]} to {seeds[-1]}; errors in % of the output, after the window"]
+    lines += [markdown(headings, cells), "\nMean excess over rest by order and by noise, all windows:"]
     for begin in BEGINS:
-        rows = [run[begin, w] for run in runs for w in WINDOWS]
-        order, level = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
-        excess = np.array([r[2][2] - r[2][0] for r in rows])
+        order, level, rest, _, ours = np.array([run[begin, w] for run in runs for w in WINDOWS]).T
         groups = [(f"order {k}", order == k) for k in range(1, 7)]
         groups += [(f"{d}-{d + 10} dB", (level >= d) & (level < d + 10)) for d in range(10, 60, 10)]
-        print(f"{begin}: " + ", ".join(f"{name} {excess[own].mean():+.3f}" for name, own in groups if own.any()))
+        means = (f"{name} {(ours - rest)[group].mean():+.3f}" for name, group in groups if group.any())
+        lines.append(f"{begin}: " + ", ".join(means))
+    return "\n".join(lines)
 
 
-if __name__ == "__main__":
-    main(*(int(a) for a in (sys.argv[1:] + ["120", "0"][len(sys.argv) - 1 :])))
+STUDY = Study(cases=lambda options: ((seed,) for seed in options.seeds), score=score, summary=summary, seeds="0:120")

@@ -1,6 +1,6 @@
 """Drawn servo joints: goal to angle fitted on one half of each record, run freely over the other.
 
-    python scripts/servo_joints.py [--joints 50] [--grown] [--seed 0]
+    python scripts/study.py servo_joints [--seeds 0:50] [--draw 0] [--grown]
 
 Every joint is drawn from the seed: motor, friction with Stribeck curve, pendulum, backlash, P or PD loop at 1 kHz with
 saturation and a quantised encoder, transport delay, noise. It is simulated here in steps of 0.1 ms, by none of the
@@ -10,9 +10,11 @@ library's blocks. Half of the fits know the loop's gains. The ceiling is the fit
 import argparse
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numba
 import numpy as np
+from study import Study
 
 import sysid
 from sysid import IOData
@@ -149,42 +151,51 @@ def model(joint: Joint, play: bool) -> sysid.Chain:
     return servo_joint(motor, play=play and bool(joint.backlash), fixed=gains if joint.known else {})
 
 
-def scored(k: int, seed: int, grown: bool) -> dict[str, float]:
+def score(case: tuple[int], options: argparse.Namespace) -> dict[str, Any]:
     """Fit, ceiling and seconds of joint k."""
-    rng = np.random.default_rng([seed, k])
+    (k,) = case
+    rng = np.random.default_rng([options.draw, k])
     joint = drawn(rng)
     data, truth = record(joint, rng)
     half = data.N // 2
     train, test = data.select(0, half), data.select(half, data.N)
-    began = time.perf_counter()
-    chain = model(joint, play=not grown)
-    fit = grow_joint(train, chain).fit if grown else sysid.fit(chain, train, search="lm", starts=4)
-    took = time.perf_counter() - began
+    start = time.perf_counter()
+    chain = model(joint, play=not options.grown)
+    fit = grow_joint(train, chain).fit if options.grown else sysid.fit(chain, train, search="lm", starts=4)
+    seconds = time.perf_counter() - start
     ceiling = fit_percent(test.y, truth[half:, None])
-    row = {"joint": k, "fit": fit.fit_percent(test), "ceiling": ceiling, "train": fit.fit_percent(train)}
-    return {key: float(np.ravel(value)[0]) for key, value in (row | {"seconds": took}).items()} | {
-        "kind": f"{'pd' if joint.kd else 'p'} {'known' if joint.known else ''} {'stick' if joint.stick else ''} "
-        f"{'load' if joint.pull else ''} {'play' if joint.backlash else ''} Ts {joint.Ts} kp {joint.kp:.1f}"
-    }
+    percents = {"fit": fit.fit_percent(test), "ceiling": ceiling, "train": fit.fit_percent(train)}
+    kind = f"{'pd' if joint.kd else 'p'} {'known' if joint.known else ''} {'stick' if joint.stick else ''} "
+    kind += f"{'load' if joint.pull else ''} {'play' if joint.backlash else ''} Ts {joint.Ts} kp {joint.kp:.1f}"
+    return {name: float(np.ravel(value)[0]) for name, value in percents.items()} | {"seconds": seconds, "kind": kind}
 
 
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--joints", type=int, default=50)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--grown", action="store_true")
-    given = parser.parse_args()
-    rows = []
-    for k in range(given.first, given.first + given.joints):
-        rows.append(scored(k, given.seed, given.grown))
-        r = rows[-1]
-        print(
-            f"{k:3d} {r['fit']:7.2f} of {r['ceiling']:6.2f} ({r['fit'] - r['ceiling']:6.2f}) train {r['train']:6.2f} "
-            f"{r['seconds']:5.1f} s  {r['kind']}",
-            flush=True,
-        )
+def line(r: dict[str, Any]) -> str:
+    """One joint."""
+    return (
+        f"{r['case'][0]:3d} {r['fit']:7.2f} of {r['ceiling']:6.2f} ({r['fit'] - r['ceiling']:6.2f}) train "
+        f"{r['train']:6.2f} {r['seconds']:5.1f} s  {r['kind']}"
+    )
+
+
+def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> str:
+    """Every joint, and how many are near the ceiling."""
     gaps = np.array([r["ceiling"] - r["fit"] for r in rows])
     near = int(np.sum(gaps <= WITHIN))
-    print(f"{near} of {len(rows)} within {WITHIN} of the ceiling; worst {gaps.max():.2f}, median {np.median(gaps):.2f}")
-    print(f"median {np.median([r['seconds'] for r in rows]):.1f} s a fit")
+    counts = (
+        f"{near} of {len(rows)} within {WITHIN} of the ceiling; worst {gaps.max():.2f}, median {np.median(gaps):.2f}"
+    )
+    return "\n".join([*map(line, rows), counts, f"median {np.median([r['seconds'] for r in rows]):.1f} s a fit"])
+
+
+STUDY = Study(
+    cases=lambda options: ((k,) for k in options.seeds),
+    score=score,
+    summary=summary,
+    seeds="0:50",
+    options={
+        "--draw": {"type": int, "default": 0, "help": "seed of all joints, beside the number of each"},
+        "--grown": {"action": "store_true", "help": "grow the joint part by part"},
+    },
+    line=line,
+)

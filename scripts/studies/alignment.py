@@ -1,12 +1,13 @@
 """Whether the intervals of an alignment hold, on logs of a twin that departs from the nominal one in several ways.
 
-.venv/bin/python scripts/alignment.py --first 1000 --number 40 --jobs 2
+python scripts/study.py alignment --seeds 1000:1040 --workers 2
 """
 
 import argparse
+from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from study import Study
 
 from twin.compare.alignment import align
 from twin.compare.search import Trials
@@ -21,14 +22,14 @@ from twin.parameters import JOINTS, Parameters
 NAMES = ("delay", "gear", "offset")
 
 
-def drawn(seed: int, mismatch: bool) -> tuple[Log, str, dict[str, float]]:
+def draw(seed: int, mismatch: bool) -> tuple[Log, str, dict[str, float]]:
     """A log, its joint, and the truth about how it is read."""
     rng, p = np.random.default_rng([seed, 99]), Parameters()
     joint = str(rng.choice(JOINTS))
-    own = Experiment(
+    experiment = Experiment(
         joint, "sweep", 10.0 if joint == "shoulder" else DURATION, TS, seed, options={"jitter": 0.5, "shrink": 0.4}
     )
-    plan = Log(own.commands()[:, 0], np.full(own.N, middle(p, joint)), TS, joint=joint)
+    plan = Log(experiment.commands()[:, 0], np.full(experiment.N, middle(p, joint)), TS, joint=joint)
     changes = {
         f"{joint}.coulomb": p[f"{joint}.coulomb"] * rng.uniform(0.8, 1.25),
         f"{joint}.asymmetry": p[f"{joint}.asymmetry"] + rng.uniform(-0.1, 0.1),
@@ -56,39 +57,46 @@ def drawn(seed: int, mismatch: bool) -> tuple[Log, str, dict[str, float]]:
     return Log(plan.u, y, TS, joint=joint), joint, truth
 
 
-def judge(seed: int, mismatch: bool, named: bool) -> list[tuple[bool, bool, float, float]]:
-    """Whether there is an interval, whether it holds, its error and its half width, for each of `NAMES`."""
-    log, joint, truth = drawn(seed, mismatch)
+def score(case: tuple[int], options: argparse.Namespace) -> dict[str, Any]:
+    """By name of `NAMES`: whether there is an interval, whether it holds, its error and its half width."""
+    log, joint, truth = draw(*case, not options.exact)
     trials = Trials(Follower(log, joint, threads=1), Parameters())
-    found = align(trials, explain(trials) if named else None)
-    rows = []
+    alignment = align(trials, None if options.bare else explain(trials))
+    row: dict[str, Any] = {"joint": joint}
     for name in NAMES:
-        value = getattr(found, name)
-        known = value.low is not None
-        half = (value.high - value.low) / 2 if known else np.inf
-        rows.append((known, value.holds(truth[name]), value.value - truth[name], half))
-    words = (f"{n} {r[2]:+.4f} +- {r[3]:.4f} {'in' if r[1] else 'OUT'};" for n, r in zip(NAMES, rows, strict=True))
-    print(seed, joint, *words, flush=True)
-    return rows
+        value = getattr(alignment, name)
+        has_interval = value.low is not None
+        half = (value.high - value.low) / 2 if has_interval else np.inf
+        row[name] = has_interval, value.holds(truth[name]), value.value - truth[name], half
+    return row
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--first", type=int, default=1000)
-    parser.add_argument("--number", type=int, default=40)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--exact", action="store_true", help="a twin without mismatch")
-    parser.add_argument("--bare", action="store_true", help="without the effects that a verdict names")
-    given = parser.parse_args()
-    seeds = range(given.first, given.first + given.number)
-    rows = np.array(Parallel(given.jobs)(delayed(judge)(seed, not given.exact, not given.bare) for seed in seeds))
-    for k, name in enumerate(NAMES):
-        known, held, error, half = rows[:, k].T
-        print(
+def line(row: dict[str, Any]) -> str:
+    """The errors of one log."""
+    values = (f"{n} {row[n][2]:+.4f} +- {row[n][3]:.4f} {'in' if row[n][1] else 'OUT'};" for n in NAMES)
+    return " ".join(map(str, (*row["case"], row["joint"], *values)))
+
+
+def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> str:
+    """How often there is an interval and how often it holds, by name."""
+    lines = []
+    for name in NAMES:
+        known, held, error, half = np.array([row[name] for row in rows], dtype=float).T
+        lines.append(
             f"{name}: interval in {known.sum():.0f} of {len(rows)}, holds in {held.sum():.0f}; median error "
             f"{np.median(np.abs(error)):.4f}, median half width {np.median(half):.4f}"
         )
+    return "\n".join(lines)
 
 
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    cases=lambda options: ((seed,) for seed in options.seeds),
+    score=score,
+    summary=summary,
+    seeds="1000:1040",
+    options={
+        "--exact": {"action": "store_true", "help": "a twin without mismatch"},
+        "--bare": {"action": "store_true", "help": "without the effects that a verdict names"},
+    },
+    line=line,
+)

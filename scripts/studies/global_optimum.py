@@ -4,17 +4,16 @@ Plants have orders 1 to 4, maps of eleven families, N 1000 to 4000, 10 to 60 dB.
 structure's default maps, or with --own the plant's own maps. Fits from the truth begin at the true filters, with the
 break points at quantiles and at the true kinks; the best of them is the reference.
 
-    python scripts/global_optimum.py --seeds 0:20 --structures wiener hammerstein_wiener
+    python scripts/study.py global_optimum --seeds 0:20 --structures wiener hammerstein_wiener
 """
 
 import argparse
-import json
-import sys
 import time
 import zlib
 from pathlib import Path
 
 import numpy as np
+from study import Row, Study
 
 from sysid.bench.drawing.plants import CHAINS, Plant, draw_chain, scale_gains
 from sysid.bench.drawing.signals import INPUTS, excitation
@@ -84,15 +83,17 @@ def _places(true, part: np.ndarray, x: np.ndarray, knots: int, way: str) -> np.n
     return places
 
 
-def one(structure: str, seed: int, own: bool, starts) -> dict:
+def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
+    """Loss of the default fit over that of the best fit from the truth, and how the fit went."""
+    structure, seed = case
     plant, data, variance, given = drawn(structure, seed)
-    model = plant.chain if own else model_of(plant)
-    began = time.process_time()
+    model = plant.chain if options.own else model_of(plant)
+    start = time.process_time()
     try:
-        fit = fit_chain(model, data) if starts is None else fit_chain(model, data, starts=starts)
+        fit = fit_chain(model, data, **({} if options.starts is None else {"starts": options.starts}))
     except Exception as e:
         return {"structure": structure, "seed": seed, "ratio": np.inf, "error": str(e), "given": given}
-    seconds = time.process_time() - began
+    seconds = time.process_time() - start
     bar = from_truth(plant, model, data)
     return {
         "structure": structure,
@@ -109,7 +110,7 @@ def one(structure: str, seed: int, own: bool, starts) -> dict:
     }
 
 
-def drawn_figure(rows: list[dict], path: Path) -> None:
+def draw(rows: list[Row], path: Path) -> None:
     """Loss over that from the truth as shares of the plants, and how often each member gave the first leader."""
     import matplotlib.pyplot as plt
 
@@ -131,40 +132,37 @@ def drawn_figure(rows: list[dict], path: Path) -> None:
     figure.savefig(path, dpi=130)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", default="0:10")
-    parser.add_argument("--structures", nargs="+", default=list(CHAINS))
-    parser.add_argument("--own", action="store_true", help="the plant's own maps")
-    parser.add_argument("--starts", default=None)
-    parser.add_argument("--rows", type=Path, help="append each row to this file")
-    parser.add_argument("--worst", type=int, default=8)
-    parser.add_argument("--figure", type=Path, help="draw the shares and what each member won")
-    given = parser.parse_args()
-    first, last = map(int, given.seeds.split(":"))
-    starts = given.starts if given.starts in (None, "auto") else int(given.starts)
-    rows = []
-    for seed in range(first, last):
-        for structure in given.structures:
-            row = one(structure, seed, given.own, starts)
-            rows.append(row)
-            if given.rows:
-                with given.rows.open("a") as f:
-                    f.write(json.dumps(row) + "\n")
-    if given.figure:
-        drawn_figure(rows, given.figure)
-    for structure in [*given.structures, "all"]:
+def summary(rows: list[Row], options: argparse.Namespace) -> str:
+    """By structure: how many fits reached the optimum, silent failures and seconds; then the worst cases."""
+    if options.figure:
+        draw(rows, options.figure)
+    lines = []
+    for structure in [*options.structures, "all"]:
         some = [r for r in rows if structure in (r["structure"], "all")]
         ratio, s = np.array([r["ratio"] for r in some]), np.array([r.get("seconds", np.nan) for r in some])
         silent = sum(1 for r in some if r["ratio"] > 1.1 and not r.get("warned"))
-        print(
+        lines.append(
             f"{structure:20s} n {len(some):4d}  within 1 % {100 * np.mean(ratio <= 1.01):5.1f} %  10 % "
             f"{100 * np.mean(ratio <= 1.1):5.1f} %  silent {silent}  median {np.nanmedian(s):.2f} s  "
             f"longest {np.nanmax(s):.2f} s (CPU)  lower than the truth's {np.mean(ratio < 0.99):.2f}"
         )
-    for r in sorted(rows, key=lambda r: -r["ratio"])[: given.worst]:
-        print(f"{r['ratio']:10.4g} {r['structure']} {r['seed']}: {r['given']} {r.get('agreed')} {r.get('warned')}")
+    for r in sorted(rows, key=lambda r: -r["ratio"])[: options.worst]:
+        lines.append(
+            f"{r['ratio']:10.4g} {r['structure']} {r['seed']}: {r['given']} {r.get('agreed')} {r.get('warned')}"
+        )
+    return "\n".join(lines)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+STUDY = Study(
+    cases=lambda options: ((structure, seed) for seed in options.seeds for structure in options.structures),
+    score=score,
+    summary=summary,
+    seeds="0:10",
+    options={
+        "--structures": {"nargs": "+", "default": list(CHAINS)},
+        "--own": {"action": "store_true", "help": "the plant's own maps"},
+        "--starts": {"type": lambda text: text if text == "auto" else int(text)},
+        "--worst": {"type": int, "default": 8},
+        "--figure": {"type": Path, "help": "draw the shares and what each member won"},
+    },
+)

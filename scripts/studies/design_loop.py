@@ -1,10 +1,11 @@
 """What a designed experiment adds: a joint of the twin from a first sweep, and from the record designed on it.
 
-    python scripts/design_loop.py [--joint thigh] [--seed 1] [--legs 0] [--jobs 1] [--figure docs/joint-design.png]
+    python scripts/study.py design_loop --nominal [--joints thigh] [--seeds 1:2] [--figure docs/joint-design.png]
+    python scripts/study.py design_loop [--joints shoulder,thigh,shank] [--seeds 8100:8108] [--figure FILE]
 
-The table has the values of both records beside the truth; each is fitted to the first half, as `qpal identify` does.
-The figure shows the designed input and prediction, and both records' intervals. With --legs N the loop runs on the
-joints of N drawn legs (see `scripts/drawn_joints.py`). The summary then tells how often values are determined, found
+With --nominal a table has the values of both records beside the truth; each is fitted to the first half, as `qpal
+identify` does. The figure shows the designed input and prediction, and both records' intervals. Otherwise the loop runs
+on the joints of drawn legs (see the study drawn_joints). The summary then tells how often values are determined, found
 and held, and how far the free run over a fresh sweep stays behind the ceiling, and the figure has the calibration of
 the intervals by value.
 """
@@ -14,13 +15,13 @@ import time
 from pathlib import Path
 
 import numpy as np
-from drawn_joints import TS, Leg, compared, leg, table, truths
-from drawn_joints import draw as calibration
+from drawn_joints import TS, compare_values, leg, table
+from drawn_joints import draw as draw_calibration
+from study import MISSING, Row, Study, words
 
 import twin
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
-from sysid.base.parallel import in_order
 from sysid.data.record import IOData
 from sysid.joint.design import Design, design
 from sysid.joint.growth import Growth, grow_joint
@@ -30,6 +31,7 @@ from twin.bench.records import sweep
 from twin.hardware.actuator import drive
 from twin.parameters import Parameters
 from twin.plant.stepping import step
+from twin.studies.beyond import twin_truth
 
 FIRST = 125.0  # [s] of the first record
 SETTLE = 0.5  # [s] before a record begins
@@ -47,15 +49,15 @@ def designed_record(d: Design, joint: str, seed: int, p: Parameters) -> IOData:
     return experiment.record(run, step([run], d.Ts, SETTLE)[0]).io()
 
 
-def grown(data: IOData, joint: str, p: Parameters) -> Growth:
+def grow(data: IOData, joint: str, p: Parameters) -> Growth:
     """The joint of a record, with the driver's step from the data sheet."""
     return grow_joint(data, actuated_joint(play=False, driver_step=drive(p, joint).step), starts=2)
 
 
-def shown(value: JointValue | None, name: str) -> str:
+def value_text(value: JointValue | None) -> str:
     """A value with its interval, in degrees where it is an angle."""
     if value is None:
-        return "–"
+        return MISSING
     factor = 180.0 / np.pi if value.unit.startswith("y") else 1.0
     text = f"{factor * value.value:.3g}"
     if value.low is None or value.high is None:
@@ -63,28 +65,29 @@ def shown(value: JointValue | None, name: str) -> str:
     return f"{text} ({factor * value.low:.3g} to {factor * value.high:.3g})"
 
 
-def one(joint: str, seed: int, figure: Path | None) -> None:
-    """The table and the figure of the nominal leg."""
+def nominal_table(joint: str, seed: int, figure: Path | None) -> str:
+    """The table of the nominal leg; its figure is drawn."""
     p = Parameters()
     first = first_record(joint, seed, p)
-    fit = grown(first, joint, p).fit
+    fit = grow(first, joint, p).fit
     d = design(fit, first, to_stops=True)
     second = designed_record(d, joint, seed + 1, p)
     half = second.split(0.5)[0]
     linearity = p["pot_linearity"] * p["pot_range"]
     columns = [
         {v.name: v for v in joint_values(fit, data=first, linearity=linearity)},
-        {v.name: v for v in joint_values(grown(half, joint, p).fit, data=half, linearity=linearity)},
+        {v.name: v for v in joint_values(grow(half, joint, p).fit, data=half, linearity=linearity)},
     ]
-    true = truths(joint, p, d.Ts)
-    print(f"first {FIRST:.0f} s, designed {d.duration:.0f} s; in brackets without interval: not determined")
+    true = twin_truth(joint, d.Ts, p)
+    lines = [f"first {FIRST:.0f} s, designed {d.duration:.0f} s; in brackets without interval: not determined"]
     for name in dict.fromkeys([*columns[0], *columns[1]]):
         unit = next(c[name].unit for c in columns if name in c)
         factor = 180.0 / np.pi if unit.startswith("y") else 1.0
-        cells = [shown(c.get(name), name) for c in columns]
-        print(f"| {name} | {factor * true[name]:.3g} | {cells[0]} | {cells[1]} | {unit} |")
+        cells = [value_text(c.get(name)) for c in columns]
+        lines.append(f"| {name} | {factor * true[name]:.3g} | {cells[0]} | {cells[1]} | {unit} |")
     if figure is not None:
         draw(d, second, figure)
+    return "\n".join(lines)
 
 
 def draw(d: Design, second: IOData, path: Path) -> None:
@@ -110,58 +113,61 @@ def draw(d: Design, second: IOData, path: Path) -> None:
     figure.savefig(path, dpi=100)
 
 
-def looped(joint: str, seed: int) -> Leg | None:
-    """The loop on a drawn leg; None where no experiment can be designed."""
+def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
+    """The loop on a drawn leg, or the table of the nominal one; the reason where no experiment can be designed."""
+    joint, seed = case
+    if options.nominal:
+        return {"text": nominal_table(joint, seed, options.figure)}
     p = leg(joint, seed)
     first = first_record(joint, 3 * seed, p)
     try:
-        d = design(grown(first, joint, p).fit, first, to_stops=True)
+        d = design(grow(first, joint, p).fit, first, to_stops=True)
     except InputError as error:
-        print(f"{joint} {seed}: {error}", flush=True)
-        return None
+        return {"joint": joint, "refused": str(error)}
     data = designed_record(d, joint, 3 * seed + 1, p)
-    began = time.process_time()
-    growth = grown(data, joint, p)
+    start = time.process_time()
+    growth = grow(data, joint, p)
     fit = growth.fit
     fresh = twin.Experiment(joint, "sweep", FIRST, d.Ts, 3 * seed + 2, (), p, sweep(joint, p, "voltage")).run()
     assert fresh.y_true is not None
     gap = fit_percent(fresh.y[fit.n_init :], fresh.y_true[fit.n_init :]) - fit.fit_percent(fresh.io())
-    seconds = time.process_time() - began
-    print(
-        f"{joint} {seed}: gap {gap:.2f}, {len(d.u)} samples of {d.Ts:g} s, {growth.parts}, {growth.warnings}",
-        flush=True,
-    )
-    return Leg(joint, seed, gap, seconds, compared(joint, seed, p, data, fit))
+    row = {"joint": joint, "seed": seed, "gap": gap, "seconds": time.process_time() - start}
+    row |= {"samples": len(d.u), "Ts": d.Ts, "parts": list(growth.parts), "warnings": list(growth.warnings)}
+    return row | {"values": compare_values(joint, p, data, fit)}
 
 
-def called(job: tuple[str, int]) -> Leg | None:
-    """One job: a joint and the seed of its leg."""
-    return looped(*job)
+def line(row: Row) -> str:
+    """How the loop went on one leg."""
+    joint, seed = row["case"]
+    if "gap" not in row:
+        return f"{joint} {seed}: {row.get('refused', 'nominal')}"
+    record = f"{row['samples']} samples of {row['Ts']:g} s"
+    return f"{joint} {seed}: gap {row['gap']:.2f}, {record}, {row['parts']}, {row['warnings']}"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--joint", default="thigh", help="with --legs also several: shoulder,thigh,shank")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--legs", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--figure", type=Path)
-    given = parser.parse_args()
-    if not given.legs:
-        one(given.joint, given.seed, given.figure)
-        return
-    joints = given.joint.split(",")
-    jobs = [(joint, seed) for seed in range(given.seed, given.seed + given.legs) for joint in joints]
-    found = [each for each in in_order(called, jobs, given.jobs, None) if each is not None]
-    for joint in joints:
-        legs = [each for each in found if each.joint == joint]
-        print(f"{joint}: designed on {len(legs)} of {given.legs}", end="; ")
-        table(legs)
-    print("all", end=", ")
-    table(found)
-    if given.figure is not None:
-        calibration(found, given.figure)
+def summary(rows: list[Row], options: argparse.Namespace) -> str:
+    """The table of the nominal leg, or of each joint and of all, and the figure if asked for."""
+    if options.nominal:
+        return "\n".join(row["text"] for row in rows)
+    designed, lines = [row for row in rows if "gap" in row], []
+    for joint in options.joints:
+        group = [row for row in designed if row["joint"] == joint]
+        legs = f"{joint}: designed on {len(group)} of {len(options.seeds)}"
+        lines.append(f"{legs}; {table(group)}" if group else legs)
+    if options.figure is not None:
+        draw_calibration(designed, options.figure)
+    return "\n".join([*lines, f"all, {table(designed)}"] if designed else lines)
 
 
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    cases=lambda options: ((joint, seed) for seed in options.seeds for joint in options.joints),
+    score=score,
+    summary=summary,
+    seeds="1:2",
+    options={
+        "--joints": {"type": words, "default": ["thigh"]},
+        "--nominal": {"action": "store_true", "help": "the nominal leg instead of drawn ones"},
+        "--figure": {"type": Path},
+    },
+    line=line,
+)

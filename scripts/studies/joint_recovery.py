@@ -1,6 +1,6 @@
 """How often an actuated joint is found on the twin, all imperfections on: fit and ceiling, values and truth.
 
-    python scripts/joint_recovery.py [--seeds 100] [--jobs 2] [--joints shoulder,thigh,shank] [--lead]
+    python scripts/study.py joint_recovery [--seeds 0:100] [--workers 2] [--joints shoulder,thigh,shank] [--lead]
 
 Fit: 2 x 125 s of the paper's sweep, and of one whose times and levels are drawn, estimated on the first half and run
 free over the second; with --lead also how far the paper's structure stays behind. Values: 125 s each of the paper's
@@ -12,14 +12,13 @@ laid on its side, where nothing pulls.
 """
 
 import argparse
-from typing import Any
 
 import numpy as np
+from study import Row, Study, words
 
 import sysid
 import twin
 from sysid.base.criteria import fit_percent
-from sysid.base.parallel import in_order
 from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
 from sysid.joint.growth import Growth, grow_joint
@@ -47,7 +46,7 @@ WANTED = (
 )
 
 
-def grown(data: IOData, joint: str, seed: int) -> Growth:
+def grow(data: IOData, joint: str, seed: int) -> Growth:
     """The joint that the record bears out."""
     step = drive(twin.Parameters(), joint).step
     return grow_joint(data, actuated_joint(play=False, driver_step=step), seed=seed)
@@ -59,7 +58,7 @@ def gaps(joint: str, seed: int, lead: bool) -> list[float]:
     found = []
     for log in (twin.Experiment(joint, "sweep", seed=seed).run(), irregular(joint, seed, 250.0, 0.1)):
         estimation, validation = log.io().split(0.5)
-        fit = grown(estimation, joint, seed).fit
+        fit = grow(estimation, joint, seed).fit
         assert log.y_true is not None
         scored = slice(estimation.N + fit.n_init, None)
         reached = fit.fit_percent(validation)
@@ -71,16 +70,16 @@ def gaps(joint: str, seed: int, lead: bool) -> list[float]:
     return [*found, reached - max(paper, 0.0)]
 
 
-def found(joint: str, seed: int, lying: bool = False) -> dict[str, tuple[bool, bool, float]]:
+def values_of(joint: str, seed: int, kind: str) -> dict[str, tuple[bool, bool, float]]:
     """By name: whether the value is near the truth, whether its interval holds the truth, and value less truth."""
-    p = twin.Parameters({"gravity": 0.0}) if lying else twin.Parameters()
+    p = twin.Parameters({"gravity": 0.0}) if kind == "lying" else twin.Parameters()
     parts = []
     for name, (excitation, options) in RECORDS.items():
         more = options | ({"half_period": HALF_PERIOD[joint]} if name == "drawn" else {})
         parts.append(twin.Experiment(joint, excitation, 125.0, seed=seed, parameters=p, options=more).run().io())
     data = IOData.merge(*parts)
     linearity = p["pot_linearity"] * p["pot_range"]
-    values = {v.name: v for v in joint_values(grown(data, joint, seed).fit, data=data, linearity=linearity)}
+    values = {v.name: v for v in joint_values(grow(data, joint, seed).fit, data=data, linearity=linearity)}
     true, out = twin_truth(joint, data.Ts, p), {}
     for name in WANTED:
         if name not in values:
@@ -91,51 +90,63 @@ def found(joint: str, seed: int, lying: bool = False) -> dict[str, tuple[bool, b
     return out
 
 
-def called(job: tuple[Any, ...]) -> Any:
-    """One job: a function and its arguments."""
-    return job[0](*job[1:])
+def cases(options: argparse.Namespace) -> list[tuple[str, int, str]]:
+    """Joint, seed, and what is recovered: the fit, the values, and a thigh's values with the leg on its side."""
+    kinds = [("fit", joint) for joint in options.joints] + [("values", joint) for joint in options.joints]
+    kinds += [("lying", "thigh")] if "thigh" in options.joints else []
+    return [(joint, seed, kind) for kind, joint in kinds for seed in options.seeds]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=100)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--scheduler", help="address of a Dask scheduler, instead of --jobs")
-    parser.add_argument("--joints", default=",".join(twin.JOINTS))
-    parser.add_argument("--lead", action="store_true")
-    given = parser.parse_args()
-    seeds, where = range(given.seeds), (given.jobs, given.scheduler)
-    for joint in given.joints.split(","):
-        fits = np.array(in_order(called, [(gaps, joint, seed, given.lead) for seed in seeds], *where)).T
+def score(case: tuple[str, int, str], options: argparse.Namespace) -> Row:
+    """The gaps of a fit, or the values."""
+    joint, seed, kind = case
+    return {"gaps": gaps(joint, seed, options.lead)} if kind == "fit" else {"values": values_of(joint, seed, kind)}
+
+
+def summary(rows: list[Row], options: argparse.Namespace) -> str:
+    """By joint: how often the ceiling is reached, then the values."""
+    lines = []
+    by = {(joint, kind): [r for r in rows if (r["case"][0], r["case"][2]) == (joint, kind)]
+          for joint in options.joints for kind in ("fit", "values", "lying")}  # fmt: skip
+    for joint in options.joints:
+        fits = np.array([row["gaps"] for row in by[joint, "fit"]], dtype=float).T
         for name, gap in zip(("the paper's sweep", "the drawn sweep"), fits, strict=False):
-            print(
+            lines.append(
                 f"{joint}: within 0.5 point of the ceiling on {name} {100 * np.mean(gap <= 0.5):.0f} % of "
-                f"{given.seeds} (median gap {np.median(gap):.2f}, worst {gap.max():.2f})"
+                f"{len(gap)} (median gap {np.median(gap):.2f}, worst {gap.max():.2f})"
             )
-        if given.lead:
-            print(
+        if options.lead:
+            lines.append(
                 f"  15 points ahead of the paper's structure on it {100 * np.mean(fits[2] >= 15.0):.0f} % "
-                f"(least {fits[2].min():.1f}, median {np.median(fits[2]):.1f})",
-                flush=True,
+                f"(least {fits[2].min():.1f}, median {np.median(fits[2]):.1f})"
             )
-        table(in_order(called, [(found, joint, seed) for seed in seeds], *where), WANTED)
+        lines += value_lines(by[joint, "values"], WANTED)
         if joint == "thigh":
-            print("  the leg laid on its side:")
-            table(in_order(called, [(found, joint, seed, True) for seed in seeds], *where), ("backlash",))
+            lines += ["  the leg laid on its side:", *value_lines(by[joint, "lying"], ("backlash",))]
+    return "\n".join(lines)
 
 
-def table(rows: list[dict[str, tuple[bool, bool, float]]], names: tuple[str, ...]) -> None:
+def value_lines(rows: list[Row], names: tuple[str, ...]) -> list[str]:
     """One line a value: how often found, how often its interval holds, and the errors."""
+    lines = []
     for name in names:
-        near, held, error = (np.array([row[name][k] for row in rows]) for k in range(3))
+        near, held, error = np.array([row["values"][name] for row in rows], dtype=float).T
         told = np.isfinite(error)
         low, middle, high = np.quantile(error[told], (0.05, 0.5, 0.95)) if told.any() else (np.nan,) * 3
-        print(
+        lines.append(
             f"  {name:15s} told {100 * told.mean():3.0f} %, found {100 * near.mean():3.0f} %, interval holds "
-            f"{100 * held.mean():3.0f} %, error median {middle:.4g}, 5 to 95 % {low:.4g} to {high:.4g}",
-            flush=True,
+            f"{100 * held.mean():3.0f} %, error median {middle:.4g}, 5 to 95 % {low:.4g} to {high:.4g}"
         )
+    return lines
 
 
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    cases,
+    score,
+    summary,
+    seeds="0:100",
+    options={
+        "--joints": {"type": words, "default": list(twin.JOINTS)},
+        "--lead": {"action": "store_true", "help": "also how far the paper's structure stays behind"},
+    },
+)

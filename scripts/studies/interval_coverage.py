@@ -7,18 +7,17 @@ unbounded, because a zero cancels them within the accuracy of the record, are co
 over the bound of least squares at the true covariance of the noise (white: Cramer-Rao) of the worst pole whose bound is
 below a tenth of its distance to the circle; in brackets of all poles, where there is none.
 
-    python scripts/interval_coverage.py --records 200 --lags auto
-    python scripts/interval_coverage.py --plants wiener4 --noises 0 --start truth --figure calibration.png
+    python scripts/study.py interval_coverage --seeds 0:200 --lags auto
+    python scripts/study.py interval_coverage --plants wiener4 --noises 0 --start truth --figure calibration.png
 """
 
 import argparse
-import json
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.signal import lfilter
+from study import MISSING, Row, Study, markdown
 
 from sysid.base.poles import pairs
 from sysid.blocks import PiecewiseLinear
@@ -100,14 +99,16 @@ def bound(plant: Plant, data: IOData, memory: float, size: float) -> Information
     return information_at(plant.chain, plant.theta, data, noise=own)
 
 
-def one(plant: Plant, seed: int, memory: float, N: int, noise: float, ways, from_truth: bool, starts) -> dict:
+def score(case: tuple[str, float, int], options: argparse.Namespace) -> Row:
     """For every way and level the share of quantities that hold by kind, and the pole errors over the bound."""
-    data, y, size = record(plant, seed, memory, N, noise)
-    given = {"start": plant.theta} if from_truth else {"starts": starts}
-    fit = fit_chain(plant.chain, data, **given)
+    name, memory, seed = case
+    plant = plants()[name]
+    data, y, size = record(plant, seed, memory, options.samples, options.noise)
+    starts = int(options.starts) if options.starts.isdigit() else options.starts
+    fit = fit_chain(plant.chain, data, **({"start": plant.theta} if options.start == "truth" else {"starts": starts}))
     true = bound(plant, data, memory, size)
     row = {"held": {}, "warned": list(fit.warnings), "mse": fit.criteria.mse / size**2}
-    for way in ways:
+    for way in map(_way, options.lags):
         info = true_at(fit, data, memory, size) if way == "true" else information(fit, data, way)
         row["held"][str(way)] = [_held(plant, true, info, level, y) for level in LEVELS]
     roots, found = intervals.poles(true), fit.poles
@@ -158,15 +159,15 @@ def _in(found, true) -> bool:
 
 
 def table(rows: dict, ways) -> str:
-    lines = ["| plant | noise | intervals | n | " + " | ".join(KINDS) + " | poles left open | pole / bound |"]
-    lines.append("| :-- | --: | :-- | --: |" + " --: |" * (len(KINDS) + 2))
+    """A row for each plant, noise and way."""
+    headings, lines = ["plant", "noise", "intervals", "n", *KINDS, "poles left open", "pole / bound"], []
     for (name, memory), some in rows.items():
         for way in ways:
             cells = []
             for kind in KINDS:
                 share = np.array([r["held"][str(way)][LEVELS.index(0.95)][kind] for r in some])
                 if np.isnan(share).all():
-                    cells.append("–")
+                    cells.append(MISSING)
                     continue
                 share = share[~np.isnan(share)]
                 spread = share.std(ddof=1) / np.sqrt(len(share)) if len(share) > 1 else np.nan
@@ -177,8 +178,8 @@ def table(rows: dict, ways) -> str:
             worst = f"{off[near].max():.2f}" if near.any() else f"({off.max():.2f})"
             colour = f"AR(1) {memory:g}" if memory else "white"
             cells += [f"{100 * undetermined:.0f} %", worst]
-            lines.append(f"| {name} | {colour} | {way} | {len(some)} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+            lines.append([name, colour, way, len(some), *cells])
+    return markdown(headings, lines)
 
 
 def draw(rows: dict, ways, path: Path) -> None:
@@ -204,40 +205,40 @@ def draw(rows: dict, ways, path: Path) -> None:
     fig.savefig(path, dpi=110)
 
 
+def cases(options: argparse.Namespace) -> list[tuple[str, float, int]]:
+    """Plants, noises and seeds."""
+    return [(name, memory, seed) for name in options.plants for memory in options.noises for seed in options.seeds]
+
+
+def summary(rows: list[Row], options: argparse.Namespace) -> str:
+    """The table, and the figure if asked for."""
+    groups: dict[tuple[str, float], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row["case"][:2]), []).append(row)
+    ways = [_way(text) for text in options.lags]
+    if options.figure:
+        draw(groups, ways, options.figure)
+    return table(groups, ways)
+
+
 def _way(text: str):
+    """What `information` takes for its lags."""
     return None if text == "white" else int(text) if text.isdigit() else text
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--plants", nargs="+", default=list(plants()))
-    parser.add_argument("--noises", nargs="+", type=float, default=[0.0, 0.5, 0.8], help="AR(1) coefficients")
-    parser.add_argument("--records", type=int, default=40)
-    parser.add_argument("--seeds", type=int, default=0, help="the first seed")
-    parser.add_argument("--samples", type=int, default=2000)
-    parser.add_argument("--noise", type=float, default=0.03, help="deviation of the noise over that of the output")
-    parser.add_argument("--lags", nargs="+", default=["auto"], help="white, auto, a number, or true (known noise)")
-    parser.add_argument("--start", choices=("truth", "search"), default="truth")
-    parser.add_argument("--starts", default="1", help="of a search: a number or auto")
-    parser.add_argument("--rows", type=Path, help="append each record's row to this file")
-    parser.add_argument("--figure", type=Path)
-    given = parser.parse_args()
-    ways, every, rows = [_way(t) for t in given.lags], plants(), {}
-    starts = int(given.starts) if given.starts.isdigit() else given.starts
-    for name in given.plants:
-        for memory in given.noises:
-            some = rows.setdefault((name, memory), [])
-            for seed in range(given.seeds, given.seeds + given.records):
-                settings = (given.samples, given.noise, ways, given.start == "truth", starts)
-                some.append(one(every[name], seed, memory, *settings))
-                if given.rows:
-                    with given.rows.open("a") as f:
-                        f.write(json.dumps({"plant": name, "memory": memory, "seed": seed, **some[-1]}) + "\n")
-            head = table({(name, memory): some}, ways).splitlines()
-            print("\n".join(head if len(rows) == 1 else head[2:]), flush=True)
-    if given.figure:
-        draw(rows, ways, given.figure)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+STUDY = Study(
+    cases,
+    score,
+    summary,
+    seeds="0:40",
+    options={
+        "--plants": {"nargs": "+", "default": list(plants())},
+        "--noises": {"nargs": "+", "type": float, "default": [0.0, 0.5, 0.8], "help": "AR(1) coefficients"},
+        "--samples": {"type": int, "default": 2000},
+        "--noise": {"type": float, "default": 0.03, "help": "deviation of the noise over that of the output"},
+        "--lags": {"nargs": "+", "default": ["auto"], "help": "white, auto, a number, or true (known noise)"},
+        "--start": {"choices": ("truth", "search"), "default": "truth"},
+        "--starts": {"default": "1", "help": "of a search: a number or auto"},
+        "--figure": {"type": Path},
+    },
+)

@@ -7,18 +7,17 @@ parameters that take it up. Joints, servos, coupled drives and motor profiles
 have starts and limits in volts and angles, and are left out. Prints JSON with the number of comparisons and of those
 that differ, for every change.
 
-    python scripts/unit_equivariance.py --seeds 3
-    python scripts/unit_equivariance.py --seeds 1 --only hammerstein wiener
+    python scripts/study.py unit_equivariance --seeds 0:3
+    python scripts/study.py unit_equivariance --only hammerstein wiener
 """
 
 import argparse
-import json
-import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from study import Study
 
 import sysid
 from sysid.blocks import STATIC, CubicSpline
@@ -86,9 +85,9 @@ def changed(data: sysid.IOData, change: str) -> tuple[sysid.IOData, float, float
     return replace(data, u=u, y=y), gain, zero
 
 
-def outputs(model, data: sysid.IOData, **options) -> np.ndarray:
+def outputs(model, data: sysid.IOData) -> np.ndarray:
     """What the fitted model says of its own record: from its own states at the first sample, as the fit judges it."""
-    fit = sysid.fit(model, data, **options)
+    fit = sysid.fit(model, data)
     if isinstance(model, Nlarx):
         return fit.predict(data) if model.focus == "prediction" else fit.simulate(data)
     return fit.model.outputs(fit.theta, data.u).ravel()
@@ -114,43 +113,51 @@ def apart(plain: np.ndarray, other: np.ndarray, gain: float, zero: float) -> tup
     return (0.0 if same else distance), same
 
 
-def counted(names: list[str], seeds: range, changes: list[str], **options) -> dict[str, dict]:
+def score(case: tuple[str, int], options: argparse.Namespace) -> dict[str, Any]:
+    """By change: the distance of the fit from that to the plain record, and whether they are the same to the bit."""
+    name, seed = case
+    data, row = record(seed, 2 if "two inputs" in name else 1), {}
+    plain = outputs(CASES[name](), data)
+    for change in options.changes:
+        if takes(name, change):
+            moved, gain, zero = changed(data, change)
+            row[change] = apart(plain, outputs(CASES[name](), moved), gain, zero)
+    return {"changes": row}
+
+
+def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> dict[str, Any]:
     """Comparisons, how many fits differ, how many differ in a bit, the widest distance and its case, by change."""
-    found: dict[str, dict] = {c: {"compared": 0, "other_fit": 0, "other_bits": 0, "widest": 0.0} for c in changes}
-    for seed in seeds:
-        for name in names:
-            data = record(seed, 2 if "two inputs" in name else 1)
-            plain = outputs(CASES[name](), data, **options)
-            for change in changes:
-                if not takes(name, change):
-                    continue
-                moved, gain, zero = changed(data, change)
-                distance, same = apart(plain, outputs(CASES[name](), moved, **options), gain, zero)
-                row = found[change]
-                row["compared"] += 1
-                row["other_fit"] += not distance <= NEAR
-                row["other_bits"] += not same
-                if not distance <= row["widest"]:
-                    row |= {"widest": distance, "case": f"{name}, seed {seed}"}
-            print(f"{name}, seed {seed}", file=sys.stderr)
-    return found
+    counts: dict[str, dict] = {
+        c: {"compared": 0, "other_fit": 0, "other_bits": 0, "widest": 0.0} for c in options.changes
+    }
+    for row in rows:
+        for change, (distance, same) in row["changes"].items():
+            count = counts[change]
+            count["compared"] += 1
+            count["other_fit"] += not distance <= NEAR
+            count["other_bits"] += not same
+            if not distance <= count["widest"]:
+                count |= {"widest": distance, "case": "{}, seed {}".format(*row["case"])}
+    bits = [counts[c] for c in BITS if c in counts]
+    total = {key: sum(count[key] for count in counts.values()) for key in ("compared", "other_fit")}
+    exact = {"exact": sum(c["compared"] for c in bits), "other_bits": sum(c["other_bits"] for c in bits)}
+    return {"changes": counts, **total, "powers_of_two_and_signs": exact}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--only", nargs="*", default=[], help="structures whose name begins so")
-    parser.add_argument("--changes", nargs="*", default=[*BITS, *FACTORS, *OFFSETS])
-    args = parser.parse_args()
-    began = time.perf_counter()
-    names = [n for n in CASES if not args.only or n.startswith(tuple(args.only))]
-    found = counted(names, range(args.seeds), args.changes)
-    bits = [found[c] for c in BITS if c in found]
-    total = {k: sum(row[k] for row in found.values()) for k in ("compared", "other_fit")}
-    exact = {"exact": sum(r["compared"] for r in bits), "other_bits": sum(r["other_bits"] for r in bits)}
-    seconds = round(time.perf_counter() - began, 1)
-    print(json.dumps({"changes": found, **total, "powers_of_two_and_signs": exact, "seconds": seconds}, indent=2))
+def cases(options: argparse.Namespace) -> list[tuple[str, int]]:
+    """Structures and seeds."""
+    names = [name for name in CASES if not options.only or name.startswith(tuple(options.only))]
+    return [(name, seed) for seed in options.seeds for name in names]
 
 
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    cases,
+    score,
+    summary,
+    seeds="0:1",
+    options={
+        "--only": {"nargs": "*", "default": [], "help": "structures whose name begins so"},
+        "--changes": {"nargs": "*", "default": [*BITS, *FACTORS, *OFFSETS]},
+    },
+    line=lambda row: "{}, seed {}".format(*row["case"]),
+)

@@ -5,19 +5,20 @@ samples or pure noise. Counted are errors without a type of the library's own, r
 their budget of time, and fits whose loss on their own record is above that of their linear start or of a constant.
 A chain without a parameter for an offset is compared with a constant of zero. Prints JSON, with the cases by seed.
 
-    python scripts/random_fits.py 200
-    python scripts/random_fits.py 1 --first 1234
+    python scripts/study.py random_fits --seeds 0:200
+    python scripts/study.py random_fits --seeds 1234:1235
 """
 
 import argparse
-import json
-import sys
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from study import Study
 
 import sysid
 from sysid.blocks import STATIC
@@ -146,25 +147,28 @@ def tried(seed: int) -> tuple[str, list[str]]:
     return name, wrong
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("count", type=int)
-    parser.add_argument("--first", type=int, default=0)
-    args = parser.parse_args()
-    warnings.simplefilter("error")
-    began, counts, cases, refused = time.perf_counter(), dict[str, int](), dict[str, list[str]](), 0
-    for seed in range(args.first, args.first + args.count):
-        name, wrong = tried(seed)
-        refused += name.endswith("refused")
-        for kind in wrong:
-            counts[kind.split()[0]] = counts.get(kind.split()[0], 0) + 1
-        if wrong:
-            cases[f"{seed} {name}"] = wrong
-            print(seed, name, wrong, file=sys.stderr, flush=True)
+def score(case: tuple[int], options: argparse.Namespace) -> dict[str, Any]:
+    """The name of a case, and what is wrong with it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        name, wrong = tried(*case)
+    return {"name": name, "wrong": wrong}
+
+
+def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> dict[str, Any]:
+    """How often each kind of fault was met, and the cases that have one."""
+    counts = Counter(kind.split()[0] for row in rows for kind in row["wrong"])
     kinds = ("untyped_errors", "not_finite", "over_budget", "worse_than_linear_start", "worse_than_constant")
-    total = {"fits": args.count, "refused_with_a_sentence": refused, **{k: counts.get(k, 0) for k in kinds}}
-    print(json.dumps({**total, "seconds": round(time.perf_counter() - began, 1), "cases": cases}, indent=2))
+    refused = sum(row["name"].endswith("refused") for row in rows)
+    cases = {f"{row['case'][0]} {row['name']}": row["wrong"] for row in rows if row["wrong"]}
+    total = {kind: counts[kind] for kind in kinds}
+    return {"fits": len(rows), "refused_with_a_sentence": refused, **total, "cases": cases}
 
 
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    cases=lambda options: ((seed,) for seed in options.seeds),
+    score=score,
+    summary=summary,
+    seeds="0:200",
+    line=lambda row: f"{row['case'][0]} {row['name']} {row['wrong'] or 'ok'}",
+)

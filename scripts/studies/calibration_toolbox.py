@@ -1,4 +1,6 @@
-"""`mujoco.sysid` on the task of scripts/calibration.py: the same logs, the same twin, the same free parameters.
+"""`mujoco.sysid` on the task of the study calibration: the same logs, the same twin, the same free parameters.
+
+    python scripts/study.py calibration_toolbox --seeds 1000:1003     # needs pip install mujoco[sysid]
 
 It gets what it needs: a residual over a batch of parameters, so that its Jacobian is one batch too. Its parameters are
 in their own units, as in its documentation, and it starts where a user would, at nominal values; "polish" starts it at
@@ -8,40 +10,42 @@ the place that the actuated joint gives.
 import time
 
 import numpy as np
-from standin import LACKS, StandIn
+from study import MISSING, Study, markdown, words
 
 import twin
+from twin.bench.standin import LACKS, StandIn
 from twin.calibrate.calibration import calibrate
 from twin.calibrate.leg import Leg, free
 from twin.calibrate.problem import Simulations
 
 ITERATIONS = 12
-HEADINGS = "| joint, seed | what | start | RMS [deg] | worst error | legs simulated | CPU s |"
+HEADINGS = ("joint, seed", "what", "start", "RMS [deg]", "worst error", "legs simulated", "CPU s")
 
 
-def row(joint, seed, kind="same"):
-    """Markdown rows: `qpal calibrate`, the toolbox from nominal, from friction 0, and from the actuated joint."""
-    rig = StandIn(joint, seed, kind == "same")
+def score(case, options):
+    """Rows of the table: `qpal calibrate`, the toolbox from nominal, from friction 0, and from the actuated joint."""
+    joint, seed = case
+    rig = StandIn(joint, seed, same=True)
     logs = rig.calibration()
-    began = time.process_time()
+    start = time.process_time()
     ours = calibrate(logs, joint, without=LACKS)
-    spent = time.process_time() - began
+    seconds = time.process_time() - start
     names = tuple(value.name for value in ours.values)
     at_joint = {value.name: value.start for value in ours.values}
     used = [run for run in ours.runs if not run.held_out]
     rms = np.sqrt(np.mean(np.concatenate([run.y - run.after for run in used]) ** 2))
-    lines = [_line(joint, seed, "qpal calibrate", "the joint", rms, _worst(ours.parameters, rig, names), None, spent)]
+    rows = [_cells(joint, seed, "qpal calibrate", "the joint", rms, _worst(ours.parameters, rig, names), None, seconds)]
     nominal = {name: twin.Parameters()[name] for name in names}
-    for words, start in (
+    for label, start in (
         ("nominal", nominal),
         ("nominal, friction 0", nominal | {f"{joint}.coulomb": 0.0}),
         ("the joint", at_joint),
     ):
-        lines.append(_toolbox(rig, logs, names, words, start))
-    return "\n".join(lines)
+        rows.append(_toolbox(rig, logs, names, label, start))
+    return {"rows": rows}
 
 
-def _toolbox(rig, logs, names, words, start):
+def _toolbox(rig, logs, names, label, start):
     from mujoco import sysid
 
     base = twin.Parameters().replace(start)
@@ -58,12 +62,12 @@ def _toolbox(rig, logs, names, words, start):
         rows = np.nan_to_num(rows, nan=10.0)
         return [rows.T if np.ndim(x) > 1 else rows[0]], None, None
 
-    began = time.process_time()
+    start = time.process_time()
     found, _ = sysid.optimize(known, residual, verbose=False, max_iters=ITERATIONS)
-    spent, x = time.process_time() - began, found.as_vector()
+    seconds, x = time.process_time() - start, found.as_vector()
     rms = np.sqrt(np.mean(residual(x, None)[0][0] ** 2))
     worst = _worst(base.replace(dict(zip(names, map(float, x), strict=False))), rig, names)
-    return _line(rig.joint, rig.seed, "mujoco.sysid", words, rms, worst, task.simulations, spent)
+    return _cells(rig.joint, rig.seed, "mujoco.sysid", label, rms, worst, task.simulations, seconds)
 
 
 def _worst(parameters, rig, names):
@@ -73,6 +77,16 @@ def _worst(parameters, rig, names):
     return f"{name.rpartition('.')[2]} {100 * errors[name]:.0f} %"
 
 
-def _line(joint, seed, what, start, rms, worst, legs, spent):
-    cells = (f"{joint}, {seed}", what, start, f"{np.degrees(rms):.3f}", worst, "–" if legs is None else str(legs))
-    return f"| {' | '.join(cells)} | {spent:.0f} |"
+def _cells(joint, seed, what, start, rms, worst, legs, seconds):
+    """A row of the table as texts."""
+    legs = MISSING if legs is None else str(legs)
+    return [f"{joint}, {seed}", what, start, f"{np.degrees(rms):.3f}", worst, legs, f"{seconds:.0f}"]
+
+
+STUDY = Study(
+    cases=lambda options: ((joint, seed) for seed in options.seeds for joint in options.joints),
+    score=score,
+    summary=lambda rows, options: markdown(HEADINGS, [cells for row in rows for cells in row["rows"]], 3),
+    seeds="1000:1003",
+    options={"--joints": {"type": words, "default": list(twin.JOINTS)}},
+)

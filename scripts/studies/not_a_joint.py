@@ -1,24 +1,27 @@
 """Whether records that no motor made are refused, and records of the twin's legs are called joints.
 
-    python scripts/not_a_joint.py [--records 60] [--legs 30] [--kinds linear,tanks,...] [--first 0] [--data FOLDER]
+    python scripts/study.py not_a_joint [--records 60] [--seeds 0:30] [--kinds linear,tanks,...] [--data FOLDER]
 
 Records: linear filters, state spaces, Hammerstein-Wiener models, tanks, networks, oscillators, bilinear systems and
 noise, drawn from the seed, and pieces of public records (`--data`, or $QPAL_RECORDS, or ../shared/data). Legs: the
-stand-ins of `twin.bench` on a sweep that reaches both ends and on random levels. `--first` is the first seed.
+stand-ins of `twin.bench` on a sweep that reaches both ends and on random levels, one for each of `--seeds`; the seeds
+of the records begin with the first of these.
 """
 
 import argparse
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
+from study import Study, words
 
 from sysid.data.record import IOData
 from sysid.excitations import Aprbs, Multisine, Prbs, Sweep
 from sysid.joint.growth import grow_joint
-from sysid.joint.verdict import Verdict, verdict
+from sysid.joint.verdict import verdict
 
 N, TS = 1250, 0.1
 Rng = np.random.Generator
@@ -167,7 +170,7 @@ KINDS: dict[str, Callable[[Rng], tuple[np.ndarray, np.ndarray]]] = {
 }
 
 
-def drawn(kind: str, seed: int) -> IOData:
+def draw_record(kind: str, seed: int) -> IOData:
     """The record `seed` of a kind, with noise of 0.2 to 5 % and another unit and offset."""
     rng = np.random.default_rng([seed, 41, list(KINDS).index(kind)])
     u, y = KINDS[kind](rng)
@@ -182,7 +185,7 @@ def public(folder: Path) -> dict[str, IOData]:
     dryer = np.loadtxt(folder / "daisy" / "hair_dryer.dat")
     arm = np.loadtxt(folder / "daisy" / "robot_arm.dat")
     box = 1e3 * np.genfromtxt(folder / "silverbox" / "SNLS80mV.csv", delimiter=",", skip_header=1)[:, :2]
-    found = {
+    records = {
         "cascaded_tanks": IOData(tank[:, 0], tank[:, 2], 4.0),
         "cascaded_tanks_validation": IOData(tank[:, 1], tank[:, 3], 4.0),
         "hair_dryer": IOData(dryer[:, 0], dryer[:, 1], 0.08),
@@ -190,8 +193,8 @@ def public(folder: Path) -> dict[str, IOData]:
     }
     for k, start in enumerate((45_000, 60_000, 90_000, 20_000)):
         piece = box[start : start + N]
-        found[f"silverbox_{k}"] = IOData(piece[:, 0], piece[:, 1], 1 / 610.35)
-    return found
+        records[f"silverbox_{k}"] = IOData(piece[:, 0], piece[:, 1], 1 / 610.35)
+    return records
 
 
 def leg(seed: int) -> tuple[str, IOData]:
@@ -208,39 +211,51 @@ def leg(seed: int) -> tuple[str, IOData]:
     return f"{joint} sweep {seed}", log.io()
 
 
-def figures(said: Verdict) -> str:
-    """The figures of a verdict in one line."""
-    general = f", {said.general} {said.general_seen:.1f} / {said.general_unseen:.1f}" if said.general else ""
-    share = f"friction {said.friction:.3f}, spring {said.spring:.2f}"
-    return f"joint {said.seen:.1f} / {max(said.unseen, -999.0):.1f}, {share}{general}; {said.reason}"
+def cases(options: argparse.Namespace) -> list[tuple[str, Any]]:
+    """Kind and seed of the records, names of the public ones, and seeds of the legs."""
+    first, kinds = options.seeds[0], options.kinds
+    drawn = [(kinds[k % len(kinds)], first + k // len(kinds)) for k in range(options.records)]
+    names = list(public(Path(options.data))) if options.records and Path(options.data).is_dir() else []
+    return [*drawn, *(("public", name) for name in names), *(("leg", seed) for seed in options.seeds)]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--records", type=int, default=60)
-    parser.add_argument("--legs", type=int, default=30)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--kinds", default=",".join(KINDS))
-    parser.add_argument("--data", default=os.environ.get("QPAL_RECORDS", "../shared/data"))
-    given = parser.parse_args()
-    kinds = given.kinds.split(",")
-    rows: list[tuple[bool, str, IOData]] = []
-    for k in range(given.records):
-        kind, seed = kinds[k % len(kinds)], given.first + k // len(kinds)
-        rows.append((False, f"{kind} {seed}", drawn(kind, seed)))
-    if given.records and Path(given.data).is_dir():
-        rows += [(False, name, data) for name, data in public(Path(given.data)).items()]
-    rows += [
-        (True, f"{name} {s}", data) for s in range(given.first, given.first + given.legs) for name, data in [leg(s)]
-    ]
-    wrong = {True: 0, False: 0}
-    for joint, name, data in rows:
-        said = verdict(grow_joint(data), data)
-        wrong[joint] += said.joint != joint
-        print(f"{name:28s} {'ok' if said.joint == joint else 'WRONG':6s} {figures(said)}", flush=True)
-    for joint, what in ((False, "records that no motor made got physical values"), (True, "legs were refused")):
-        print(f"{wrong[joint]} of {sum(row[0] == joint for row in rows)} {what}")
+def score(case: tuple[str, Any], options: argparse.Namespace) -> dict[str, Any]:
+    """Whether the verdict on a record is right, and its figures in a line."""
+    kind, key = case
+    if kind == "leg":
+        name, data = leg(key)
+    else:
+        name, data = f"{kind} {key}", public(Path(options.data))[key] if kind == "public" else draw_record(kind, key)
+    v = verdict(grow_joint(data), data)
+    general = f", {v.general} {v.general_seen:.1f} / {v.general_unseen:.1f}" if v.general else ""
+    shares = f"friction {v.friction:.3f}, spring {v.spring:.2f}"
+    figures = f"joint {v.seen:.1f} / {max(v.unseen, -999.0):.1f}, {shares}{general}; {v.reason}"
+    return {"name": name, "right": v.joint == (kind == "leg"), "figures": figures}
 
 
-if __name__ == "__main__":
-    main()
+def line(row: dict[str, Any]) -> str:
+    """The verdict on one record."""
+    return f"{row['name']:28s} {'ok' if row['right'] else 'WRONG':6s} {row['figures']}"
+
+
+def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> str:
+    """Every verdict, then the wrong ones counted."""
+    lines = [line(row) for row in rows]
+    for legs, text in ((False, "records that no motor made got physical values"), (True, "legs were refused")):
+        group = [row["right"] for row in rows if (row["case"][0] == "leg") == legs]
+        lines.append(f"{len(group) - sum(group)} of {len(group)} {text}")
+    return "\n".join(lines)
+
+
+STUDY = Study(
+    cases,
+    score,
+    summary,
+    seeds="0:30",
+    options={
+        "--records": {"type": int, "default": 60, "help": "records that no motor made"},
+        "--kinds": {"type": words, "default": list(KINDS)},
+        "--data": {"default": os.environ.get("QPAL_RECORDS", "../shared/data"), "help": "folder of public records"},
+    },
+    line=line,
+)

@@ -1,0 +1,138 @@
+"""Studies: what many drawn cases say of the library. One runner for seeds, processes, journal, result and table.
+
+    python scripts/study.py NAME --seeds 0:20 --workers 2 --out runs/NAME.jsonl [options of the study]
+    python scripts/study.py            # the studies
+    python scripts/study.py NAME --help
+
+A study is a file in `scripts/studies`: its docstring, and `STUDY`, which names its cases, scores one of them and sums
+the scores up. With --out each score is a line of that journal as soon as its case ends, and a run that was stopped goes
+on with the cases that are missing. --json writes all scores as one document. Exit status 1 if a study says so.
+"""
+
+import argparse
+import importlib
+import json
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).resolve().parent / "studies"
+Case = tuple[Any, ...]  # of JSON values: what makes a score unique, for example (joint, seed)
+Row = dict[str, Any]
+MISSING = "–"
+
+
+@dataclass(frozen=True)
+class Study:
+    """`cases(options)` are tuples of JSON values, `score(case, options)` is a dictionary of JSON values.
+
+    `summary(rows, options)` is a text, or a dictionary that is printed as JSON; a row has the score, and its case as
+    `case`. `line` says one score in a line as soon as its case ends. `options` are arguments of `add_argument` by flag;
+    `own` and others that cases need arrive as `options.own`. `seeds` is the default of --seeds.
+    """
+
+    cases: Callable[[argparse.Namespace], Iterable[Case]]
+    score: Callable[[Case, argparse.Namespace], Row]
+    summary: Callable[[list[Row], argparse.Namespace], str | dict[str, Any]]
+    seeds: str = "0:10"
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    line: Callable[[Row], str] | None = None
+    fails: Callable[[list[Row]], bool] | None = None
+
+
+def seed_range(text: str) -> range:
+    """The seeds "first:after the last", or "count" from 0."""
+    first, colon, end = text.partition(":")
+    return range(int(first), int(end)) if colon else range(int(first))
+
+
+def words(text: str) -> list[str]:
+    """The words of a list with commas, a type of options."""
+    return text.split(",")
+
+
+def markdown(headings: Sequence[str], rows: Iterable[Sequence[object]], texts: int = 1) -> str:
+    """A table of Markdown whose first `texts` columns are texts, and the others numbers."""
+    marks = [":--" if k < texts else "--:" for k in range(len(headings))]
+    return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in (headings, marks, *rows))
+
+
+def parser_of(study: Study, name: str, text: str) -> argparse.ArgumentParser:
+    """The options of a study; `text` is its docstring."""
+    parser = argparse.ArgumentParser(
+        f"study.py {name}", description=text, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seeds", type=seed_range, default=seed_range(study.seeds), metavar="FIRST:END")
+    parser.add_argument("--workers", type=int, default=1, help="processes")
+    parser.add_argument("--scheduler", help="address of a Dask scheduler, instead of --workers")
+    parser.add_argument("--out", type=Path, metavar="FILE.jsonl", help="journal of the scores, which a next run reads")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all scores as one document")
+    for flag, settings in study.options.items():
+        parser.add_argument(flag, **settings)
+    return parser
+
+
+def run(study: Study, options: argparse.Namespace) -> list[Row]:
+    """The rows of all cases in their order; those in the journal are not computed again."""
+    from sysid.base.parallel import results
+
+    runner = {"seeds", "workers", "scheduler", "out", "json"}
+    settings = {name: str(value) for name, value in sorted(vars(options).items()) if name not in runner}
+    cases = [tuple(case) for case in study.cases(options)]
+    rows = _read(options.out, settings)
+    todo = [case for case in cases if case not in rows]
+    if options.out is not None:
+        options.out.parent.mkdir(parents=True, exist_ok=True)
+    for k, score in results(partial(study.score, options=options), todo, options.workers, options.scheduler):
+        text = json.dumps({"case": todo[k], **score}, default=_plain)
+        row = rows[todo[k]] = json.loads(text)
+        if options.out is not None:
+            with options.out.open("a", encoding="utf-8") as file:
+                file.write(json.dumps({"settings": settings, **row}) + "\n")
+        if study.line is not None:
+            print(study.line(row), file=sys.stderr, flush=True)
+    return [rows[case] for case in dict.fromkeys(cases)]
+
+
+def _read(journal: Path | None, settings: dict[str, str]) -> dict[Case, Row]:
+    """The rows of a journal with these settings by case; a line that was cut off is none."""
+    rows = {}
+    for line in journal.read_text(encoding="utf-8").splitlines() if journal and journal.is_file() else ():
+        try:
+            row = json.loads(line)
+        except ValueError:
+            continue
+        if row.pop("settings") == settings:
+            rows[tuple(row["case"])] = row
+    return rows
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and arrays of numpy as JSON values."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run a study and print its summary."""
+    names = sorted(path.stem for path in FOLDER.glob("*.py"))
+    if not arguments or arguments[0] not in names:
+        print(__doc__)
+        print("Studies:", ", ".join(names))
+        return 2 * bool(arguments and arguments[0] not in ("-h", "--help"))
+    sys.path.insert(0, str(FOLDER))  # where worker processes look for the study too
+    module = importlib.import_module(arguments[0])
+    study: Study = module.STUDY
+    options = parser_of(study, arguments[0], module.__doc__ or "").parse_args(arguments[1:])
+    rows = run(study, options)
+    summary = study.summary(rows, options)
+    print(summary if isinstance(summary, str) else json.dumps(summary, indent=2))
+    if options.json is not None:
+        options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    return int(study.fails is not None and study.fails(rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
