@@ -1,4 +1,4 @@
-"""docs/compare.md: its table is one of scripts/studies/verdicts.py, its definitions are the code's, its pictures exist."""
+"""docs/compare.md: its table is one of scripts/studies/verdicts.py, its definitions are the code's."""
 
 import re
 import runpy

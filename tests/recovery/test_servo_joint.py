@@ -16,7 +16,8 @@ from sysid.data.record import IOData
 from sysid.model.chain import Chain
 from sysid.structures import ServoJoint, servo_joint
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[2] / folder) for folder in ("scripts", "scripts/studies")]
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "studies"))
 from servo_joints import TICK, Joint, drawn, goals, model, record, simulated
 
 SMOOTH = {

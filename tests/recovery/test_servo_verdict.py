@@ -9,7 +9,8 @@ from sysid.data.record import IOData
 from sysid.joint.growth import grow_joint
 from sysid.joint.verdict import verdict
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[2] / folder) for folder in ("scripts", "scripts/studies")]
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "studies"))
 from servo_joints import drawn, goals, simulated
 
 
