@@ -33,8 +33,8 @@ def advise(data: IOData) -> tuple[Advice, ...]:
     """Findings on the record, by topic, for every input and output.
 
     Topics: wraps, excitation, levels, delay, feedback, nonlinearity, rate, rest, resolution, outliers, drift. The
-    level of the statistical tests is 1 % false alarms per record; scripts/studies/advice_rates.py prints their
-    rates by class of input. The tests use at most the first 20,000 samples. Raises InputError for magnitudes that no plant has.
+    level of the statistical tests is 1 % false alarms per record; `scripts/study.py advice_rates` prints their rates by
+    class of input. The tests use at most the first 20,000 samples. Raises InputError for magnitudes that no plant has.
     """
     check_magnitudes(data)
     with one_blas_thread():
