@@ -10,9 +10,9 @@ import numpy as np
 from study import MISSING, Study, markdown
 
 from twin.compare.effects import TABLE
-from twin.compare.verdict import explain
-from twin.compare.standins import NOTHING, stand_in
 from twin.compare.search import Trials
+from twin.compare.standins import NOTHING, stand_in
+from twin.compare.verdict import explain
 from twin.follow import Follower
 from twin.parameters import Parameters
 
