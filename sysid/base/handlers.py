@@ -1,7 +1,7 @@
 """What a class does with rooms above its own: `data.plot()` needs the figures, `fit.report()` the page.
 
-A record lies on a low floor and imports nothing from above. It asks here for the module of `sysid.notebook` that
-belongs to its class, and that room is the only one that is found so: it lies on the top floor, and no room imports it.
+A record lies on a low floor and imports nothing from above. It asks here for the class of `sysid.notebook` that
+belongs to its own, and that room is the only one that is found so: it lies on the top floor, and no room imports it.
 """
 
 from importlib import import_module
@@ -9,23 +9,23 @@ from typing import Any
 
 ROOM = "sysid.notebook"
 MODULES = {
-    "IOData": "record",
-    "Fit": "fit",
-    "NlarxFit": "nlarx_fit",
-    "Growth": "growth",
-    "Selection": "selection",
-    "Comparison": "comparison",
-    "ResidualTests": "residual_tests",
-    "Modes": "modes",
+    "IOData": "results",
+    "Fit": "fits",
+    "NlarxFit": "fits",
+    "Growth": "results",
+    "Selection": "results",
+    "Comparison": "results",
+    "ResidualTests": "results",
+    "Modes": "results",
 }
 
 
 def handler(thing: Any) -> Any:
-    """The module of `sysid.notebook` for the class of `thing`, or for the class that it derives from."""
+    """The class of `sysid.notebook`, `FitView` for a Fit, for the class of `thing` or one that it derives from."""
     for kind in type(thing).__mro__:
         if kind.__name__ in MODULES:
-            return import_module(f"{ROOM}.{MODULES[kind.__name__]}")
-    raise TypeError(f"sysid.notebook has no module for {type(thing).__name__}")
+            return getattr(import_module(f"{ROOM}.{MODULES[kind.__name__]}"), f"{kind.__name__}View")
+    raise TypeError(f"sysid.notebook has no class for {type(thing).__name__}")
 
 
 class Shown:

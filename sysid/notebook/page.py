@@ -1,20 +1,32 @@
-"""The page of `qpal identify` for a fit that was made in Python."""
+"""The page of `qpal identify` and the words for a fit that was made in Python, and figures for a person."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
+from textwrap import fill
+from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
+from sysid.base import style
 from sysid.base.files import write_text
+from sysid.base.quantities import display_quantity, number
+from sysid.base.windows import for_a_person
+from sysid.blocks import Channels, TransferFunction, TransferMatrix
 from sysid.channels.mapping import ChannelMap
 from sysid.channels.signals import Signals
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.advice import advise
 from sysid.diagnosis.residuals import poor
 from sysid.estimation.result import Fit
+from sysid.model.recipes import Option, Recipe
 from sysid.nlarx.result import NlarxFit
-from sysid.notebook.words import recipe_of
 from sysid.report.identify import page
+from sysid.structures import TABLE
 from sysid.workflow.evaluation import check_parts, evaluate_fit
 from sysid.workflow.plan import Plan
 from sysid.workflow.record import Record
@@ -22,10 +34,15 @@ from sysid.workflow.results import Evaluation, Identification, NextStep
 from sysid.workflow.saved import Exports
 from sysid.workflow.setting import Setting
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 NO_VALIDATION = (
     "no validation record was given, so what is called validation here is the record of the fit itself and says "
     "nothing of new data; give one: fit.report(path, validation=other)"
 )
+_COLUMNS = 125  # letters of the sentence on a line
 
 
 def write_page(fit: Fit | NlarxFit, path: str | PathLike, data: IOData, validation: IOData | None) -> Path:
@@ -58,3 +75,104 @@ def _next(e: Evaluation) -> NextStep | None:
     if not poor(e.validation_fit, e.tests):
         return None
     return NextStep("this structure does not explain the record", "sysid.select(data, seconds=120).fit")
+
+
+def figure(draw: Callable[..., Axes | Sequence[Axes]], *given: Any, say: str = "", **options: Any) -> Figure:
+    """The figure that `draw` makes of what it is given, and the sentence `say` below it."""
+    with for_a_person():
+        axes = draw(*given, **options)
+    first: Any = axes[0] if isinstance(axes, Sequence) else axes
+    made: Figure = first.figure
+    if say:
+        made.supxlabel(fill(say, _COLUMNS), fontsize=8.0, color=style.SECOND, x=0.01, ha="left")
+    return made
+
+
+@dataclass(frozen=True)
+class Given(Recipe):
+    """The recipe of a model that exists already: words for a page, and no settings.
+
+    `of` is the structure's name, whose physical values a page may show.
+    """
+
+    name: ClassVar[str] = "given"
+    words: str = ""
+    of: str = ""
+
+    @classmethod
+    def options(cls) -> dict[str, Option]:
+        return {}
+
+    def model(self) -> None:
+        """There is nothing to build."""
+
+    def in_words(self, fit: Any = None) -> str:
+        return self.words
+
+    def as_subject(self, fit: Any = None) -> str:
+        return f"{'An' if self.words[:1] in 'AEIOU' or self.words.startswith('NLARX') else 'A'} {self.words} model"
+
+    def physics(self) -> dict[str, Any] | None:
+        return TABLE[self.of]().physics() if self.of in TABLE else None
+
+
+def recipe_of(fit: Fit | NlarxFit) -> Given:
+    """What a page needs to know of a model."""
+    return Given(structure_in_words(fit), fit.model.structure)
+
+
+def structure_in_words(fit: Fit | NlarxFit) -> str:
+    """Structure, orders and blocks in one phrase."""
+    if isinstance(fit, NlarxFit):
+        m = fit.model
+        return f"NLARX (na {m.na}, nb {m.nb}, nk {m.nk}), wavelet network of {fit.network.units} units"
+    name = fit.model.structure.replace("_", "-").title()
+    return ", ".join([f"{name}{orders(fit)}", *_others(fit)])
+
+
+def orders(fit: Fit) -> str:
+    """The orders of a single transfer function in brackets, else nothing."""
+    found = [b for b in fit.model.blocks if isinstance(b, TransferFunction)]
+    if len(found) != 1:
+        return ""
+    return f" (nb {found[0].nb}, nf {found[0].nf}, nk {found[0].nk})"
+
+
+def _others(fit: Fit) -> list[str]:
+    """The other blocks by role."""
+    several = sum(isinstance(b, TransferFunction) for b in fit.model.blocks) > 1
+    found = []
+    for b in fit.model.blocks:
+        if isinstance(b, TransferMatrix):
+            found.append(f"{b.channels[1]} x {b.channels[0]} transfer functions")
+        elif isinstance(b, TransferFunction):
+            found += [f"{b.role} (nb {b.nb}, nf {b.nf}, nk {b.nk})"] if several else []
+        else:
+            kinds = dict.fromkeys(_kind(m) for m in b.maps) if isinstance(b, Channels) else [_kind(b)]
+            role = b.role.replace("_", " ")
+            kind = "/".join(kinds)
+            found.append(kind if role in kind.split() else f"{role} {kind}")
+    return found
+
+
+def _kind(block: Any) -> str:
+    """PiecewiseLinear as piecewise linear."""
+    return re.sub(r"(?<!^)(?=[A-Z])", " ", type(block).__name__).lower()
+
+
+def rmse_in_words(fit: Fit | NlarxFit) -> str:
+    """The root of the mean squared error in the unit in which people read the output."""
+    data = fit.record
+    q = display_quantity("", data.y_unit if data is not None else "")
+    return f"{number(float(np.sqrt(fit.criteria.mse)) * q.factor)} {q.unit}".rstrip()
+
+
+def criteria_in_words(fit: Fit | NlarxFit) -> str:
+    """The criteria that compare models, and what they count."""
+    c = fit.criteria
+    return f"FPE {number(c.fpe)}, AICc {number(c.aicc, 6)}, BIC {number(c.bic, 6)}, d {c.d} of {c.N} samples"
+
+
+def search_in_words(fit: Fit | NlarxFit) -> str:
+    """How the search ended, and its effort."""
+    return f"{fit.search}: {fit.stop.reason} ({fit.stop.iterations} iterations, {fit.seconds:.2g} s)"

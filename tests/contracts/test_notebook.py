@@ -10,8 +10,8 @@ import pytest
 import shown
 
 import sysid
-from sysid.base import card
 from sysid.data.preprocess import detrend
+from sysid.notebook import card
 from sysid.notebook.page import identified
 from sysid.systems import system
 
@@ -231,8 +231,7 @@ def test_modes_are_a_tuple_and_a_table(data, fit):
 
 def test_what_is_not_determined_has_no_number():
     from sysid.linear.modes import Mode
-    from sysid.notebook.doubts import determined
-    from sysid.notebook.poles import pole_table
+    from sysid.notebook.poles import determined, pole_table
 
     wide = Mode(1.0 - 2.6e-9, 7e-3, 2.6e-8, 0.07, 1.0, 0.1, 3.8e7, 1e14)
     sharp = Mode(0.5 + 0j, 0.01, 6.9, 0.2, 1.0, 0.0, 0.144, 0.004)
@@ -344,6 +343,6 @@ def test_a_class_without_a_module_is_told():
     class Longer(sysid.IOData):
         pass
 
-    assert handler(Longer(np.arange(5.0), np.arange(5.0))).__name__ == "sysid.notebook.record"
-    with pytest.raises(TypeError, match="no module for int"):
+    assert handler(Longer(np.arange(5.0), np.arange(5.0))).__name__ == "IODataView"
+    with pytest.raises(TypeError, match="no class for int"):
         handler(3)

@@ -1,0 +1,281 @@
+"""What records, searches, comparisons and tests show at a prompt and in a notebook, one class each."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.base.quantities import display_quantity, number, percent, pole
+from sysid.data.record import IOData
+from sysid.diagnosis.residuals import ResidualTests
+from sysid.joint.growth import MARGIN, WORDS, Growth
+from sysid.linear.modes import Modes
+from sysid.notebook.card import Card, Table
+from sysid.notebook.fits import FitView, own_percent, parameter_table
+from sysid.notebook.page import figure
+from sysid.notebook.poles import pole_table
+from sysid.plots.comparison import comparison
+from sysid.plots.earned import earned
+from sysid.plots.records import record
+from sysid.report.joint import bars, hatched
+from sysid.selection.table import Selection
+from sysid.validation.compare import Comparison
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_NOTHING = 1e-12  # of the largest value: what rounding leaves of a mean that was removed
+GROWTH_SAYS = (
+    "What to see: a part is kept if BIC falls beyond the dashed line and its free runs over unseen parts of the record "
+    "get no worse; the filled bar of a round is the part that stayed."
+)
+ROWS = 12
+
+
+class IODataView:
+    """A record at a prompt and in a notebook."""
+
+    @staticmethod
+    def line(data: IOData) -> str:
+        """Size, rate and channels."""
+        several = f" in {len(data.lengths)} experiments" if len(data.lengths) > 1 else ""
+        return (
+            f"<IOData: {data.N} samples{several} every {data.Ts:g} s, {_channels(data, 'u')} to {_channels(data, 'y')}>"
+        )
+
+    @staticmethod
+    def card(data: IOData) -> Card:
+        """The same with the range of every channel."""
+        facts = [
+            ("samples", f"{data.N} every {data.Ts:g} s, {data.N * data.Ts:g} s in all"),
+        ]
+        if len(data.lengths) > 1:
+            shown_lengths = ", ".join(map(str, data.lengths[:8])) + (", ..." if len(data.lengths) > 8 else "")
+            facts.append(("experiments", f"{len(data.lengths)}, of {shown_lengths} samples"))
+        lost = int((~data.observed).sum())
+        if lost:
+            facts.append(("missing", f"{lost} output samples, {100 * lost / data.y.size:.2g} %"))
+        rows: list[tuple[str, ...]] = []
+        for which, values, offsets in (("u", data.u, data.u_offset), ("y", data.y, data.y_offset)):
+            name, unit = (data.u_name, data.u_unit) if which == "u" else (data.y_name, data.y_unit)
+            for k in range(values.shape[1]):
+                q, own = display_quantity(name, unit), name if values.shape[1] == 1 else f"{name}{k + 1}"
+                x = values[:, k] * q.factor
+                size = float(np.abs(x).max())
+                found = (x.min(), x.max(), x.mean(), x.std(), offsets[k] * q.factor)
+                cells = (number(float(v) if abs(v) > _NOTHING * size else 0.0) for v in found)
+                rows.append((own, "input" if which == "u" else "output", q.unit or "–", *cells))
+        headings: tuple[str, ...] = ("channel", "", "unit", "least", "largest", "mean", "std", "removed")
+        if not np.any(data.u_offset) and not np.any(data.y_offset):
+            headings, rows = headings[:-1], [row[:-1] for row in rows]
+        calls = "data.plot(), data.between(start, stop), sysid.advise(data), sysid.fit(model, data)"
+        return Card("Record", facts, [Table(headings, rows, text_columns=3)], call=f"Next: {calls}")
+
+    @staticmethod
+    def plot(data: IOData) -> Figure:
+        """Every channel over time."""
+        say = "What to see: the input should move at the speeds and over the levels that matter, "
+        say += "and the output answer it."
+        return figure(record, data, say=say)
+
+
+def _channels(data: IOData, which: str) -> str:
+    name, unit, n = (data.u_name, data.u_unit, data.u.shape[1])
+    if which == "y":
+        name, unit, n = (data.y_name, data.y_unit, data.y.shape[1])
+    return f"{f'{n} x ' if n > 1 else ''}{name}{f' [{unit}]' if unit else ''}"
+
+
+class GrowthView:
+    """The growth of a joint."""
+
+    @staticmethod
+    def line(growth: Growth) -> str:
+        """The parts, and the fit."""
+        parts = ", ".join(growth.parts) or "no further part"
+        return f"<Growth: {parts}; {FitView.line(growth.fit).strip('<>')}>"
+
+    @staticmethod
+    def card(growth: Growth) -> Card:
+        """The steps on one screen."""
+        fit = growth.fit
+        score = own_percent(fit)
+        facts = [] if score is None else [("fit, free run", f"{percent(score)} on its own record")]
+        if math.isfinite(growth.unseen_percent):
+            facts.append(("on unseen parts", percent(growth.unseen_percent)))
+        facts += [
+            ("BIC", f"{number(fit.criteria.bic, 6)}, of the plain joint {number(growth.plain_bic, 6)}"),
+            ("starts that agree", str(growth.agreed)),
+            ("search", f"{fit.stop.reason}"),
+        ]
+        rows = [
+            (str(s.round + 1), WORDS[s.part], number(s.bic, 6), number(s.earned, 4), "kept" if s.kept else "–")
+            for s in growth.steps
+        ]
+        table = Table(("round", "part", "BIC", "fall", ""), rows, "Parts tried", text_columns=2)
+        sentences = [growth.sentence(), *(f"Warning: {text}." for text in growth.warnings[:3])]
+        calls = "growth.plot(), growth.fit, sysid.joint_values(growth.fit)"
+        folded = [parameter_table(fit)]
+        return Card("Actuated joint", facts, [table] if rows else [], sentences, folded, call=f"Next: {calls}")
+
+    @staticmethod
+    def plot(growth: Growth) -> Figure:
+        """The parts tried, round by round."""
+        if not growth.steps:
+            raise InputError("no part was tried in this growth, so there is nothing to draw; see growth.fit.plot()")
+        return figure(earned, bars(growth), MARGIN, say=GROWTH_SAYS + hatched(growth))
+
+
+class SelectionView:
+    """A structure search."""
+
+    @staticmethod
+    def line(found: Selection) -> str:
+        """The chosen candidate."""
+        row = found.chosen
+        fit = percent(row.fit_percent)
+        return f"<Selection: {row.candidate}, {fit} on unseen data, d {row.d}; {len(found.rows)} candidates>"
+
+    @staticmethod
+    def card(found: Selection) -> Card:
+        """The best candidates on one screen."""
+        rows = []
+        for k, row in enumerate(found.rows, 1):
+            c = row.candidate
+            maps = " / ".join(name.replace("_", " ") for name in c.maps.values()) or "–"
+            mark = "chosen" if c == found.chosen.candidate else "equal" if row.equal else row.why.partition(";")[0]
+            rows.append((str(k), c.short, maps, mark, percent(row.fit_percent), str(row.d)))
+        table = Table(("", "structure", "maps", "", "fit on unseen data", "d"), rows, "", text_columns=4, most=ROWS)
+        notes = [f"{note[0].upper()}{note[1:]}." for note in found.notes]
+        facts = [("search", f"{found.seconds:.0f} s, {len(found.rows)} candidates")]
+        folded = [Table(table.headings, rows, f"All {len(rows)} candidates", text_columns=4)]
+        calls = "selection.fit, selection.fit.plot(), selection.rows"
+        return Card("Structure search", facts, [table], [found.sentence(), *notes], folded, call=f"Next: {calls}")
+
+
+class ComparisonView:
+    """A comparison of fits."""
+
+    @staticmethod
+    def line(table: Comparison) -> str:
+        """The best model."""
+        best = table.rows[0]
+        return (
+            f"<Comparison: {len(table.rows)} models on {table.scored} samples; best {best.label}, {percent(best.fit)}>"
+        )
+
+    @staticmethod
+    def card(table: Comparison) -> Card:
+        """The ranking."""
+        q = display_quantity("RMSE", table.y_unit)
+        rows = [
+            (
+                str(r.rank),
+                r.label,
+                "converged" if r.converged else "not converged",
+                percent(r.fit),
+                number(r.rmse * q.factor),
+                "–" if r.one_step is None else percent(r.one_step),
+                str(r.criteria.d),
+                number(r.criteria.aicc, 6),
+                number(r.criteria.bic, 6),
+            )
+            for r in table.rows
+        ]
+        headings = ("", "model", "search", "free run", q.label, "one step ahead", "d", "AICc", "BIC")
+        facts = [
+            ("scored", f"{table.scored} samples; the first {table.n_init} of each experiment give the initial state")
+        ]
+        if table.numbered:
+            facts.append(("model", table.numbered))
+        return Card(
+            "Comparison", facts, [Table(headings, rows, text_columns=3, most=20)], call="Next: comparison.plot()"
+        )
+
+    @staticmethod
+    def plot(table: Comparison) -> Figure:
+        """The free-run fits as bars."""
+        say = "What to see: the longest bar has the best free run; of models that are equally good, "
+        say += "prefer the smallest d."
+        return figure(comparison, table, say=say)
+
+
+class ResidualTestsView:
+    """Residual tests."""
+
+    @staticmethod
+    def line(tests: ResidualTests) -> str:
+        """Both verdicts."""
+        return f"<ResidualTests: {_white(tests)}, {_independent(tests)}; {len(tests.lags) - 1} lags>"
+
+    @staticmethod
+    def card(tests: ResidualTests) -> Card:
+        """The verdicts, what they rest on, and what they mean."""
+        n, both, level = len(tests.lags) - 1, len(tests.cross_lags), f"{100 * tests.level:.3g} %"
+        rows = [
+            (
+                "residuals with themselves",
+                _white(tests),
+                f"{tests.whiteness_outside} of {n}",
+                _bound(tests.whiteness_bound),
+            ),
+            (
+                "residuals with the input",
+                _independent(tests),
+                f"{tests.independence_outside} of {both}",
+                _bound(tests.independence_bound),
+            ),
+        ]
+        table = Table(("correlation", "verdict", "lags outside", f"bound, {level}"), rows, text_columns=2)
+        facts = [
+            ("lags", f"1 to {n} samples, with the input −{n} to {n}"),
+            ("chance", f"p = {number(tests.independence_p, 2)} that the input is independent and gives this by chance"),
+        ]
+        call = 'Next: fit.plot(data, "residuals"), fit.noise_model(data)'
+        return Card("Residual tests", facts, [table], [_meaning(tests)], call=call)
+
+
+def _white(tests: ResidualTests) -> str:
+    return "white" if tests.white else "not white"
+
+
+def _independent(tests: ResidualTests) -> str:
+    return "independent" if tests.independent else "not independent"
+
+
+def _bound(value: float) -> str:
+    return f"± {number(value, 2)}"
+
+
+def _meaning(tests: ResidualTests) -> str:
+    """What the two verdicts say about the model."""
+    if not tests.independent:
+        return (
+            "The residuals depend on the input: the model misses something that the input does. Try another delay, "
+            "higher orders or another structure: sysid.select(data)."
+        )
+    if not tests.white:
+        return "The residuals are coloured: the noise is, or the model lacks dynamics; see fit.noise_model(data)."
+    return "What the model leaves is noise: the record shows nothing that it misses."
+
+
+class ModesView:
+    """The modes of a fit."""
+
+    @staticmethod
+    def line(found: Modes) -> str:
+        """The poles, each pair once."""
+        few = ", ".join(pole(m.pole) for m in found[:6] if m.pole.imag > -1e-9)
+        return f"<Modes: {len(found)} poles{f', {few}' if few else ''}{', ...' if len(found) > 6 else ''}>"
+
+    @staticmethod
+    def card(found: Modes) -> Card:
+        """The table of poles, and how to have their numbers."""
+        table = pole_table(found)
+        call = "Next: modes[0].hertz, modes[0].damping, modes[0].time_constant, each with its _std"
+        if table is None:
+            return Card("Modes", sentences=["The model has no linear block, so it has no poles."])
+        return Card("Modes", tables=[table], call=call)
