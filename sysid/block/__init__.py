@@ -1,7 +1,8 @@
 """The interface of a block (slots, tangent, symmetries) and its compiled loops."""
 
 from sysid.base import modules_of
-from sysid.block.block import Block, Slot, StaticBlock, Symmetry
+from sysid.block.block import Block, Slot, StaticBlock
+from sysid.block.symmetry import Symmetry
 
 __all__ = ["Block", "Slot", "StaticBlock", "Symmetry"]
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Code, Writer
 
 
@@ -29,21 +30,6 @@ class Slot:
     knot: bool = False
 
 
-@dataclass(frozen=True)
-class Symmetry:
-    """A change of the block's parameters that compensates or causes an affine change of its signals.
-
-    If the input moves by (in_scale * x + in_shift) * eps and theta by d_theta * eps, then the output moves by
-    (out_scale * y + out_shift) * eps, to first order.
-    """
-
-    d_theta: np.ndarray
-    in_scale: float | np.ndarray = 0.0  # one value for each channel, a number for one
-    in_shift: float | np.ndarray = 0.0
-    out_scale: float | np.ndarray = 0.0
-    out_shift: float | np.ndarray = 0.0
-
-
 class Law(NamedTuple):
     """A block in other units, see `Block.law`: itself there, and M (p, p): its theta here is M times theta there."""
 
@@ -60,7 +46,7 @@ class Block(ABC):
     """One element of a chain. A block has only structure; parameter values theta (p,) are arguments."""
 
     role: str = field(default="block", kw_only=True)
-    centred: ClassVar[bool] = False  # whether a fit takes the means off its signals, see `sysid.model.shift`
+    centred: ClassVar[bool] = False  # whether a fit takes the means off its signals, see `sysid.model.transforms`
 
     def __getstate__(self) -> dict[str, Any]:
         """Its fields: compiled kernels are made anew where a copy or another process needs them."""

@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Map
+from sysid.block.symmetry import Symmetry
 
 
 def value(x, p):

@@ -6,8 +6,8 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Block, Law, Slot, StaticBlock, Symmetry
-from sysid.block.units import joined
+from sysid.block.block import Block, Law, Slot, StaticBlock
+from sysid.block.symmetry import Symmetry, block_diagonal
 
 
 @checked
@@ -59,7 +59,7 @@ class Channels(Block):
         known = [own for own in laws if own is not None]
         if len(known) < len(laws):
             return None
-        return Law(replace(self, maps=tuple(own.block for own in known)), joined(*(own.M for own in known)))  # type: ignore[misc]
+        return Law(replace(self, maps=tuple(own.block for own in known)), block_diagonal(*(own.M for own in known)))  # type: ignore[misc]
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         found = []

@@ -5,9 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
 from sysid.block.step import cos, exp, sin, sqrt
+from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer
 
 _SLOWEST, _FASTEST = 1e-3, 30.0  # rad/sample; the fastest swings five times between two samples

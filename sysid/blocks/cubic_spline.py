@@ -8,9 +8,9 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Law, Slot, StaticBlock, Symmetry
+from sysid.block.block import Law, Slot, StaticBlock
 from sysid.block.compiler.recursion import Written
-from sysid.block.units import in_order, joined
+from sysid.block.symmetry import Symmetry, block_diagonal, diagonal
 from sysid.block.writing import Writer
 
 
@@ -97,7 +97,7 @@ class CubicSpline(Written, StaticBlock):
         return (*self.span, theta) if self.span is not None else (theta[0], theta[1], theta[2:])
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        from sysid.block.kernels_maps import spline
+        from sysid.block.kernels import spline
 
         y, slope = np.empty_like(x), np.empty_like(x)
         lo, hi, v = self._ends(theta)
@@ -127,15 +127,15 @@ class CubicSpline(Written, StaticBlock):
         if self.span is not None:
             low, high = sorted(float(end / a[0]) for end in self.span)
             span = (low, high)
-        ends = np.eye(0) if self.span is not None else in_order(a[0], 2, turned)
+        ends = np.eye(0) if self.span is not None else diagonal(a[0], 2, turned)
         if not self.monotone:
-            return Law(replace(self, span=span), joined(ends, in_order(b[0], n, turned)))
+            return Law(replace(self, span=span), block_diagonal(ends, diagonal(b[0], n, turned)))
         if a[0] * b[0] < 0.0:
             return None  # it rises in any units
-        M = joined(b[:, None], in_order(abs(b[0]), n + 1, turned))
+        M = block_diagonal(b[:, None], diagonal(abs(b[0]), n + 1, turned))
         if turned:  # y0 is the curve at the other end
             M[0, 1:] = b[0] * self.pieces[-1].sum(axis=0)[1:]
-        return Law(replace(self, span=span), joined(ends, M))
+        return Law(replace(self, span=span), block_diagonal(ends, M))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         lo, hi, v = self._ends(theta)

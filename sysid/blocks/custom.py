@@ -7,7 +7,8 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Law, Slot, StaticBlock, Symmetry
+from sysid.block.block import Law, Slot, StaticBlock
+from sysid.block.symmetry import Symmetry
 
 _STEP = float(np.finfo(float).eps) ** (1.0 / 3.0)  # of central differences, relative to the size of the variable
 

@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid.block.block import Law, Slot, Symmetry
+from sysid.block.block import Law, Slot
 from sysid.block.compiler.recursion import Map
-from sysid.block.units import in_order
+from sysid.block.symmetry import Symmetry, diagonal
 
 
 def value(x, p):
@@ -47,7 +47,7 @@ class DeadZone(Map):
         return NARROW * float(np.abs(x).max()) * np.array([-1.0, 1.0])
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
-        return Law(self, in_order(a[0], 2, bool(a[0] < 0.0))) if a[0] == b[0] else None
+        return Law(self, diagonal(a[0], 2, bool(a[0] < 0.0))) if a[0] == b[0] else None
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         return [Symmetry(theta.copy(), in_scale=1.0, out_scale=1.0), Symmetry(np.ones(2), in_shift=1.0)]

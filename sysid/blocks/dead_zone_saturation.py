@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid.block.block import Law, Slot, Symmetry
+from sysid.block.block import Law, Slot
 from sysid.block.compiler.recursion import Map
-from sysid.block.units import in_order, joined
+from sysid.block.symmetry import Symmetry, block_diagonal, diagonal
 from sysid.block.writing import Writer
 from sysid.blocks.dead_zone import NARROW, middle
 
@@ -60,7 +60,7 @@ class DeadZoneSaturation(Map):
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         turned = bool(a[0] < 0.0)
-        return Law(self, joined(in_order(a[0], 4, turned), in_order(b[0] / a[0], 2, turned)))
+        return Law(self, block_diagonal(diagonal(a[0], 4, turned), diagonal(b[0] / a[0], 2, turned)))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         break_points, gains = np.repeat([1.0, 0.0], [4, 2]), np.repeat([0.0, 1.0], [4, 2])

@@ -6,9 +6,10 @@ from typing import ClassVar
 import numpy as np
 
 from sysid.base.checks import checked
-from sysid.block.block import Piecewise, Slot, Symmetry
+from sysid.block.block import Piecewise, Slot
 from sysid.block.compiler.recursion import Recursion
 from sysid.block.step import ago, floor
+from sysid.block.symmetry import Symmetry
 
 LONGEST = 1000.0  # samples
 

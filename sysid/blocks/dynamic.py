@@ -10,12 +10,13 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Slot
 from sysid.block.compiler import source
 from sysid.block.compiler.checks import check_rows
 from sysid.block.compiler.ir import Program
 from sysid.block.compiler.recursion import Recursion
 from sysid.block.compiler.subset import read
+from sysid.block.symmetry import Symmetry
 from sysid.blocks.custom import redundant
 
 _PROBE = 400  # samples

@@ -7,9 +7,10 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
 from sysid.block.step import tanh
+from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer
 
 

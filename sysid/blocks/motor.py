@@ -7,10 +7,10 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
-from sysid.block.lag import lagged, reached
-from sysid.block.step import ago, cos, exp, floor, sign, sin
+from sysid.block.step import advance_lag, ago, cos, exp, floor, sign, sin, time_to_reach
+from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer, solved
 
 _FASTEST = 1e-3  # samples; a lag below it cannot be told from none
@@ -73,13 +73,13 @@ def stretch(s, w, h, p, block):
             lost = p.loss * abs(load)
         target = p.gain * (w - load - way * (drag + lost))
         begins, before = s.position, s.speed
-        span, turns = lagged(s, target, p.lag, way, h, decay)
+        span, turns = advance_lag(s, target, p.lag, way, h, decay)
         fresh = (way > 0.0 and s.position >= p.upper) or (way < 0.0 and s.position <= p.lower)
         if not turns and not fresh:
             break
         if fresh:
             ends = max(min(s.position, p.upper), p.lower)
-            span, speed = reached(before, target, p.lag, way, ends - begins, span)
+            span, speed = time_to_reach(before, target, p.lag, way, ends - begins, span)
             if block.jams:
                 s.jammed = p.jam * abs(speed)
             s.position, s.speed = ends, 0.0
@@ -286,12 +286,12 @@ class Motor(Recursion):
                 continue
             roots = drives.roots()
             last = max([0.0, *roots[np.abs(roots.imag) < 1e-9].real])
-            reached = float(np.nanmax(side * (y - self.at)))
-            if not np.all(np.isfinite(y)) or reached > last:
+            distance = float(np.nanmax(side * (y - self.at)))
+            if not np.all(np.isfinite(y)) or distance > last:
                 place = self.at + side * last
                 return [
                     f"beyond {place:.4g} the load drives the {self.role} away from any input of this record, and the "
-                    f"run gets to {self.at + side * reached:.3g}: give the motor a stop, or a spring or periodic load"
+                    f"run gets to {self.at + side * distance:.3g}: give the motor a stop, or a spring or periodic load"
                 ]
         return []
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Law, Slot, StaticBlock, Symmetry, no_width
+from sysid.block.block import Law, Slot, StaticBlock, no_width
 from sysid.block.compiler.recursion import Written
-from sysid.block.units import in_order, joined
+from sysid.block.symmetry import Symmetry, block_diagonal, diagonal
 from sysid.block.writing import Writer
 
 _GAP = 0.01  # of the knots' span: nearer knots make a jump, and its slope says nothing beyond it
@@ -138,9 +138,9 @@ class PiecewiseLinear(Written, StaticBlock):
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         turned, n = bool(a[0] < 0.0), self.knots
         places = np.sort(np.array(self.at) / a[0])
-        M = in_order(b[0], n, turned)
+        M = diagonal(b[0], n, turned)
         if self.free_knots:
-            M = joined(in_order(a[0], n, turned), M)
+            M = block_diagonal(diagonal(a[0], n, turned), M)
         return Law(replace(self, at=tuple(places.tolist())), M)
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:

@@ -7,8 +7,9 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Law, Slot, Symmetry
+from sysid.block.block import Law, Slot
 from sysid.block.compiler.recursion import Map
+from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer
 
 

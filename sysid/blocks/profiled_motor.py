@@ -7,10 +7,10 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
-from sysid.block.lag import lagged
-from sysid.block.step import ago, exp, floor, sign
+from sysid.block.step import advance_lag, ago, exp, floor, sign
+from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer, solved
 
 LONGEST = 20.0  # samples of delay
@@ -59,7 +59,7 @@ def stretch(s, w, h, p, block):
             at += half / (1.0 + 0.5 * max(rises, 0.0) / drag * (h - held))
             i, j, share, slope = segment(at, block)
         force = level(p.rise, i, j, share) if way > 0.0 else -level(p.fall, i, j, share)
-        span, turns = lagged(s, (w - force) / drag, p.inertia / drag, way, h, decay)
+        span, turns = advance_lag(s, (w - force) / drag, p.inertia / drag, way, h, decay)
         if not turns:
             break
         fresh = False

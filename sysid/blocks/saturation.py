@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid.block.block import Law, Slot, Symmetry
+from sysid.block.block import Law, Slot
 from sysid.block.compiler.recursion import Map
-from sysid.block.units import in_order
+from sysid.block.symmetry import Symmetry, diagonal
 
 
 def value(x, p):
@@ -38,7 +38,7 @@ class Saturation(Map):
         return np.array([lo - (hi - lo), hi + (hi - lo)])
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
-        return Law(self, in_order(a[0], 2, bool(a[0] < 0.0))) if a[0] == b[0] else None
+        return Law(self, diagonal(a[0], 2, bool(a[0] < 0.0))) if a[0] == b[0] else None
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         return [

@@ -7,8 +7,9 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
-from sysid.block.block import Slot, Symmetry
+from sysid.block.block import Slot
 from sysid.block.step import ago, floor
+from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Code, Writer
 from sysid.blocks.motor import Motor, stretch
 

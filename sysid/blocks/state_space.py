@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sysid.base.checks import checked
-from sysid.base.direction import direction
 from sysid.base.errors import InputError
-from sysid.block.block import Block, Law, Slot, Symmetry
+from sysid.block.block import Block, Law, Slot
+from sysid.block.symmetry import Symmetry, direction
 from sysid.block.writing import Code, Writer
 from sysid.blocks import _state_space_text as text
 

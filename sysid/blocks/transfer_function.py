@@ -7,7 +7,8 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.poles import monic
-from sysid.block.block import Block, Law, Piecewise, Slot, Symmetry
+from sysid.block.block import Block, Law, Piecewise, Slot
+from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Code, Writer, number
 
 _CLUSTER = 1e-6  # a double integrator's computed poles stand about this far from 1, inside or outside

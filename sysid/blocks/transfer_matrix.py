@@ -6,8 +6,8 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Block, Law, Slot, Symmetry
-from sysid.block.units import joined
+from sysid.block.block import Block, Law, Slot
+from sysid.block.symmetry import Symmetry, block_diagonal
 from sysid.blocks.transfer_function import TransferFunction
 
 
@@ -82,7 +82,7 @@ class TransferMatrix(Block):
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         laws = [entry.law(a[[i]], b[[j]]) for j, i, entry in self._flat()]
-        return Law(self, joined(*(own.M for own in laws if own is not None)))
+        return Law(self, block_diagonal(*(own.M for own in laws if own is not None)))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         """Gains and offsets of each input and output, over all entries connected to it."""

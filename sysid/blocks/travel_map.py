@@ -8,8 +8,9 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Slot, StaticBlock, Symmetry
+from sysid.block.block import Slot, StaticBlock
 from sysid.block.compiler.recursion import Written
+from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer
 from sysid.blocks.cubic_spline import CubicSpline, cubics, curve
 from sysid.blocks.piecewise_linear import line
@@ -55,8 +56,7 @@ class TravelMap(Written, StaticBlock):
         return CubicSpline(self.knots, span=(0.0, 1.0)).pieces
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        from sysid.block.kernels import piecewise_linear
-        from sysid.block.kernels_maps import spline
+        from sysid.block.kernels import piecewise_linear, spline
 
         low, high, knots = theta[0], theta[1], self.knots
         s, slope, own = np.empty_like(x), np.empty_like(x), J.shape[1] > 0

@@ -7,9 +7,10 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.block.block import Law, Slot, Symmetry
+from sysid.block.block import Law, Slot
 from sysid.block.compiler.recursion import Map
 from sysid.block.step import exp
+from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer
 
 
@@ -57,7 +58,7 @@ class WaveletNetwork(Map):
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
         # By hand: the derived kernel takes 1.5 times as long over a unit's three columns.
-        from sysid.block.kernels_maps import wavelet_network
+        from sysid.block.kernels import wavelet_network
 
         y, slope = np.empty_like(x), np.empty_like(x)
         wavelet_network(theta, self.wavelets, x, y, slope, J, q, J.shape[1] > 0)

@@ -1,10 +1,10 @@
 """Normal units: a fit takes place where input and output have a spread near 1, whatever the units of its record.
 
-Where a map can take up the mean of the signal at its end of the chain, it is taken off (`sysid.model.shift`).
+Where a map can take up the mean of the signal at its end of the chain, it is taken off (`sysid.model.transforms`).
 
 Searches and starts have limits and shares that suit such signals. A power of two for each signal rounds nothing, so
 that a record in other units gives the same fit: to the bit for powers of two. A unit is negative where its signal is
-the mirror image of the one that is fitted (`sysid.base.direction`), so that a record and the same one with a signal of
+the mirror image of the one that is fitted (`sysid.block.symmetry`), so that a record and the same one with a signal of
 the other sign are one record there. Chains that have no law for a sign (functions of the user's own, blocks with
 physical numbers) keep that of the record: nothing is promised for their mirror images.
 """
@@ -14,13 +14,12 @@ from itertools import product
 
 import numpy as np
 
-from sysid.base.direction import direction
+from sysid.block.symmetry import direction
 from sysid.data.record import IOData
 from sysid.estimation.objective import Objective
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
-from sysid.model.shift import shifted
-from sysid.model.units import rescaled
+from sysid.model.transforms import rescale, shift
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Outcome
 
@@ -87,16 +86,16 @@ def _rescale_and_mirror(chain: Chain, data: IOData, a: np.ndarray, b: np.ndarray
     The signs that it takes are a group. Of all mirror images of the record that the group makes, the first one in a
     fixed order of their directions is the one for the fit, whichever of them the record is.
     """
-    if rescaled(chain, a, b) is None:
+    if rescale(chain, a, b) is None:
         return None
     directions, nu = np.array([*map(direction, data.u.T), *map(direction, observed_samples(data))]), len(a)
     images = product((1.0, -1.0), repeat=len(directions)) if len(directions) <= _MANY else (tuple(directions),)
     for signs in (directions * np.array(image) for image in images):
-        rescaling = rescaled(chain, a * signs[:nu], b * signs[nu:])
+        rescaling = rescale(chain, a * signs[:nu], b * signs[nu:])
         if rescaling is not None:
             u, y = data.u / (a * signs[:nu]), data.y / (b * signs[nu:])
             means = [float(np.mean(part)) if len(part) else 0.0 for part in observed_samples(replace(data, y=y))]
-            law = shifted(rescaling.chain, np.mean(u, axis=0), np.array(means))
+            law = shift(rescaling.chain, np.mean(u, axis=0), np.array(means))
             # Without a zero of its own sign: the image of a record is that record, also where a kernel divides.
             normal_data = replace(data, u=u - law.input + 0.0, y=y - law.output + 0.0)
             return Normal(rescaling.chain, normal_data, rescaling.M @ law.M, rescaling.M @ law.m, float(b[0]))

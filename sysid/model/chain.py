@@ -1,20 +1,59 @@
 """Chain: blocks in series. Simulation, exact sensitivities and the bookkeeping of parameters."""
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, wraps
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from sysid.base.checks import array, check_fields, checked
+from sysid.base.checks import array, check_fields, checked, short_text
 from sysid.base.errors import InputError, unknown
 from sysid.base.kinds import is_number
 from sysid.block.block import Block, Slot, StaticBlock
+from sysid.block.symmetry import gauge
 from sysid.blocks import TransferFunction
-from sysid.model.gauge import gauge
-from sysid.model.shapes import columns, of_theta
+
+C = TypeVar("C", bound=Callable[..., Any])
+
+
+def checks_theta(method: C) -> C:
+    """A method of a chain, `method(self, theta, ...)`, that raises InputError unless theta is (P,).
+
+    Compiled loops read beyond a short array. What is no array of floats yet is checked and made one. Values
+    of such an array are not looked at: the method is called in every step of a search, where a value that is not finite
+    gives one that is not.
+    """
+    late = checked(late=True)(method)
+
+    @wraps(method)
+    def checked_method(self: Any, theta: Any, *args: Any, **kwargs: Any) -> Any:
+        return late(self, _parameters(theta, self.names), *args, **kwargs)
+
+    return cast(C, checked_method)
+
+
+def _parameters(theta: Any, names: tuple[str, ...]) -> np.ndarray:
+    """theta (P,) as floats, one value for each of `names`."""
+    if type(theta) is np.ndarray and theta.dtype == np.float64 and theta.shape == (len(names),):
+        return theta
+    found = array("theta", theta)
+    if found.shape != (len(names),):
+        has = f"{len(names)} parameter{'s' if len(names) != 1 else ''}"
+        listed = f" ({', '.join(names[:8])}{', ...' if len(names) > 8 else ''})" if names else ""
+        raise InputError(f"theta is {short_text(found)} and the chain has {has}{listed}; give one value for each")
+    return found
+
+
+def columns(u: Any, inputs: int) -> list[np.ndarray]:
+    """The channels of u (N, inputs), or (N,) for one, each contiguous; raises InputError for another shape."""
+    if type(u) is not np.ndarray or u.dtype != np.float64:
+        u = array("u", u)
+    if u.ndim not in (1, 2) or (1 if u.ndim == 1 else u.shape[1]) != inputs:
+        rows = "(N,) or (N, 1)" if inputs == 1 else f"(N, {inputs})"
+        raise InputError(f"u is {short_text(u)} and the chain has {inputs} input(s); give an array of shape {rows}")
+    return [np.ascontiguousarray(column) for column in (u[None, :] if u.ndim == 1 else u.T)]
 
 
 @checked
@@ -112,7 +151,7 @@ class Chain:
         """Positions of a block's parameters in theta."""
         return self._slices[block.role]
 
-    @of_theta
+    @checks_theta
     def part(self, theta: np.ndarray, block: Block) -> np.ndarray:
         """The part of theta that belongs to a block."""
         return theta[self.index(block)]
@@ -168,7 +207,7 @@ class Chain:
         pairs = zip(self.blocks, coarse.blocks, strict=True)
         return np.concatenate([b.refine(coarse.part(theta, c)) if b != c else coarse.part(theta, c) for b, c in pairs])
 
-    @of_theta
+    @checks_theta
     def admissible(self, theta: np.ndarray) -> bool:
         """False if theta gives no valid chain (unstable, knots out of order, outside the bounds)."""
         return bool(np.all(np.isfinite(theta))) and all(b.admissible(self.part(theta, b)) for b in self.blocks)
@@ -182,7 +221,7 @@ class Chain:
                 M[self.index(b), self.index(b)] = b.basis()
         return M
 
-    @of_theta
+    @checks_theta
     def at_limit(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """True (P,) for directions of `basis` that cannot go lower, and for those that cannot go higher."""
         low, high = self.limits
@@ -192,7 +231,7 @@ class Chain:
                 at_low[self.index(b)] |= b.at_low(self.part(theta, b))
         return at_low, at_high
 
-    @of_theta
+    @checks_theta
     def repair(self, theta: np.ndarray) -> np.ndarray:
         """theta within the bounds and with every block's own repair."""
         theta = np.clip(theta, *self.limits)
@@ -200,24 +239,24 @@ class Chain:
             theta[self.index(b)] = b.repair(self.part(theta, b))
         return theta
 
-    @of_theta
+    @checks_theta
     def simulate(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Free run of one input and output: output (N,) for input u (N,)."""
         return self.outputs(theta, u)[:, 0]
 
-    @of_theta
+    @checks_theta
     def tangent(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Free run of one input and output with its exact Jacobian: output (N,) and dy/dtheta (N, P)."""
         y, J = self.sensitivities(theta, u)
         return y[:, 0], J
 
-    @of_theta
+    @checks_theta
     def outputs(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Free run: outputs (N, ny) for inputs u (N, nu) or (N,)."""
         xs = deque(self._signals(theta, u), maxlen=1).pop()
         return np.column_stack(xs) if len(xs) > 1 else xs[0][:, None]
 
-    @of_theta
+    @checks_theta
     def sensitivities(
         self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -229,7 +268,7 @@ class Chain:
         xs, Js = self._run(theta, u, out)
         return np.column_stack(xs), Js[0] if len(Js) == 1 else np.concatenate(Js)
 
-    @of_theta
+    @checks_theta
     def signals(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, ...]:
         """Every signal of the free run for u (N, nu) or (N,): entry k goes into block k, the last one is the output.
 
@@ -237,14 +276,14 @@ class Chain:
         """
         return tuple(xs[0] if len(xs) == 1 else np.column_stack(xs) for xs in self._signals(theta, u))
 
-    @of_theta
+    @checks_theta
     def remarks(self, theta: np.ndarray, u: np.ndarray) -> list[str]:
         """What the free run for u (N, nu) or (N,) should be told with, for example a motor that runs away."""
         runs = self.signals(theta, u)
         pairs = zip(self.blocks, runs[:-1], runs[1:], strict=True)
         return [text for b, x, y in pairs for text in b.remarks(self.part(theta, b), x, y)]
 
-    @of_theta
+    @checks_theta
     def through(self, theta: np.ndarray, x: np.ndarray, start: int = 0, stop: int | None = None) -> np.ndarray:
         """x (N,) through blocks[start:stop], each of one channel."""
         with np.errstate(over="ignore", invalid="ignore"):
@@ -252,7 +291,7 @@ class Chain:
                 x = b.output(self.part(theta, b), x)
         return x
 
-    @of_theta
+    @checks_theta
     def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Kinks of all maps (k,) and their derivative (k, P), see `Block.kinks`."""
         values, rows = [np.empty(0)], [np.empty((0, len(theta)))]
@@ -266,13 +305,15 @@ class Chain:
                 rows.append(wide)
         return np.concatenate(values), np.concatenate(rows)
 
-    @of_theta
+    @checks_theta
     def gauge(self, theta: np.ndarray) -> np.ndarray:
-        """Basis (P, g) of redundant directions among the free parameters, see `sysid.model.gauge`."""
+        """Basis (P, g) of redundant directions among the free parameters, see `sysid.block.symmetry`."""
         array("theta", theta)  # finite: what follows decomposes it
-        return gauge(self.blocks, [self.part(theta, b) for b in self.blocks], self.free)
+        symmetries = [b.symmetries(self.part(theta, b)) for b in self.blocks]
+        widths = [self.blocks[0].channels[0], *(b.channels[1] for b in self.blocks)]
+        return gauge(symmetries, [b.n_parameters for b in self.blocks], widths, self.free)
 
-    @of_theta
+    @checks_theta
     def count(self, theta: np.ndarray) -> int:
         """d of the criteria: free parameters after the gauge, initial states counted."""
         return int(self.free.sum()) - self.gauge(theta).shape[1]

@@ -8,9 +8,9 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.criteria import criteria
-from sysid.base.direction import direction
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
+from sysid.block.symmetry import direction
 from sysid.data.magnitudes import check_magnitudes
 from sysid.data.record import IOData
 from sysid.estimation.normal import largest_unit, observed_samples, unit_of

@@ -9,7 +9,7 @@ import sysid
 from sysid.blocks import STATIC, CubicSpline, PiecewiseLinear, Polynomial, SigmoidNetwork, WaveletNetwork
 from sysid.estimation.normal import Normal
 from sysid.estimation.starts import starts
-from sysid.model.shift import shifted
+from sysid.model.transforms import shift
 from sysid.solver.covariance import Covariance
 
 S = sysid.structures
@@ -33,7 +33,7 @@ def record(N=240):
 def test_a_map_with_the_moved_parameters_is_the_moved_map(name, c, d):
     rng = np.random.default_rng(8)
     block, x = FREE[name], np.linspace(-2.0, 2.0, 41)
-    law = shifted(sysid.Chain((block,)), np.array([c]), np.array([d]))
+    law = shift(sysid.Chain((block,)), np.array([c]), np.array([d]))
     assert (law.input, law.output) == ([c], [d])
     for move in rng.uniform(-0.2, 0.2, (20, block.n_parameters)):
         theta = block.start(x) + move  # knots stay in order
@@ -131,13 +131,13 @@ def test_each_input_has_an_offset_of_its_own():
 
 def test_an_offset_of_which_powers_would_be_lost_in_rounding_is_kept():
     chain = sysid.Chain((Polynomial(4),))
-    assert shifted(chain, np.array([10.0]), np.zeros(1)).input == [10.0]
-    assert shifted(chain, np.array([1e4]), np.zeros(1)).input == [0.0]
+    assert shift(chain, np.array([10.0]), np.zeros(1)).input == [10.0]
+    assert shift(chain, np.array([1e4]), np.zeros(1)).input == [0.0]
 
 
 def test_only_maps_with_a_law_are_centred():
     for name, kind in STATIC.items():
-        law = shifted(sysid.Chain((kind(),)), np.array([2.0]), np.array([3.0]))
+        law = shift(sysid.Chain((kind(),)), np.array([2.0]), np.array([3.0]))
         assert (law.input[0] == 2.0) == (name in FREE), name
 
 

@@ -7,12 +7,12 @@ import pytest
 
 import sysid
 from sysid.base.criteria import fit_percent
-from sysid.base.direction import direction
+from sysid.block.symmetry import direction
 from sysid.blocks import STATIC, CubicSpline, Custom, PiecewiseLinear, WaveletNetwork
 from sysid.estimation import guard, search
 from sysid.estimation.normal import Normal
 from sysid.estimation.starts import starts
-from sysid.model.units import rescaled
+from sysid.model.transforms import rescale
 
 S = sysid.structures
 
@@ -124,7 +124,7 @@ def test_parameters_and_covariances_move_with_a_sign_also_with_gaps_in_the_recor
     plain = sysid.fit(model, sysid.IOData(u, y, missing=missing), starts=1, options=options)
     for a, b in SIGNS[:2]:
         fit = sysid.fit(model, sysid.IOData(a * u, b * y, missing=missing), starts=1, options=options)
-        M = rescaled(model, np.array([a]), np.array([b])).M
+        M = rescale(model, np.array([a]), np.array([b])).M
         np.testing.assert_allclose(fit.theta, M @ plain.theta, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(fit.covariance.cov, M @ plain.covariance.cov @ M.T, rtol=1e-6, atol=1e-12)
         np.testing.assert_array_equal(fit.covariance.unidentifiable, np.abs(M) @ plain.covariance.unidentifiable > 0.0)
@@ -236,7 +236,7 @@ def test_held_values_and_limits_keep_their_meaning_in_other_units():
     other = sysid.fit(model, sysid.IOData(u / 1024, y), starts=1)
     np.testing.assert_array_equal(run(other, u / 1024, y), run(fit, u, y))
     turned = {"fixed": {"input.upper": 0.3}, "bounds": {"input.lower": (-0.2, -0.1), "linear.b0": (-0.05, 0.0)}}
-    there = rescaled(S.hammerstein(2, 2, 1, input="dead_zone", **held), np.array([-1.0]), np.ones(1)).chain
+    there = rescale(S.hammerstein(2, 2, 1, input="dead_zone", **held), np.array([-1.0]), np.ones(1)).chain
     assert (there.fixed, there.bounds) == (turned["fixed"], turned["bounds"])
     model = S.hammerstein(2, 2, 1, input="dead_zone", **turned)
     other = sysid.fit(model, sysid.IOData(-u, y), starts=1)

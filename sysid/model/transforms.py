@@ -1,21 +1,27 @@
-"""A chain for signals without their means: maps at its ends take the offsets of a record up.
+"""A chain for other signals: without the means of a record, and in other units.
 
 The parameters of a map refer to zero, and a search is lost where the signals are far from there. A symmetry of the
 block (`Block.symmetries`) says how theta goes with a small offset. For maps that are free on an interval it is affine
 in theta, and the exponential of its matrix is the law for any offset.
+
+In other units every block goes by its own law. Before the last block with a memory the signals inside are in the unit
+of the input, behind it in that of the output: there the gain from one to the other has its place in a fit.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
 
-from sysid.block.block import Block
+from sysid.block.block import Block, Law, StaticBlock
+from sysid.block.symmetry import block_diagonal
 from sysid.blocks import Channels
 from sysid.model.chain import Chain
 
 _APART = 3.7  # where the law is read off: knots are then no whole number apart
 _MOST = 1e8  # of an entry of the law: half of the digits of a high power are lost there
+_SMALLEST = 1e-152  # of a factor of a parameter, whose square is that of a variance
 
 
 class Shift(NamedTuple):
@@ -27,7 +33,7 @@ class Shift(NamedTuple):
     output: np.ndarray
 
 
-def shifted(chain: Chain, u: np.ndarray, y: np.ndarray) -> Shift:
+def shift(chain: Chain, u: np.ndarray, y: np.ndarray) -> Shift:
     """The law of a chain for an input u (nu,) and an output y (ny,) less; an offset that it cannot take up is 0.
 
     That is one before a block that is not such a map, one that moves a parameter which the chain fixes or limits, and
@@ -73,3 +79,59 @@ def _flow(block: Block, end: str, offset: float) -> np.ndarray | None:
 def _move(block: Block, end: str, theta: np.ndarray) -> np.ndarray | None:
     """d_theta (p,) of the symmetry of that name, None of a block that has none there: knots at given places."""
     return next((s.d_theta for s in block.symmetries(theta) if getattr(s, end)), None)
+
+
+class Rescaled(NamedTuple):
+    """A chain in other units, and M (P, P): theta = M theta there."""
+
+    chain: Chain
+    M: np.ndarray
+
+
+def rescale(chain: Chain, a: np.ndarray, b: np.ndarray) -> Rescaled | None:
+    """The chain for an input u / a (a (nu,)) and an output y / b (b (ny,)), powers of two or their negatives.
+
+    None if a block has no law for these units. Where a signal changes its sign, values that the chain fixes or limits
+    move with their parameters: the lower end of a dead zone is the upper one there. There is no chain then if such a
+    parameter is a sum of several there.
+    """
+    laws = _laws(chain, a, b)
+    if laws is None:
+        return None
+    M = block_diagonal(*(own.M for own in laws))
+    sizes = np.abs(M[M != 0.0])
+    if not np.all((sizes > _SMALLEST) & (sizes < 1.0 / _SMALLEST)) or not np.all(np.any(M != 0.0, axis=1)):
+        return None  # a high power of a large unit
+    there = replace(chain, blocks=tuple(own.block for own in laws), fixed={}, bounds={})
+    if not (chain.fixed or chain.bounds):
+        return Rescaled(there, M)
+    place = np.argmax(M != 0.0, axis=1)
+    fixed, bounds = {}, {}
+    for name in {**chain.fixed, **chain.bounds}:
+        i = chain.names.index(name)
+        if np.count_nonzero(M[i]) > 1:
+            return None
+        other, factor = there.names[place[i]], M[i, place[i]]
+        if name in chain.fixed:
+            fixed[other] = chain.fixed[name] / factor
+        if name in chain.bounds:
+            low, high = sorted(end / factor for end in chain.bounds[name])
+            bounds[other] = (low, high)
+    return Rescaled(replace(there, fixed=fixed, bounds=bounds), M)
+
+
+def _laws(chain: Chain, a: np.ndarray, b: np.ndarray) -> list[Law] | None:
+    moving = [k for k in range(len(chain.blocks)) if _dynamic(chain, k)]
+    change = moving[-1] if moving else len(chain.blocks) - 1
+    found = []
+    for k, block in enumerate(chain.blocks):
+        own = block.law(a if k <= change else b, a if k < change else b)
+        if own is None:
+            return None
+        found.append(own)
+    return found
+
+
+def _dynamic(chain: Chain, k: int) -> bool:
+    """Whether a part of the block has a memory; maps side by side have none."""
+    return any(not isinstance(part, StaticBlock) for _, part in chain.blocks[k].parts())
