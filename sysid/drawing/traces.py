@@ -96,17 +96,24 @@ def _line(item: Line, panel: Panel, unified: bool) -> Trace:
 
 
 def _band(item: Band) -> Trace:
-    """The area between two curves."""
+    """The area between two curves, an outline of its own for each stretch in which both are known."""
     known = np.isfinite(item.lower) & np.isfinite(item.upper)
-    x, low, high = (np.asarray(values, dtype=float)[known] for values in (item.x, item.lower, item.upper))
-    if item.steps and len(x) > 1:  # the value stands from its sample to the next one
-        x = np.concatenate([np.repeat(x, 2)[1:], [2 * x[-1] - x[-2]]])
-        low, high = np.repeat(low, 2), np.repeat(high, 2)
+    outlines = list[tuple[np.ndarray, np.ndarray]]()
+    for part in np.split(np.arange(len(known)), np.flatnonzero(np.diff(known)) + 1):
+        if not known[part].all():
+            continue
+        x, low, high = (np.asarray(values, dtype=float)[part] for values in (item.x, item.lower, item.upper))
+        if item.steps and len(x) > 1:  # the value stands from its sample to the next one
+            x = np.concatenate([np.repeat(x, 2)[1:], [2 * x[-1] - x[-2]]])
+            low, high = np.repeat(low, 2), np.repeat(high, 2)
+        gap = [np.nan] if outlines else []
+        outlines.append((np.concatenate([gap, x, x[::-1]]), np.concatenate([gap, low, high[::-1]])))
+    xs, ys = zip(*outlines, strict=True) if outlines else ([np.zeros(0)], [np.zeros(0)])
     return {
         "type": "scatter",
         "mode": "lines",
-        "x": numbers(np.concatenate([x, x[::-1]])),
-        "y": numbers(np.concatenate([low, high[::-1]])),
+        "x": numbers(np.concatenate(xs)),
+        "y": numbers(np.concatenate(ys)),
         "fill": "toself",
         "fillcolor": AREAS[item.colour],
         "line": {"width": 0, "color": item.colour},

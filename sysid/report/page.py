@@ -219,7 +219,7 @@ def element(figure: Plotly, name: str) -> str:
 
     Raises ValueError for a number that JSON has not.
     """
-    text = json.dumps(_packed(figure), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(packed(figure), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     safe = text.replace("<", "\\u003c").replace("&", "\\u0026")  # no text of a figure ends the script or opens a tag
     height = int(figure["layout"].get("height", 400))
     return (
@@ -235,15 +235,15 @@ def script() -> str:
     return str(offline.get_plotlyjs())
 
 
-def _packed(value: Any) -> Any:
+def packed(value: Any) -> Any:
     """A figure as JSON values, long lists of numbers as base64."""
     if isinstance(value, dict):
-        return {key: _packed(each) for key, each in value.items()}
+        return {key: packed(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
         if len(value) > PACKED and all(each is None or isinstance(each, int | float) for each in value):
             doubles = np.array([np.nan if each is None else each for each in value], dtype="<f8")
             return {"dtype": "f8", "bdata": base64.b64encode(doubles.tobytes()).decode("ascii")}
-        return [_packed(each) for each in value]
+        return [packed(each) for each in value]
     if isinstance(value, np.generic):
-        return _packed(value.item())
+        return packed(value.item())
     return None if isinstance(value, float) and not np.isfinite(value) else value

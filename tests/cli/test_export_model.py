@@ -155,7 +155,7 @@ def test_a_way_that_is_not_possible_is_told_before_anything_is_written_with_thos
 
 def test_the_free_run_of_a_joint_has_units_on_its_axes(joint):
     result = write_back(read_model(str(joint / "model.json")), ["c"], "joint", None, 0.0, None, joint)
-    assert [axes.get_ylabel() for axes in report.free_run(result)] == ["input u [V]", "output y [deg]"]
+    assert [panel.y.label for panel in report.free_run_figure(result).panels] == ["input u [V]", "output y [deg]"]
 
 
 def test_what_identify_said_against_a_model_goes_with_its_file(joint, tmp_path, monkeypatch, capsys):

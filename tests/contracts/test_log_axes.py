@@ -36,14 +36,14 @@ def growth(name="play"):
 def cost():
     found = SimpleNamespace(first=5.0, history=[{"loss": 0.4}, {"loss": 2e-6}])
     run = SimpleNamespace(y=np.ones(10), held_out=False)
-    return [calibrate.cost(SimpleNamespace(found=found, runs=[run]))]
+    return draw(calibrate.cost_figure(SimpleNamespace(found=found, runs=[run])))
 
 
 def spectra():
     f = np.geomspace(0.05, 40, 50)
     band = (1 / f, 0.5 / f, 2 / f)
     one = SimpleNamespace(frequency=f, magnitude=band, phase=band, radius=0.1 / f, G=1 / f)
-    return compare_figures.spectra(SimpleNamespace(spectra=(one, one), kind="twin", label="twin"))
+    return draw(compare_figures.spectra_figure(SimpleNamespace(spectra=(one, one), kind="twin", label="twin")))
 
 
 def steps():

@@ -10,6 +10,7 @@ from sysid.base import style
 from sysid.base.looks import house_look
 from sysid.base.windows import for_a_person
 from sysid.diagnosis.residuals import residual_tests
+from sysid.drawing.axes import draw
 from twin.report import calibrate, compare_figures, leg
 
 
@@ -42,7 +43,9 @@ def spectra():
     f = np.geomspace(0.05, 40, 50)
     band = (1e-3 / f, 0.5e-3 / f, 2e-3 / f)
     one = SimpleNamespace(frequency=f, magnitude=band, phase=band, radius=0.1e-3 / f, G=1e-3 / f)
-    return compare_figures.spectra(SimpleNamespace(spectra=(one, one), kind="log", label="a-second-log.parquet"))
+    return draw(
+        compare_figures.spectra_figure(SimpleNamespace(spectra=(one, one), kind="log", label="a-second-log.parquet"))
+    )
 
 
 def residuals():
@@ -58,9 +61,8 @@ def legs():
 
 def overlay():
     y = np.sin(np.arange(99))
-    return calibrate.overlay(
-        SimpleNamespace(y=y, before=y, after=y, Ts=0.1, name="a-long-name-of-a-file-of-the-rig.csv")
-    )
+    run = SimpleNamespace(u=y, y=y, before=y, after=y, Ts=0.1, name="a-long-name-of-a-file-of-the-rig.csv")
+    return draw(calibrate.overlay_figure(run))
 
 
 CASES = {

@@ -10,6 +10,7 @@ import numpy as np
 from sysid.base import style
 from sysid.base.quantities import display_quantity, number, percent
 from sysid.base.style import styled
+from sysid.drawing.figure import Axis, Bars, Figure, Item, Line, Panel, Rule
 from sysid.joint.values import JointValue
 from sysid.report import sections
 from sysid.report.page import Grid, Picture, Section
@@ -21,7 +22,7 @@ from twin.studies.protocol import JointResult, ProtocolResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Sheet
 
 SHOWN = {"shoulder": 12.0, "thigh": 60.0, "shank": 60.0}  # [s] of the validation half
 WORDS = {"sweep": "the paper's sweep", "drawn sweep": "a sweep with random times and levels"}
@@ -117,33 +118,31 @@ def picture(r: JointResult) -> Picture:
         f"The fit of the paper's structure falls from {' to '.join(paper)}, the actuated joint reaches "
         f"{' and '.join(joint)}."
     )
-    return Picture(f"beyond-{r.joint}", style.png(free_runs(r.beyond.trials, SHOWN[r.joint])), caption)
+    return Picture.of(f"beyond-{r.joint}", free_runs_figure(r.beyond.trials, SHOWN[r.joint]), caption)
 
 
-@styled
-def free_runs(trials: Sequence[Trial], seconds: float) -> Figure:
+def free_runs_figure(trials: Sequence[Trial], seconds: float) -> Figure:
     """Measured angle and both free runs over the first `seconds` [s] of the validation half, then the last's errors."""
-    figure, axes = style.sheet(len(trials) + 1, height=6.4, sharex=True)
-    for k, (ax, t) in enumerate(zip(axes[:, 0], trials, strict=False)):
+    time = Axis.time("time in the validation half [s]")
+    panels = []
+    for t in trials:
         v = t.joint.validation
-        n = min(v.N, max(2, round(seconds / v.Ts)))
-        angle = np.degrees(v.y[:n, 0])
-        style.line(ax, v.t[:n], angle, color=style.INK, label="measured", linewidth=2.2, alpha=0.55)
+        part = slice(min(v.N, max(2, round(seconds / v.Ts))))
+        angle = np.degrees(v.y[part, 0])
+        items = [Line(v.t[part], angle, "measured", style.INK, 2.2)]
         for e, colour, name in _models(t):
-            run = np.degrees(e.validation_output[:n] + e.validation.y_offset[0])
-            style.line(ax, v.t[:n], run, color=colour, label=f"{name} {percent(e.validation_fit)}", linewidth=1.1)
+            run = np.degrees(e.validation_output[part] + e.validation.y_offset[0])
+            items.append(Line(v.t[part], run, f"{name} {percent(e.validation_fit)}", colour, 1.1))
         pad = 0.25 * float(np.ptp(angle))
-        ax.set(title=f"({'ab'[k]}) {t.record}", ylabel="angle [deg]")
-        ax.set_ylim(angle.min() - pad, angle.max() + pad)
-        style.legend(ax)
-    last, ax = trials[-1], axes[-1, 0]
-    for e, colour, _ in _models(last):
-        n = min(e.validation.N, max(2, round(seconds / e.validation.Ts)))
-        error = np.degrees(e.validation.y[:n, 0] - e.validation_output[:n])
-        style.line(ax, e.validation.t[:n], error, color=colour, linewidth=1.0)
-    ax.set(title=f"(c) errors on {WORDS[last.record]}", ylabel="error [deg]", xlabel="time in the validation half [s]")
-    ax.margins(x=0.005)
-    return figure
+        limits = float(angle.min()) - pad, float(angle.max()) + pad
+        panels.append(Panel(items, Axis("angle [deg]", "angle", "deg", limits=limits), time, t.record))
+    errors = [
+        Line(v.t[part], np.degrees(e.validation.y[part, 0] - e.validation_output[part]), name, colour, 1.0, key=False)
+        for e, colour, name in _models(trials[-1])
+    ]
+    error = Axis("error [deg]", "error", "deg")
+    panels.append(Panel(errors, error, time, f"errors on {WORDS[trials[-1].record]}"))
+    return Figure(panels, height=6.4, lettered=True)
 
 
 def _models(t: Trial) -> tuple[tuple[Evaluation, str, str], ...]:
@@ -151,7 +150,7 @@ def _models(t: Trial) -> tuple[tuple[Evaluation, str, str], ...]:
 
 
 @styled
-def recovery(result: ProtocolResult) -> Figure:
+def recovery(result: ProtocolResult) -> Sheet:
     """Every recovered value less its truth, in aims, a panel for each joint."""
     figure, axes = style.sheet(1, len(result.joints), height=3.6)
     for ax, r in zip(axes[0], result.joints, strict=True):
@@ -198,7 +197,7 @@ def ablation_section(result: ProtocolResult) -> Section | None:
         "Causes of the losses",
         [_ABLATION, *ablation_sentences(ablations)],
         [parts_table(ablations), imperfections_table(ablations)],
-        [Picture("ablation", style.png(bars(ablations)), _BARS)],
+        [Picture.of("ablation", bars_figure(ablations), _BARS)],
     )
 
 
@@ -208,9 +207,9 @@ _ABLATION = (
     "the twin without each of its imperfections, under the same excitation and noise."
 )
 _BARS = (
-    "Points of fit on the validation half. Left: loss of the actuated joint without a part. Right: gain of the "
-    "paper's structure on the twin without an imperfection; fits below 0 % count as 0 % there, because a structure "
-    "without end stops gives a different poor model each time."
+    "Points of fit on the validation half. Model without: loss of the actuated joint without a part. Twin without: "
+    "gain of the paper's structure on the twin without an imperfection; fits below 0 % count as 0 % there, because a "
+    "structure without end stops gives a different poor model each time."
 )
 
 
@@ -263,31 +262,27 @@ def _words(part: str) -> str:
     return part.replace("_", " ")
 
 
-@styled
-def bars(ablations: Sequence[Ablation]) -> Figure:
+def bars_figure(ablations: Sequence[Ablation]) -> Figure:
     """Losses of the actuated joint on the left, gains of the paper's structure on the right, one colour per joint."""
-    figure, axes = style.sheet(len(RECORDS), 2, height=8.4)
-    for pair, record in zip(axes, RECORDS, strict=True):
+    panels = []
+    for record in RECORDS:
         of_record = [a for a in ablations if a.record == record]
-        _bars(pair[0], of_record, [(a.joint, a.lost) for a in of_record], f"model without, {record}", "points lost")
-        _bars(pair[1], of_record, [(a.paper, a.gained) for a in of_record], f"twin without, {record}", "points gained")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
-    return figure
+        joints, papers = ([(a.joint, a.lost) for a in of_record], [(a.paper, a.gained) for a in of_record])
+        panels.append(_bars_panel(of_record, joints, f"model without, {record}", "points lost"))
+        panels.append(_bars_panel(of_record, papers, f"twin without, {record}", "points gained"))
+    return Figure(panels, columns=2, shared=False, height=8.4, legend="below")
 
 
-def _bars(ax: Axes, ablations: Sequence[Ablation], sides: list, title: str, unit: str) -> None:
+def _bars_panel(ablations: Sequence[Ablation], sides: list, title: str, unit: str) -> Panel:
     """Points by part, a bar for each joint."""
     parts = [row.part for row in sides[0][0]]
     height = 0.8 / len(ablations)
+    items: list[Item] = [Rule(0.0)]
     for k, (a, (rows, points), colour) in enumerate(
         zip(ablations, sides, (style.INK, style.INPUT, style.MODEL), strict=False)
     ):
         by_name = {row.part: points(row) for row in rows}
-        values = np.array([by_name.get(part, np.nan) for part in parts])
-        places = np.arange(len(parts)) + (k - 0.5 * (len(ablations) - 1)) * height
-        ax.barh(places, values, height, color=colour, label=a.name)
-    ax.axvline(0, color=style.SECOND, linewidth=0.8)
-    ax.set_yticks(range(len(parts)), [_words(part) for part in parts])
-    ax.set(title=title, xlabel=unit)
-    ax.invert_yaxis()
+        shift = (k - 0.5 * (len(ablations) - 1)) * height
+        values = [by_name.get(part, np.nan) for part in parts]
+        items.append(Bars(values, a.name, (colour,), width=height, shift=shift))
+    return Panel(items, Axis(names=[_words(part) for part in parts]), Axis(unit), title)

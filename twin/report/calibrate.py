@@ -1,20 +1,21 @@
 """The report of `qpal calibrate`: twin and logs before and after, values with intervals, and what is left over."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sysid.base import style
 from sysid.base.files import versions
-from sysid.base.log_axes import log_axis
 from sysid.base.quantities import display_quantity, number
 from sysid.base.style import styled
 from sysid.data.record import IOData
-from sysid.report import zoom
+from sysid.drawing.figure import Axis, Figure, Line, Panel, Points
+from sysid.plots.free_runs import runs_figure
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.calibrate import advice
 from twin.calibrate.discrepancy import directions
-from twin.calibrate.result import Calibration, Run
+from twin.calibrate.result import Calibration, Run, Score
 from twin.report import leg
 
 if TYPE_CHECKING:
@@ -23,11 +24,14 @@ if TYPE_CHECKING:
 
 def page(result: Calibration) -> Page:
     """The report on one calibration."""
-    overlays = [_overlay(run, k) for k, run in enumerate(result.runs)]
+    overlays = [
+        Picture.of(f"overlay-{k}", overlay_figure(run), _OVERLAY.format(run.name, _use(run)))
+        for k, run in enumerate(result.runs, 1)
+    ]
     correlations = Picture("correlation", style.png(correlation(result)), _CORRELATION)
     left_over = [
-        Picture("residuals", style.png(residuals(result)), _RESIDUALS),
-        Picture("search", style.png(cost(result)), "RMS error over the iterations of the search."),
+        Picture.of("residuals", residuals_figure(result), _RESIDUALS),
+        Picture.of("search", cost_figure(result), "RMS error over the iterations of the search."),
     ]
     return Page(
         title=f"Calibration of the {result.joint}",
@@ -43,6 +47,7 @@ def page(result: Calibration) -> Page:
     )
 
 
+_OVERLAY = "{} ({}): log, uncalibrated and calibrated twin in free run, and the two errors."
 PARTS = 24  # of the travel, each with its mean residual; chosen by hand
 _CORRELATION = "Correlation of the estimates: near 1 or -1, an error in one is made up for by the other."
 _RESIDUALS = "Log less calibrated twin over the angle, in motion upwards and downwards; lines: mean over a part."
@@ -67,10 +72,14 @@ def sentences(result: Calibration) -> list[str]:
         texts.append(f"{result.found.agreed} of {result.found.descents} starts led to this place.")
     for score in result.scores:
         texts.append(
-            f"{score.log} ({'held out' if score.held_out else 'used'}): free run {score.fit_before:.1f} % before, "
+            f"{score.log} ({_use(score)}): free run {score.fit_before:.1f} % before, "
             f"{score.fit_after:.1f} % after calibration."
         )
     return texts
+
+
+def _use(item: Run | Score) -> str:
+    return "held out" if item.held_out else "used"
 
 
 def undetermined_sentences(result: Calibration) -> list[str]:
@@ -104,7 +113,7 @@ def scores(result: Calibration) -> Grid:
     rows = [
         (
             score.log,
-            "held out" if score.held_out else "used",
+            _use(score),
             *(number(float(np.degrees(rms)), 3) for rms in (score.rms_before, score.rms_after)),
             *(f"{fit:.2f} %" for fit in (score.fit_before, score.fit_after)),
         )
@@ -126,12 +135,13 @@ def _identifiability(result: Calibration) -> Grid:
     return Grid(headings, rows, "Before the search", text_columns=2, last_text=True)
 
 
-def _overlay(run: Run, k: int) -> Picture:
-    kind = "held out" if run.held_out else "used"
-    caption = f"{run.name} ({kind}): log, uncalibrated and calibrated twin in free run, and the two errors."
+def overlay_figure(run: Run) -> Figure:
+    """Log and both free runs over time, with their errors and the input below."""
     data = IOData(run.u, run.y, run.Ts, "input", "angle", "V", "rad", missing=~np.isfinite(run.y))
-    figure = zoom.runs(data, {"twin calibrated": run.after, "twin before": run.before}, measured="log")
-    return Picture(f"overlay-{k + 1}", style.png(overlay(run)), caption, figure)
+    models = {"twin calibrated": run.after, "twin before": run.before}
+    figure = runs_figure(data, models, "log", (style.MODEL, style.SECOND))
+    first, *rest = figure.panels
+    return replace(figure, panels=[replace(first, title=run.name), *rest])
 
 
 def _leg(result: Calibration) -> Picture:
@@ -139,22 +149,6 @@ def _leg(result: Calibration) -> Picture:
     run = next((run for run in result.runs if run.held_out), result.runs[0])
     sides = {"log": {result.joint: run.y}, "calibrated twin": {result.joint: run.after}}
     return leg.picture("leg", np.arange(len(run.y)) * run.Ts, sides, result.parameters)
-
-
-@styled
-def overlay(run: Run) -> "list[Axes]":
-    """Log and both free runs over time, and their errors below."""
-    upper, lower = style.panels(None, rows=2, height=4.2, sharex=True)
-    t = np.arange(len(run.y)) * run.Ts
-    style.line(upper, t, np.degrees(run.y), color=style.INK, label="log", linewidth=1.0)
-    style.line(upper, t, np.degrees(run.before), color=style.SECOND, label="twin before", linewidth=1.0)
-    style.line(upper, t, np.degrees(run.after), color=style.MODEL, label="twin calibrated", linewidth=1.0)
-    style.line(lower, t, np.degrees(run.y - run.before), color=style.SECOND, linewidth=0.8)
-    style.line(lower, t, np.degrees(run.y - run.after), color=style.MODEL, linewidth=0.8)
-    upper.set(ylabel="angle [deg]", title=run.name)
-    style.legend(upper)
-    lower.set(xlabel="time [s]", ylabel="log less twin [deg]")
-    return [upper, lower]
 
 
 @styled
@@ -172,32 +166,27 @@ def correlation(result: Calibration) -> "Axes":
     return ax
 
 
-@styled
-def residuals(result: Calibration) -> "list[Axes]":
+def residuals_figure(result: Calibration) -> Figure:
     """Residual over the angle, one panel for each direction of motion."""
     runs = [run for run in result.runs if not run.held_out]
-    axes = style.panels(None, columns=2, height=2.8)
     y, e = np.concatenate([run.after for run in runs]), np.concatenate([run.y - run.after for run in runs])
     way, moves = (np.concatenate(parts) for parts in zip(*(directions(run.after, run.Ts) for run in runs), strict=True))
     edges = np.linspace(y.min(), y.max(), PARTS + 1)
-    for ax, direction, title in zip(axes, (1.0, -1.0), ("upwards", "downwards"), strict=True):
+    part = np.clip(np.digitize(y, edges) - 1, 0, PARTS - 1)
+    panels = []
+    for direction, title in ((1.0, "upwards"), (-1.0, "downwards")):
         mask = moves & (way == direction) & np.isfinite(e)
-        ax.plot(np.degrees(y[mask]), np.degrees(e[mask]), ".", color=style.SECOND, markersize=1.5)
-        part = np.clip(np.digitize(y, edges) - 1, 0, PARTS - 1)
         means = [np.mean(e[mask & (part == k)]) if np.any(mask & (part == k)) else np.nan for k in range(PARTS)]
-        ax.plot(np.degrees((edges[1:] + edges[:-1]) / 2), np.degrees(means), color=style.MODEL)
-        ax.set(xlabel="angle [deg]", ylabel="log less twin [deg]", title=title)
-    return axes
+        samples = Points(np.degrees(y[mask]), np.degrees(e[mask]), "samples", style.SECOND, key=False)
+        mean = Line(np.degrees((edges[1:] + edges[:-1]) / 2), np.degrees(means), "mean", key=False)
+        panels.append(Panel([samples, mean], Axis("log less twin [deg]"), Axis("angle [deg]"), title))
+    return Figure(panels, columns=2, shared=False, height=2.8)
 
 
-@styled
-def cost(result: Calibration) -> "Axes":
+def cost_figure(result: Calibration) -> Figure:
     """RMS error over iterations, from the start on."""
-    (ax,) = style.panels(None, height=2.2)
     samples = sum(int(np.isfinite(run.y).sum()) for run in result.runs if not run.held_out)
-    losses = [result.found.first / samples, *(row["loss"] for row in result.found.history)]
-    ax.plot(range(len(losses)), np.degrees(np.sqrt(losses)), "o-", color=style.MODEL, markersize=3)
-    log_axis(ax, "y")
-    ax.locator_params(axis="x", integer=True)
-    ax.set(xlabel="iteration", ylabel="RMS error [deg]")
-    return ax
+    losses = np.array([result.found.first / samples, *(row["loss"] for row in result.found.history)])
+    line = Line(np.arange(len(losses)), np.degrees(np.sqrt(losses)), "RMS error", dots=True, key=False)
+    ticks = np.unique(np.linspace(0, len(losses) - 1, 8).round()).tolist()
+    return Figure([Panel([line], Axis("RMS error [deg]", log=True), Axis("iteration", ticks=ticks))], height=2.2)

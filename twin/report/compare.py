@@ -7,8 +7,7 @@ from sysid.base.files import versions
 from sysid.base.quantities import display_quantity, number, percent
 from sysid.diagnosis.residuals import ResidualTests
 from sysid.joint.values import JointValue
-from sysid.plots import residual_tests
-from sysid.report import zoom
+from sysid.plots.residual_tests import residuals_figure
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.report.sections import NOT_KNOWN, capital
 from twin.compare.alignment import Alignment
@@ -38,10 +37,8 @@ def page(result: Comparison, file: str) -> Page:
 
 def _sections(result: Comparison) -> Iterator[Section]:
     """The sections of the page, of which the twin alone has all."""
-    overlay = Picture(
-        "overlay", style.png(figures.overlay(result)), _overlay_caption(result), figures.zoom_overlay(result)
-    )
-    regimes = Picture("regimes", style.png(figures.regimes(result)), _regime_caption(result))
+    overlay = Picture.of("overlay", figures.overlay_figure(result), _overlay_caption(result))
+    regimes = Picture.of("regimes", figures.regimes_figure(result), _regime_caption(result))
     yield Section("Record", pictures=[overlay, regimes, _leg(result)], tables=[regime_table(result)])
     if result.verdict is not None:
         tables = [effect_table(result.verdict), *_change_tables(result.verdict)]
@@ -51,11 +48,11 @@ def _sections(result: Comparison) -> Iterator[Section]:
         yield Section("Alignment", result.alignment.sentences(), tables=[alignment_table(result.alignment)])
     if result.pairs:
         yield Section("The actuated joint, fitted to both", [_PAIRS], tables=[pair_table(result)])
-    spectra = Picture("spectra", style.png(figures.spectra(result)), _spectra_caption(result))
+    spectra = Picture.of("spectra", figures.spectra_figure(result), _spectra_caption(result))
     yield Section("Frequency response", pictures=[spectra])
     if result.tests is not None:
-        png, zoomable = style.png(residual_tests(result.tests)), zoom.residual_tests(result.tests)
-        yield Section("Residual tests", pictures=[Picture("residuals", png, _tests_caption(result.tests), zoomable)])
+        picture = Picture.of("residuals", residuals_figure(result.tests), _tests_caption(result.tests))
+        yield Section("Residual tests", pictures=[picture])
 
 
 _METHOD = (

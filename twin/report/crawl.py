@@ -102,18 +102,10 @@ def _picture_section(pictures: CrawlPictures | str) -> Section:
     """The pictures of the robot, or why they are missing."""
     if isinstance(pictures, str):
         return Section("Pictures", [f"The pictures are missing: {pictures}."])
+    swings = "The swing of each leg in the first cycle; the robot walks to the right."
+    walk = f"The whole walk at {pictures.times:.1f} times its real speed (an animated PNG)."
     return Section(
-        "Pictures",
-        pictures=[
-            _picture(
-                "strip", strip(pictures), "The swing of each leg in the first cycle; the robot walks to the right."
-            ),
-            Picture(
-                "film",
-                film(pictures),
-                f"The whole walk at {pictures.times:.1f} times its real speed (an animated PNG).",
-            ),
-        ],
+        "Pictures", pictures=[_picture("strip", strip(pictures), swings), Picture("film", film(pictures), walk)]
     )
 
 
@@ -242,11 +234,7 @@ def path(result: Crawl) -> Figure:
     middle, height = 500 * (torso[0, 0] + torso[-1, 0]), 1000 * torso[:, 2].min() - 300
     side_view.text(middle, height - 3, "torso, shown 300 mm lower", color=style.INK, ha="center", va="top")
     side_view.set(title="(a) from the side", ylabel="height of the feet [mm]")
-    top_view.set(
-        title="(b) from above; standing feet dotted",
-        xlabel="forward [mm]",
-        ylabel="left [mm]",
-    )
+    top_view.set(title="(b) from above; standing feet dotted", xlabel="forward [mm]", ylabel="left [mm]")
     top_view.set_aspect("equal")
     style.legend(side_view)
     return figure
@@ -285,18 +273,12 @@ def _shade(ax: Axes, t: np.ndarray, stance: np.ndarray) -> None:
 def joints(result: Crawl) -> Figure:
     """Planned and real angle of every joint, one row per leg."""
     figure, axes = style.sheet(4, 3, height=7.6, sharex=True)
+    sides = (result.plan.angles, style.SECOND, "planned"), (result.walk.angles, style.MODEL, "did")
     for i, (leg, row) in enumerate(zip(NAMES, axes, strict=True)):
         for j, (joint, ax) in enumerate(zip(JOINTS, row, strict=True)):
-            column = 3 * i + j
-            style.line(
-                ax, result.walk.t, np.degrees(result.plan.angles[:, column]), color=style.SECOND, label="planned"
-            )
-            style.line(ax, result.walk.t, np.degrees(result.walk.angles[:, column]), color=style.MODEL, label="did")
-            ax.set_title(f"{leg} {joint}")
-            if j == 0:
-                ax.set_ylabel("angle [deg]")
-            if i == 3:
-                ax.set_xlabel("time [s]")
+            for angles, colour, label in sides:
+                style.line(ax, result.walk.t, np.degrees(angles[:, 3 * i + j]), color=colour, label=label)
+            ax.set(title=f"{leg} {joint}", ylabel="" if j else "angle [deg]", xlabel="time [s]" if i == 3 else "")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     return figure

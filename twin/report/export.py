@@ -1,28 +1,28 @@
 """The report of `qpal export`: the files, and MJCF beside the fit that it was made from."""
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 
 from sysid.base import style
 from sysid.base.files import versions
 from sysid.base.quantities import display_quantity, number, poles
-from sysid.base.style import styled
+from sysid.data.record import IOData
+from sysid.drawing.figure import Figure
 from sysid.estimation.result import Fit
+from sysid.plots.free_runs import runs_figure
+from sysid.plots.records import Signal, stack_figure
 from sysid.report.page import Grid, Listing, Page, Picture, Section
 from sysid.workflow.saved import UNFIT
 from twin.fragment import Check
 from twin.studies.write_back import CLOSE, Written
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 def page(result: Written) -> Page:
     """The report on one export."""
     source = "the record's input" if result.source.recorded else "a drawn input"
     run = f"Free run of the fit under {source}: the exported code computes this output."
-    files = Section("Files", tables=tables(result), pictures=[Picture("free-run", style.png(free_run(result)), run)])
+    files = Section("Files", tables=tables(result), pictures=[Picture.of("free-run", free_run_figure(result), run)])
     sections = [files]
     if result.fragment is not None and result.check is not None:
         caption = (
@@ -31,7 +31,7 @@ def page(result: Written) -> Page:
             "waves from a linkage that is not quite a quartic."
         )
         sections += [
-            Section("Check in MuJoCo", pictures=[Picture("mjcf", style.png(overlay(result.check)), caption)]),
+            Section("Check in MuJoCo", pictures=[Picture.of("mjcf", check_figure(result.check), caption)]),
             Section("MJCF", listings=[Listing("the file", result.fragment.model())]),
         ]
     return Page("Export", f"Made from {result.source.said}", sentences(result), sections, versions())
@@ -109,36 +109,20 @@ def _check_sentences(result: Written) -> list[str]:
     return texts
 
 
-@styled
-def free_run(result: Written) -> "list[Axes]":
-    """Input and output of the fit."""
+def free_run_figure(result: Written) -> Figure:
+    """Input and output of the fit, a panel for each channel."""
     data, fit = result.source.data, result.source.fit
-    first, second = style.panels(None, rows=2, height=4.2, sharex=True)
     # A drawn record holds its own free run.
     run = fit.model.outputs(fit.theta, data.u) if isinstance(fit, Fit) and result.source.recorded else data.y
-    for axes, values, q in (
-        (first, data.u, display_quantity("input u", data.u_unit)),
-        (second, run, display_quantity("output y", data.y_unit)),
-    ):
-        columns = np.atleast_2d(values.T) * q.factor
-        for k, column in enumerate(columns):
-            style.line(axes, data.t[: len(column)], column, steps=axes is first, label=f"{q.name[-1]}{k + 1}")
-        axes.set(ylabel=q.label)
-        if len(columns) > 1:
-            style.legend(axes)
-    second.set(xlabel="time [s]")
-    return [first, second]
+    u, y = display_quantity("input u", data.u_unit), display_quantity("output y", data.y_unit)
+    signals = [Signal(u, column, colour=style.INPUT, steps=True) for column in np.atleast_2d(data.u.T)]
+    signals += [Signal(y, column, colour=style.MODEL) for column in np.atleast_2d(run.T)]
+    return replace(stack_figure(data.t, signals), lettered=False)
 
 
-@styled
-def overlay(check: Check) -> "Axes":
-    """Free run of the fit, roll-out of the elements, and their difference, in degrees."""
-    first, second = style.panels(None, rows=2, height=4.2, sharex=True)
-    t = np.arange(len(check.u)) * check.Ts
-    style.line(first, t, np.degrees(check.chain), label="fit")
-    style.line(first, t, np.degrees(check.rolled), color="black", label="MJCF in MuJoCo", linestyle=":", linewidth=1.6)
-    first.set(ylabel="angle [deg]", title="the fitted joint and its MJCF")
-    style.legend(first)
-    style.line(second, t, np.degrees(check.rolled - check.chain), color=style.SECOND, linewidth=0.8)
-    second.set(xlabel="time [s]", ylabel="difference [deg]")
-    return second
+def check_figure(check: Check) -> Figure:
+    """Free run of the fit, roll-out of the elements, and their difference."""
+    data = IOData(check.u, check.chain, check.Ts, "input u", "angle", "", "rad")
+    figure = runs_figure(data, {"MJCF in MuJoCo": check.rolled}, "fit")
+    first, *rest = figure.panels
+    return replace(figure, panels=[replace(first, title="the fitted joint and its MJCF"), *rest])

@@ -11,8 +11,9 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.style import styled
+from sysid.drawing.plotly import GRID, Plotly, base_layout
+from sysid.drawing.traces import PAPER
 from sysid.report.page import Picture
-from sysid.report.zoom import Figure
 from twin.parameters import Parameters
 from twin.plant.leg import robot
 from twin.view.stills import leg_points, on_stand
@@ -76,7 +77,7 @@ def _fill_gaps(y: np.ndarray) -> np.ndarray:
     return y if is_finite.all() else np.interp(np.arange(len(y)), np.flatnonzero(is_finite), y[is_finite])
 
 
-def figure(t: np.ndarray, legs: Mapping[str, Poses], courses: Mapping[str, Course]) -> Figure:
+def figure(t: np.ndarray, legs: Mapping[str, Poses], courses: Mapping[str, Course]) -> Plotly:
     """The legs at times t (frames,) [s] as a figure of plotly, with a slider whose text gives time and angles."""
     paths = [_path(side, legs_poses, COLOURS[k]) for k, (side, legs_poses) in enumerate(legs.items())]
     moving = [_traces(legs, 0), *(_traces(legs, k) for k in range(len(t)))]
@@ -143,15 +144,15 @@ def _label(t: float, courses: Mapping[str, Course], k: int) -> str:
     return f"{t:.4g} s; {'; '.join(texts)}"
 
 
-def _layout(points: np.ndarray, labels: list[str]) -> Figure:
+def _layout(points: np.ndarray, labels: list[str]) -> Plotly:
     """Axes, buttons and the slider of the figure that moves."""
     low, high = points.min(axis=0) - 0.04, points.max(axis=0) + 0.04
     axes = {
         f"{axis}axis": {
             "title": {"text": f"{name} [m]"},
             "range": [float(a), float(b)],
-            "gridcolor": "#e4e7eb",
-            "backgroundcolor": "rgba(0,0,0,0)",
+            "gridcolor": GRID,
+            "backgroundcolor": PAPER,
             "zeroline": False,
             "nticks": 5 if b - a > CROWDED else 2,
         }
@@ -166,15 +167,10 @@ def _layout(points: np.ndarray, labels: list[str]) -> Figure:
         {"label": "stop", "method": "animate", "args": [[None], immediate]},
     ]
     side = {"x": 0, "xanchor": "left"}
-    return {
+    return base_layout(520) | {
         "scene": axes | {"aspectmode": "data", "camera": CAMERA},
-        "height": 520,
         "margin": {"l": 8, "r": 8, "t": 30, "b": 8},
-        "paper_bgcolor": "rgba(0,0,0,0)",
-        "font": {"color": style.INK, "size": 12, "family": "system-ui, Segoe UI, DejaVu Sans, sans-serif"},
-        "legend": {"orientation": "h", "x": 1, "xanchor": "right", "y": 1.0, "bgcolor": "rgba(0,0,0,0)"},
-        "hoverlabel": {"align": "left"},
-        "uirevision": "kept",
+        "legend": {"orientation": "h", "x": 1, "xanchor": "right", "y": 1.0, "bgcolor": PAPER},
         "updatemenus": [
             {"type": "buttons", "direction": "right", "buttons": buttons, **side, "y": 1.0, "yanchor": "bottom"}
         ],
@@ -186,8 +182,8 @@ def _layout(points: np.ndarray, labels: list[str]) -> Figure:
                 "pad": {"t": 6, "b": 6},
                 "ticklen": 0,
                 "minorticklen": 0,
-                "tickcolor": "rgba(0,0,0,0)",
-                "font": {"size": 1, "color": "rgba(0,0,0,0)"},
+                "tickcolor": PAPER,
+                "font": {"size": 1, "color": PAPER},
                 "currentvalue": {"xanchor": "left", "font": {"size": 12, "color": style.INK}},
             }
         ],

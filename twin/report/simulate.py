@@ -1,22 +1,14 @@
 """The report of `qpal simulate`: the applied input, the measured output and the truth."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from sysid import plots
-from sysid.base import style
 from sysid.base.files import versions
 from sysid.base.quantities import number
-from sysid.base.style import styled
-from sysid.report import zoom
+from sysid.plots.records import lines_figure, record_figure
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.parameters import Parameters
 from twin.report import leg
 from twin.studies.simulation import Part, Simulation
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 def page(result: Simulation) -> Page:
@@ -62,31 +54,21 @@ def _leg(result: Simulation) -> Picture:
 
 def _pictures(part: Part, mode: str, omitted: list[str]) -> list[Picture]:
     """The record of a joint, and the error of its reading."""
-    data, switched_off = part.data, ", ".join(omitted) or "nothing"
+    data, missing = part.data, ", ".join(omitted) or "nothing"
+    error = {"error": data.y[:, 0] - part.y_true}
     return [
-        Picture(
+        Picture.of(
             f"data-{part.joint}",
-            style.png(plots.record(data)),
-            f"{_INPUT[mode]} and angle that the potentiometer read, {part.joint}; switched off: {switched_off}.",
-            zoom.record(data),
+            record_figure(data),
+            f"{_INPUT[mode]} and angle that the potentiometer read, {part.joint}; switched off: {missing}.",
         ),
-        Picture(
+        Picture.of(
             f"measurement-error-{part.joint}",
-            style.png(measurement_error(data.t, data.y[:, 0], part.y_true)),
+            lines_figure(data.t, error, "error", "rad", "measured less true angle"),
             f"Error of the {part.joint}'s reading from noise, ADC steps and missed samples. A missed sample repeats "
             "the previous one, so it appears as a spike while the joint moves.",
-            zoom.lines(data.t, {"error": data.y[:, 0] - part.y_true}, "error", "rad", "measured less true angle"),
         ),
     ]
-
-
-@styled
-def measurement_error(t: np.ndarray, reading: np.ndarray, true: np.ndarray) -> "Axes":
-    """Measured less true angle [rad], shown in degrees."""
-    (ax,) = style.panels(None, height=2.2)
-    style.line(ax, t, np.degrees(reading - true), color=style.SECOND, linewidth=0.8)
-    ax.set(xlabel="time [s]", ylabel="error [deg]", title="measured less true angle")
-    return ax
 
 
 def tables(result: Simulation) -> list[Grid]:
