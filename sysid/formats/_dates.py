@@ -144,23 +144,18 @@ def _read_column(table: Table, j: int, first: str) -> tuple[np.ndarray, str, flo
     Then the seconds since 1970 of that cell in local time: nan for a time of day, and for a date with two readings;
     None for times in UTC, and for spans of time.
     """
-    form = next((form for form, pattern in FORMS.items() if re.match(pattern, first)), None)
-    if form is None:
-        raise _NotReadError(f"in a form that is not read; {WRITE}")
-    places, parts = all_parts(table, j, form)
-    has_zone = np.concatenate([part.zoned for part in parts])
-    if has_zone.any() and not has_zone.all():
-        row = table.rows[j][int(places[int(np.argmin(has_zone == has_zone[0]))])]
+    places, cells, is_time = _parse_column(table, j, first)
+    zoned, orders = cells.zoned, list(cells.seconds)
+    if zoned.any() and not zoned.all():
+        row = table.rows[j][int(places[int(np.argmin(zoned == zoned[0]))])]
         raise _NotReadError(f"and row {row} differs from it in that only one of them has an offset from UTC; {WRITE}")
-    nanos = np.concatenate([part.nanos for part in parts])
-    orders = [order for order in ORDERS[form] if not any(part.wrong[order].any() for part in parts)]
-    sentence, values = f"column {table.names[j]!r} was read as seconds since {first[:40]}", np.full(len(nanos), np.nan)
-    for order in orders:
-        seconds = np.concatenate([part.seconds[order] for part in parts])
-        if form == "time" and max(part.longest for part in parts) < 24:
-            seconds, midnights = _over_midnight(seconds, nanos)
+    is_span = is_time and cells.longest >= 24
+    sentence, values = f"column {table.names[j]!r} was read as seconds since {first[:40]}", np.zeros(0)
+    for order, seconds in cells.seconds.items():
+        if is_time and not is_span:
+            seconds, midnights = _over_midnight(seconds, cells.nanos)
             sentence += f"; midnight passed {'once' if midnights == 1 else f'{midnights} times'}" if midnights else ""
-        t = (seconds - seconds[0]).astype(float) + (nanos - nanos[0]) / 1e9
+        t = _since_first(seconds, cells.nanos)
         if order != orders[0] and not np.array_equal(t, values):
             raise _NotReadError(
                 f"which may be {orders[0]} or {order}, and the date changes within the log; write the year first "
@@ -169,35 +164,54 @@ def _read_column(table: Table, j: int, first: str) -> tuple[np.ndarray, str, flo
         values = t
     column = np.full(len(table.columns[j]), np.nan)
     column[places] = values
-    if has_zone.any() or (form == "time" and max(part.longest for part in parts) >= 24):
+    if zoned.any() or is_span:
         return column, sentence, None
-    sure = form != "time" and len(orders) == 1
-    return column, sentence, float(parts[0].seconds[orders[0]][0] + nanos[0] / 1e9) if sure else np.nan
+    sure = not is_time and len(orders) == 1
+    return column, sentence, float(cells.seconds[orders[0]][0] + cells.nanos[0] / 1e9) if sure else np.nan
 
 
-def all_parts(table: Table, j: int, form: str) -> tuple[np.ndarray, list[Cells]]:
-    """The places (m,) of the cells that are not empty, and what these say."""
+def _parse_column(table: Table, j: int, first: str) -> tuple[np.ndarray, Cells, bool]:
+    """The places (m,) of the cells that are not empty, what these say in every order that makes dates of all cells,
+    and whether they are times of day or spans of time.
+
+    The `first` of them tells the form. Raises _NotReadError for a cell of another form, and where no order is left.
+    """
     import polars
 
+    form = next((form for form, pattern in FORMS.items() if re.match(pattern, first)), None)
+    if form is None:
+        raise _NotReadError(f"in a form that is not read; {WRITE}")
     tables.check_fork()
-    cells, places, parts = table.columns[j], [], []
-    for start in range(0, len(cells), CHUNK):
-        texts = polars.Series([cell.strip() for cell in cells[start : start + CHUNK]], dtype=polars.String)
-        filled = texts.str.len_bytes() > 0
+    texts, places, parts = table.columns[j], [], []
+    for start in range(0, len(texts), CHUNK):
+        chunk = polars.Series([text.strip() for text in texts[start : start + CHUNK]], dtype=polars.String)
+        filled = chunk.str.len_bytes() > 0
         places.append(start + np.flatnonzero(filled.to_numpy()))
-        part = parse_cells(texts.filter(filled), form)
+        part = parse_cells(chunk.filter(filled), form)
         wrong = np.logical_and.reduce(list(part.wrong.values()))
         if wrong.any():
             k = int(places[-1][int(np.argmax(wrong))])
             raise _NotReadError(
-                f"and row {table.rows[j][k]} has {cells[k].strip()[:40]!r}, which is none like it; correct the cell, "
+                f"and row {table.rows[j][k]} has {texts[k].strip()[:40]!r}, which is none like it; correct the cell, "
                 "or give the sampling time with --ts"
             )
         parts.append(part)
-    filled_places = np.concatenate(places)
-    if not any(all(not part.wrong[order].any() for part in parts) for order in ORDERS[form]):
+    orders = [order for order in ORDERS[form] if not any(part.wrong[order].any() for part in parts)]
+    if not orders:
         raise _NotReadError(f"and no order of day and month makes dates of all cells; {WRITE}")
-    return filled_places, parts
+    cells = Cells(
+        {order: np.concatenate([part.seconds[order] for part in parts]) for order in orders},
+        np.concatenate([part.nanos for part in parts]),
+        np.concatenate([part.zoned for part in parts]),
+        {},
+        max(part.longest for part in parts),
+    )
+    return np.concatenate(places), cells, form == "time"
+
+
+def _since_first(seconds: np.ndarray, nanos: np.ndarray) -> np.ndarray:
+    """Times (n,) [s] since the first of them."""
+    return (seconds - seconds[0]).astype(float) + (nanos - nanos[0]) / 1e9
 
 
 def _over_midnight(seconds: np.ndarray, nanos: np.ndarray) -> tuple[np.ndarray, int]:
@@ -312,22 +326,14 @@ def _since_midnight(seconds: np.ndarray, cells: Sequence[str]) -> np.ndarray:
 
 def _readings(table: Table, j: int) -> list[tuple[np.ndarray, float]]:
     """The different readings of column j: seconds (n,) since its first cell, and that cell since 1970 [s]."""
-    first = next(filter(None, table.columns[j]), "")
-    form = next((form for form, pattern in FORMS.items() if re.match(pattern, first)), None)
-    if form is None:
-        return []
     try:
-        places, parts = all_parts(table, j, form)
-    except ValueError:
+        places, cells, _ = _parse_column(table, j, next(filter(None, table.columns[j]), ""))
+    except _NotReadError:
         return []
-    nanos = np.concatenate([part.nanos for part in parts])
     readings: list[tuple[np.ndarray, float]] = []
-    for order in ORDERS[form]:
-        if any(part.wrong[order].any() for part in parts):
-            continue
-        seconds = np.concatenate([part.seconds[order] for part in parts])
+    for seconds in cells.seconds.values():
         t = np.full(len(table.columns[j]), np.nan)
-        t[places] = (seconds - seconds[0]).astype(float) + (nanos - nanos[0]) / 1e9
+        t[places] = _since_first(seconds, cells.nanos)
         if not any(np.array_equal(t, reading, equal_nan=True) for reading, _ in readings):
-            readings.append((t, float(seconds[0] + nanos[0] / 1e9)))
+            readings.append((t, float(seconds[0] + cells.nanos[0] / 1e9)))
     return readings
