@@ -20,6 +20,7 @@ CLOCK_WORDS = words(
 )
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 UNITS_SINCE_1970 = {**UNITS, "ns": 1e-9}
+# Limits chosen by hand; the logs of tests/corpus hold them.
 STEPS = (2e-4, 10.0)  # [s] between samples of an actuator's log; a unit that gives another step is implausible
 SINCE_1970 = (1e9, 4e9)  # [s] stamps of the years 2001 to 2096
 DAY = 86400.0  # [s]

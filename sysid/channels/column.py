@@ -14,6 +14,7 @@ from sysid.channels.time_words import ANYWHERE
 from sysid.data.table import LARGEST, Table, Texts, explain_non_number, is_like_a_number, is_number
 from sysid.formats import unit_in
 
+# Limits chosen by hand; the logs of tests/corpus hold them.
 RISING = 0.9  # of the steps of a clock; the others are repeated stamps, wraps, faults
 ALIKE = 0.9  # of the steps of an unnamed clock are within a tenth of the middle one
 EMPTY = ("", "nan", "na", "n/a", "null", "none", "-", "--")

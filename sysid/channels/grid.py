@@ -13,6 +13,7 @@ from sysid.channels.stamps import Stamps, note_on_change_of_clocks, values_at
 from sysid.data.missing import fill, runs
 from sysid.data.table import Table
 
+# Limits chosen by hand; the logs of tests/corpus hold them.
 COARSE = 0.4  # of a step: a last digit above it cannot tell a lost sample from rounding
 LONG = 1.5  # times the usual step: samples are lost
 ROUNDED = 1.3  # last digits over which rounded stamps of a uniform clock spread about a straight line (1 in theory)
@@ -222,10 +223,10 @@ def place(
         return bridge.values, bridge.filled
     stamps = timing.stamps
     assert stamps is not None
-    open_ = np.zeros(len(mask), dtype=bool)
+    is_open = np.zeros(len(mask), dtype=bool)
     for start, stop in runs(~mask):
-        open_[start:stop] = stop - start > longest or start == 0 or stop == len(mask)
-    _check_filled(table, timing, channel, open_, longest)
+        is_open[start:stop] = stop - start > longest or start == 0 or stop == len(mask)
+    _check_filled(table, timing, channel, is_open, longest)
     t, x = stamps.t[mask], values[mask]
     times = np.arange(grid.N) * grid.Ts
     later = np.searchsorted(t, times * (1.0 + 1e-12) + 1e-9 * grid.Ts, side="right")
@@ -239,13 +240,13 @@ def place(
     return y, distant & (later < len(t)) & (following - t[earlier] > LONG * usual)
 
 
-def _check_filled(table: Table, timing: Timing, channel: Channel, open_: np.ndarray, longest: int) -> None:
+def _check_filled(table: Table, timing: Timing, channel: Channel, is_open: np.ndarray, longest: int) -> None:
     """Raises InputError with the row of the first samples `open_` (N,) or stamps (n,) that could not be filled."""
-    if not open_.any():
+    if not is_open.any():
         return
-    start, stop = runs(open_)[0]
+    start, stop = runs(is_open)[0]
     grid = timing.grid
-    index = grid.index if grid.index is not None and len(open_) == grid.N else np.arange(len(open_))
+    index = grid.index if grid.index is not None and len(is_open) == grid.N else np.arange(len(is_open))
     k = min(int(np.searchsorted(index, start)), len(timing.rows) - 1)
     raise table.error(
         channel.column,

@@ -15,6 +15,7 @@ from sysid.channels.mapping import Clock, Repair
 from sysid.channels.repair import Correction, without_rows
 from sysid.data.table import Table
 
+# Limits chosen by hand; the logs of tests/corpus hold them.
 MOST_REPEATED = 0.1  # share of stamps that repeat; more is a clock too coarse for its samples, not a fault
 NEAR = 5  # stamps on either side of one that repeats; fewer repeats than these are a fault of single rows
 CHUNK = 1 << 18  # numbers that are looked at together: copies of a long record would be what needs most memory

@@ -75,7 +75,8 @@ class Arrays:
             self.columns[name] = seconds(values)
             self.units[name] = "s"
         else:
-            if values.dtype.kind in "iu" and values.itemsize == 8 and _largest(values) > WHOLE:
+            long = values.dtype.kind in "iu" and values.itemsize == 8
+            if long and max(abs(int(values.min())), abs(int(values.max()))) > WHOLE:
                 self.notes.append(f"rounded {name!r} to 16 digits, as it holds whole numbers above 2^53")
             self.columns[name] = values.astype(float, copy=False)
 
@@ -136,10 +137,6 @@ def describe_array(values: np.ndarray) -> str:
     """Kind and shape of an array, for messages."""
     kind = {"c": "complex", "O": "objects", "V": "struct", "U": "text", "S": "text", "M": "dates", "m": "times"}
     return f"{kind.get(values.dtype.kind, 'numeric')} {'x'.join(map(str, values.shape)) or '1'}"
-
-
-def _largest(values: np.ndarray) -> int:
-    return max(abs(int(values.min())), abs(int(values.max())))
 
 
 def list_descriptions(descriptions: Mapping[str, str]) -> str:

@@ -60,10 +60,10 @@ def parse_cells(texts: "polars.Series", form: str) -> Cells:
 
     fields = texts.str.extract_groups(FORMS[form]).struct.unnest()
 
-    def whole(name: str) -> np.ndarray:
+    def integers(name: str) -> np.ndarray:
         return fields[name].cast(polars.Int64).fill_null(0).to_numpy()
 
-    hour, minute, second = whole("hour"), whole("minute"), whole("second")
+    hour, minute, second = integers("hour"), integers("minute"), integers("second")
     half = fields["half"].str.to_lowercase().fill_null("").to_numpy()
     halved = half != ""
     wrong = fields["hour"].is_null().to_numpy() | (minute > 59) | (second > 59)
@@ -80,7 +80,7 @@ def parse_cells(texts: "polars.Series", form: str) -> Cells:
     of_day -= 60 * _minutes_ahead(fields["zone"])
     seconds, wrong_in_order = {}, {}
     for order, month in ORDERS[form].items():
-        days, real = _calendar_days(whole("year"), whole(month), whole("two" if month == "one" else "one"))
+        days, real = _calendar_days(integers("year"), integers(month), integers("two" if month == "one" else "one"))
         seconds[order], wrong_in_order[order] = of_day + DAY * days, wrong | ~real
     return Cells(seconds, nanos, has_zone, wrong_in_order, int(hour.max(initial=0)))
 

@@ -119,7 +119,11 @@ def _head(path: Path) -> Head:
         width -= 1
     layout = Layout(separator, min(len(rows[0]), width), sample[0][0])
     first, second_row = trim(rows[0], layout.width), rows[1] if len(rows) > 1 else []
-    if _is_count(first) and len(rows) > FEW and not any(_is_whole(cell) for row in rows[1:] for cell in row):
+    if (
+        _is_count(first)
+        and len(rows) > FEW
+        and not any(cell.lstrip("+-").isdigit() for row in rows[1:] for cell in row)
+    ):
         raise InputError(
             f"{path}, row {sample[0][0]}: found {', '.join(first)[:40]}, which may be names or the first sample, as no "
             "number below is whole; write names into it, or remove it"
@@ -187,10 +191,6 @@ def _is_header(first: Sequence[str], second_row: Sequence[str]) -> bool:
 def _is_count(first: Sequence[str]) -> bool:
     """Whether a row is 0, 1, 2, ... or 1, 2, 3, ..., as programs name the columns of a matrix."""
     return len(first) > 1 and any(list(first) == [str(j + k) for j in range(len(first))] for k in (0, 1))
-
-
-def _is_whole(cell: str) -> bool:
-    return cell.lstrip("+-").isdigit()
 
 
 def _is_cell_of_numbers(cell: str) -> bool:

@@ -31,20 +31,20 @@ class JsonRecords(Format):
     def read(self, path: Path) -> Table:
         """The columns of `path`; raises InputError if it is no JSON or holds no samples."""
         try:
-            gathered = _Gathered(path)
+            columns = _Columns(path)
             value = _value(path) if path.suffix.lower() == ".json" else LINES
             if value is LINES:
-                gathered.take_lines(_lines(path, gathered.notes))
+                columns.take_lines(_lines(path, columns.notes))
             else:
-                gathered.take(value)
-            return gathered.table()
+                columns.take(value)
+            return columns.table()
         except RecursionError:
             raise InputError(
                 f"{path} is not a readable JSON file (nested too deep); save it as a list of samples"
             ) from None
 
 
-class _Gathered:
+class _Columns:
     """Columns found so far: cells by name, and the numbers of their entries or rows."""
 
     def __init__(self, path: Path) -> None:
@@ -162,8 +162,8 @@ class _Gathered:
         """The table; raises InputError if no column has a number."""
         columns = {name: _cells(cells) for name, cells in self.columns.items()}
         if not any(isinstance(cells, np.ndarray) or any(map(_numeric, cells)) for cells in columns.values()):
-            found = ", ".join([*self.columns, *self.meta]) or "nothing"
-            raise InputError(f"{self.path} has no samples with numbers; found {found[:200]}; give a list of samples")
+            names = ", ".join([*self.columns, *self.meta]) or "nothing"
+            raise InputError(f"{self.path} has no samples with numbers; found {names[:200]}; give a list of samples")
         return Table(
             self.path,
             tuple(columns),

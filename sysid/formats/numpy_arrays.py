@@ -63,10 +63,10 @@ def _load(path: Path) -> Any:
         if isinstance(error, OSError) and error.errno:
             raise
         with path.open("rb") as file:
-            recognised = file.read(6).startswith(
+            is_numpy_file = file.read(6).startswith(
                 (b"\x80", b"\x93NUMPY", b"PK\3\4")
             )  # numpy takes all else for a pickle
-        if recognised and "allow_pickle" in str(error):
+        if is_numpy_file and "allow_pickle" in str(error):
             raise InputError(
                 f"{path} holds pickled Python objects, which are never loaded because loading them runs code; "
                 "save plain arrays of numbers with np.savez"

@@ -45,7 +45,9 @@ class Topic:
                 self.stamps.add(name)
             if name not in self.columns:
                 # Whole nanoseconds since 1970 do not fit a float64.
-                self.columns[name] = array("q", [time] * count) if isinstance(value, Stamp) else _missing(count)
+                self.columns[name] = (
+                    array("q", [time] * count) if isinstance(value, Stamp) else array("d", [math.nan]) * count
+                )
             column = self.columns[name]
             if len(column) == count:
                 column.append(value.ns if isinstance(value, Stamp) else value)
@@ -107,8 +109,10 @@ class RobotLog(Format):
 def _table(path: Path, topics: dict[str, Topic], notes: list[str]) -> Table:
     """The table of all topics, times in seconds since the first message."""
     if not any(topic.columns for topic in topics.values()):
-        found = ", ".join(topics) or "no messages"
-        raise InputError(f"{path} has no numbers; found {found} {'; '.join(notes)}; record a topic that has signals")
+        topics_found = ", ".join(topics) or "no messages"
+        raise InputError(
+            f"{path} has no numbers; found {topics_found} {'; '.join(notes)}; record a topic that has signals"
+        )
     start = min(min(topic.times) for topic in topics.values())
     columns: dict[str, np.ndarray] = {}
     seconds = []
@@ -242,7 +246,3 @@ def _members(prefix: str, members: Mapping[str, Any]) -> Iterator[tuple[str, flo
                 yield from _numbers(f"{column}[{joint}]", element)
         else:
             yield from _numbers(column, value)
-
-
-def _missing(count: int) -> array:
-    return array("d", [math.nan]) * count

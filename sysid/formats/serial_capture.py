@@ -23,6 +23,7 @@ PLAIN = {  # by the mark between the numbers; none is blanks
 PAIRS = re.compile(rf"[A-Za-z]\w* *[=:] *(?i:{NUMBER})(?:[ ,;\t]+[A-Za-z]\w* *[=:] *(?i:{NUMBER}))*")
 PAIR = re.compile(rf"([A-Za-z]\w*) *[=:] *((?i:{NUMBER}))")
 STAMP = re.compile(r"\[?(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d\d(?:[.,]\d+)?\]?(?: ->)? +")  # a terminal program's own
+# Limits chosen by hand; the logs of tests/corpus hold them.
 MOST_GARBLED = 0.1
 UNIFORM = 0.99  # part of the lines that print a column with the same decimals, so that the others lost some
 BANNER = 50  # lines of text that a board prints as it starts or stops
@@ -67,7 +68,9 @@ class SerialCapture(Format):
         names_row, names = _names(texts, samples, shape)
         if names_row > samples[0].row:  # what stands above the names is no sample: a version, a calibration
             samples = [line for line in samples if line.row > names_row]
-        rows_above, rows_below = _ends(texts, samples, names_row)
+        first, last = samples[0].row, samples[-1].row
+        rows_above = [row for row in range(names_row + 1, first) if texts[row - 1].strip()]
+        rows_below = [row for row in range(last + 1, len(texts) + 1) if texts[row - 1].strip()]
         _check_form(path, texts, lines, samples, (*rows_above, *rows_below))
         samples = self._drop_garbled(path, texts, samples, (rows_above, rows_below), notes)
         names = names or [str(j + 1) for j in range(len(samples[0].cells))]
@@ -135,13 +138,6 @@ def _line(row: int, text: str) -> Line | None:
         keys = tuple(key for key, _ in pairs)
         return Line(row, keys, tuple(cell for _, cell in pairs)) if len(set(keys)) == len(keys) else None
     return None
-
-
-def _ends(texts: list[str], samples: Sequence[Line], names_row: int) -> tuple[list[int], list[int]]:
-    """Rows that are not blank: above the first sample and below row `names_row`, and below the last sample."""
-    rows_above = [row for row in range(names_row + 1, samples[0].row) if texts[row - 1].strip()]
-    rows_below = [row for row in range(samples[-1].row + 1, len(texts) + 1) if texts[row - 1].strip()]
-    return rows_above, rows_below
 
 
 def _check_form(
@@ -226,7 +222,7 @@ def _odd_decimals(samples: Sequence[Line]) -> set[int]:
 def _drop_misfits(samples: list[Line], names: list[str], notes: list[str]) -> tuple[list[Line], np.ndarray]:
     """Samples, and their numbers (N, columns), without those that the lines beside them show to be wrong."""
     values = np.array([[float(cell) for cell in line.cells] for line in samples])
-    clock, wrong = misfits(values, names)
+    clock, wrong = find_misfits(values, names)
     if clock is None and samples[0].row == 1 and len(samples) > 1:
         wrong[0] = True
         notes.append("left out row 1, the first, which may be cut off at its start")
@@ -254,6 +250,7 @@ def _count_rows(rows: Sequence[int], noun: str) -> str:
 
 
 CLOCKS = ("t", "time", "ms", "us", "millis", "micros", "clock", "stamp", "timestamp", "tick", "ticks", "t_ms", "t_us")
+# Limits chosen by hand; the logs of tests/corpus hold them.
 RISING = 0.9  # part of the steps of a clock that rise, whatever was garbled
 GAP = 10.0  # middle steps: a longer one is a gap, and is believed only if the clock goes on from there
 ISLAND = 3
@@ -261,7 +258,7 @@ SPIKE = 8.0  # how far a lone value stands off, in steps that the signal makes
 RARE = 0.02  # a spike that occurs oftener is the signal's own
 
 
-def misfits(values: np.ndarray, names: Sequence[str]) -> tuple[int | None, np.ndarray]:
+def find_misfits(values: np.ndarray, names: Sequence[str]) -> tuple[int | None, np.ndarray]:
     """The column of the clock, None if there is none, and which rows of `values` (N, columns) have a wrong one (N,)."""
     wrong = np.zeros(len(values), dtype=bool)
     j = _clock_column(values, names)
@@ -272,12 +269,12 @@ def misfits(values: np.ndarray, names: Sequence[str]) -> tuple[int | None, np.nd
     longest = GAP * np.median(steps[steps > 0])
     for _ in range(3):  # two wrong lines in a row hide behind each other
         places = np.flatnonzero(~wrong)
-        earlier, middle, later = t[places[:-2]], t[places[1:-1]], t[places[2:]]
-        enclosed = (later > earlier) & (later - earlier <= 2 * longest)
-        outside = enclosed & ((middle < earlier) | (middle > later))
-        if not outside.any():
+        last_stamp, middle, next_stamp = t[places[:-2]], t[places[1:-1]], t[places[2:]]
+        is_enclosed = (next_stamp > last_stamp) & (next_stamp - last_stamp <= 2 * longest)
+        is_outside = is_enclosed & ((middle < last_stamp) | (middle > next_stamp))
+        if not is_outside.any():
             break
-        wrong[places[1:-1][outside]] = True
+        wrong[places[1:-1][is_outside]] = True
     places = np.flatnonzero(~wrong)
     wrong[places[_islands(t[places], longest)]] = True
     return j, wrong
@@ -321,10 +318,10 @@ def misspelt_values(values: np.ndarray, texts: Sequence[str], signs: bool) -> np
     wrong = np.zeros(len(values), dtype=bool)
     if len(values) < 10 or not np.isfinite(values).all():
         return wrong
-    earlier, middle, later = values[:-2], values[1:-1], values[2:]
+    preceding, middle, following = values[:-2], values[1:-1], values[2:]
     usual = max(3.0 * float(np.median(np.abs(np.diff(values)))), 1.0)
-    alone = np.minimum(np.abs(middle - earlier), np.abs(middle - later)) > SPIKE * usual
-    alone &= (np.sign(middle - earlier) == np.sign(middle - later)) & (np.abs(later - earlier) <= 2 * usual)
+    alone = np.minimum(np.abs(middle - preceding), np.abs(middle - following)) > SPIKE * usual
+    alone &= (np.sign(middle - preceding) == np.sign(middle - following)) & (np.abs(following - preceding) <= 2 * usual)
     longest = np.quantile([len(text.lstrip("+-")) for text in texts], 1 - RARE)
     for k in (np.flatnonzero(alone) + 1).tolist():
         low, high = sorted((values[k - 1], values[k + 1]))
