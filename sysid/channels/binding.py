@@ -150,12 +150,12 @@ def channel_values(table: Table, channel: Channel, entry: str, fill: bool) -> tu
     x = numbers(table, channel.column, f"{entry}.column", fill)
     bad = overflow_mask(x)
     if bad.any():
-        count_text = f" (and {int(bad.sum()) - 1} more like it)" if bad.sum() > 1 else ""
+        rest = f" (and {int(bad.sum()) - 1} more like it)" if bad.sum() > 1 else ""
         raise _error(
             table,
             channel,
             bad,
-            f"found {x[np.argmax(bad)]:.6g}{count_text}, far outside the others, as instruments write for an overflow or "
+            f"found {x[np.argmax(bad)]:.6g}{rest}, far outside the others, as instruments write for an overflow or "
             "for no value; empty such cells, which are missing samples then, or remove the rows",
         )
     if channel.signed:
