@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.channels.column import Column, Header, unit_in_brackets, words
-from sysid.channels.conversion import convert, is_time, seconds
+from sysid.channels.conversion import ALONE, ANYWHERE, DIGITS, TIMES, UNSURE, convert, is_time, seconds, time_word
 from sysid.channels.mapping import Bits, Clock
-from sysid.channels.time_words import ALONE, ANYWHERE, DIGITS, UNSURE, as_whole
 from sysid.data.table import Table
 
 CLOCK_WORDS = words(
@@ -96,10 +95,10 @@ def _unit_by_name(column: Column, remedy: str) -> ClockUnit | None:
         return ClockUnit(None, f"column {column.name!r} has two units, {units[0]} and {units[1]}; {remedy}")
     if units:
         return ClockUnit(units[0], "its name says so")
-    word = as_whole(header.base)
+    word = time_word(header.base)
     if word in UNSURE:
         return ClockUnit(None, f"{subject}, in {ALONE[word]} by its last letter or in another unit; {remedy}")
-    return ClockUnit((ANYWHERE | ALONE)[word], "its name says so") if word else None
+    return ClockUnit(TIMES[word], "its name says so") if word else None
 
 
 def _other_unit_since_1970(column: Column, unit: str) -> str:

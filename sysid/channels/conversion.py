@@ -1,7 +1,8 @@
-"""Units of recorded columns by pint, and what a channel becomes: SI, with the radian as a dimension of its own.
+"""What a unit is: how files write it, and what its numbers become: SI, with the radian as a dimension of its own.
 
-The registry has the units of rigs alone. pint's own has thousands, in which a column `u` is an atomic mass unit, `t` a
-metric ton and a radian the number one.
+Conversion is by pint with a registry of the units of rigs alone. pint's own has thousands, in which a column `u` is an
+atomic mass unit, `t` a metric ton and a radian the number one. Words for units of time stand in the names of columns,
+in the languages that logs are written in.
 """
 
 import re
@@ -10,8 +11,35 @@ from functools import cache, lru_cache
 from typing import Any
 
 from sysid.base.errors import InputError
-from sysid.channels.time_words import UNSURE
-from sysid.channels.time_words import WORDS as TIMES
+
+_SINGULAR = {  # these also count something else (`time_of_day`, a second run): a unit only as a whole name
+    "s": "s second sekunde seconde segundo secondo",
+    "min": "min minute minuto",
+    "h": "h hour hr std stunde heure hora ora ore",
+    "day": "d day tag jour dia día giorno giorni",
+    "ms": "millisecond millisekunde milliseconde milisegundo millisecondo",
+    "us": "microsecond mikrosekunde microseconde microsegundo microsecondo",
+    "ns": "nanosecond nanosekunde nanoseconde nanosegundo nanosecondo",
+}
+_PLURAL = {
+    "s": "sec secs seconds sekunden sek secondes segundos secondi",
+    "min": "mins minutes minuten minutos minuti",
+    "h": "hours hrs stunden heures horas",
+    "day": "days tage jours dias días",
+    "ms": "ms msec msecs millis millisec millisecs milliseconds millisekunden millisecondes milisegundos millisecondi",
+    "us": "us µs μs usec usecs micros microsec microsecs microseconds mikrosekunden microsecondes microsegundos "
+    "microsecondi",
+    "ns": "ns nsec nsecs nanos nanosec nanosecs nanoseconds nanosekunden nanosecondes nanosegundos nanosecondi",
+}
+ANYWHERE = {word: unit for unit, words in _PLURAL.items() for word in words.split()}
+ALONE = {word: unit for unit, words in _SINGULAR.items() for word in words.split()}
+TIMES = ANYWHERE | ALONE
+UNSURE = ("d", "h")  # a height, a host's or a device's clock as often as days and hours
+_TIME = "t|time|timestamp|stamp|clock|elapsed|uptime|duration|zeit|laufzeit|temps|tiempo|tempo"
+_NAMED = re.compile(rf"(?:(?:{_TIME})(?:[\W_]*|[\W_]+in[\W_]+))?(?P<unit>{'|'.join(sorted(TIMES, key=len)[::-1])})")
+# hhmmss: a time of day written as one number.
+DIGITS = re.compile(r"(?:[yj]{2,4}m{2}[dt]{2})?(?:h{2}m{2}(?:s{1,2})?|hms)")
+
 
 SI = ("s", "V", "rad", "rad/s", "A", "m", "m/s", "N", "N*m", "1")  # read as they are, without loading pint
 COUNTS = "counts"  # of a converter or an encoder: numbers without a unit until a calibration gives them one
@@ -38,41 +66,26 @@ newton = [force] = N
 kilogram = [mass] = kg
 gram = 1e-3 * kilogram = g
 """.strip()
-WORDS = {  # spellings that are no units of the registry; looked up in small letters where the text itself is none
-    "volt": "V",
-    "volts": "V",
-    "v": "V",
-    "millivolt": "mV",
-    "millivolts": "mV",
-    "amps": "A",
-    "radians": "rad",
-    "radian": "rad",
-    "degrees": "deg",
-    "degree": "deg",
-    "deg": "deg",
-    "rad": "rad",
-    "rpm": "rpm",
-    "rev/min": "rpm",
-    "rps": "rev/s",
-    "revs": "rev",
-    "nm": "N*m",
-    "%": "percent",
-    "pct": "percent",
-    "percent": "percent",
-    "count": COUNTS,
-    "counts": COUNTS,
-    "cts": COUNTS,
-    "lsb": COUNTS,
-    "ticks": COUNTS,
-    "tick": COUNTS,
-    "-": "1",
-    "": "",
-} | {word: unit for word, unit in TIMES.items() if word not in UNSURE}
+_SPELLINGS = {  # that are no units of the registry; looked up in small letters where the text itself is none
+    "V": "volt volts v",
+    "mV": "millivolt millivolts",
+    "A": "amps",
+    "rad": "radians radian rad",
+    "deg": "degrees degree deg",
+    "rpm": "rpm rev/min",
+    "rev/s": "rps",
+    "rev": "revs",
+    "N*m": "nm",
+    "percent": "% pct percent",
+    COUNTS: "count counts cts lsb ticks tick",
+    "1": "-",
+}
+SPELLINGS = {word: unit for unit, words in _SPELLINGS.items() for word in words.split()}
+SPELLINGS |= {word: unit for word, unit in TIMES.items() if word not in UNSURE}
 _SIGNS = str.maketrans({"µ": "u", "μ": "u", "·": "*", "×": "*", "°": "deg", "º": "deg", "²": "^2", "⁻": "-", "¹": "1"})
 _DEGREES = re.compile(r"\b(?:Grad|[Gg]rados?|[Dd]egrés?)\b")  # a grad in small letters may be a gon
 _TERM = r"(?:[A-Za-z]+(?:\^?-?[1-9])?|1)"
 _UNIT = re.compile(rf"{_TERM}(?:\s*[*/.]\s*{_TERM}|\s+{_TERM}){{0,3}}")  # nothing that could compute for long
-_TIME = "[time]"
 
 
 @dataclass(frozen=True)
@@ -110,6 +123,12 @@ def is_time(text: str) -> bool:
     return convert(text).is_time
 
 
+def time_word(name: str) -> str:
+    """The word that a name is but for a word for time before it: `Stunden`, `t_min`, `tms`; nothing for others."""
+    match = _NAMED.fullmatch(name.strip().lower())
+    return match["unit"] if match else ""
+
+
 @lru_cache(1024)  # units come from files: a long session may meet any number of them
 def _convert(text: str) -> Conversion:
     """The conversion of a text without blanks around it."""
@@ -120,7 +139,7 @@ def _convert(text: str) -> Conversion:
     plain = _DEGREES.sub("deg", text).translate(_SIGNS)
     conversion = _by_pint(plain)
     if conversion is None:
-        word = WORDS.get(text.lower(), WORDS.get(plain.lower()))
+        word = SPELLINGS.get(text.lower(), SPELLINGS.get(plain.lower()))
         if word == "percent":
             return Conversion("1", 0.01)
         conversion = Conversion(word, 1.0) if word in (*SI, COUNTS) else _by_pint(word) if word else None
