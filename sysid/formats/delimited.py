@@ -110,20 +110,16 @@ def _head(path: Path) -> Head:
     sep_row = sample.pop(0)[0] if sep_line else 0
     if not sample:
         raise InputError(f"{path} has no rows; give a file with one row a sample")
-    separator = (
-        sep_line[1] if sep_line else _separator(sample[0][1], [line for _, line in sample[1:]] or [sample[0][1]])
-    )
-    rows = [split(path, *sample[0], separator), *(_split(line, separator) for _, line in sample[1:])]
+    lines = [line for _, line in sample]
+    separator = sep_line[1] if sep_line else _separator(lines[0], lines[1:] or lines)
+    rows = [split(path, *sample[0], separator), *(_split(line, separator) for line in lines[1:])]
     width = max(map(len, rows))
     while width > 1 and all(len(row) < width or not row[width - 1] for row in rows):
         width -= 1
     layout = Layout(separator, min(len(rows[0]), width), sample[0][0])
     first, second_row = trim(rows[0], layout.width), rows[1] if len(rows) > 1 else []
-    if (
-        _is_count(first)
-        and len(rows) > FEW
-        and not any(cell.lstrip("+-").isdigit() for row in rows[1:] for cell in row)
-    ):
+    has_whole = any(cell.lstrip("+-").isdigit() for row in rows[1:] for cell in row)
+    if _is_count(first) and len(rows) > FEW and not has_whole:
         raise InputError(
             f"{path}, row {sample[0][0]}: found {', '.join(first)[:40]}, which may be names or the first sample, as no "
             "number below is whole; write names into it, or remove it"
@@ -136,14 +132,8 @@ def _head(path: Path) -> Head:
     names = [name or str(j + 1) for j, name in enumerate(first)]
     _check_names(path, names)
     units, start = units_of(names), sample[0][0] + 1
-    if any(is_unit(_strip_brackets(cell)) for cell in second_row) and all(
-        _is_unit_or_blank(cell) for cell in second_row
-    ):
-        units |= {
-            name: _strip_brackets(cell)
-            for name, cell in zip(names, second_row, strict=False)
-            if is_unit(_strip_brackets(cell))
-        }
+    if unit_row := _units_of_row(second_row):
+        units |= {name: unit for name, unit in zip(names, unit_row, strict=False) if unit}
         start = sample[1][0] + 1
     return Head(tuple(names), units, layout, start)
 
@@ -197,12 +187,12 @@ def _is_cell_of_numbers(cell: str) -> bool:
     return is_number(cell) or re.match(WITH_COMMA, cell) is not None
 
 
-def _strip_brackets(cell: str) -> str:
-    return cell.strip("[](){} ")
-
-
-def _is_unit_or_blank(cell: str) -> bool:
-    return (_strip_brackets(cell) in ("", "-", "1", "–") and not is_number(cell)) or is_unit(_strip_brackets(cell))
+def _units_of_row(row: Sequence[str]) -> list[str]:
+    """The units of a row that holds nothing else, "" for a cell without one; empty for another row."""
+    texts = [cell.strip("[](){} ") for cell in row]
+    units = [text if is_unit(text) else "" for text in texts]
+    blanks = [text in ("", "-", "1", "–") and not is_number(cell) for text, cell in zip(texts, row, strict=True)]
+    return units if any(units) and all(map(any, zip(units, blanks, strict=True))) else []
 
 
 def _names_in_comment(path: Path, layout: Layout) -> list[str] | None:
