@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
@@ -96,12 +97,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
         message = f"no column holds numbers; found {list_names(table.names) or 'none'}"
         raise InputError(f"{table.path}: {message}{f': {reason}' if reason else ''}")
     further = given.more or {}
-    for name in (
-        given.input,
-        given.output,
-        given.time,
-        *(name for names in further.values() for name in names),
-    ):
+    for name in (given.input, given.output, given.time, *chain.from_iterable(further.values())):
         if name is not None and name not in columns:
             numbers(table, name)  # which says what it lacks
     choice = _guess_clock(table, columns, given)

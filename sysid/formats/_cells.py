@@ -276,16 +276,14 @@ def drop_cut_line(block: bytes, layout: Layout, decimal: str) -> tuple[bytes, bo
         return block, False
     tail = head if len(head) <= NEAR else head[-NEAR:].partition(b"\n")[2]
     shapes = {_shape(line, layout, decimal) for _, line in list(data_lines(1, tail))[-LIKE:]}
-    last_shape = _shape(last, layout, decimal)
-    if last_shape[0] != layout.width or (
-        shapes and last_shape[1] is None and None not in {shape for _, shape in shapes}
-    ):
+    width, form = _shape(last, layout, decimal)
+    if width != layout.width or (shapes and form is None and None not in {shape for _, shape in shapes}):
         return head + b"\n", True
-    if len(shapes) == 1:
-        (shape,) = shapes
-        whole = shape == last_shape and last_shape[1] not in (None, "")
-        return (block, False) if whole else (block, None) if shape == last_shape else (head + b"\n", True)
-    return block, None
+    if len(shapes) != 1:
+        return block, None
+    if shapes != {(width, form)}:
+        return head + b"\n", True
+    return block, None if form in (None, "") else False
 
 
 def _shape(line: bytes, layout: Layout, decimal: str) -> tuple[int, str | None]:
@@ -295,6 +293,6 @@ def _shape(line: bytes, layout: Layout, decimal: str) -> tuple[int, str | None]:
     except csv.Error:
         return 0, None
     text = row[-1].replace(decimal, ".") if row else ""
-    return len(row), re.sub(r"\d", "0", text[text.index(".") :]) if "." in text and is_number(text) else (
-        "" if is_number(text) else None
-    )
+    if not is_number(text):
+        return len(row), None
+    return len(row), re.sub(r"\d", "0", text[text.index(".") :]) if "." in text else ""

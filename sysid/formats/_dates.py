@@ -261,9 +261,8 @@ def with_days(text: Table, table: Table) -> Table:
     if len(readings) == 1:
         t, begins = readings[0]
         columns = tuple(t if k == j else dates_of_rows if k == i else column for k, column in enumerate(table.columns))
-        sentence = (
-            f"columns {days[0]!r} and {name!r} were read together as seconds since {next(filter(None, joined_cells))}"
-        )
+        first = next(filter(None, joined_cells))
+        sentence = f"columns {days[0]!r} and {name!r} were read together as seconds since {first}"
         local = {**table.local, name: begins}
         dates = {key: note for key, note in table.dates.items() if key != days[0]}
         return replace(table, columns=columns, dates={**dates, name: sentence}, local=local)
@@ -287,10 +286,9 @@ def _cells_of_text(table: Table, name: str) -> Sequence[str]:
     cells = table.columns[table.names.index(name)]
     if not isinstance(cells, np.ndarray):
         return cells
-    is_date_number = (
-        cells.dtype.kind in "fiu" and len(cells) and bool(np.all((cells > 19e6) & (cells < 21e6) & (cells % 1 == 0)))
-    )
-    return [str(int(cell)) for cell in cells] if is_date_number else []  # 20260310 was read as a number
+    if cells.dtype.kind in "fiu" and np.all((cells > 19e6) & (cells < 21e6) & (cells % 1 == 0)):
+        return [str(int(cell)) for cell in cells]  # 20260310 was read as a number
+    return []
 
 
 def _first_text(table: Table, name: str) -> str:

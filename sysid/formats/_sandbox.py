@@ -194,9 +194,7 @@ def _answer(file: int, path: Path) -> dict[str, Any]:
 def _start(function: str, argument: str, **options: Any) -> subprocess.Popen:
     """A new Python process that runs a function of `_sandbox_child`."""
     folders = [folder for folder in sys.path if isinstance(folder, str)]  # the same modules as here
-    code = (
-        f"import sys; sys.path[:] = {folders!r}; from sysid.formats import _sandbox_child; _sandbox_child.{function}()"
-    )
+    code = f"import sys; sys.path[:] = {folders!r}; from sysid.formats import _sandbox_child as c; c.{function}()"
     try:
         return subprocess.Popen(
             [os.fsdecode(get_executable()), "-I", "-c", code, argument],

@@ -143,11 +143,8 @@ def _limit(seconds: float, wait: float, size: int) -> None:
         present_size = 0
         with suppress(OSError, ValueError):
             present_size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        for kind, limit in (
-            ("RLIMIT_CPU", max(1, int(seconds))),
-            ("RLIMIT_AS", present_size + size),
-            ("RLIMIT_CORE", 0),
-        ):
+        limits = {"RLIMIT_CPU": max(1, int(seconds)), "RLIMIT_AS": present_size + size, "RLIMIT_CORE": 0}
+        for kind, limit in limits.items():
             number = getattr(resource, kind, None)
             if number is not None:
                 hard = resource.getrlimit(number)[1]

@@ -124,6 +124,4 @@ def _names(stem: str, letter: str) -> bool:
     """Whether the last word of a name is a quantity of this unit."""
     words = LETTER[letter]
     last = re.split(r"[_\W]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", stem.strip()))[-1]
-    return re.fullmatch(words, stem.strip(), re.IGNORECASE) is not None or (
-        re.fullmatch(words, last, re.IGNORECASE) is not None
-    )
+    return any(re.fullmatch(words, text, re.IGNORECASE) for text in (stem.strip(), last))

@@ -267,9 +267,7 @@ def _as_list(value: Any) -> Any:
 
 
 def _is_signal(value: list[Any]) -> bool:
-    return bool(value) and (
-        isinstance(value[0], dict | list) or any(isinstance(element, int | float) for element in value)
-    )
+    return bool(value) and (isinstance(value[0], dict | list) or any(isinstance(e, int | float) for e in value))
 
 
 def _all(value: Any, kind: type) -> bool:

@@ -86,9 +86,8 @@ class RobotLog(Format):
         topics: dict[str, Topic] = {}
         notes: list[str] = []
         omitted: dict[str, str] = {}
-        messages = (
-            _mcap_messages(path, notes, omitted) if path.suffix.lower() == ".mcap" else _ros_messages(path, omitted)
-        )
+        is_mcap = path.suffix.lower() == ".mcap"
+        messages = _mcap_messages(path, notes, omitted) if is_mcap else _ros_messages(path, omitted)
         try:
             for name, time, message in messages:
                 topics.setdefault(name.removeprefix("/"), Topic()).add(time, message)
